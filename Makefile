@@ -9,7 +9,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # Modules are compiled when they are first imported: most of what is installed never is.
 PIP := pip install --no-compile --quiet --disable-pip-version-check
 
-.PHONY: demo test readers lint types install docs clean
+.PHONY: demo test readers lint types install docs docs-site clean
 
 # What an extra brings. The pip of Python 3.11 takes a third more processor time for it than today's.
 $(VENV)/.with-%: pyproject.toml constraints.txt
@@ -49,6 +49,9 @@ docs: install  ## write the generated pages of docs/ anew
 	$(BIN)/python -m runner.coverage docs/coverage.md
 	$(BIN)/python docs/generate.py
 	$(BIN)/python docs/picture.py
+
+docs-site: install  ## the documentation as a site in out/site; links are checked, no network is used
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
 clean:
 	rm -rf $(VENV) $(READERS) out build dist

@@ -27,14 +27,13 @@ from pathlib import Path
 from scenariogeneration import xosc as sg
 
 from recognition import datasets
-from recognition.catalogue import stages
+from recognition.catalogue import recordings, write
+from recognition.catalogue.cut import Part, Scene, SceneCutter, Scope
+from recognition.catalogue.model import ByModel, load
 from recognition.catalogue.pipeline import SHIPPED, ByRules, build
-from recognition.catalogue.recognisers.model import ByModel, load
-from recognition.catalogue.scenes.replay import trajectories
-from recognition.catalogue.scenes.scenes import Part, Scene, SceneCutter, Scope
-from recognition.catalogue.stages import CatalogueSettings
-from recognition.catalogue.writing import annotation
-from recognition.catalogue.writing.chapter import Chapter
+from recognition.catalogue.recordings import CatalogueSettings
+from recognition.catalogue.replay import trajectories
+from recognition.catalogue.write import CatalogWriter
 from recognition.recorder.recorder import record_one
 from recognition.recorder.sites import SITES
 from recognition.sites import site_of
@@ -86,8 +85,8 @@ def in_parts(folder: Path, out: Path, labels: str) -> None:
     """Make the catalogue in this process, and print what its parts took of the processor."""
     taken = dict.fromkeys(("reading and smoothing", "rules", "model", "cutting scenes", "measuring scenes", "writing"), 0.0)
     places: list[tuple[object, str]] = [
-        (datasets.Source, "load"), (stages, "label"), (ByModel, "look"), (SceneCutter, "cut"), (annotation, "measures"),
-        (Chapter, "add"),
+        (datasets.Source, "load"), (recordings, "label"), (ByModel, "look"), (SceneCutter, "cut"), (write, "measures"),
+        (CatalogWriter, "add"),
     ]  # fmt: skip
     for part, (owner, name) in zip(taken, places, strict=True):
         setattr(owner, name, _timed(getattr(owner, name), part, taken))

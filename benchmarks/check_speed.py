@@ -31,7 +31,7 @@ def main() -> None:
     files = _validatable(expand(options.paths))
     if not files:
         raise SystemExit("no file of a version whose XSD is at hand")
-    compiled = {schema: etree.XMLSchema(etree.parse(schema.path)) for _, schema in files}
+    compiled = {schema: etree.XMLSchema(schema.tree()) for _, schema in files}
 
     def plain(path: Path, schema: Schema) -> object:
         return compiled[schema].validate(etree.parse(path))

@@ -19,7 +19,7 @@ import numpy as np
 from recognition import datasets
 from recognition.datasets import cache_roads
 from recognition.labels import Event, Label, Rules, label
-from recognition.labels.scene.scene import Scene, prepare
+from recognition.labels.scene import Scene, prepare
 from recognition.sites import Role, site_of
 from schemas.errors import ToolchainError
 

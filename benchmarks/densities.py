@@ -13,10 +13,11 @@ from time import process_time
 
 import numpy as np
 
-from generation.density.fitting import fitted, held_out
-from generation.density.model import JUDGE
+from generation.density.models import JUDGE
+from generation.density.prior import fitted, held_out
 from generation.recorded import of_recordings
-from recognition.maneuvers.units import KINDS, Samples
+from recognition.maneuvers.parameters import KINDS
+from recognition.maneuvers.units import Samples
 
 
 def main() -> None:

@@ -18,19 +18,19 @@ from typing import Any
 import numpy as np
 
 import xosc
-from generation.outcomes.evaluator import Evaluator
+from generation.outcomes.outcomes import Evaluator
 from generation.search.space import Space
-from runner.interpreter import execution, preparation
-from runner.interpreter.recorder import Recorder
+from runner.interpreter import execution, session
 from runner.interpreter.simulation import Simulation
 from runner.measures import criticality
+from runner.recording import Recorder
 from runner.settings import RunSettings
 from runner.worlds.sumo import SumoWorld
 
 SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "cut_in_highway.xosc"
 PARTS: tuple[tuple[Any, str, str], ...] = (
     (xosc, "resolve", "resolve (a copy of the parsed file, its parameters, catalogues)"),
-    (preparation, "compile_scenario", "compile"),
+    (session, "compile_scenario", "compile"),
     (SumoWorld, "open", "SUMO network"),
     (SumoWorld, "begin", "SUMO start, where it drives somebody"),
     (SumoWorld, "close", "SUMO end"),

@@ -85,7 +85,7 @@ def drive(job: Job, options: RunSettings) -> Outcome:
     except Exception as error:
         return failure(job, error)
     ego, other = (result.recording.tracks[name].columns["x"] for name in ("Ego", "CutIn"))
-    collided = not result.verdict.passed
+    collided = bool(result.verdict.failures)
     return Outcome(job, "failed" if collided else "passed", 0, measures={"rear_end": collided and bool(ego[-1] <= other[-1])})
 
 

@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition.datasets import open as open_data
-from recognition.datasets.participants import participant
+from recognition.datasets.source import participant
 from recognition.labels import label
 from recognition.sites import Site, site_at, site_of
-from recognition.sites.placing import place
+from recognition.sites.lanes import place
 from runner.recording import Recording, Track
 from xodr.builders import straight_highway
 

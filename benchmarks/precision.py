@@ -23,10 +23,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from recognition import datasets
-from recognition.catalogue.writing.index import rows_of
+from recognition.catalogue.index import rows_of
 from recognition.datasets import Source, cache_roads
 from recognition.sites import site_of
-from xodr.lookup.sampling import sample
+from schemas.security.text import csv_text
+from xodr.lookup.arrays import sample
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,10 +75,8 @@ def draw(catalogue: Path, recordings: Sequence[Path], out: Path, number: int, se
     chosen = np.sort(np.random.default_rng(seed).choice(len(rows), min(number, len(rows)), replace=False))
     drawn = [rows[index] for index in chosen.tolist()]
     out.mkdir(parents=True, exist_ok=True)
-    with (out / "verdicts.csv").open("w", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(_COLUMNS)
-        table.writerows([[index, *(row[name] for name in _COLUMNS[1:6]), "", ""] for index, row in enumerate(drawn)])
+    lines = ([index, *(row[name] for name in _COLUMNS[1:6]), "", ""] for index, row in enumerate(drawn))
+    (out / "verdicts.csv").write_text(csv_text([_COLUMNS, *lines]), encoding="utf-8", newline="\n")
     sources = {source.name: source for path in recordings for source in datasets.open(path).sources}
     read = cache(lambda name: _read(sources[name]))
     (out / "numbers.txt").write_text("\n".join(_numbers(index, row, *read(row["recording"])) for index, row in enumerate(drawn)))

@@ -18,12 +18,12 @@ from pathlib import Path
 import numpy as np
 
 from recognition import datasets
-from recognition.catalogue import pipeline, stages
+from recognition.catalogue import pipeline, recordings
 from recognition.labels import Rules
-from recognition.study import fidelity
 from schemas import check_many
 from schemas.commands.files import expand
 from schemas.commands.options import progress_bar
+from studies.recognition import fidelity
 from xodr.array_types import FloatArray
 
 _PHYSICS = 9.5
@@ -44,7 +44,7 @@ def main() -> None:
 
 def measure(path: Path, world: str, limit: float) -> None:
     """Make the scenes of all vehicles of a data set, check and run them, and print how far they are from the recordings."""
-    settings = stages.CatalogueSettings(scenes=stages.VEHICLES, rules=Rules(signalised=True))
+    settings = recordings.CatalogueSettings(scenes=recordings.VEHICLES, rules=Rules(signalised=True))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         made = pipeline.build([path], out, settings, pipeline.ByRules, partial(progress_bar, quiet=True))

@@ -23,7 +23,7 @@ from step_cost import ROADS, write_scenario
 
 import runner
 from runner.interpreter.result import RunResult
-from runner.replay.animation import write_animation
+from runner.replay.frames import write_animation
 from runner.replay.player import write_replay
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from sklearn.ensemble import RandomForestClassifier
 
-from recognition.trfe.forest.rfap import random_trees, similarity
-from recognition.trfe.forest.votes import forest, votes
+from recognition.trfe.forest import forest, random_trees, similarity, votes
 from recognition.trfe.samples import Features
 from xodr.array_types import IntArray
 

@@ -14,14 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from recognition.encoder.config import PRESETS
-from recognition.encoder.finetuning import finetune
-from recognition.encoder.inference import features, logits
-from recognition.encoder.pretraining import OBJECTIVES, pretrain
+from recognition.encoder.storage import features, logits
+from recognition.encoder.training import GRID_OBJECTIVES, finetune, pretrain
 from recognition.grids import Grid
 from recognition.labels import Label
-from recognition.study.experiments.probe import probe, speed_code
-from recognition.training.data import windows_at
-from recognition.training.splits import split
+from recognition.training.data import split, windows_at
+from studies.recognition.experiments.probe import probe, speed_code
 from xodr.array_types import IntArray
 
 PAPER = 43_800
@@ -34,7 +32,7 @@ def main() -> None:
     arguments.add_argument("--preset", choices=PRESETS, default="cpu")
     arguments.add_argument("--events", type=int, default=2600, help="of each class, at most")
     arguments.add_argument("--cache", type=Path, default=Path("windows"), help="folder for the windows that are made")
-    arguments.add_argument("--objectives", nargs="*", default=list(OBJECTIVES), help="of the pretraining")
+    arguments.add_argument("--objectives", nargs="*", default=list(GRID_OBJECTIVES), help="of the pretraining")
     arguments.add_argument("--seed", type=int, default=0)
     options = arguments.parse_args()
     preset, grid = PRESETS[options.preset], Grid()

@@ -22,6 +22,8 @@ from typing import Any, ForwardRef
 import typer
 from typer.cli import get_docs_for_click
 
+from runner.measures.measure import measures
+
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "docs" / "reference"
 
@@ -29,16 +31,17 @@ MODULES = (
     "xosc", "xosc.distributions", "xosc.maneuvers", "xosc.listing", "xosc.tags",
     "xodr", "xodr.builders", "xodr.lanelet2", "xodr.sumo_net",
     "schemas", "schemas.errors",
-    "runner", "runner.settings", "runner.batch.batch", "runner.batch.jobs", "runner.recording", "runner.measures.criticality",
-    "runner.sut", "runner.positions", "runner.outside.environment", "runner.outside.reward", "runner.outside.view",
+    "runner", "runner.settings", "runner.batch.batch", "runner.batch.jobs", "runner.recording",
+    "runner.measures.criticality", "runner.measures.measure",
+    "runner.sut", "runner.positions", "runner.outside.environment", "runner.outside.learner",
     "recognition", "recognition.catalogue.pipeline",
     "recognition.maneuvers.parameters", "recognition.maneuvers.estimation", "recognition.maneuvers.events",
-    "recognition.catalogue.recognisers.model",
+    "recognition.catalogue.model",
     "recognition.datasets", "recognition.sites", "recognition.labels", "recognition.grids", "recognition.trfe.screening",
     "recognition.recorder",
     "recognition.maneuvers.estimation", "recognition.maneuvers.units",
-    "generation", "generation.search.space", "generation.recorded", "generation.mcsg.search", "generation.mcsg.settings",
-    "generation.logical", "generation.loop.settings", "generation.loop.loop",
+    "generation", "generation.search.space", "generation.recorded", "generation.search.methods.mcsg",
+    "generation.logical", "generation.settings", "generation.loop.loop",
 )  # fmt: skip
 """The public surface: what these modules list in `__all__`, or else define without an underscore."""
 
@@ -51,7 +54,9 @@ _ITEM = re.compile(r"([\w*, ]+): (.*)")
 def pages() -> dict[Path, str]:
     """The pages of the reference by file."""
     packages = dict.fromkeys(path.partition(".")[0] for path in MODULES)
-    texts = {"README": index_page(packages), "commands": commands_page()} | {name: python_page(name) for name in packages}
+    texts = {"README": index_page(packages), "commands": commands_page(), "measures": measures_page()} | {
+        name: python_page(name) for name in packages
+    }
     return {REFERENCE / f"{name}.md": text for name, text in texts.items()}
 
 
@@ -59,7 +64,9 @@ def index_page(packages: Iterable[str]) -> str:
     """What there is a reference of."""
     lines = [f"- [`import {name}`]({name}.md): {_first_line(inspect.getdoc(import_module(name)) or '')}" for name in packages]
     commands = f"- [Commands](commands.md): {', '.join(f'`{name}`' for name, _ in apps())}"
-    return "\n".join(["# Reference", "", _GENERATED.replace("this page is", "these pages are"), "", commands, *lines]) + "\n"
+    measured = "- [Measures](measures.md): criticality of a run, in results, tables, reports and `--fail-if`"
+    lines = [commands, measured, *lines]
+    return "\n".join(["# Reference", "", _GENERATED.replace("this page is", "these pages are"), "", *lines]) + "\n"
 
 
 def _first_line(doc: str) -> str:
@@ -69,7 +76,9 @@ def _first_line(doc: str) -> str:
 # commands -----------------------------------------------------------------------------------
 
 
-STUDIES = ("recognition.study",)
+UMBRELLA = "xosc"
+"""Command of all others"""
+STUDIES = ("studies.recognition",)
 """Packages of experiments, started by `python -m`"""
 
 
@@ -89,8 +98,25 @@ def commands_page() -> str:
     for name, app in apps():
         command = typer.main.get_command(app)
         with command.make_context(name, [], resilient_parsing=True) as context:
+            if name == UMBRELLA:
+                parts.append(f"## `{name}`\n\n```text\n{context.get_help()}\n```\n\n")
+                continue
             parts.append(get_docs_for_click(obj=command, ctx=context, name=name, indent=1))
     return "".join(parts).rstrip() + "\n"
+
+
+# measures -----------------------------------------------------------------------------------
+
+
+def measures_page() -> str:
+    """All criticality measures of a run, from their classes."""
+    head = ["name", "measure", "unit", "formula", "critical", "defined where", "source"]
+    rows = [
+        [f"`{name}`", each.label, each.unit or "-", each.formula, each.critical, each.validity, each.source]
+        for name, each in measures().items()
+    ]
+    table = [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
+    return f"# Measures\n\n{_GENERATED} [How to add one](../extending/measure.md).\n\n" + "\n".join(table) + "\n"
 
 
 # Python -------------------------------------------------------------------------------------

@@ -8,8 +8,8 @@ from schemas.packages import public
 
 if TYPE_CHECKING:
     from generation.pipeline import Generated as Generated
-    from generation.pipeline import SearchSettings as SearchSettings
     from generation.pipeline import generate as generate
+    from generation.settings import SearchSettings as SearchSettings
 
     __version__: str
 else:
@@ -17,7 +17,7 @@ else:
         __name__,
         {
             "Generated": "generation.pipeline",
-            "SearchSettings": "generation.pipeline",
+            "SearchSettings": "generation.settings",
             "generate": "generation.pipeline",
         },
     )

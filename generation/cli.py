@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from generation.adversary import NAME as ADVERSARY
-from generation.adversary.command import adversary
-from generation.density.model import JUDGE
-from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Method, Objective, Pin, Quiet, Ray, Recorded, Sut, Timestep
-from generation.search.method import DEFAULT
+from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Method, Pin, Quiet, Ray, Recorded, Timestep
+from generation.settings import Ask, Choice, SearchSettings
+from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
+from schemas.commands.help import epilog
 from schemas.commands.options import (
     CatalogPath,
     RoadPath,
@@ -27,14 +26,14 @@ from schemas.commands.options import (
     out_folder,
     parameters_of,
     progress_bar,
+    protected,
+    say,
 )
 from schemas.commands.wording import many
-from schemas.errors import UsageError
+from schemas.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest
 
 if TYPE_CHECKING:
-    from generation.declared import Ask
-    from generation.outcomes.outcomes import Outcomes
-    from generation.pipeline import Generated, SearchSettings
+    from generation.pipeline import Generated
     from generation.recorded import Recorded as Units
     from generation.report.regression import Fate
     from generation.search.space import Space
@@ -42,10 +41,11 @@ if TYPE_CHECKING:
 NAME = "xosc-generate"
 _LISTED = 3
 """Files that are named on the screen"""
-_EPILOG = (
-    "Exit codes: 0 edge cases are written, 1 there is none (with --against: 0 no failure is new or still there, 1 one is, or no "
-    "run succeeded), 2 wrong usage, 3 invalid file, 4 valid file that asks for something the runner does not do, 5 internal "
-    "error."
+_EXAMPLES = ("xosc-generate xosc/library/cut_in_highway.xosc --budget 60 --out edge_cases",)
+_EPILOG = exit_codes(
+    "edge cases are written",
+    "there is none (with --against: 0 no failure is new, 1 one is; see --fail-if)",
+    "no run tested what its file describes",
 )
 
 app = new_app()
@@ -62,7 +62,8 @@ class Search(NamedTuple):
     against: Path | None
 
 
-@app.command(epilog=_EPILOG)
+@app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
+@protected("max_runs")
 def xosc_generate(
     source: Annotated[
         Path,
@@ -72,22 +73,23 @@ def xosc_generate(
     sut: Sut = DEFAULT_SYSTEM,
     recorded: Recorded = None,
     kind: Kind = None,
-    method: Method = DEFAULT,
-    objective: Objective = None,
-    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs that the search may spend.")] = 3000,
-    seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
+    method: Method = SearchSettings.method,
+    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs that the search may spend.")] = SearchSettings.budget,
+    seed: Annotated[int, typer.Option(help="Seed of the search.")] = SearchSettings.seed,
     weight: Annotated[
         float | None, typer.Option(min=0.0, help="Weight of realism in the reward.  [default: the method's]")
     ] = None,
-    density: Density = JUDGE,
+    density: Density = Ask.density,
     pin: Pin = None,
     free: Free = None,
     maps: Map = None,
-    most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases to write.")] = 100,
-    apart: Annotated[float, typer.Option(min=0.0, help="Least distance of two edge cases, as a share of the ranges.")] = 0.05,
+    most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases to write.")] = Choice.most,
+    apart: Annotated[
+        float, typer.Option(min=0.0, help="Least distance of two edge cases, as a share of the ranges.")
+    ] = Choice.apart,
     violations: Annotated[
         bool, typer.Option("--violations", help="Write violations of RSS distances as edge cases too, after the failures.")
-    ] = False,
+    ] = Choice.violations,
     concrete: Annotated[bool, typer.Option("--concrete", help="Write each edge case as a scenario of its own too.")] = False,
     against: Annotated[
         Path | None,
@@ -97,17 +99,17 @@ def xosc_generate(
     estimate: Annotated[
         bool, typer.Option("--estimate", help="Estimate how often traffic makes the system fail, by at most 600 more runs.")
     ] = False,
-    rss: Annotated[str, typer.Option(help="RSS parameter set: ad-rss, r157.")] = "ad-rss",
+    rss: Annotated[str, typer.Option(help="RSS parameter set: ad-rss, r157.")] = SearchSettings.rss,
     timestep: Timestep = RunSettings.timestep,
     world: Annotated[
         str, typer.Option(metavar="NAME", help="World of runs: sumo, or kinematic (scripted motion alone).")
-    ] = "sumo",
+    ] = RunSettings.world,
     max_time: Annotated[
         float, typer.Option(metavar="SECONDS", help="Limit of simulated time for each run.")
     ] = RunSettings.max_time,
     road_path: RoadPath = None,
     catalog_path: CatalogPath = None,
-    jobs: Jobs = 2,
+    jobs: Jobs = SearchSettings.processes,
     ray: Ray = None,
     _verbose: Verbose = False,
     quiet: Quiet = False,
@@ -118,19 +120,16 @@ def xosc_generate(
     Writes a variation file with the values of each case and OpenLABEL tags that tell the evidence, the density of recorded
     parameters as a stochastic variation file, copies of all that they need to run, and report.html, a page about all of it.
 
-    --against compares with a search of another version of the system: its failures are replayed, and are fixed or still there;
-    failures found now that are unlike them are new.
-    """
-    from generation.declared import Ask
-    from generation.outcomes.cases import Choice
-    from generation.pipeline import SearchSettings
-    from generation.report.regression import fates
-    from generation.search.method import method as search_of
+    A quarter of the budget are unguided draws of the density. They bound the probability of failures that the search did not
+    find, so that a search without a finding is a result too.
 
-    if method != ADVERSARY:
-        if objective is not None:
-            raise UsageError(f"--objective is for the method {ADVERSARY}")
-        search_of(method)  # what it needs is better asked for before recordings are read
+    --against compares with a search of another version of the system: its failures are replayed, and are fixed or still there;
+    failures found now that are unlike them are played with the former version, and are new where it survives.
+    """
+    from generation.report.regression import fates
+    from generation.search.methods import method as search_of
+
+    search_of(method)  # what it needs is better asked for before recordings are read
     roads, catalogs = tuple(road_path or ()), tuple(catalog_path or ())
     run = RunSettings(sut=sut, timestep=timestep, world=world, max_time=max_time, road_path=roads, catalog_path=catalogs)
     settings = SearchSettings(
@@ -138,24 +137,20 @@ def xosc_generate(
         choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,
     )  # fmt: skip
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
-    if method == ADVERSARY:
-        if against is not None or fail_if:
-            raise UsageError(f"--against, --fail-if: about parameters, which the method {ADVERSARY} does not search")
-        with interruptible(NAME):
-            raise typer.Exit(0 if adversary(source, out, settings, ask, objective, quiet) else 1)
     wanted = fates(fail_if, against)
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
         found = [_found(each, wanted, quiet, source.is_dir()) for each in _searches(source, ask, out, settings, against)]
-    raise typer.Exit(0 if (any(found) if against is None else all(found)) else 1)
+    raise typer.Exit(gravest(found) if against is not None or ExitCode.PASSED not in found else ExitCode.PASSED)
 
 
 def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings, against: Path | None) -> Iterator[Search]:
+    from generation.declared import asked_of
     from generation.recorded import of_catalogue
 
     if not source.exists():
-        raise UsageError("no such file or folder", path=source)
+        raise InvalidFile("no such file or folder", path=source)
     if not source.is_dir():
-        asked = ask.of(source)
+        asked = asked_of(ask, source)
         what = replace(settings, pinned=asked.pinned, free=asked.free, marginals=asked.marginals, default=asked.default)
         yield Search(asked.scenario, asked.recorded, out, what, against)
         return
@@ -169,8 +164,8 @@ def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings, again
         yield Search(each.path, each.on, out / name, what, against / name if against is not None else None)
 
 
-def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool) -> bool:
-    """Search one scenario; whether there are edge cases, or with `--against`, whether no failure has one of the fates.
+def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool) -> ExitCode:
+    """Search one scenario; passed if there are edge cases, or with `--against`, if no failure has one of the fates.
 
     In a catalogue the next one follows where one can't be searched.
     """
@@ -189,39 +184,53 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
     except UsageError as error:
         if not catalogue:
             raise
-        print(f"{NAME}: {error}", file=sys.stderr)
-        return False
+        say(f"{NAME}: {error}", to=sys.stderr)
+        return ExitCode.FINDING
     if not quiet:
-        print("\n".join(_report(scenario, generated, settings)))
+        say(*_report(scenario, generated, settings))
         if compared is not None:
-            print(f"  {compared}")
-        print(f"  {page} shows all of it")
-    if compared is None:
-        return bool(generated.files)
-    executed = generated.episodes.outcomes.executed
-    lost = len(executed) > 0 and not executed.any()  # it may have new failures
-    return not lost and not compared.counts.fails(*wanted)
+            say(f"  {compared}")
+        say(f"  {page} shows all of it")
+    outcomes = generated.episodes.outcomes
+    lost = len(outcomes) > 0 and not outcomes.executed.any()  # it may have failures
+    errors = outcomes.error[outcomes.status == "error"]
+    if outcomes.inconclusive.any():
+        untested = outcomes.error[outcomes.inconclusive]
+        several = f"{many(len(untested), 'run')} inconclusive, the first"
+        say(f"{NAME}: {scenario.name}: {several}: {untested[0]}", to=sys.stderr)
+    if lost and len(errors):
+        say(f"{NAME}: {scenario.name}: no run succeeded, the first error: {errors[0]}", to=sys.stderr)
+        return ExitCode.INTERNAL
+    if lost:
+        return ExitCode.INCONCLUSIVE
+    done = bool(generated.files) if compared is None else not compared.counts.fails(*wanted)
+    return ExitCode.PASSED if done else ExitCode.FINDING
 
 
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
     """What was found, in lines."""
-    from generation.outcomes.references import JUDGES
+    from generation.outcomes.judges import JUDGES
+    from generation.pipeline import drawn_of
 
     outcomes, cases = generated.history.outcomes, generated.cases
     pinned = ", ".join(f"{name}={value}" for name, value in generated.space.pinned.items())
     yield f"{scenario.name}: {settings.method} against {settings.run.sut}, seed {settings.seed}{pinned and f', with {pinned}'}"
-    failed = len(outcomes) - int(outcomes.executed.sum())
-    if failed:
-        yield f"  {many(failed, 'run')} failed, the first with: {_first_error(outcomes)}"
+    errors, drawn = outcomes.error[outcomes.status == "error"], generated.gate.drawn
+    if len(errors):
+        yield f"  {many(len(errors), 'run')} failed, the first with: {errors[0]}"
+    yield f"  {many(drawn.runs, 'unguided draw')} of the density: {many(drawn.collisions, 'collision')}; {_prior(generated)}"
+    chosen = f", chosen by {many(generated.plays, 'play')} on the twin" if generated.plays else ""
     if len(outcomes):
-        collisions, risk = outcomes.collision.mean(), outcomes.r_risk.mean()
-        yield f"  {many(len(outcomes), 'run')}: {collisions:.1%} collisions, mean R_risk {risk:.3f}; {_prior(generated)}"
+        collisions, risk = many(int(outcomes.collision.sum()), "collision"), outcomes.r_risk.mean()
+        yield f"  {many(len(outcomes), 'sought run')}{chosen}: {collisions}, mean R_risk {risk:.3f}"
     else:
-        yield f"  no runs: nothing that is foreseeable and preventable fails on the twin; {_prior(generated)}"
-    if 0 < len(outcomes) < settings.budget:
+        yield f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails on the twin"
+    if 0 < len(outcomes) < settings.budget - drawn_of(settings.budget):
         yield f"  ended before its budget of {many(settings.budget, 'run')}: hardly anything new failed on the twin any more"
     if generated.reused:
         yield f"  {generated.reused} of them were kept in the folder from runs before"
+    if generated.damaged:
+        yield f"  removed {many(generated.damaged, 'damaged record')} of runs before: made anew where needed"
     yield f"  {generated.gate}"
     if generated.gate.refusal is not None:
         yield f"  so this density is no judge of what is foreseeable: {generated.gate.refusal}"
@@ -236,6 +245,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     if cases.agreed:
         judges = ", ".join(JUDGES)
         yield f"  {judges} were run, and all their {cases.agreed} verdicts are the twin's, on which the other drivers were played"
+    yield f"  {generated.statement}"
     if generated.estimate is not None:
         yield from (f"  {line}" for line in generated.estimate.lines())
     yield from (f"  {path}" for path in generated.files[:_LISTED])
@@ -260,10 +270,6 @@ def _prior(generated: Generated) -> str:
     if generated.gate.replayed is None:
         return "prior as stated, independent of recordings in part or in whole"
     return f"prior from {len(generated.recorded.theta)} recorded manoeuvres"
-
-
-def _first_error(outcomes: Outcomes) -> str:
-    return str(outcomes.error[~outcomes.executed][0])
 
 
 def main() -> None:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import xosc
 from generation.density.marginals import Marginal, marginal, uniform
-from generation.density.model import JUDGE, UNIFORM
+from generation.density.models import UNIFORM
 from generation.density.roles import EGO, ROLES, Role
 from generation.recorded import Recorded, kind_of, of_recordings, of_samples, of_statements
 from generation.search.space import Space
+from generation.settings import Ask
 from schemas.errors import UsageError, nearest
 from xosc.distributions import DeterministicMultiParameterDistribution, ParameterSpace
 
@@ -141,7 +141,7 @@ class Asked(NamedTuple):
     Attributes:
         scenario: the file to search.
         recorded: gives what is recorded of the parameters of its space, or stated in its place.
-        pinned, free, marginals, default: see `generation.pipeline.SearchSettings`.
+        pinned, free, marginals, default: see `generation.settings.SearchSettings`.
     """
 
     scenario: Path
@@ -152,62 +152,45 @@ class Asked(NamedTuple):
     default: bool
 
 
-@dataclass(frozen=True)
-class Ask:
-    """What a user says of searches, in the texts of the options.
+def asked_of(ask: Ask, path: Path) -> Asked:
+    """The search of a scenario, or of the one that a variation file is about, with what that varies, as the options say.
 
-    Attributes:
-        recordings: `--recorded`. kind: `--kind`. density: `--density`.
-        pinned: `--pin`, by name. free: `--free`. maps: `--map`.
+    Recordings say what is likely where a kind of them is known: by `--kind`, or of a scenario of the library by its name.
+    Otherwise the distributions of the variation file and the ranges of `--free` are the density, and with the density
+    `uniform` the limits of all that is searched.
+
+    Raises:
+        UsageError: an option is wrong, or nothing says what is likely.
+        InvalidFile: a file is malformed.
     """
+    variation, (free, ranges), roles = varied(path), freed(ask.free), mapped(ask.maps)
+    scenario = variation.scenario if variation is not None else path
+    if variation is not None and not (variation.marginals or ranges or free or roles):
+        raise NothingToVary("it gives each parameter one value, which leaves nothing to search", scenario, path)
+    _refuse_undeclared(scenario, roles)
+    stated = {**(variation.marginals if variation is not None else {}), **ranges}
+    marginals = {name: each for name, each in stated.items() if name not in ask.pinned}
+    pinned = {**(variation.pinned if variation is not None else {}), **ask.pinned}
+    pinned = {name: value for name, value in pinned.items() if name not in ranges and name not in free}
+    if _is_recorded(ask, scenario, variation is not None, bool(marginals)):
+        samples = of_recordings(ask.recordings, ask.kind or kind_of(scenario))
+        default = variation is None and not roles
+        named = (*free, *(name for name in roles if name not in marginals))
+        return Asked(scenario, partial(of_samples, samples, mapped=roles, marginals=marginals), pinned, named, marginals, default)
+    default = variation is None and not ranges
+    return Asked(scenario, partial(of_statements, marginals), pinned, free, marginals, default)
 
-    recordings: Path | None = None
-    kind: str | None = None
-    density: str = JUDGE
-    pinned: Mapping[str, str] = field(default_factory=dict)
-    free: Sequence[str] = ()
-    maps: Sequence[str] = ()
 
-    def of(self, path: Path) -> Asked:
-        """The search of a scenario, or of the one that a variation file is about, with what that varies.
-
-        Recordings say what is likely where a kind of them is known: by `--kind`, or of a scenario of the library by its name.
-        Otherwise the distributions of the variation file and the ranges of `--free` are the density, and with the density
-        `uniform` the limits of all that is searched.
-
-        Raises:
-            UsageError: an option is wrong, or nothing says what is likely.
-            InvalidFile: a file is malformed.
-        """
-        variation, (free, ranges), roles = varied(path), freed(self.free), mapped(self.maps)
-        scenario = variation.scenario if variation is not None else path
-        if variation is not None and not (variation.marginals or ranges or free or roles):
-            raise NothingToVary("it gives each parameter one value, which leaves nothing to search", scenario, path)
-        _refuse_undeclared(scenario, roles)
-        stated = {**(variation.marginals if variation is not None else {}), **ranges}
-        marginals = {name: each for name, each in stated.items() if name not in self.pinned}
-        pinned = {**(variation.pinned if variation is not None else {}), **self.pinned}
-        pinned = {name: value for name, value in pinned.items() if name not in ranges and name not in free}
-        if self._recorded(scenario, variation is not None, bool(marginals)):
-            samples = of_recordings(self.recordings, self.kind or kind_of(scenario))
-            default = variation is None and not roles
-            named = (*free, *(name for name in roles if name not in marginals))
-            return Asked(
-                scenario, partial(of_samples, samples, mapped=roles, marginals=marginals), pinned, named, marginals, default
-            )
-        default = variation is None and not ranges
-        return Asked(scenario, partial(of_statements, marginals), pinned, free, marginals, default)
-
-    def _recorded(self, scenario: Path, variation: bool, stated: bool) -> bool:
-        """Whether recordings say what is likely."""
-        if self.density == UNIFORM:
+def _is_recorded(ask: Ask, scenario: Path, variation: bool, stated: bool) -> bool:
+    """Whether recordings say what is likely."""
+    if ask.density == UNIFORM:
+        return False
+    if ask.kind is not None or ask.recordings is not None or ask.maps:
+        return True
+    try:
+        kind_of(scenario)
+    except UsageError:
+        if stated:
             return False
-        if self.kind is not None or self.recordings is not None or self.maps:
-            return True
-        try:
-            kind_of(scenario)
-        except UsageError:
-            if stated:
-                return False
-            raise
-        return not variation
+        raise
+    return not variation

@@ -7,20 +7,17 @@ from typing import Annotated
 
 import typer
 
-from generation.adversary import NAME as ADVERSARY
-from generation.adversary import OBJECTIVES
-from generation.density.model import UNIFORM, models
+from generation.density.models import UNIFORM, models
 from generation.density.roles import ROLES
-from generation.search.method import offered
+from generation.search.methods import offered
 from schemas.errors import UsageError
 
-Sut = Annotated[str, typer.Option(help="System under test: cas, aeb, idm, one installed by pip, module:Class.")]
 Recorded = Annotated[
     Path | None,
     typer.Option(metavar="PATH", help="Recordings, or a table of their units.  [default: our own recordings' units]"),
 ]
 Kind = Annotated[str | None, typer.Option(help="Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.")]
-_METHODS = (*offered(), ADVERSARY)
+_METHODS = tuple(offered())
 
 
 def _offered(name: str) -> str:
@@ -31,13 +28,6 @@ def _offered(name: str) -> str:
 
 
 Method = Annotated[str, typer.Option(callback=_offered, help=f"Search method: {', '.join(_METHODS)}.")]
-Objective = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help=f"What shapes the reward of the method {ADVERSARY}: {', '.join(OBJECTIVES)}.  [default: {OBJECTIVES[0]}]",
-    ),
-]
 Density = Annotated[
     str,
     typer.Option(
@@ -62,7 +52,7 @@ FailIf = Annotated[
     typer.Option(
         "--fail-if",
         metavar="FATE",
-        help="With --against, what ends with exit code 1: new, still-there (repeatable).  [default: both]",
+        help="With --against, what ends with exit code 1: new, still-there (repeatable).  [default: new]",
     ),
 ]
 Timestep = Annotated[float, typer.Option(metavar="SECONDS", help="Time step of runs.")]

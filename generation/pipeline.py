@@ -1,34 +1,30 @@
-"""From a logical scenario and recorded parameters to files of edge cases."""
+"""Search of a logical scenario, step by step: space, density, search, judge, write."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from generation.density.base import Density
-from generation.density.gate import Gate, measured
-from generation.density.marginals import Marginal
-from generation.density.model import DEFAULT, JUDGE, UNIFORM
+from generation.density.gate import NEAR, NO_DRAWS, Gate, Share, Statement, replay_share
+from generation.density.models import DEFAULT, UNIFORM
 from generation.density.prior import Prior
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
-from generation.estimation.rates import driving
-from generation.outcomes.cases import Cases, Choice, choose
-from generation.outcomes.evaluator import Evaluate, Evaluator
-from generation.outcomes.inputs import inputs
-from generation.outcomes.outcomes import Episodes, joined
-from generation.outcomes.references import Drivers
+from generation.estimation.probability import driving
+from generation.outcomes.judges import Cases, Drivers, choose
+from generation.outcomes.outcomes import Episodes, Evaluate, Evaluator, Outcomes
 from generation.recorded import Recorded
-from generation.search.memory import Memory
-from generation.search.method import DEFAULT as METHOD
-from generation.search.method import method
-from generation.search.problem import History, Problem, counted
-from generation.search.reward import Realism, Reward
-from generation.search.space import Space
+from generation.search.methods import method
+from generation.search.problem import Counting, History, Memory, Problem, Realism, Reward, counted
+from generation.search.space import Space, apart, distinctive
+from generation.settings import SearchSettings
 from generation.twin.episodes import Twin
 from generation.variations import Evidence, Writer, Written
+from runner.batch.inputs import OURS, inputs
 from runner.settings import RunSettings
 from runner.sut import system_name
 from schemas.errors import Unsupported, UsageError
@@ -37,57 +33,10 @@ from xodr.array_types import FloatArray
 
 LEAST = 30
 """Fewest recorded manoeuvres inside the box that a density is fitted on."""
-_GATED = 30, 300
-"""Least and most runs of each kind that a density is measured by; between them a tenth of the budget"""
-
-
-@dataclass(frozen=True)
-class SearchSettings:
-    """What to search for, and how.
-
-    Attributes:
-        run: how scenarios are run, with the system under test; `seed` is that of the search.
-        method: name of the search method (`generation.search.method`).
-        budget: simulator calls.
-        seed: of the search.
-        density: name of the density model (`generation.density.model`).
-        weight: of realism in the reward; None for the one of `Reward`.
-        rss: name of the RSS parameter set.
-        processes: how many runs at a time.
-        ray: address of a Ray cluster that does the runs, or `local`; None for processes of one's own.
-        pinned: values of parameters that are not searched.
-        free: names of parameters to search besides the default ones.
-        marginals: densities, and ranges, of parameters to search besides.
-        default: whether to search what is searched by default; otherwise only what is free or has a range.
-        choice: which episodes become files.
-        concrete: whether each case becomes a scenario of its own as well.
-        estimate: whether to estimate how often the system fails, by `RUNS` more runs, or as many as the budget.
-    """
-
-    run: RunSettings = field(default_factory=RunSettings)
-    method: str = METHOD
-    budget: int = 3000
-    seed: int = 0
-    density: str = JUDGE
-    weight: float | None = None
-    rss: str = "ad-rss"
-    processes: int = 2
-    ray: str | None = None
-    pinned: Mapping[str, str] = field(default_factory=dict)
-    free: Sequence[str] = ()
-    marginals: Mapping[str, Marginal] = field(default_factory=dict)
-    default: bool = True
-    choice: Choice = field(default_factory=Choice)
-    concrete: bool = False
-    estimate: bool = False
-
-    def space(self, scenario: Path) -> Space:
-        """What is searched of a scenario.
-
-        Raises:
-            UsageError, Unsupported: it can't be. InvalidFile: the scenario is malformed.
-        """
-        return Space.of(scenario, self.pinned, self.free, ranges=self.marginals, default=self.default)
+_REPLAYED = 30, 300
+"""Least and most replays of recorded units that a density is measured by; between them a tenth of the budget"""
+_DRAWN = 30, 0.25
+"""Least number of unguided draws, and share of the budget that they are where that is more; never more than half of the budget"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,13 +47,17 @@ class Generated:
         space: what was searched, and what was pinned.
         recorded: the recorded manoeuvres that the density was fitted on, inside the limits.
         prior: what traffic does.
-        history: all episodes.
+        history: all episodes of the search, without draws.
         episodes: all runs that are kept: of this search and of those before, draws of the density, runs of the estimate.
         cases: the edge cases.
         files: what was written; empty where there are no edge cases.
         gate: what the density was measured by.
         reused: how many answers came from runs that were kept.
         estimate: how often the system fails; None where that was not asked for.
+        damaged: how many runs that were kept were damaged, and made anew where the search asked for them.
+        statement: bound on the probability of failures that were not found, from the unguided draws of this call.
+        draws: the unguided draws of this call; None where there were none.
+        plays: how many points the twin played with the system under test to choose the runs of the search; 0 without a twin.
     """
 
     space: Space
@@ -117,6 +70,10 @@ class Generated:
     gate: Gate
     reused: int = 0
     estimate: Estimate | None = None
+    damaged: int = 0
+    statement: Statement = NO_DRAWS
+    plays: int = 0
+    draws: Episodes | None = None
 
 
 def generate(
@@ -133,6 +90,9 @@ def generate(
     budget, seed or method extends the search. Edge cases are chosen from all runs that are kept; files of a search before that
     nobody has changed are replaced. Draws of the density and runs of an estimate are among those that cases are chosen from.
 
+    A quarter of the budget are unguided draws of the density, which no method sees: they bound the probability of failures that
+    the search did not find. The method spends the rest.
+
     Args:
         scenario: the file.
         recorded: gives the recorded parameters of a space.
@@ -147,60 +107,105 @@ def generate(
             is in the way in the folder.
         InvalidFile: the scenario is malformed.
     """
-    search = method(settings.method)
-    space = settings.space(scenario)
+    search = method(settings.method)  # refuse an unknown name before recordings are read
+    # Space: the box of parameters, and the recorded points in it
+    space = space_of(scenario, settings)
     source = recorded(space)
     real = source.within(space)
-    realism, prior = _realism(real, settings.density, scenario), source.prior(space, settings.density)
+    # Density: what traffic does, and the reward that keeps a search to it
+    reward = _reward(real, settings, scenario)
+    prior = source.prior(space, settings.density)
     with alone(out, "a search"), evaluator_of(scenario, space, settings) as evaluator:
-        draws, memory, more = (
-            Memory(evaluator, _runs_file(scenario, space, out, settings, kind)) for kind in ("draws", "runs", "estimate")
+        runs, draws, more = (
+            Memory(evaluator, _runs_file(scenario, space, out, settings, kind)) for kind in ("runs", "draws", "estimate")
         )
-        gate = _gate(scenario, source, space, out, settings, prior, draws)
-        evaluate = counted(memory, progress)
-        reward = Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
-        problem = Problem(space, evaluate, reward, real.theta, found, prior, _twin(scenario, space, settings))
-        history = search(problem, settings.budget, settings.seed)
-        judged = prior.judged if gate.refusal is None else prior.unjudged
-        every = _joined([_rewarded(each, reward) for each in (memory, draws)])
+        # Draws: what the density is measured by, and what bounds failures that are not found
+        unguided = prior.sample(drawn_of(settings.budget), np.random.default_rng([settings.seed, len(space.names)]))
+        drawn = counted(draws, progress)(unguided)
+        gate = Gate(_replayed(scenario, source, space, out, settings), Share.of(drawn))
+        # Search: spend the rest of the budget
+        twin = _twin(scenario, space, settings)
+        screen = Counting(twin) if twin is not None else None
+        problem = Problem(space, counted(runs, progress), reward, real.theta, found, prior, screen)
+        history = search(problem, settings.budget - len(unguided), settings.seed)
+        plays = screen.played if screen is not None else 0
+        statement = _statement(space, runs.episodes(reward), unguided, drawn)
+        # Judge: estimate the rate of failures, and choose edge cases among all runs that are kept
+        every = Episodes.joined([runs.episodes(reward), draws.episodes(reward)])
         rate = _estimate(problem, source, more, evaluator, every, settings) if settings.estimate else None
-        every = _joined([every, _rewarded(more, reward)])
-        cases = choose(space, every, judged, evaluator, settings.choice, found, problem.twin)
-        if rate is not None:
-            of = {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(space.pinned)}
-            write_object({**of, **rate.as_json()}, out / estimate_file(scenario))
-        written = Written(out, scenario.stem)
-        written.withdraw()
-        files = _write(scenario, space, out, settings, cases, realism.density) if len(cases) else []
-        written.note()
-    return Generated(space, real, prior, history, every, cases, files, gate, memory.reused, rate)
+        every = Episodes.joined([every, more.episodes(reward)])
+        judged = prior.judged if gate.refusal is None else prior.unjudged
+        cases = choose(space, every, judged, evaluator, settings.choice, found, twin)
+        damaged = runs.damaged + draws.damaged + more.damaged
+        # Write
+        files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
+        unseen = Episodes(unguided, drawn, reward(unguided, drawn))
+        made = Generated(
+            space, real, prior, history, every, cases, files, gate, runs.reused, rate, damaged, statement, plays, unseen
+        )
+        write_object(summary(scenario, made, settings), out / summary_file(scenario))
+    return made
 
 
-def _rewarded(memory: Memory, reward: Reward) -> Episodes:
-    """All runs that are remembered."""
-    theta, outcomes = memory.everything
-    return Episodes(theta, outcomes, reward(theta, outcomes) if len(theta) else np.empty(0))
+def drawn_of(budget: int) -> int:
+    """Number of unguided draws in a budget of runs."""
+    least, share = _DRAWN
+    return min(max(least, int(share * budget)), budget // 2)
 
 
-def _joined(parts: Sequence[Episodes]) -> Episodes:
-    """Several runs after each other, without those parts that have none."""
-    kept = [each for each in parts if len(each.theta)] or parts[:1]
-    theta, outcomes, rewards = zip(*kept, strict=True)
-    return Episodes(np.concatenate(theta), joined(outcomes), np.concatenate(rewards))
-
-
-def _gate(
-    scenario: Path, recorded: Recorded, space: Space, out: Path, settings: SearchSettings, prior: Prior, run: Evaluate
-) -> Gate:
-    """Replays of the recorded units, and draws of the density."""
-    most = min(settings.budget, max(_GATED[0], min(settings.budget // 10, _GATED[1])))
+def _replayed(scenario: Path, recorded: Recorded, space: Space, out: Path, settings: SearchSettings) -> Share | None:
+    """Replays of the recorded units; None where nothing is recorded."""
+    least, most = _REPLAYED
     replays = recorded.replays(space)
     if replays is None:
-        return measured(prior, run, None, run, most)
+        return None
     own, units = replays
     with evaluator_of(scenario, own, settings) as evaluator:
         replay = Memory(evaluator, _runs_file(scenario, own, out, settings, "replays"))
-        return measured(prior, run, units, replay, most)
+        number = min(settings.budget, max(least, min(settings.budget // 10, most)))
+        return replay_share(units, replay, number, np.random.default_rng(0))
+
+
+def _statement(space: Space, sought: Episodes, unguided: FloatArray, drawn: Outcomes) -> Statement:
+    """The bound that draws (n, d) with these outcomes set on failures unlike those of the search."""
+    failures = sought.theta[sought.outcomes.executed & sought.outcomes.collision]
+    columns = distinctive(space)
+    unlike = np.ones(len(unguided), bool)
+    if len(failures):
+        unlike = apart(space.unit(unguided)[:, columns], space.unit(failures)[:, columns], NEAR)
+    return Statement.of(drawn, unlike)
+
+
+def summary_file(scenario: Path) -> str:
+    """Name of the file, in a search's folder, that tells runs, draws and plays apart and states the bound."""
+    return f"{scenario.stem}_search.json"
+
+
+def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[str, Any]:
+    """Numbers of a search for programs: its system, runs by kind with their failures, the bound on failures not found."""
+    sought, drawn = made.history.outcomes, made.gate.drawn
+    return {
+        "scenario": scenario.name,
+        "sut": system_name(settings.run.sut),
+        "system": system_digest(scenario, settings.run),
+        "method": settings.method,
+        "seed": settings.seed,
+        "budget": settings.budget,
+        "draws": {"runs": drawn.runs, "failures": drawn.collisions},
+        "sought": {"runs": int(sought.executed.sum()), "failures": int((sought.executed & sought.collision).sum())},
+        "plays_on_twin": made.plays,
+        "edge_cases": len(made.cases),
+        "statement": made.statement.as_json(),
+    }
+
+
+def system_digest(scenario: Path, run: RunSettings) -> str:
+    """Digest of a system under test: its name, parameters and code as far as that is a plug-in's.
+
+    Raises:
+        UsageError: there is no such system.
+    """
+    return digest(repr(inputs(scenario, run)["system"]).encode())
 
 
 def _estimate(
@@ -219,17 +224,20 @@ def estimate_file(scenario: Path) -> str:
     return f"{scenario.stem}_estimate.json"
 
 
-def _realism(real: Recorded, name: str, scenario: Path) -> Realism:
-    """What recorded parameters make of realism."""
+def _reward(real: Recorded, settings: SearchSettings, scenario: Path) -> Reward:
+    """The reward of a search, with realism by the density of recorded parameters."""
     if len(real.theta) < LEAST:
         reason = f"{len(real.theta)} recorded manoeuvres are inside the limits of its parameters, at least {LEAST} are needed"
         raise UsageError(reason, path=scenario)
-    return Realism.fitted(DEFAULT if name == UNIFORM else name, real.theta, real.recordings)
+    name = DEFAULT if settings.density == UNIFORM else settings.density
+    realism = Realism.fitted(name, real.theta, real.recordings)
+    return Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
 
 
 def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings, kind: str) -> Path:
     """The file of the runs of a kind, another one for everything that decides what a run gives."""
-    deciding = (inputs(scenario, settings.run, settings.rss, space.pinned), space.names, sorted(space.pinned.items()))
+    given = inputs(scenario, settings.run, space.pinned, (*OURS, "generation.outcomes"))
+    deciding = (given, settings.rss, space.names, sorted(space.pinned.items()))
     return out / f"{scenario.stem}_{kind}_{digest(repr(deciding).encode())}.jsonl"
 
 
@@ -239,6 +247,15 @@ def _twin(scenario: Path, space: Space, settings: SearchSettings) -> Twin | None
         return Twin(scenario, space, settings.run, settings.rss)
     except Unsupported:
         return None
+
+
+def space_of(scenario: Path, settings: SearchSettings) -> Space:
+    """The space of a search.
+
+    Raises:
+        UsageError, Unsupported: the scenario can't be searched. InvalidFile: it is malformed.
+    """
+    return Space.of(scenario, settings.pinned, settings.free, ranges=settings.marginals, default=settings.default)
 
 
 def evaluator_of(scenario: Path, space: Space, settings: SearchSettings) -> Evaluator:
@@ -256,7 +273,25 @@ def evidence(settings: SearchSettings) -> Evidence:
     return Evidence(system_name(run.sut), settings.method, settings.rss, settings.seed, settings.budget, run.timestep)
 
 
-def _write(scenario: Path, space: Space, out: Path, settings: SearchSettings, cases: Cases, density: Density) -> list[Path]:
-    of, writer = evidence(settings), Writer(scenario, space, out, settings.run)
-    files = [writer.cases(cases, of), writer.density(density, settings.seed)]
-    return files + (writer.concrete(cases, of) if settings.concrete else [])
+def _write(
+    scenario: Path,
+    space: Space,
+    out: Path,
+    settings: SearchSettings,
+    cases: Cases,
+    density: Density,
+    rate: Estimate | None,
+) -> list[Path]:
+    """Write the estimate, and the files of edge cases in the place of those of a search before."""
+    if rate is not None:
+        of = {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(space.pinned)}
+        write_object({**of, **rate.as_json()}, out / estimate_file(scenario))
+    written = Written(out, scenario.stem)
+    written.withdraw()
+    files: list[Path] = []
+    if len(cases):
+        of_all, writer = evidence(settings), Writer(scenario, space, out, settings.run)
+        files = [writer.cases(cases, of_all), writer.density(density, settings.seed)]
+        files += writer.concrete(cases, of_all) if settings.concrete else []
+    written.note()
+    return files

@@ -13,18 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import xosc
-from generation.density.declared_prior import Admits, DeclaredPrior, JointPrior
-from generation.density.marginals import Marginal, uniform
-from generation.density.model import judge
-from generation.density.prior import Prior
-from generation.density.recorded_prior import Box, RecordedPrior
+from generation.density.marginals import Admits, DeclaredPrior, JointPrior, Marginal, uniform
+from generation.density.models import judge
+from generation.density.prior import Box, Prior, RecordedPrior
 from generation.density.roles import NUISANCES, ROLES, Role, roles_of
 from generation.logical.maneuvers import MANEUVERS
-from generation.logical.pairs.table import PAIRS
-from generation.logical.pairs.units import PairUnits, pair_units
+from generation.logical.pairs import PAIRS, PairUnits, pair_units
 from generation.search.space import Space, free_option, numbers
-from recognition.maneuvers.parameters import JERK, Parameter
-from recognition.maneuvers.units import KINDS, OWN, Exposure, Samples, extract
+from recognition.maneuvers.parameters import JERK, KINDS, Parameter
+from recognition.maneuvers.units import OWN, Exposure, Samples, extract
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray, IntArray
 from xosc.node import Node
@@ -67,7 +64,7 @@ class Recorded(NamedTuple):
         """What they say of a space.
 
         Args:
-            density: name of the model of what is recorded (`generation.density.model`).
+            density: name of the model of what is recorded (`generation.density.models`).
 
         Raises:
             UsageError: there is no such density, or it can't be made of them.

@@ -14,7 +14,7 @@ import numpy as np
 
 import xosc
 from generation.density.base import Density
-from generation.outcomes.cases import Cases
+from generation.outcomes.judges import Cases
 from generation.search.space import Space
 from runner.settings import RunSettings
 from schemas.commands.wording import many

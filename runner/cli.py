@@ -2,32 +2,45 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from runner.measures.limits import NEW_FAILURE
 from runner.run_options import Only, Param, Sample, selection_of, with_run_settings
 from runner.settings import RunSettings
-from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
-from schemas.errors import UsageError
+from schemas.commands.help import epilog
+from schemas.commands.options import (
+    AllowInconclusive,
+    Verbose,
+    Version,
+    guarded,
+    interruptible,
+    new_app,
+    out_folder,
+    parameters_of,
+    protected,
+)
+from schemas.errors import ExitCode, UsageError, exit_codes, gravest
 from schemas.storage import writing
 
 if TYPE_CHECKING:
     from runner.batch.batch import Also
+    from runner.batch.comparison import Comparison
     from runner.batch.jobs import Job, Outcome
     from runner.outputs.terminal import Table
 
-_EPILOG = (
-    "Exit codes: 0 passed, 1 a verdict is a failure (collision of the ego), 2 wrong usage, 3 invalid file, "
-    "4 valid file that asks for something this runner does not do, 5 internal error. With several runs, the gravest of theirs."
+_EXAMPLES = (
+    "xosc-run xosc/library/simple_cut_in.xosc",
+    "xosc-run --sut adas xosc/library --jobs 4 --out results --replay",
+    'xosc-run -p CutIn_Gap_m=8 --fail-if "min_ttc<1" xosc/library/simple_cut_in.xosc',
 )
-_GRAVEST_FIRST = (5, 3, 4, 2, 1, 0)
+_EPILOG = exit_codes("passed", "a verdict is a failure (collision of the ego)", "a run did not test what its file describes")
 
 app = new_app()
 
@@ -47,10 +60,7 @@ Replay = Annotated[
     typer.Option("--replay", help="Write an HTML page that plays each run, to --out with a report, else to this folder."),
 ]
 Against = Annotated[
-    Path | None, typer.Option(metavar="BATCH", help="Folder of an earlier batch that the report of --replay compares with.")
-]
-MaxMemory = Annotated[
-    float | None, typer.Option(min=0.1, metavar="GIB", help="Memory that a process may take; a run that needs more is an error.")
+    Path | None, typer.Option(metavar="BATCH", help="Folder of an earlier batch to compare with; --fail-if new-failure needs it.")
 ]
 Ray = Annotated[
     str | None,
@@ -58,7 +68,8 @@ Ray = Annotated[
 ]
 
 
-@app.command(epilog=_EPILOG)
+@app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
+@protected()
 @with_run_settings()
 def xosc_run(
     files: Files,
@@ -75,16 +86,20 @@ def xosc_run(
     gui: Annotated[bool, typer.Option("--gui", help="Play each run in SUMO's own window.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
+    junit_inconclusive: Annotated[
+        Literal["skipped", "error"], typer.Option(help="What an inconclusive run is in the JUnit report.")
+    ] = "skipped",
+    allow_inconclusive: AllowInconclusive = False,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
     ray: Ray = None,
-    max_memory: MaxMemory = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Load, compile and begin everything, run nothing.")] = False,
     verbose: Verbose = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failures and errors only.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failures, inconclusive runs and errors only.")] = False,
     _version: Version = False,
 ) -> None:
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
     from runner.batch.batch import run_batch
+    from runner.batch.comparison import Comparison
     from runner.batch.jobs import jobs_of
     from runner.batch.rehearsal import rehearse_batch
     from runner.batch.selection import runnable
@@ -92,10 +107,14 @@ def xosc_run(
 
     if out is None and (resume or plot):
         raise UsageError("--resume and --plot need the --out folder of the results")
+    if resume and (osi is not None or gui):
+        option, instead = ("--gui", "xosc-replay shows them") if gui else ("--osi", "xosc-export --to osi writes their traces")
+        raise UsageError(f"{option} is of runs that are played, and --resume leaves out finished ones: {instead}")
     if against is not None:
-        _need_report(against, replay and not dry_run, out)
-    if max_memory is not None and (ray is not None or dry_run):
-        raise UsageError("--max-memory is for runs on this machine: leave --ray and --dry-run out")
+        _need_runs(dry_run)
+    if NEW_FAILURE in settings.fail_if and against is None:
+        raise UsageError(f"--fail-if {NEW_FAILURE} needs the earlier batch: --against BATCH")
+    earlier = Comparison.with_batch(against) if against is not None else None
     selection, times = selection_of(only, sample, settings.seed), None if dry_run else repeat
     source = jobs_of(runnable(files), parameters_of(param or []), settings.enforce_constraints, selection, times)
     table = Table(verbose=verbose, quiet=quiet, total=source.total if sys.stderr.isatty() and not (quiet or dry_run) else 0)
@@ -105,31 +124,32 @@ def xosc_run(
 
         chosen = alone(source, osi)
     also = list(_also(osi, replay, gui, out))
-    with _reporting(junit) as kept:
+    with _reporting(junit, junit_inconclusive) as kept:
         if dry_run:
             outcomes = rehearse_batch(chosen, settings, jobs)
         else:
-            how: dict[str, Any] = {"processes": jobs, "ray": ray, "max_memory": max_memory}
-            outcomes = run_batch(chosen, settings, out=out, plot=plot, resume=resume, also=also, **how)
-        code = _follow(outcomes, table, kept)
+            how: dict[str, Any] = {"plot": plot, "processes": jobs, "resume": resume, "also": also, "ray": ray}
+            outcomes = run_batch(chosen, settings, out=out, needs=_needed(replay), **how)
+        code = _follow(outcomes, table, kept, allow_inconclusive, source.left_out, earlier, NEW_FAILURE in settings.fail_if)
+    if earlier is not None:
+        table.compare(earlier, out if replay else None)
     if replay and out is not None and not dry_run:
         from runner.replay.report import write_report
 
-        write_report(out, against)
+        table.tell(f"report: {write_report(out, against)}")
+    elif out is not None and not dry_run:
+        table.tell(f"results: {out}")
     raise typer.Exit(code)
 
 
-def _need_report(against: Path, replay: bool, out: Path | None) -> None:
-    """Find out before the runs whether their report can be compared with an earlier batch."""
-    from runner.batch.journal import settings as settings_of
-
-    if not replay or out is None:
-        raise UsageError("--against is for the report, which --replay writes into the --out folder")
-    settings_of(against)
+def _need_runs(dry_run: bool) -> None:
+    """Refuse to compare a batch that is not run."""
+    if dry_run:
+        raise UsageError("--against compares runs, and --dry-run has none")
 
 
 @contextmanager
-def _reporting(junit: Path | None) -> Iterator[list[Outcome] | None]:
+def _reporting(junit: Path | None, inconclusive: str) -> Iterator[list[Outcome] | None]:
     """Collects outcomes for a JUnit report, which is written in the end, also when the runs are interrupted."""
     if junit is None:
         yield None
@@ -138,12 +158,15 @@ def _reporting(junit: Path | None) -> Iterator[list[Outcome] | None]:
 
     with writing("the report", junit):
         junit.parent.mkdir(parents=True, exist_ok=True)
+        is_new = not junit.exists()
         junit.open("a").close()  # what can't be written is better known before the runs than after them
+        if is_new:
+            junit.unlink()
     outcomes: list[Outcome] = []
     try:
         yield outcomes
     finally:
-        write_junit(outcomes, junit)
+        write_junit(outcomes, junit, inconclusive)
 
 
 def _also(osi: Path | None, replay: bool, gui: bool, out: Path | None) -> Iterator[Also]:
@@ -163,23 +186,44 @@ def _also(osi: Path | None, replay: bool, gui: bool, out: Path | None) -> Iterat
         yield show
 
 
-def _follow(outcomes: Generator[Outcome], table: Table, kept: list[Outcome] | None) -> int:
-    """Show outcomes as they come, keep them if asked to; the exit code."""
-    code = 0
+def _needed(replay: bool) -> list[str]:
+    """Names of files, besides results, that a finished run in an output folder has."""
+    if not replay:
+        return []
+    from runner.replay.player import REPLAY
+
+    return [REPLAY]
+
+
+def _follow(
+    outcomes: Generator[Outcome],
+    table: Table,
+    kept: list[Outcome] | None,
+    allow_inconclusive: bool,
+    left_out: Mapping[Path, int],
+    earlier: Comparison | None,
+    only_new: bool,
+) -> int:
+    """Show outcomes as they come, keep and compare them if asked to; the exit code, by new failures only if asked to."""
+    codes = {ExitCode.PASSED}
+    allowed = {ExitCode.INCONCLUSIVE} if allow_inconclusive else set()
     with interruptible("xosc-run", "with --out and --resume a batch goes on where it was"):
         with closing(outcomes):
             for outcome in outcomes:
                 if kept is not None:
                     kept.append(outcome)
-                code = min(code, outcome.exit_code, key=_GRAVEST_FIRST.index)
+                if earlier is not None:
+                    earlier.add(outcome)
+                code = ExitCode(outcome.exit_code)
+                if not (only_new and code == ExitCode.FINDING and earlier is not None and earlier.failed(outcome)):
+                    codes.add(code)
                 table.show(outcome)
-        table.close()
-    return code
+        table.close(left_out)
+    return gravest(codes - allowed)
 
 
 def main() -> None:
     """Entry point."""
-    sys.path.append(os.getcwd())  # for systems under test named as module:Class
     guarded("xosc-run", app)
 
 

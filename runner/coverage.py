@@ -16,9 +16,10 @@ from lxml import etree
 from runner.contracts import registry
 from runner.interpreter.compiler import WRAPPERS
 from schemas.errors import ToolchainError
-from schemas.registry import schema_for
+from schemas.registry import ATTRIBUTE, CHILD, DIFFERENCES, VALUES, additions, schema_for
 
-VERSION = (1, 3)
+VERSIONS = ((1, 0), (1, 1), (1, 2), (1, 3), (1, 4))
+VERSION = VERSIONS[-1]
 _XSD = "{http://www.w3.org/2001/XMLSchema}"
 
 
@@ -41,7 +42,7 @@ FAMILIES = (
 
 OTHERS: dict[str, dict[str, str]] = {
     "EntityObject": {
-        "CatalogReference": "entries of all eight kinds of catalogue, with parameter assignments",
+        "CatalogReference": "entries of all nine kinds of catalogue, with parameter assignments",
         "Vehicle": "cars, trucks, buses, two-wheelers, trains and trailers; performance limits are respected",
         "Pedestrian": "with its own bounding box; moves as a vehicle does",
         "MiscObject": "with its own bounding box",
@@ -70,8 +71,8 @@ OTHERS: dict[str, dict[str, str]] = {
         "ParameterDeclarations": "all types, expressions, constraint groups, every scope",
         "VariableDeclarations": "all types; set, modified and compared while the scenario runs",
         "MonitorDeclarations": "their values are in the event log",
-        "CatalogLocations": "all eight kinds",
-        "RoadNetwork": "OpenDRIVE 1.4 to 1.8; signals and their controllers",
+        "CatalogLocations": "all nine kinds",
+        "RoadNetwork": "OpenDRIVE 1.4 to 1.9; signals and their controllers",
         "Entities": "ScenarioObject and EntitySelection (by reference and by type)",
         "Storyboard": "all states and transitions, priorities, execution counts, edges, delays, condition groups",
     },
@@ -89,6 +90,7 @@ ESMINI = {
     "AssignRouteAction": "in part: no closed routes, route parameters, random strategy",
     "LightStateAction": "in part: no UserDefinedLight",
     "AnimationAction": "no",
+    "PreferredLaneLayerAction": "no",
     "EnvironmentAction": "in part: friction acts, the rest is drawn; no DomeImage, wetness",
     "TrafficSignalControllerAction": "no",
     "SetMonitorAction": "no",
@@ -127,6 +129,32 @@ ESMINI = {
 """What esmini 3.6.0 does not do, as read from its documents and source; everything else it does."""
 
 
+_LISTED = ("PreferredLaneLayerAction",)
+"""Additions that are rows of the tables above."""
+
+NEW_IN_1_4 = {
+    ("AbsoluteTargetLane", "layer"): "else the layer that the entity prefers, or keeps to",
+    ("RelativeTargetLane", "layer"): "else the layer of the reference entity's lane",
+    ("LanePosition", "layer"): "else the temporary layer where there is one, or the one that the entity prefers",
+    ("Vertex", "Motion"): "speed and acceleration there; with a Timing the times hold as well",
+    ("ClothoidSplineSegment", "MotionStart"): "as of a Vertex",
+    ("ClothoidSpline", "MotionEnd"): "as of a Vertex",
+    ("Clothoid", "MotionStart"): "as of a Vertex",
+    ("Clothoid", "MotionEnd"): "as of a Vertex",
+    ("Polyline", "Interpolation"): "a smooth curve through the vertices, with a remark",
+    ("Phase", "semantics"): "obeyed by SUMO's drivers, `idm`, `r157-cc`, `r157-reg`, `rss` and `fsm`, whatever the states show",
+    ("TrafficDistribution", "CatalogReferences"): "entries of a catalogue, with parameter assignments",
+    ("TrafficDistributionEntry", "name"): "its name in a catalogue",
+    ("TrafficDistributionEntry", "ParameterDeclarations"): "as of other catalogue entries",
+    ("CatalogLocations", "TrafficDistributionEntryCatalog"): "as the other kinds",
+    ("Catalog", "TrafficDistributionEntry"): "as the other kinds",
+    ("VehicleCategory", "values"): "driven, drawn and exported as the nearest of the categories before",
+    ("Role", "values"): "kept; no motion depends on roles",
+    ("VehicleLightType", "values"): "as the other lights",
+}
+"""What is done with the additions of 1.4 to what there was, by type and name."""
+
+
 class Row(NamedTuple):
     """One element of the standard: what happens to it, and a note."""
 
@@ -135,16 +163,16 @@ class Row(NamedTuple):
     note: str
 
 
-def schema_root() -> etree._Element:
-    """Root of the XSD that the coverage is compared with.
+def schema_root(version: tuple[int, int] = VERSION) -> etree._Element:
+    """Root of the XSD of a version, by default of the one that the coverage is compared with.
 
     Raises:
         ToolchainError: it is not at hand.
     """
-    schema = schema_for("OpenSCENARIO", VERSION)
+    schema = schema_for("OpenSCENARIO", version)
     if schema is None:
-        raise ToolchainError("the XSD of OpenSCENARIO 1.3 is not installed")
-    return etree.parse(schema.path).getroot()
+        raise ToolchainError(f"the XSD of OpenSCENARIO {version[0]}.{version[1]} is not installed")
+    return schema.tree().getroot()
 
 
 def leaves(root: etree._Element, type_name: str) -> Iterator[tuple[str, str]]:
@@ -165,6 +193,15 @@ def _elements(root: etree._Element, type_name: str) -> Iterator[etree._Element]:
                     yield inner
                 elif inner.get("ref"):
                     yield from _elements(root, str(inner.get("ref")))
+
+
+def first_versions() -> dict[str, str]:
+    """The first version of the standard that has an element, by the element's name."""
+    found: dict[str, str] = {}
+    for version in VERSIONS:
+        for element in schema_root(version).iter(f"{_XSD}element"):
+            found.setdefault(str(element.get("name")), ".".join(map(str, version)))
+    return found
 
 
 def rows(root: etree._Element, family: Family) -> list[Row]:
@@ -194,13 +231,23 @@ def other_rows(root: etree._Element, type_name: str) -> list[Row]:
     return found
 
 
+def new_parts() -> Iterator[tuple[str, str]]:
+    """Type and name of each addition of 1.4 to a type that was there, as `NEW_IN_1_4` lists them."""
+    for difference in DIFFERENCES:
+        if difference.standard == "OpenSCENARIO" and difference.version[:2] == (1, 4):
+            known = {each.get("name") for each in schema_root((1, 3))}
+            for of, sign, new in additions(difference):
+                if of in known and sign in (ATTRIBUTE, CHILD, VALUES) and new not in _LISTED:
+                    yield of, new
+
+
 def _first_line(cls: type) -> str:
     return " ".join((inspect.getdoc(cls) or "").split("\n\n")[0].split())
 
 
 def markdown() -> str:
     """The whole page."""
-    root = schema_root()
+    root, since = schema_root(), first_versions()
     sections = [(family.title, rows(root, family)) for family in FAMILIES]
     sections += [(title, other_rows(root, type_name)) for title, type_name in _TITLES.items()]
     total = [row for _, section in sections for row in section]
@@ -210,15 +257,20 @@ def markdown() -> str:
     lines = [
         "# Coverage of OpenSCENARIO XML",
         "",
-        "Generated by `make docs` from the runner's registries and the official XSD of OpenSCENARIO XML 1.3.1; a test",
-        "fails when this page, the registries and the XSD disagree. Files of 1.0, 1.1 and 1.2 are read in their own forms.",
+        "Generated by `make docs` from the runner's registries and the schema of OpenSCENARIO XML 1.4; a test fails when",
+        "this page, the registries and the schema disagree. Files of 1.0 to 1.3 are read in their own forms.",
         "What is refused is refused before the run, by name, file and line. Nothing is skipped.",
         "",
         f"{executed} of {len(total)} elements are executed here; esmini 3.6.0 executes {full} in full and {part} in part.",
     ]
     for title, section in sections:
-        lines += ["", f"## {title}", "", "| element | here | what it does | esmini 3.6.0 |", "|---|---|---|---|"]
-        lines += [f"| {row.name} | {row.status} | {row.note} | {ESMINI.get(row.name, 'yes')} |" for row in section]
+        lines += ["", f"## {title}", "", "| element | since | here | what it does | esmini 3.6.0 |", "|---|---|---|---|---|"]
+        lines += [
+            f"| {row.name} | {since[row.name.rpartition('/')[2]]} | {row.status} | {row.note} | {ESMINI.get(row.name, 'yes')} |"
+            for row in section
+        ]
+    lines += ["", "## Attributes, parts and values that 1.4 brought", "", "| of | new | what it does |", "|---|---|---|"]
+    lines += [f"| {of} | {new} | {NEW_IN_1_4[of, new]} |" for of, new in new_parts()]
     return "\n".join(lines) + "\n"
 
 

@@ -1,17 +1,19 @@
-"""Who was where when, on which road: what a run writes down and what recordings of real traffic are read into."""
+"""What a run writes down, and recordings of real traffic are read into: who was where when, and the event log."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from struct import Struct
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     import numpy as np
     import pyarrow as pa
 
-    from runner.participants.declaration import BoundingBox
+    from runner.participants.declaration import BoundingBox, Declaration
+    from runner.participants.entity import Entities, Entity
     from xodr.model import RoadPoint
     from xodr.network import RoadNetwork
 
@@ -47,6 +49,7 @@ class Track:
         category: e.g. car, truck, bicycle.
         box: its bounding box about the reference point, m.
         read: gives one array for each of `COLUMNS`, in ascending time; called once, when they are asked for.
+        mass: kg; 0 where it is not known.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Track:
     category: str
     box: BoundingBox
     read: Callable[[], dict[str, np.ndarray]]
+    mass: float = 0.0
 
     @cached_property
     def columns(self) -> dict[str, np.ndarray]:
@@ -121,3 +125,76 @@ def arrow_type(name: str) -> pa.DataType:
     import pyarrow as pa
 
     return {"entity": pa.string(), "road_id": pa.string(), "lane_id": pa.int64()}.get(name, pa.float64())
+
+
+_FIELDS = [(name, "int64" if name == "lane_id" else "float64") for name in COLUMNS if name != "road_id"]
+_pack = Struct("=" + "".join("q" if type_ == "int64" else "d" for _, type_ in _FIELDS)).pack
+"""The numbers of `COLUMNS` at one instant as bytes: objects for each row would keep Python's garbage collector busy."""
+
+
+class _Rows:
+    """What is written down of one entity; a road id of None means: not looked up yet."""
+
+    __slots__ = ("numbers", "roads")
+
+    def __init__(self) -> None:
+        self.numbers = bytearray()
+        self.roads: list[str | None] = []
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """One array for each of `COLUMNS`."""
+        import numpy as np
+
+        rows = np.frombuffer(bytes(self.numbers), dtype=_FIELDS)
+        return {name: rows[name].copy() if name != "road_id" else np.array(self.roads, dtype=object) for name in COLUMNS}
+
+
+def _track(declared: Declaration, rows: _Rows) -> Track:
+    return Track(declared.name, declared.kind, declared.category, declared.box, rows.columns, declared.mass)
+
+
+class Recorder:
+    """Writes down every present entity of a run, once a step.
+
+    Args:
+        entities: everyone.
+        timestep: time between rows, s.
+        network: the roads.
+    """
+
+    def __init__(self, entities: Entities, timestep: float, network: RoadNetwork | None) -> None:
+        self._entities, self._timestep, self._network = entities, timestep, network
+        self._rows: dict[Entity, _Rows] = {}
+
+    def record(self, time: float) -> None:
+        """Write down the state of everyone at a time (s)."""
+        rows, pack = self._rows, _pack
+        for e in self._entities.values():
+            if not (e.active and e.placed):
+                continue
+            written = rows.get(e)
+            if written is None:
+                written = rows[e] = _Rows()
+            road = e.road if e.on_lane else None
+            if road is not None:
+                written.roads.append(road.id)
+                written.numbers += pack(
+                    time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, e.lane, e.s, e.t, e.offset
+                )
+            else:
+                written.roads.append(None)
+                written.numbers += pack(time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, 0, 0.0, 0.0, 0.0)
+
+    def recording(self) -> Recording:
+        """What was written down so far."""
+        tracks = [_track(entity.declared, rows) for entity, rows in self._rows.items()]
+        return Recording(tracks, self._timestep, self._network)
+
+
+class LogEntry(NamedTuple):
+    """One line of the event log: when (s), what kind of event, which element or entity, and why."""
+
+    time: float
+    kind: str
+    subject: str
+    text: str

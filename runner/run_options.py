@@ -11,10 +11,11 @@ import typer
 
 from runner.measures.limits import EVENTS, UNITS
 from runner.settings import RunSettings
+from schemas.commands.help import explain
 from schemas.commands.options import CatalogPath, RoadPath
 
 if TYPE_CHECKING:
-    from xosc.distributions.selection import Selection
+    from xosc.distributions.space import Selection
 
 Param = Annotated[
     list[str] | None, typer.Option("--param", "-p", metavar="NAME=VALUE", help="Value of a global parameter (repeatable).")
@@ -27,9 +28,18 @@ Sut = Annotated[
     str,
     typer.Option(
         metavar="NAME[:PARAMETER=VALUE,...]",
-        help="System under test that drives the ego: cas, sumo, none, one installed by pip, module:Class.",
+        help="System under test that drives the ego, with arguments of its class.",
     ),
 ]
+
+
+def _systems() -> tuple[str, list[tuple[str, str]]]:
+    from runner.sut import systems  # takes long to load
+
+    return "Systems under test", list(systems().items())
+
+
+explain("sut", _systems)
 Timestep = Annotated[float, typer.Option(metavar="SECONDS", help="Time step.")]
 _OPTIONS: dict[str, Any] = {
     "sut": Sut,
@@ -66,7 +76,10 @@ _OPTIONS: dict[str, Any] = {
     ],
     "road": Annotated[
         str | None,
-        typer.Option(metavar="auto", help="auto: make straight roads with the lanes and lengths that the positions use."),
+        typer.Option(
+            metavar="FILE|auto",
+            help="Where the road network is missing: an OpenDRIVE file; auto: straight roads as the positions use them.",
+        ),
     ],
     "road_path": RoadPath,
     "catalog_path": CatalogPath,
@@ -82,7 +95,7 @@ def selection_of(only: str | None, sample: int | None, seed: int) -> Selection:
     Raises:
         UsageError: they exclude each other, or the numbers are none.
     """
-    from xosc.distributions.selection import Selection, spans
+    from xosc.distributions.space import Selection, spans
 
     return Selection(spans(only) if only is not None else (), sample, seed)
 
@@ -119,13 +132,11 @@ def _parameter(name: str, default: Any, annotation: Any) -> inspect.Parameter:
 
 
 def _default(name: str) -> Any:
-    return None if name == "end_after_collision" or name in _LISTS else getattr(RunSettings, name)
+    return None if name in _LISTS else getattr(RunSettings, name)
 
 
 def _settings(given: dict[str, Any]) -> RunSettings:
-    """Settings from the values of options; only what a system under test drives ends by a collision."""
-    if given["end_after_collision"] is None:
-        given["end_after_collision"] = given["sut"] != "none"
+    """Settings from the values of options."""
     for name in _LISTS:
         given[name] = tuple(given.get(name) or ())
     return RunSettings(**given)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,8 +17,8 @@ DEFAULT_SYSTEM = "cas"
 """The system under test that drives the ego unless another one is chosen."""
 WORLDS = ("sumo", "kinematic")
 """The worlds by name: SUMO, or scripted motion without a simulator."""
-ROADS = ("auto",)
-"""What may take the place of a scenario's road network: straight roads with the lanes and lengths that its positions use."""
+MADE = "auto"
+"""Setting `road` for straight roads with the lanes and lengths that a scenario's positions use"""
 _TIMESTEPS = 0.001, 1.0
 _LONGEST = 1e6
 
@@ -34,13 +35,14 @@ class RunSettings:
         seed: of everything random in a run.
         max_time: limit of simulated time, s: scenarios without a StopTrigger have no end of their own.
         world: one of `WORLDS`.
-        end_after_collision: end a run one second after the ego has touched somebody.
+        end_after_collision: end a run one second after the ego has touched somebody; None for runs with a system under test.
         fail_if: limits by which a run fails besides collisions of the ego, as `min_ttc<1` or `off-road`; see
             `runner.measures.limits`.
         enforce_constraints: refuse parameter values that violate their constraint groups, and leave such sets of a
             distribution out; otherwise violations are noted in the event log.
         strict: refuse files that break their standard, where they are otherwise repaired with a remark.
-        road: None for the road network that the scenario names; one of `ROADS` for another.
+        road: for scenarios that name no road network, or one that is missing: an OpenDRIVE file, or `auto` for straight roads
+            with the lanes and lengths that the positions use; None refuses them where they need a road.
         road_path: folders in which road networks are looked for that are not where the scenario says (see `xosc.roads`).
         catalog_path: folders in which directories of catalogues are, likewise (see `schemas.catalogs.locate`).
 
@@ -54,7 +56,7 @@ class RunSettings:
     seed: int = 0
     max_time: float = 300.0
     world: str = "sumo"
-    end_after_collision: bool = False
+    end_after_collision: bool | None = None
     fail_if: tuple[str, ...] = ()
     enforce_constraints: bool = True
     strict: bool = False
@@ -70,13 +72,20 @@ class RunSettings:
             raise UsageError(f"the time limit must be from 0 s to {_LONGEST:g} s, not {self.max_time}")
         if self.world not in WORLDS:
             raise UsageError(f"the world {self.world!r} is not one of {', '.join(WORLDS)}")
-        if self.road not in (None, *ROADS):
-            raise UsageError(f"the road {self.road!r} is not one of {', '.join(ROADS)}")
+        if self.road not in (None, MADE) and not os.path.isfile(self.road):
+            raise UsageError(f"the road {self.road!r} is neither a file nor {MADE}")
         _ = self.limits  # parsed once, or refused here
         if isinstance(self.sut, str):
             from runner.sut import find_system
 
             find_system(self.sut)
+
+    @property
+    def ends_after_collision(self) -> bool:
+        """What `end_after_collision` says, or else whether a system under test drives the ego."""
+        from runner.sut import system_name
+
+        return system_name(self.sut) != "none" if self.end_after_collision is None else self.end_after_collision
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
@@ -89,4 +98,4 @@ class RunSettings:
 
         values = {each.name: getattr(self, each.name) for each in fields(self)}
         lists = {name: list(getattr(self, name)) for name in ("fail_if", "road_path", "catalog_path")}
-        return values | lists | {"sut": system_name(self.sut)}
+        return values | lists | {"sut": system_name(self.sut), "end_after_collision": self.ends_after_collision}

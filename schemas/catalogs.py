@@ -19,13 +19,14 @@ from urllib.parse import unquote
 
 from lxml import etree
 
-from schemas.errors import ToolchainError, nearest
+from schemas.errors import InvalidFile, ToolchainError, nearest
 from schemas.remarks import Remark, Remarks
+from schemas.security.policy import current
 from schemas.storage import Stamp, above, in_any_case, search_path, stamp
 from schemas.values import quoted
 
 ENTITIES = ("Vehicle", "Pedestrian", "MiscObject")
-KINDS = (*ENTITIES, "Controller", "Environment", "Maneuver", "Trajectory", "Route")
+KINDS = (*ENTITIES, "Controller", "Environment", "Maneuver", "Trajectory", "Route", "TrafficDistributionEntry")
 """The kinds of entries; each has its directory in CatalogLocations, VehicleCatalog and so on."""
 
 EXPECTED: dict[str, tuple[str, ...]] = {
@@ -41,8 +42,12 @@ EXPECTED: dict[str, tuple[str, ...]] = {
     "TrajectoryRef": ("Trajectory",),
     "AssignRouteAction": ("Route",),
     "RouteRef": ("Route",),
+    "TrafficDistribution": ("TrafficDistributionEntry",),
 }
 """Kinds of entries that a CatalogReference may stand for, by the element that holds it."""
+
+REFERENCES = ("CatalogReference", "CatalogReferences")
+"""Names of the elements that refer to an entry; a TrafficDistribution has the plural for each of its own."""
 
 
 class Loaded(Protocol):
@@ -89,7 +94,7 @@ class Entry:
     @cached_property
     def plain(self) -> bool:
         """Whether it says the same wherever it is referred to: it has no parameters, expressions and references."""
-        tags = any(True for _ in self.element.iter("ParameterDeclarations", "CatalogReference"))
+        tags = any(True for _ in self.element.iter("ParameterDeclarations", *REFERENCES))
         return not tags and not any("$" in text for each in self.element.iter("*") for text in each.attrib.values())
 
     @property
@@ -200,22 +205,30 @@ class Catalogs:
         names = [f"{kind}Catalog" for kind in kinds]
         directories = [directory for name in names if (directory := self._location(name)) is not None]
         problems = [] if directories else [f"CatalogLocations has no {' or '.join(names)}"]
-        files: dict[str, None] = {}
+        files: dict[str, int] = {}
         incomplete = False
-        for directory in directories:
+        for number, directory in enumerate(directories):
             try:
                 located = locate(directory.path, self._scenario, self._folders)
+            except InvalidFile as error:  # it may not be looked at
+                problems.append(str(error))
+                continue
             except (OSError, ValueError):
                 incomplete = True
                 place = f"{directory.file}:{directory.line}"
                 problems.append(missing(directory.path, f" ({place})"))
                 continue
-            files.update(dict.fromkeys(located.files))
+            files |= {file: number for file in located.files if file not in files}
             if located.assumed:
                 self._remarks.add(Remark(DIRECTORIES, located.assumed, str(directory.file), directory.line))
-        results = [_catalog(self._load, file, stamp(file)) for file in files]
-        problems += [f"not readable: {result}" for result in results if isinstance(result, str)]
-        return _Found([result for result in results if isinstance(result, _Catalog)], problems, incomplete)
+        results = [(_catalog(self._load, file, stamp(file)), number) for file, number in files.items()]
+        problems += [f"not readable: {result}" for result, _ in results if isinstance(result, str)]
+        found = [(result, number) for result, number in results if isinstance(result, _Catalog)]
+        first: dict[tuple[int, str], str] = {}
+        for catalog, number in found:
+            first.setdefault((number, catalog.name), os.path.dirname(catalog.path))
+        catalogs = [each for each, number in found if first[number, each.name] == os.path.dirname(each.path)]
+        return _Found(catalogs, problems, incomplete)
 
 
 def referred(file: Path, reference: str) -> Path:
@@ -229,7 +242,10 @@ _URI = re.compile(r"file:(//[^/]*)?(/(?=[A-Za-z]:))?", re.IGNORECASE)
 
 
 class Located(NamedTuple):
-    """The files of a catalogue directory, sorted, and what was assumed to find them; empty where it is as it says."""
+    """The files of a catalogue directory, sorted, and what was assumed to find them; empty where it is as it says.
+
+    Where the directory is missing these are the files of all folders that were asked for, in the order of the folders.
+    """
 
     files: list[str]
     assumed: str
@@ -255,28 +271,34 @@ def locate(path: Path, scenario: Path, folders: Folders = ()) -> Located:
 
     Raises:
         OSError, ValueError: there is no such directory, or it cannot be read.
+        InvalidFile: it may not be looked at (`schemas.security.policy`).
     """
     assumed = ""
+    current().admit(path)
     if not path.exists():
         asked_for = _asked_for(path, folders)
-        found = asked_for or next((place for place in _elsewhere(path, scenario) if place.exists()), None)
-        if found is not None and asked_for:
-            path = found
-        elif found is not None:
+        if asked_for:
+            return Located([file for each in asked_for for file in _files(each)], "")
+        found = next((each for each in _elsewhere(path, scenario) if current().allows(each) and each.exists()), None)
+        if found is not None:
             path, assumed = found, f"there is no folder {path}: {found} is taken, by its name"
+    alone = f"{path} is a file, a folder is expected: that file alone is taken" if path.is_file() else ""
+    return Located(_files(path), assumed or alone)
+
+
+def _files(path: Path) -> list[str]:
+    """The files of a directory of catalogues, sorted; the file alone where it is one."""
     if path.is_file():
-        alone = f"{path} is a file, a folder is expected: that file alone is taken"
-        return Located([os.path.normpath(path)], assumed or alone)
-    files = sorted(os.path.normpath(entry.path) for entry in os.scandir(path) if entry.name.lower().endswith(".xosc"))
-    return Located(files, assumed)
+        return [os.path.normpath(path)]
+    return sorted(os.path.normpath(entry.path) for entry in os.scandir(path) if entry.name.lower().endswith(".xosc"))
 
 
-def _asked_for(path: Path, folders: Folders) -> Path | None:
-    """The directory, or file, of that name in one of the folders that were asked for, or else the first that has catalogues."""
+def _asked_for(path: Path, folders: Folders) -> list[Path]:
+    """The directories, or files, of that name in the folders that were asked for, then those folders that have catalogues."""
     places = search_path(folders, VARIABLE)
     name = os.path.basename(os.path.normpath(path))
-    named = next((place / name for place in places if (place / name).exists()), None)
-    return named or next((place for place in places if any(place.glob("*.xosc"))), None)
+    named = [place / name for place in places if (place / name).exists()]
+    return [*named, *(place for place in places if any(place.glob("*.xosc")))]
 
 
 def _elsewhere(path: Path, scenario: Path) -> Iterator[Path]:

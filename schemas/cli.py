@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -10,10 +11,17 @@ from typing import Annotated, Literal
 import typer
 
 from schemas.checks.problems import LEVELS, Problem
-from schemas.commands.options import CatalogPath, RoadPath, Version, deliver, guarded_reader, new_app
+from schemas.commands.help import epilog
+from schemas.commands.options import CatalogPath, RoadPath, Version, deliver, guarded, new_app, protected
+from schemas.errors import ExitCode, exit_codes
+from schemas.security.text import one_line
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
-_EPILOG = "Exit codes: 0 all files are accepted (no error; with --strict no warning either), 1 some are not, 2 wrong usage."
+_EXAMPLES = (
+    "xosc-check xosc/library xodr/library",
+    "xosc-check --format sarif --output check.sarif xosc/library",
+)
+_EPILOG = exit_codes("all files are accepted (no error; with --strict no warning either)", "some are not")
 
 app = new_app()
 
@@ -22,12 +30,14 @@ def _print_rules(requested: bool) -> None:
     if requested:
         from schemas.checks.registry import all_rules
         from schemas.checks.report import listing
+        from schemas.osi.rules import all_osi_rules
 
-        print(listing(all_rules()), end="")
+        print(listing([*all_rules(), *all_osi_rules()]), end="")
         raise typer.Exit
 
 
-@app.command(epilog=_EPILOG)
+@app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
+@protected("max_runs")
 def xosc_check(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Files, folders (with all below them) and globs.")],
     format: Annotated[Literal["text", "json", "junit", "xqar", "sarif"], typer.Option(help="Format of the report.")] = "text",
@@ -41,10 +51,12 @@ def xosc_check(
     _rules: Annotated[bool, typer.Option("--rules", callback=_print_rules, is_eager=True, help="List all rules.")] = False,
     _version: Version = False,
 ) -> None:
-    """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules."""
+    """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules, OSI traces against OSI's rules."""
     from schemas.commands.files import expand
 
-    results = _check(expand(paths), catalog_path or (), road_path or (), progress=not quiet and sys.stderr.isatty())
+    files = expand(paths)
+    missing = any(not os.path.lexists(path) for path in files)
+    results = _check(files, catalog_path or (), road_path or (), progress=not quiet and sys.stderr.isatty())
     refused = {"error", "warning"} if strict else {"error"}
     failed = any(problem.level in refused for _, problems in results for problem in problems)
     reported = LEVELS[: LEVELS.index(severity) + 1]
@@ -53,7 +65,7 @@ def xosc_check(
         _print(results, verbose=verbose, quiet=quiet)
     else:
         _write(results, format, output, quiet)
-    raise typer.Exit(1 if failed else 0)
+    raise typer.Exit(ExitCode.INVALID if missing else ExitCode.FINDING if failed else ExitCode.PASSED)
 
 
 def _check(
@@ -75,7 +87,7 @@ def _print(results: Sequence[tuple[Path, list[Problem]]], verbose: bool, quiet: 
     from schemas.checks import report
 
     if not sys.stdout.isatty():
-        sound = (f"{path}: accepted" for path, problems in results if verbose and not problems)
+        sound = (one_line(f"{path}: accepted") for path, problems in results if verbose and not problems)
         lines = [*sound, *report.text(results).splitlines()]
         print("\n".join(lines[:-1] if quiet else lines), end="\n" if not quiet or lines[:-1] else "")
         return
@@ -85,11 +97,13 @@ def _print(results: Sequence[tuple[Path, list[Problem]]], verbose: bool, quiet: 
     console = Console(soft_wrap=True, highlight=False)
     for path, problems in results:
         if verbose and not problems:
-            console.print(Text.assemble(str(path), ": ", ("accepted", "green")))
+            console.print(Text.assemble(one_line(str(path)), ": ", ("accepted", "green")))
         for problem in problems:
-            place = str(path) if problem.line is None else f"{path}:{problem.line}"
+            place = one_line(str(path) if problem.line is None else f"{path}:{problem.line}")
             level = (problem.level, _STYLES[problem.level])
-            console.print(Text.assemble((place, "bold"), ": ", level, f": {problem.message} ", (f"[{problem.rule}]", "dim")))
+            console.print(
+                Text.assemble((place, "bold"), ": ", level, f": {one_line(problem.message)} ", (f"[{problem.rule}]", "dim"))
+            )
     if not quiet:
         console.print(Text(report.summary(results)))
 
@@ -104,7 +118,7 @@ def _write(results: Sequence[tuple[Path, list[Problem]]], format: str, output: P
 
 def main() -> None:
     """Entry point."""
-    guarded_reader("xosc-check", app)
+    guarded("xosc-check", app, traced=False)
 
 
 if __name__ == "__main__":

@@ -10,11 +10,60 @@ import difflib
 import sys
 import traceback
 from collections.abc import Iterable
+from enum import IntEnum
 from importlib.util import find_spec
 from os import PathLike
 
+from schemas.security.text import one_line
+
 _MOST_COMPARED, _LONGEST_COMPARED = 300, 100
 """Names beyond this number, and characters beyond that, are not compared: that takes its time."""
+
+
+class ExitCode(IntEnum):
+    """Exit codes of all commands: the same cause has the same code in each of them.
+
+    `FINDING` is the negative answer of a command that did its work: a failed verdict of `xosc-run`, a file that `xosc-check`
+    does not accept, no edge case of `xosc-generate`.
+    """
+
+    PASSED = 0
+    FINDING = 1
+    USAGE = 2
+    INVALID = 3
+    UNSUPPORTED = 4
+    INTERNAL = 5
+    INCONCLUSIVE = 6
+
+
+_GRAVEST_FIRST = (
+    ExitCode.INTERNAL,
+    ExitCode.INVALID,
+    ExitCode.UNSUPPORTED,
+    ExitCode.USAGE,
+    ExitCode.FINDING,
+    ExitCode.INCONCLUSIVE,
+    ExitCode.PASSED,
+)
+
+
+def exit_codes(passed: str, finding: str, inconclusive: str = "") -> str:
+    """The sentence on exit codes in the help of a command.
+
+    Args:
+        passed: meaning of code 0 in this command.
+        finding: meaning of code 1; empty for a command that finds nothing wrong.
+        inconclusive: meaning of code 6; empty for a command without runs.
+    """
+    found = [f"0 {passed}", *([f"1 {finding}"] if finding else []), "2 wrong usage", "3 invalid or missing file"]
+    found += ["4 unsupported", "5 internal error" + " or a system under test that fails" * bool(inconclusive)]
+    found += [f"6 {inconclusive}"] if inconclusive else []
+    return f"Exit codes: {', '.join(found)}. With several files, the gravest of theirs."
+
+
+def gravest(codes: Iterable[int]) -> int:
+    """The exit code of a command that did several things; 0 for none."""
+    return min(codes, key=lambda code: _GRAVEST_FIRST.index(ExitCode(code)), default=ExitCode.PASSED)
 
 
 class ToolchainError(Exception):
@@ -27,7 +76,7 @@ class ToolchainError(Exception):
         element: name or path of the XML element concerned, as in the file.
     """
 
-    exit_code = 5
+    exit_code = ExitCode.INTERNAL
 
     def __init__(
         self, message: str, *, path: str | PathLike[str] | None = None, line: int | None = None, element: str | None = None
@@ -54,19 +103,19 @@ def _rebuild(kind: type[ToolchainError], message: str, path: str | None, line: i
 class UsageError(ToolchainError):
     """The call itself is wrong: an unknown option value, entity or parameter name."""
 
-    exit_code = 2
+    exit_code = ExitCode.USAGE
 
 
 class InvalidFile(ToolchainError):
     """A file that is missing, malformed, or breaks its standard."""
 
-    exit_code = 3
+    exit_code = ExitCode.INVALID
 
 
 class Unsupported(ToolchainError):
     """A valid file that asks for something this toolchain does not do, named exactly."""
 
-    exit_code = 4
+    exit_code = ExitCode.UNSUPPORTED
 
 
 def reason(error: Exception) -> str:
@@ -103,17 +152,12 @@ def describe(error: Exception) -> tuple[str, int]:
     if isinstance(error, ToolchainError):
         message, code = str(error), error.exit_code
     elif isinstance(error, OSError):
-        message, code = ": ".join(str(part) for part in (error.strerror or error, error.filename) if part), 2
+        message, code = ": ".join(str(part) for part in (error.strerror or error, error.filename) if part), ExitCode.USAGE
     elif isinstance(error, MemoryError):
         message, code = "this takes more memory than there is, or than the process may have", Unsupported.exit_code
     else:
-        message, code = f"internal error: {type(error).__name__}: {error}", 5
+        message, code = f"internal error: {type(error).__name__}: {error}", ExitCode.INTERNAL
     return one_line(message), code
-
-
-def one_line(text: str) -> str:
-    """Text from files and plug-ins as a terminal may see it: no line breaks, no control characters."""
-    return "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in text)
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

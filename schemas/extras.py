@@ -10,6 +10,8 @@ from schemas.errors import UsageError
 _EXTRAS = {
     "gymnasium": "gym",
     "google": "osi",
+    "lz4": "osi",
+    "mcap": "osi",
     "osi3": "osi",
     "osi_utilities": "osi",
     "ray": "ray",
@@ -18,6 +20,7 @@ _EXTRAS = {
     "skops": "recognition",
     "threadpoolctl": "recognition",
     "torch": "recognition",
+    "zstandard": "osi",
     "ribs": "search",
     "cma": "study",
     "greenlet": "study",
@@ -26,9 +29,19 @@ _EXTRAS = {
 }
 """The extra that brings a library, by the name that it is imported by."""
 
+_WITHOUT = {
+    "gym": "runner.Session steps through a run",
+    "osi": "all other systems, outputs and targets of xosc-export",
+    "ray": "--jobs N runs N processes on this machine",
+    "recognition": "--labels rules labels by rules",
+    "search": "xosc-run runs variation files, --sample N draws from them; xosc-recognize --labels rules makes catalogues",
+    "study": "xosc-generate searches by its own methods",
+}
+"""What works without an extra."""
+
 
 class MissingExtra(UsageError):
-    """A library is missing that an extra brings; says what to type."""
+    """A library is missing that an extra brings; says what to type, and what works without it."""
 
 
 def optional(module: str) -> Any:
@@ -52,4 +65,5 @@ def missing(error: BaseException, extra: str | None = None) -> MissingExtra | No
     library = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
     if library not in _EXTRAS:
         return None
-    return MissingExtra(f'{library} is missing; type: pip install "xosc-toolchain[{extra or _EXTRAS[library]}]"')
+    named = extra or _EXTRAS[library]
+    return MissingExtra(f'{library} is missing; type: pip install "xosc-toolchain[{named}]"; without it: {_WITHOUT[named]}')

@@ -28,7 +28,7 @@ def public(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
 
     Args:
         package: the package's name.
-        homes: the module that each name is in.
+        homes: the module that each name is in, as `module:name` where it has another name there.
     """
 
     def __getattr__(name: str) -> Any:
@@ -36,7 +36,8 @@ def public(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
             return version()
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(optional(homes[name]), name)
+        module, _, own = homes[name].partition(":")
+        return getattr(optional(module), own or name)
 
     def __dir__() -> list[str]:
         return sorted({*vars(sys.modules[package]), *homes, "__version__"})

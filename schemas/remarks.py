@@ -13,6 +13,9 @@ in any case, by the errors of `schemas.errors`.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from schemas.errors import InvalidFile
@@ -27,12 +30,17 @@ class Remark:
         message: what is wrong, and what is assumed.
         path: the file.
         line: 1-based line, where there is one.
+        cause: name of the cause for which a run is inconclusive by this (`runner.interpreter.untested.CAUSES`); empty where it
+            is none.
+        element: name of the element that it is about; empty where it is not known.
     """
 
     rule: str
     message: str
     path: str
     line: int | None = None
+    cause: str = ""
+    element: str = ""
 
     def __str__(self) -> str:
         place = self.path if self.line is None else f"{self.path}:{self.line}"
@@ -41,6 +49,37 @@ class Remark:
     def error(self) -> InvalidFile:
         """The refusal that takes the repair's place where loading is strict."""
         return InvalidFile(f"{self.message} [{self.rule}]", path=self.path, line=self.line)
+
+
+_BREACH = re.compile(r"\[[\w.-]+:xo(?:sc|dr):[\w.:-]+\]$")
+
+
+def told_quietly(remarks: Iterable[str]) -> str:
+    """Return what is told of remarks where a command is quiet: the first one on a breach of a rule; "" without one.
+
+    Args:
+        remarks: of one file or several, as text.
+    """
+    repairs = dict.fromkeys(remark for remark in remarks if _BREACH.search(remark))
+    first = next(iter(repairs), "")
+    more = f" (and {len(repairs) - 1} more, see without --quiet)" if len(repairs) > 1 else ""
+    return f"read though it breaks its standard: {first}{more}" if first else ""
+
+
+@contextmanager
+def with_ignored(remarks: Iterable[Remark]) -> Iterator[None]:
+    """Around all that reads a document: an error names an element that is ignored, as a reference into it leads nowhere.
+
+    Args:
+        remarks: those on the document.
+    """
+    try:
+        yield
+    except InvalidFile as error:
+        reason = next((remark for remark in remarks if remark.cause), None)
+        if reason is not None and reason.message not in error.message:
+            error.message += f"; line {reason.line}: {reason.message}" if reason.line else f"; {reason.message}"
+        raise
 
 
 class Remarks:

@@ -1,46 +1,120 @@
-"""Reading files that may be anything, writing files whole or not at all, and resuming work only with the same settings."""
+"""Reading files that may be anything, writing them whole or not at all, and keeping results of work that is resumed."""
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
 import secrets
 import stat
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from filelock import FileLock, Timeout
 
 from schemas.errors import InvalidFile, UsageError
+from schemas.security.policy import current
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 MAX_BYTES = 256 * 1024 * 1024
 """Largest file that is read. The biggest public road networks have about a tenth of it."""
+
+
+def cache_folder() -> Path:
+    """The cache folder: XOSC_CACHE_DIR, or xosc-toolchain in XDG_CACHE_HOME or in ~/.cache."""
+    own = os.environ.get("XOSC_CACHE_DIR")
+    if own:
+        return Path(own)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "xosc-toolchain"
 
 
 def read_bytes(path: Path) -> bytes:
     """The content of a file that may be anything, a device without an end included.
 
     Raises:
-        InvalidFile: it is missing, no regular file, or larger than `MAX_BYTES`.
+        InvalidFile: it is missing, no regular file, or larger than `MAX_BYTES`; or the policy in force refuses it.
     """
+    current().admit(path)
+    most = min(MAX_BYTES, current().max_bytes or MAX_BYTES)
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
             raise InvalidFile("this is a folder, a file is expected", path=path)
         if not stat.S_ISREG(status.st_mode):
             raise InvalidFile("this is not a regular file", path=path)
-        if status.st_size > MAX_BYTES:
-            raise InvalidFile(f"the file has {status.st_size} bytes, at most {MAX_BYTES} are read", path=path)
+        if status.st_size > most:
+            raise InvalidFile(f"the file has {status.st_size} bytes, at most {most} are read", path=path)
         return path.read_bytes()
     except FileNotFoundError:
         raise InvalidFile("no such file", path=path) from None
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise InvalidFile(f"the file can't be read: {reason}", path=path) from None
+
+
+EXPANSION, LEAST_TABLE, LARGEST_TABLE = 100, 64 * 1024 * 1024, 2 * 1024**3
+"""Times its own size to which a table may expand, and the bytes that every table and no table may take"""
+
+
+def read_parquet(path: str | PathLike[str], columns: Sequence[str] | None = None) -> pa.Table:
+    """Return columns of a Parquet file, after its metadata has shown that they are of a sensible size.
+
+    Texts are read as dictionaries first: a page of some kilobytes may stand for a million rows.
+
+    Args:
+        columns: names of those wanted; all by default.
+
+    Raises:
+        InvalidFile: they expand to much more than the file.
+        OSError, ValueError, pyarrow.ArrowException: it can't be read.
+        MemoryError: there is not enough memory for them.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    import pyarrow.parquet as pq
+
+    path = Path(path)
+    limit = min(max(LEAST_TABLE, EXPANSION * path.stat().st_size), LARGEST_TABLE)
+    try:
+        schema = pq.read_schema(path)
+        wanted = [name for name in schema.names if columns is None or name in columns]
+        texts = [name for name in wanted if _is_text(schema.field(name).type)]
+        with pq.ParquetFile(path, read_dictionary=texts) as file:
+            about = file.metadata
+            chunks = [
+                group.column(i) for group in map(about.row_group, range(about.num_row_groups)) for i in range(about.num_columns)
+            ]
+            chosen = [chunk for chunk in chunks if chunk.path_in_schema.split(".")[0] in wanted]
+            _check_expansion(sum(max(8 * chunk.num_values, chunk.total_uncompressed_size) for chunk in chosen), limit, path)
+            table = file.read(columns if columns is None else list(columns))
+        for name in texts:
+            for chunk in table[name].chunks:
+                lengths = pc.take(pc.binary_length(chunk.dictionary), chunk.indices)
+                _check_expansion(pc.sum(lengths).as_py() or 0, limit, path)
+        return table.cast(pa.schema([schema.field(name) for name in table.column_names], schema.metadata))
+    except pa.ArrowMemoryError as error:
+        raise MemoryError(str(error)) from None
+    except KeyError as error:
+        raise ValueError(f"its schema is not that of its columns: {error.args[0]}") from None
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    import pyarrow as pa
+
+    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+
+
+def _check_expansion(size: int, limit: int, path: Path) -> None:
+    if size > limit:
+        raise InvalidFile(f"the table expands to {size} bytes, at most {limit} are read of a file of this size", path=path)
 
 
 def search_path(folders: Sequence[str | PathLike[str]], variable: str) -> list[Path]:
@@ -61,7 +135,7 @@ def in_any_case(path: Path) -> Path | None:
                 return None
             part = alike[0]
         found /= part
-    return found
+    return found if current().allows(found) else None
 
 
 def above(path: Path, file: Path) -> Iterator[Path]:
@@ -74,8 +148,12 @@ def above(path: Path, file: Path) -> Iterator[Path]:
 _ENDING = 2.0
 """Time (s) that the workers of a process that was killed have to notice it and to end"""
 
+_SYNCED = 16
+"""Files that are synced at a time"""
 LOCK = ".lock"
 """Name of the file by which `alone` keeps others out"""
+DRAFT = ".draft-"
+"""Beginning of the names of files and folders that are being written; a killed process leaves them."""
 Stamp = tuple[int, int]
 """Modification time in nanoseconds and size in bytes: together they tell whether a file has changed."""
 
@@ -124,14 +202,14 @@ def parse_object(content: bytes, path: Path, line: int | None = None, remedy: st
 
 
 def write_object(values: Mapping[str, Any], path: Path) -> None:
-    """Write a JSON object, whole or not at all (see `keep`). Numbers must be finite.
+    """Write a JSON object, whole or not at all and on the disk (see `keep`). Numbers must be finite.
 
     Raises:
         UsageError: the file can't be written.
     """
     text = json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     with writing("this", path):
-        keep(text.encode(errors="backslashreplace"), path)  # which is how JSON writes bytes in file names
+        keep(text.encode(errors="backslashreplace"), path, durable=True)  # which is how JSON writes bytes in file names
 
 
 def check_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
@@ -198,29 +276,181 @@ def alone(folder: Path, what: str) -> Iterator[None]:
         lock.release()
 
 
-def keep(content: bytes, path: Path) -> Path:
+def keep(content: bytes, path: Path, durable: bool = False) -> Path:
     """Write a file whole or not at all, also for those who write the same beside; nothing where it has that content already.
 
     It gets the permissions that the user's umask leaves to a new file.
 
+    Args:
+        durable: return when it is on the disk, so that it is also there after a power cut.
+
     Raises:
         OSError: the file can't be written.
     """
-    if path.is_file() and path.read_bytes() == content:
-        return path
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}")  # what tempfile makes is for its owner's eyes only
+    if not path.is_file() or path.read_bytes() != content:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with drafted(path) as draft:
+                draft.write_bytes(content)
+                if durable:
+                    sync([draft])
+        except PermissionError:  # Windows replaces no file that is open: one who writes the same was first, and it is read
+            if not path.is_file() or path.read_bytes() != content:
+                raise
+    if durable:
+        sync([path, path.parent])
+    return path
+
+
+@contextmanager
+def drafted(path: Path) -> Iterator[Path]:
+    """A path to write a file to, beside the one that it becomes at the end; after an error neither is there.
+
+    Devices and pipes have nothing to be replaced: they are written directly.
+
+    Raises:
+        OSError: the file can't be put in its place.
+    """
+    if _is_special(path):
+        yield path
+        return
+    draft = path.with_name(f"{DRAFT}{secrets.token_hex(4)}{path.suffix}")  # what tempfile makes is for its owner's eyes only
     try:
-        draft.write_bytes(content)
-        return draft.replace(path)
-    except PermissionError:  # Windows replaces no file that is open: one who writes the same was first, and it is read
-        if path.is_file() and path.read_bytes() == content:
-            return path
-        raise
+        yield draft
+        draft.replace(path)
     finally:
-        draft.unlink(missing_ok=True)
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+
+
+def _is_special(path: Path) -> bool:
+    """Whether a path is that of a device or a pipe, or leads to what a process has opened, as /dev/stdout does."""
+    folder = os.path.realpath(path.parent)
+    return (os.path.exists(path) and not path.is_file()) or f"{folder}/".startswith(("/dev/", "/proc/"))
+
+
+def sync(paths: Iterable[Path]) -> None:
+    """Return when the contents of files, and the names in folders, are on the disk.
+
+    Many are synced together: a disk takes them in little more time than one.
+
+    Raises:
+        OSError: one can't be.
+    """
+    with ThreadPoolExecutor(_SYNCED) as pool:
+        list(pool.map(_sync, paths))
+
+
+def _sync(path: Path) -> None:
+    if os.name == "nt" and path.is_dir():
+        return  # Windows opens no folders, and writes their names at once
+    file = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
 
 
 def digest(content: bytes) -> str:
     """A short name for some content, to tell files apart."""
     return hashlib.blake2b(content, digest_size=6).hexdigest()
+
+
+_SEAL = b', "digest": "%s"}'
+
+
+class Kept(NamedTuple):
+    """Records of a file, and the numbers (from 1) of its lines that are damaged."""
+
+    records: list[dict[str, Any]]
+    damaged: list[int]
+
+
+class Records:
+    """A file of JSON objects, a line each. For one process at a time (see `alone`).
+
+    Each line ends with the digest of what is before it. So a line that a full disk or a power cut left in part, or that was
+    edited, is told from a whole one, and the others still count. What `add` has returned from is on the disk.
+
+        records = Records(out / "runs.jsonl")
+        for record in records.read().records: ...
+        records.add([{"name": "a", "passed": True}])
+
+    Args:
+        path: the file; absent until something is added.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def read(self) -> Kept:
+        """The records that are whole, in their order.
+
+        Raises:
+            OSError: the file is there and can't be read.
+        """
+        try:
+            lines = self.path.read_bytes().split(b"\n")
+        except FileNotFoundError:
+            return Kept([], [])
+        kept = Kept([], [])
+        for number, line in enumerate(lines, 1):
+            record = _opened(line)
+            if record is not None:
+                kept.records.append(record)
+            elif line:
+                kept.damaged.append(number)
+        return kept
+
+    def add(self, records: Iterable[Mapping[str, Any]]) -> None:
+        """Add records after the others. Numbers must be finite.
+
+        Raises:
+            OSError: they can't be written: none of them is kept.
+        """
+        content = b"".join(map(_sealed, records))
+        is_new = not self.path.exists()
+        binary = getattr(os, "O_BINARY", 0)  # else Windows makes two bytes of the end of a line
+        file = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | binary, 0o666)
+        try:
+            before = os.fstat(file).st_size
+            try:
+                if os.write(file, content) < len(content):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
+                os.fsync(file)
+            except OSError:
+                with suppress(OSError):
+                    os.ftruncate(file, before)
+                raise
+        finally:
+            os.close(file)
+        if is_new:
+            sync([self.path.parent])
+
+    def replace(self, records: Iterable[Mapping[str, Any]]) -> None:
+        """Put records in the place of all that there are, whole or not at all.
+
+        Raises:
+            OSError: they can't be written.
+        """
+        keep(b"".join(map(_sealed, records)), self.path, durable=True)
+
+
+def _sealed(record: Mapping[str, Any]) -> bytes:
+    content = json.dumps(record, allow_nan=False).encode()[:-1]
+    return content + _SEAL % digest(content).encode() + b"\n"
+
+
+def _opened(line: bytes) -> dict[str, Any] | None:
+    """The record of a line; None where it is damaged."""
+    content = line[: -len(_SEAL % digest(b"").encode())]
+    if not line or line != content + _SEAL % digest(content).encode():
+        return None
+    try:
+        record = json.loads(line)
+    except ValueError:
+        return None
+    if not isinstance(record, dict):
+        return None
+    record.pop("digest")
+    return record

@@ -11,10 +11,13 @@ from lxml import etree
 
 from schemas.errors import InvalidFile, UsageError
 from schemas.registry import Schema
-from schemas.xml import local_name, parse
+from schemas.xml import local_name
 
 _MOST_EXPLAINED = 20_000
 """Elements up to which xmlschema explains. Its time grows with their square; larger documents get libxml2's messages."""
+
+_with_many_attributes = etree.XPath("boolean(//*[count(@*) > 100])")
+"""Of so many, too: it shows all attributes of an element for each that is wrong"""
 
 _MEANINGS = {
     "expression": "an expression ${…}",
@@ -53,12 +56,17 @@ def find_violations(tree: etree._ElementTree, schema: Schema) -> Iterator[Violat
     if compiled is not None and compiled.validate(tree):
         return
     explained = False
-    if compiled is None or sum(1 for _ in islice(tree.iter(), _MOST_EXPLAINED + 1)) <= _MOST_EXPLAINED:
+    if compiled is None or _can_be_explained(tree):
         for violation in _explained(tree, schema):
             explained = True
             yield violation
     if compiled is not None and not explained:
         yield from _logged(tree, compiled)
+
+
+def _can_be_explained(tree: etree._ElementTree) -> bool:
+    elements = sum(1 for _ in islice(tree.iter(), _MOST_EXPLAINED + 1))
+    return elements <= _MOST_EXPLAINED and not _with_many_attributes(tree)
 
 
 def brief_violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
@@ -84,7 +92,7 @@ def is_valid(tree: etree._ElementTree, schema: Schema) -> bool:
 @cache
 def _compiled(schema: Schema) -> etree.XMLSchema:
     try:
-        return etree.XMLSchema(parse(schema.path))
+        return etree.XMLSchema(schema.tree())
     except (etree.XMLSchemaParseError, InvalidFile) as error:
         raise UsageError(f"the XSD can't be used: {error}", path=schema.path) from None
 
@@ -94,8 +102,10 @@ def _explainer(schema: Schema) -> Any:
     import xmlschema
 
     kind = xmlschema.XMLSchema11 if schema.xsd_1_1 else xmlschema.XMLSchema10
+    made = schema.difference is not None
     try:
-        return kind(str(schema.path), allow="local")
+        source = etree.tostring(schema.tree(), encoding="unicode") if made else str(schema.path)
+        return kind(source, allow="local", base_url=str(schema.path.parent))
     except xmlschema.XMLSchemaException as error:
         raise UsageError(f"the XSD can't be used: {error}", path=schema.path) from None
 

@@ -23,8 +23,12 @@ _OF_WINDOWS = "windows-1252"
 """What editors on Windows write, in the west, where they do not write UTF-8"""
 _DOCTYPE = re.compile(rb"<!DOCTYPE\s[^\[<>]*(?:\[\s*\]\s*)?>")
 _COMMENT_OR_CDATA = re.compile(rb"<!--|<!\[CDATA\[")
-_START_TAG = re.compile(rb"<[A-Za-z_](?:[^<>\"']|\"[^<\"]*\"|'[^<']*')*>")
+_START_TAG = re.compile(rb"<[A-Za-z_](?:[^<>\"']++|\"[^<\"]*+\"|'[^<']*+')*+>")
 _ATTRIBUTE = re.compile(rb"""\s([A-Za-z_][\w:.-]*)\s*=\s*("[^"]*"|'[^']*')""")
+LONGEST_TAG = 1024 * 1024
+"""Bytes that a start tag may have, with all its attributes; the parser takes some eighty times as much memory"""
+MOST_PARTS = 10_000_000
+"""Elements and attributes that a document may have; public road networks of 25 MB have a million"""
 _HINTS_OF_THE_PARSER = re.compile(r", (?:line \d+, column \d+.*|(?:use|try) XML_PARSE_HUGE.*)$", re.DOTALL)
 
 
@@ -44,6 +48,7 @@ def parse(path: str | PathLike[str], remarks: list[Remark] | None = None) -> etr
     data = read_bytes(path)
     if not data.strip():
         raise InvalidFile("the file is empty", path=path, line=1)
+    _check_size(data, path)
     try:
         return parse_bytes(data, path)
     except InvalidFile:
@@ -68,6 +73,7 @@ def parse_bytes(data: bytes, path: Path) -> etree._ElementTree:
     Raises:
         InvalidFile: not well-formed, or declares a document type.
     """
+    _check_size(data, path)
     doctype = _BEFORE_DOCTYPE.match(data if b"\0" not in data[:4] else data.replace(b"\0", b""))
     if doctype:
         raise _doctype_refused(path, doctype.group().count(b"\n") + 1)
@@ -75,6 +81,8 @@ def parse_bytes(data: bytes, path: Path) -> etree._ElementTree:
     try:
         tree = etree.parse(BytesIO(data), parser, base_url=str(path).encode(errors="backslashreplace").decode())
     except etree.XMLSyntaxError as error:
+        if getattr(error, "code", None) == etree.ErrorTypes.ERR_NO_MEMORY:  # its type hints lack it
+            raise MemoryError(error.msg) from None
         message = _HINTS_OF_THE_PARSER.sub("", error.msg or "no XML was found")
         raise InvalidFile(f"not well-formed XML: {message}", path=path, line=error.lineno) from None
     except (LookupError, UnicodeError, ValueError) as error:
@@ -82,6 +90,30 @@ def parse_bytes(data: bytes, path: Path) -> etree._ElementTree:
     if tree.docinfo.internalDTD is not None:
         raise _doctype_refused(path, None)
     return tree
+
+
+def _check_size(data: bytes, path: Path) -> None:
+    """Refuse content that takes the parser many times its size in memory.
+
+    No tag holds a `<`, so that only stretches without one are looked at; a few looks per megabyte find them.
+    """
+    data = data.replace(b"\0", b"") if b"\0" in data[:4] else data
+    half, begin = LONGEST_TAG // 2, 0
+    while begin + half < len(data):
+        found = data.rfind(b"<", begin, begin + half)
+        if found >= 0:
+            begin = found + half
+            continue
+        start, end = data.rfind(b"<", 0, begin), data.find(b"<", begin)
+        begin = len(data) if end < 0 else end
+        if start < 0 or data[start + 1 : start + 2] in (b"!", b"?", b"/") or _START_TAG.match(data, start, start + LONGEST_TAG):
+            continue  # the stretch is text
+        message = f"a tag of more than the {LONGEST_TAG} bytes that are read begins here"
+        raise InvalidFile(message, path=path, line=data.count(b"\n", 0, start) + 1)
+    if len(data) >= 3 * MOST_PARTS:  # what is shorter can't have as many
+        parts = data.count(b"<") + data.count(b"=")
+        if parts > MOST_PARTS:
+            raise InvalidFile(f"the file has {parts} elements and attributes, at most {MOST_PARTS} are read", path=path)
 
 
 def line_of(element: etree._Element) -> int | None:
@@ -96,6 +128,12 @@ def local_name(element: etree._Element) -> str:
     return tag.rpartition("}")[2] if isinstance(tag, str) else ""
 
 
+def canonical(element: etree._Element) -> tuple[object, ...]:
+    """What an element says, to compare it: names, attributes, texts and children. Unlike C14N it takes any namespace."""
+    children = (canonical(child) for child in element.iterchildren(etree.Element))
+    return str(element.tag), frozenset(element.attrib.items()), (element.text or "").strip(), *children
+
+
 def _doctype_refused(path: Path, line: int | None) -> InvalidFile:
     return InvalidFile("a document type (DOCTYPE) is refused, with any entities it declares", path=path, line=line)
 
@@ -108,9 +146,15 @@ def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
     in what should be UTF-8. Encodings in which these have other bytes are left alone.
     """
     remarks: list[Remark] = []
+    rule, counted, line = rule_of(path), 0, 1
 
     def note(position: int, message: str) -> None:
-        remarks.append(Remark(rule_of(path), message, str(path), data.count(b"\n", 0, position) + 1))
+        nonlocal counted, line
+        if position >= counted:
+            counted, line = position, line + data.count(b"\n", counted, position)
+            remarks.append(Remark(rule, message, str(path), line))
+        else:
+            remarks.append(Remark(rule, message, str(path), data.count(b"\n", 0, position) + 1))
 
     fixed = data
     mark = data.find(_BYTE_ORDER_MARK, len(_BYTE_ORDER_MARK) if data.startswith(_BYTE_ORDER_MARK) else 0)
@@ -175,13 +219,15 @@ def _without_doubled_attributes(data: bytes, note: Callable[[int, str], None]) -
 
     def once(tag: re.Match[bytes]) -> bytes:
         text, seen = tag[0], set[tuple[bytes, bytes]]()
+        parts, kept = [], 0
         for attribute in _ATTRIBUTE.finditer(text):
             given = attribute[1], attribute[2][1:-1]
             if given in seen:
                 note(tag.start() + attribute.start(1), f"the attribute {given[0].decode()!r} is there twice, with one value")
-                text = text[: attribute.start()] + _blank(attribute[0]) + text[attribute.end() :]
+                parts += [text[kept : attribute.start()], _blank(attribute[0])]
+                kept = attribute.end()
             seen.add(given)
-        return text
+        return b"".join([*parts, text[kept:]]) if parts else text
 
     return _START_TAG.sub(once, data)
 

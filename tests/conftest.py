@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from schemas.security.plugins import SAFE_PATH
 from tests.commands import Answer, Command, main
 
 settings.register_profile("suite", derandomize=True, deadline=None)
@@ -42,6 +43,8 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
     def call(name: str, *arguments: object) -> Answer:
         monkeypatch.setattr(sys, "path", list(sys.path))
+        monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
+        monkeypatch.setenv(SAFE_PATH, os.environ.get(SAFE_PATH, ""))
         monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
             main(name)()

@@ -15,6 +15,8 @@ from typing import NamedTuple
 
 from lxml import etree
 
+from tests.fuzz import standard
+
 REPOSITORY = Path(__file__).parents[1]
 OWN_SCENARIOS = (REPOSITORY / "xosc" / "library", REPOSITORY / "tests" / "conformance" / "scenarios")
 
@@ -85,13 +87,15 @@ def write_mutant(source: Source, folder: Path, random: Random) -> Mutant:
         shutil.copyfile(path, target)
     victim = source.files[0] if random.random() < 0.65 else random.choice(source.files)
     target = folder / victim.relative_to(base)
-    changes = tuple(f"{victim.name}: {change}" for change in _mutate(target, random))
+    changes = tuple(f"{victim.name}: {change}" for change in mutate(target, random))
     return Mutant(folder / source.files[0].relative_to(base), changes)
 
 
-def _mutate(path: Path, random: Random) -> Iterator[str]:
-    family = random.choices((_NUMBER_CHANGES, _TREE_CHANGES, _TEXT_CHANGES, _FILE_CHANGES), (35, 45, 15, 5))[0]
-    for _ in range(random.choice((1, 1, 2, 3)) if family in (_NUMBER_CHANGES, _TREE_CHANGES) else 1):
+def mutate(path: Path, random: Random) -> Iterator[str]:
+    """Change an XML file, up to three times; in words, how."""
+    families = (_NUMBER_CHANGES, _TREE_CHANGES, _STANDARD_CHANGES, _TEXT_CHANGES, _FILE_CHANGES)
+    family = random.choices(families, (20, 25, 35, 15, 5))[0]
+    for _ in range(random.choice((1, 1, 2, 3)) if family not in (_TEXT_CHANGES, _FILE_CHANGES) else 1):
         change = random.choice(family)
         yield f"{change.__name__.strip('_')} {change(path, random)}"
 
@@ -100,11 +104,22 @@ def _elements(root: etree._Element) -> list[etree._Element]:
     return list(root.iter(etree.Element))
 
 
+def _on_text(change: Callable[[bytes, Random], bytes]) -> Callable[[Path, Random], str]:
+    """A change of a document's bytes as a change of its file."""
+
+    def changed(path: Path, random: Random) -> str:
+        path.write_bytes(change(path.read_bytes(), random))
+        return "in the text"
+
+    changed.__name__ = change.__name__
+    return changed
+
+
 def _on_tree(change: Callable[[etree._Element, Random], str]) -> Callable[[Path, Random], str]:
     """A change of a document's tree as a change of its file."""
 
     def changed(path: Path, random: Random) -> str:
-        tree = etree.parse(path)
+        tree = etree.parse(path, etree.XMLParser(huge_tree=True))
         words = change(tree.getroot(), random)
         tree.write(path, encoding="UTF-8", xml_declaration=True)
         return words
@@ -334,7 +349,7 @@ def _clear(path: Path, random: Random) -> str:
 
 def _exchange_file(path: Path, random: Random) -> str:
     """Put a file of another kind in the place of one."""
-    other = random.choice(sorted(p for p in path.parent.parent.rglob("*.xo*") if p.is_file()))
+    other = random.choice(sorted(p for p in path.parent.parent.rglob("*.xo*") if p.is_file()) or [path])
     if other != path:
         shutil.copyfile(other, path)
     return f"for {other.name}"
@@ -346,5 +361,9 @@ _VALUE_CHANGES = (_drop_attribute, _set_attribute, _set_attribute, _exchange_val
 _STRUCTURE_CHANGES = (_delete, _duplicate, _graft, _swap, _empty, _rename, _parameter_cycle, _catalogue_cycle)
 _NUMBER_CHANGES: _Changes = tuple(_on_tree(change) for change in (_set_number, _set_number, _scale))
 _TREE_CHANGES: _Changes = tuple(_on_tree(change) for change in (*_VALUE_CHANGES, *_STRUCTURE_CHANGES))
-_TEXT_CHANGES: _Changes = (_truncate, _flip_bytes, _repeat_text, _lie_about_encoding, _attack_with_entities, _nest_deeply)
+_STANDARD_CHANGES: _Changes = tuple(_on_tree(change) for change in standard.CHANGES)
+_TEXT_CHANGES: _Changes = (
+    *(_truncate, _flip_bytes, _repeat_text, _lie_about_encoding, _attack_with_entities, _nest_deeply),
+    *(_on_text(change) for change in standard.TEXT_CHANGES),
+)
 _FILE_CHANGES: _Changes = (_remove, _make_folder, _clear, _exchange_file)

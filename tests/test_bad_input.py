@@ -1,8 +1,9 @@
-"""Bad input of every kind: a run, or one clear line and the right exit code; see `benchmarks/mutate.py` for thousands more."""
+"""Bad input of every kind: a run, or one clear line and the right exit code; see `benchmarks/fuzz.py` for thousands more."""
 
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,7 +15,6 @@ import pytest
 from runner import cli
 from schemas import check
 from schemas.storage import MAX_BYTES
-from tests.guarded import run_mutants
 from tests.mutation import BOMB, EXTERNAL, OWN_SCENARIOS, sources, write_mutant
 from tests.runner.files import HEADER, ROADS, car, place, scenario, speed_action, story
 
@@ -174,7 +174,7 @@ def test_what_another_file_holds_is_not_shown(run: Run, tmp_path: Path) -> None:
 def test_bad_files_do_not_stop_good_ones(run: Run, tmp_path: Path) -> None:
     code, out, _ = run(text(BOMB)(tmp_path), scenario(tmp_path, "good", stop=0.2))
     assert code == 3
-    assert "PASSED  good" in out
+    assert re.search(r"PASSED +good", out)
 
 
 def test_a_file_that_is_too_large_is_refused_by_its_size(tmp_path: Path) -> None:
@@ -191,13 +191,6 @@ def test_a_file_that_is_too_large_is_refused_by_its_size(tmp_path: Path) -> None
 
 
 # mutants ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_mutants_end_in_a_run_or_one_line(seed: int, tmp_path: Path) -> None:
-    results = list(run_mutants(sources(OWN_SCENARIOS), seed, range(30), tmp_path))
-    assert [result for result in results if result.is_defect] == []
-    assert {0, 3} <= {result.code for result in results}
 
 
 def test_mutants_can_be_checked(tmp_path: Path) -> None:

@@ -56,6 +56,15 @@ def hooked(hook: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return call([*shlex.split(HOOKS[hook]["entry"]), *(name for name in chosen if not re.search(left, name))], folder)
 
 
+def test_the_workflow_installs_one_version_that_needs_no_package_index_to_have_this_project() -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    workflow = yaml.safe_load((ROOT / "docs" / "ci" / "scenarios.yml").read_text())
+    assert workflow["env"]["XOSC_TOOLCHAIN"].endswith(f"/xosc_toolchain-{version}-py3-none-any.whl")
+    assert STEPS["install"] == 'pip install "$XOSC_TOOLCHAIN"'
+    setup = next(step for step in workflow["jobs"]["scenarios"]["steps"] if "setup-python" in step.get("uses", ""))
+    assert setup["with"]["cache"] == "pip"
+
+
 def test_hooks_and_steps_call_commands_that_there_are() -> None:
     assert {shlex.split(hook["entry"])[0] for hook in HOOKS.values()} <= SCRIPTS.keys()
     assert set(re.findall(r"\bxosc-(?!toolchain)\w+", " ".join(STEPS.values()))) <= SCRIPTS.keys()
@@ -85,6 +94,9 @@ def test_the_workflow_annotates_what_is_wrong_and_reports_the_runs(repository: P
     (suite,) = etree.parse(repository / "reports" / "runs.xml").getroot()
     assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("1", "0", "0")
     assert (repository / "reports" / "runs" / "cut_in" / "result.json").is_file()
+    summary = repository / "summary.md"
+    assert call(f"export GITHUB_STEP_SUMMARY={summary}\n{STEPS['summary']}", repository).returncode == 0
+    assert [line.split(" | ")[:2] for line in summary.read_text().splitlines()[2:]] == [["| cut_in", "passed"]]
     path = repository / "cut in.xosc"
     path.write_text(path.read_text().replace("<Story ", '<Story color="red" '))
     assert call(STEPS["check"], repository).returncode == 1

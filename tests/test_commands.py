@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from schemas.errors import exit_codes
 from schemas.packages import version
 from tests.commands import SCRIPTS, Command
+from tests.runner.files import scenario
+from xosc.listing import LIBRARY
 
 NAMES = [*([name] for name in SCRIPTS), *(["xosc-recognize", each] for each in ("catalogue", "label", "record", "train"))]
 
@@ -63,3 +70,125 @@ def test_a_file_in_the_way_of_an_output_folder_is_named_in_one_line(
     answer = command(*call, f"{tmp_path}/file{inside}")
     assert answer == (2, "", f"{call[0]}: {tmp_path}/file: a folder to write into is expected, this is a file\n")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+ABSENT = [
+    ["xosc", "run", "absent.xosc"],
+    ["xosc-run", "absent.xosc"],
+    ["xosc-check", "absent.xosc"],
+    ["xosc-list", "absent.xosc"],
+    ["xosc-export", "absent.xosc", "--to", "esmini", "--out", "out"],
+    ["xosc-export", "absent.xosc", "--to", "osi", "--out", "out"],
+    ["xosc-replay", "absent"],
+    ["xosc-generate", "absent.xosc", "--out", "out"],
+    ["xosc-loop", "absent", "--out", "out"],
+    ["xosc-recognize", "absent", "--out", "out"],
+    ["xosc-recognize", "label", "absent"],
+    ["xosc-recognize", "train", "absent", "--out", "out"],
+]
+
+
+def test_all_commands_are_asked_for_a_missing_file() -> None:
+    assert {call[0] for call in ABSENT} == set(SCRIPTS)
+
+
+@pytest.mark.parametrize("call", ABSENT, ids=" ".join)
+def test_a_missing_file_has_one_exit_code(command: Command, call: list[str], tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    answer = command(*call)
+    assert answer.code == 3 and "absent" in answer.out + answer.err
+
+
+BROKEN = """
+class Broken:
+    def reset(self, ego, timestep, seed): pass
+    def control(self, observation, dt): raise ValueError("broken")
+"""
+RUNS = [["xosc-run", "--world", "kinematic"], ["xosc-export", "--world", "kinematic", "--to", "parquet", "--out", "out"]]
+SEARCHES = [
+    ["xosc-generate", "--budget", "2", "--free", "Gap=40..60", "--method", "random", "--out", "out"],
+    ["xosc-loop", "--labels", "rules", "--out", "out"],
+]
+
+
+@pytest.mark.parametrize(("sut", "code"), [("broken_system:Broken", 5), ("bridge:wait=0.1", 5), ("unheard-of", 2)])
+@pytest.mark.parametrize("call", RUNS, ids=" ".join)
+def test_a_system_that_fails_has_one_exit_code(
+    command: Command, call: list[str], sut: str, code: int, tmp_path: Path, monkeypatch: Any
+) -> None:
+    (tmp_path / "broken_system.py").write_text(BROKEN)
+    monkeypatch.chdir(tmp_path)
+    assert command(*call, LIBRARY / "simple_cut_in.xosc", "--sut", sut).code == code
+
+
+@pytest.mark.parametrize(("sut", "code"), [("broken_system:Broken", 5), ("unheard-of", 2)])
+@pytest.mark.parametrize("call", SEARCHES, ids=" ".join)
+def test_a_system_that_fails_in_every_run_of_a_search_has_the_same_exit_code(
+    command: Command, call: list[str], sut: str, code: int, tmp_path: Path, monkeypatch: Any
+) -> None:
+    (tmp_path / "broken_system.py").write_text(BROKEN)
+    path = scenario(tmp_path / "mine", stop=1.0)
+    monkeypatch.chdir(tmp_path)
+    answer = command(*call, path if call[0] == "xosc-generate" else path.parent, "--sut", sut, "--quiet")
+    assert answer.code == code
+    assert code == 2 or "broken_system.py:4" in answer.err
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_the_help_of_every_command_has_the_exit_codes(command: Command, name: str) -> None:
+    told = " ".join(command(name, "--help").out.split())
+    shared = exit_codes("", "").partition(", ")[2].partition(". With")[0]
+    assert "Exit codes: 0 " in told and shared in told
+
+
+# standard streams that are closed, full, or no longer read --------------------------------------
+
+CUT_IN = str(LIBRARY / "simple_cut_in.xosc")
+CALLS: dict[str, tuple[list[str], int]] = {
+    "xosc": (["check", CUT_IN], 0),
+    "xosc-list": ([CUT_IN], 0),
+    "xosc-check": ([CUT_IN], 0),
+    "xosc-run": ([CUT_IN, "--world", "kinematic"], 0),
+    "xosc-export": ([CUT_IN, "--to", "1.3", "--out", "exported"], 0),
+    "xosc-replay": (["absent"], 3),
+    "xosc-recognize": (["--bogus"], 2),
+    "xosc-generate": (["--bogus"], 2),
+    "xosc-loop": (["--bogus"], 2),
+}
+"""A quick call of each command, and its exit code"""
+assert CALLS.keys() == SCRIPTS.keys()
+
+
+def in_shell(name: str, arguments: list[str], streams: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command in a process of its own, with its streams as a shell redirects them."""
+    program = Path(sys.executable).with_name(name)
+    script = f'"$0" "$@" {streams}'
+    return subprocess.run(["bash", "-c", script, program, *arguments], cwd=folder, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_closed_streams_change_no_exit_code(name: str, tmp_path: Path) -> None:
+    arguments, code = CALLS[name]
+    assert in_shell(name, arguments, ">&- 2>&-", tmp_path).returncode == code
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_message_that_cannot_be_written_changes_no_exit_code(name: str, tmp_path: Path) -> None:
+    arguments, code = CALLS[name]
+    assert in_shell(name, arguments, "2>/dev/full", tmp_path).returncode == code
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_output_that_cannot_be_written_is_one_line_and_exit_code_2(name: str, tmp_path: Path) -> None:
+    answer = in_shell(name, ["--help"], ">/dev/full", tmp_path)
+    assert (answer.returncode, answer.stderr) == (2, f"{name}: No space left on device\n")
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_output_that_is_no_longer_read_is_exit_code_141(name: str, tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    program = Path(sys.executable).with_name(name)
+    answer = subprocess.run([program, "--help"], cwd=tmp_path, stdout=writing, stderr=subprocess.PIPE, timeout=120)
+    os.close(writing)
+    assert (answer.returncode, answer.stderr) == (141, b"")

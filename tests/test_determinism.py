@@ -25,7 +25,7 @@ def tables(folder: Path, seed: int, processes: int) -> dict[str, bytes]:
     """What each run of a batch writes, by name; two files of traffic first and last, so that something ran before."""
     files = [TRAFFIC, CUT_IN, RANDOM_ROUTE, STOCHASTIC, TRAFFIC]
     outcomes = list(run_batch(jobs_of(files, {}, True), RunSettings(seed=seed, max_time=4.0), out=folder, processes=processes))
-    assert {outcome.state for outcome in outcomes} <= {"passed", "failed"}
+    assert {outcome.state for outcome in outcomes} <= {"passed", "failed", "inconclusive"}
     return {path.parent.name: path.read_bytes() for path in folder.glob("*/trajectories.parquet")}
 
 

@@ -15,13 +15,13 @@ from runner.batch.jobs import Job, jobs_of
 from runner.exports import TARGETS, Target
 from runner.exports.exporting import export_documents, export_runs
 from runner.settings import RunSettings
-from schemas.errors import ToolchainError
+from schemas.errors import ExitCode, ToolchainError
 from xosc.exports.folder import Folder
 
 ROOT = Path(__file__).parents[1]
 LIBRARY = sorted((ROOT / "xosc" / "library").rglob("*.xosc"))
 KINDS = {path: xosc.load(path).kind for path in LIBRARY}
-VERSIONS = ("1.0", "1.1", "1.2", "1.3")
+VERSIONS = ("1.0", "1.1", "1.2", "1.3", "1.4")
 QUICK = RunSettings(timestep=0.2, sut="none", world="kinematic", max_time=8.0)
 
 
@@ -51,7 +51,7 @@ def test_the_library_moves_as_before_in_every_version_that_can_say_it(version: s
         folder = Folder(tmp_path / path.stem)
         (done,) = export_documents([path], TARGETS[version], folder)
         if done.exit_code:
-            assert version != "1.3", done
+            assert version not in ("1.3", "1.4"), done
             continue
         exported += 1
         assert [problem for file in folder.path.rglob("*.xosc") for problem in schemas.check(file)] == []
@@ -100,7 +100,7 @@ def test_a_document_is_exported_or_refused_with_file_line_and_reason(target: Tar
 @pytest.mark.parametrize("target", [target for target in TARGETS.values() if target.of_run], ids=lambda target: target.name)
 def test_a_run_is_exported_or_refused_with_file_and_reason(target: Target, tmp_path: Path) -> None:
     done = list(export_runs(LIBRARY, target, Folder(tmp_path), QUICK, {}))
-    check(done)
+    check([each for each in done if each.exit_code != ExitCode.INCONCLUSIVE])  # the short time limit comes before the first event
     assert len(done) == sum(len(jobs(path)) for path in LIBRARY if KINDS[path] != "catalog")
 
 

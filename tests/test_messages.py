@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("schemas", "xosc", "xodr", "runner", "recognition", "generation")
+PACKAGES = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "studies")
 CALLS = {"invalid", "unsupported", "remark", "UsageError", "InvalidFile", "Unsupported", "Finding", "Rule", "Omission"}
 """What makes a message, or is given one."""
 VALUE = "…"

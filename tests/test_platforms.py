@@ -14,17 +14,18 @@ import pytest
 
 import runner
 import schemas
-from runner.batch import pool
 from runner.batch.jobs import Job, Outcome
-from runner.batch.journal import enter
+from runner.batch.journal import Journal
 from runner.settings import RunSettings
 from schemas.catalogs import locate, referred
 from schemas.errors import InvalidFile, UsageError
+from schemas.security import policy
+from schemas.security.policy import Policy, in_force
 from schemas.storage import in_any_case, keep
 from tests.runner.files import distribution, scenario
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("schemas", "xosc", "xodr", "runner", "recognition", "generation")
+PACKAGES = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "studies")
 MODULES = [module for package in PACKAGES for module in sorted((ROOT / package).rglob("*.py"))]
 SETTINGS = RunSettings(world="kinematic", sut="none", max_time=0.5)
 NOT_ON_WINDOWS = {"fcntl", "grp", "posix", "pwd", "resource", "termios", "tty", "syslog"}
@@ -107,8 +108,8 @@ def test_the_journal_of_a_batch_is_written_as_bytes(tmp_path: Path, monkeypatch:
     real = os.open
     monkeypatch.setattr(os, "O_BINARY", 0x8000, raising=False)
     monkeypatch.setattr(os, "open", lambda path, flag, mode=0o777: (flags.append(flag), real(path, flag & ~0x8000, mode))[1])
-    enter(tmp_path, Outcome(Job("a", Path("a.xosc"), Path("a.xosc")), "passed", 0))
-    assert flags and all(flag & 0x8000 for flag in flags)
+    Journal(tmp_path, {}).enter(Outcome(Job("a", Path("a.xosc"), Path("a.xosc")), "passed", 0))
+    assert [flag for flag in flags if flag & os.O_APPEND] and all(flag & 0x8000 for flag in flags if flag & os.O_APPEND)
 
 
 def test_nothing_needs_what_windows_lacks() -> None:
@@ -202,10 +203,9 @@ def test_two_names_that_differ_in_case_are_no_answer(tmp_path: Path) -> None:
 
 
 def test_without_the_module_that_limits_memory_the_option_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pool, "resource", None)
-    with pytest.raises(UsageError, match="leave --max-memory out"):
-        pool.Pool(1, print, print, max_memory=1.0)  # type: ignore[arg-type]
-    pool.Pool(1, print, print).close()  # type: ignore[arg-type]
+    monkeypatch.setattr(policy, "resource", None)
+    with pytest.raises(UsageError, match="leave --max-memory and --max-seconds out"), in_force(Policy(max_memory=1.0)):
+        pass
 
 
 SPAWNED = """

@@ -7,6 +7,7 @@ import runner
 import schemas
 import xodr
 import xosc
+import xosc_toolchain as xt
 from runner import RunResult, RunSettings
 
 
@@ -29,6 +30,13 @@ def collides(path: Path) -> bool:
         if result.verdict.passed is False:
             return True
     return False
+
+
+def stops(path: Path) -> bool:
+    """Whether a system with a radar avoids a collision, by the one import for everything."""
+    result = xt.run(path, sut="adas")
+    assert_type(result, RunResult)
+    return result.verdict.passed is True
 
 
 assert_type(runner.__version__, str)

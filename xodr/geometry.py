@@ -245,12 +245,13 @@ class ReferenceLine:
     Before its start and beyond its end the line goes on straight, so that a point just outside has a position too.
     """
 
-    __slots__ = ("_last", "_only", "end", "segments", "start", "starts", "straight")
+    __slots__ = ("_ends", "_last", "_only", "end", "segments", "start", "starts", "straight")
 
     def __init__(self, starts: Sequence[float], segments: Sequence[Segment]) -> None:
         self.starts, self.segments = list(starts), list(segments)
         self.start, self.end = self.starts[0], self.starts[-1] + self.segments[-1].length
         self._last = len(self.starts) - 1
+        self._ends = [*self.starts[1:], self.end]
         self.straight = all(isinstance(segment, Line) for segment in self.segments)
         only = self.segments[0] if not self._last else None
         self._only = only if isinstance(only, Line) else None
@@ -270,6 +271,11 @@ class ReferenceLine:
             return only.x + ds * only.cos - t * only.sin, only.y + ds * only.sin + t * only.cos, only.h
         x, y, h = self.at(s)
         return x - t * math.sin(h), y + t * math.cos(h), h
+
+    def element(self, s: float) -> tuple[float, float, Segment]:
+        """The element at s (the nearest one outside the line), after the s of its start and of its end."""
+        index = max(bisect_right(self.starts, s) - 1, 0) if self._last else 0
+        return self.starts[index], self._ends[index], self.segments[index]
 
     def curvature(self, s: float) -> float:
         """Curvature at s, positive to the left; 0 outside the line."""

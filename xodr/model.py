@@ -9,6 +9,13 @@ from typing import NamedTuple
 from schemas.errors import InvalidFile
 from xodr.profiles import Profile
 
+NO_WIDTH = 1e-6
+"""Lanes narrower than this [m] are not there: nothing can be on them."""
+
+PERMANENT, TEMPORARY = "permanent", "temporary"
+"""Layers of lanes (OpenDRIVE 1.9). Asked for as a layer, TEMPORARY means: temporary lanes where there are some, which take
+precedence for driving, and permanent ones elsewhere. PERMANENT means the permanent ones everywhere."""
+
 
 class RoadError(InvalidFile):
     """A road, lane or junction was asked for that the road network does not have."""
@@ -33,6 +40,7 @@ class RoadPoint(NamedTuple):
     """A place on a road: s along the reference line, t to its left, and the lane there.
 
     offset: t minus the t of the lane's centre, so positive towards +t whatever the traffic's direction.
+    layer: the lanes that it keeps to, where the road has two layers of them.
     """
 
     road_id: str
@@ -40,6 +48,14 @@ class RoadPoint(NamedTuple):
     t: float
     lane_id: int
     offset: float
+    layer: str = TEMPORARY
+
+
+class LaneRef(NamedTuple):
+    """A lane as links name it: by its id and its layer."""
+
+    id: int
+    layer: str = PERMANENT
 
 
 class LaneLink(NamedTuple):
@@ -71,6 +87,9 @@ class RoadMark(NamedTuple):
 class Lane:
     """One lane within one lane section. All profiles are functions of the road's s.
 
+    predecessor, successor: the lane that continues it in the neighbouring section, as resolved by the reader.
+    predecessors, successors: every link in the file. layer: PERMANENT or TEMPORARY.
+    road_works: nobody may drive on it (OpenDRIVE 1.8).
     direction: "standard" (by lane id and traffic rule), "reversed" or "both" (OpenDRIVE 1.8).
     opens, closes: s before and after which the lane has no width within its section; infinite where it has some at the end.
     speeds: (s, limit [m/s] or None for none) in ascending s. marks: in ascending s.
@@ -90,6 +109,10 @@ class Lane:
     closes: float = math.inf
     speeds: tuple[tuple[float, float | None], ...] = ()
     marks: tuple[RoadMark, ...] = ()
+    layer: str = PERMANENT
+    predecessors: tuple[LaneRef, ...] = ()
+    successors: tuple[LaneRef, ...] = ()
+    road_works: bool = False
 
     def closed(self, s: float, forward: bool) -> bool:
         """Whether the lane has narrowed to nothing at s, and has no width ahead in its section."""
@@ -131,14 +154,14 @@ class Connection(NamedTuple):
     """One way through a junction: from a road's lanes to those of the road that it leads to.
 
     contact: which end of `connecting_road` is entered. In direct junctions `connecting_road` is the linked road.
-    lane_links: (from, to) lane ids; empty where the file leaves them out.
+    lane_links: (from, to) lanes; empty where the file leaves them out.
     """
 
     id: str
     incoming_road: str
     connecting_road: str
     contact: str
-    lane_links: tuple[tuple[int, int], ...]
+    lane_links: tuple[tuple[LaneRef, LaneRef], ...]
 
 
 @dataclass(slots=True)

@@ -10,14 +10,24 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from xodr.geometry import ReferenceLine
-from xodr.model import Lane, LaneSection, Pose, RoadError, RoadLink, RoadObject, RoadPoint, RoadType, Signal, SignalReference
+from xodr.model import (
+    NO_WIDTH,
+    PERMANENT,
+    Lane,
+    LaneSection,
+    Pose,
+    RoadError,
+    RoadLink,
+    RoadObject,
+    RoadPoint,
+    RoadType,
+    Signal,
+    SignalReference,
+)
 from xodr.profiles import ZERO, Profile
-
-NO_WIDTH = 1e-6
-"""Lanes narrower than this [m] are not there: nothing can be on them."""
 
 
 @dataclass(slots=True)
@@ -52,6 +62,8 @@ class Road:
     """A road with its geometry, lanes and road objects.
 
     path: the file, for complaints. junction_id: the junction that a connecting road belongs to. rule: "RHT" or "LHT".
+    in_force: of a road without its temporary lanes, the one with them; else None.
+    sections: the lanes in force. permanent: the permanent ones where the road has temporary lanes, too, else None; see `on`.
     flat: no elevation, superelevation or surface shape: z, pitch and roll are 0 everywhere.
     """
 
@@ -72,19 +84,32 @@ class Road:
     signals: list[Signal] = field(default_factory=list)
     signal_references: list[SignalReference] = field(default_factory=list)
     objects: list[RoadObject] = field(default_factory=list)
+    permanent: list[LaneSection] | None = None
     flat: bool = field(init=False)
     _starts: list[float] = field(init=False)
     _levels: bool = field(init=False)
     _left_direction: int = field(init=False)
     _standard: bool = field(init=False)
+    in_force: Road | None = field(init=False, default=None)
+    _on_permanent: Road | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         lanes = [lane for section in self.sections for lane in section.lanes.values()]
+        surface = [lane for section in self.permanent or self.sections for lane in section.lanes.values()]
         self.flat = self.elevation.constant == 0.0 and self.superelevation.constant == 0.0 and self.surface is None
         self._starts = [section.s for section in self.sections]
-        self._levels = any(lane.level for lane in lanes if lane.id) and self.superelevation.constant != 0.0
+        self._levels = any(lane.level for lane in surface if lane.id) and self.superelevation.constant != 0.0
         self._left_direction = -1 if self.rule == "RHT" else 1
         self._standard = all(lane.direction != "reversed" for lane in lanes)
+
+    def on(self, layer: str) -> Road:
+        """The road for road users that keep to a layer of lanes: itself, or without its temporary lanes for PERMANENT."""
+        if layer != PERMANENT or self.permanent is None:
+            return self
+        if self._on_permanent is None:
+            self._on_permanent = replace(self, sections=self.permanent, permanent=None)
+            self._on_permanent.in_force = self
+        return self._on_permanent
 
     # geometry -------------------------------------------------------------------------------
 
@@ -128,7 +153,7 @@ class Road:
         """The part of t that superelevation tilts: `level` lanes and all beyond them stay horizontal."""
         if not self._levels:
             return t
-        section = self.section(s)
+        section = self.on(PERMANENT).section(s)
         for lane_id in section.left if t > 0.0 else section.right:
             lane = section.lanes[lane_id]
             if lane.level:
@@ -213,13 +238,15 @@ class Road:
         return RoadPoint(self.id, s, self.lane(s, lane_id).center(s) + offset, lane_id, offset)
 
     def edges(self, s: float) -> tuple[float, float]:
-        """t of the road's right and left edge at s, all lane types included."""
+        """t of the right and left edge of the road's surface at s: of all lanes, of whatever type and layer."""
         section = self.section(s)
         lanes = section.lanes
-        return (
-            lanes[section.right[-1] if section.right else 0].outer(s),
-            lanes[section.left[-1] if section.left else 0].outer(s),
-        )
+        right = lanes[section.right[-1] if section.right else 0].outer(s)
+        left = lanes[section.left[-1] if section.left else 0].outer(s)
+        if self.permanent is None:
+            return right, left
+        usual = self.on(PERMANENT).edges(s)
+        return min(right, usual[0]), max(left, usual[1])
 
     def direction(self, lane_id: int, s: float = 0.0) -> int:
         """+1 where the lane's traffic drives towards +s, −1 where towards −s.

@@ -1,4 +1,4 @@
-"""OpenSCENARIO XML documents of versions 1.0 to 1.3: reading, resolving, varying and writing them."""
+"""OpenSCENARIO XML documents of versions 1.0 to 1.4: reading, resolving, varying and writing them."""
 
 from typing import TYPE_CHECKING
 

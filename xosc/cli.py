@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from schemas.commands.options import Version, deliver, guarded_reader, new_app
+from schemas.commands.help import epilog
+from schemas.commands.options import Version, deliver, guarded, new_app, protected, say
+from schemas.errors import ExitCode, ToolchainError, exit_codes, gravest
 
 if TYPE_CHECKING:
     from xosc.tags import Tag
 
-_EPILOG = "Exit codes: 0 listed, 2 wrong usage or nothing like that is there, 3 invalid file, 4 a file of an unknown version."
+_EXAMPLES = ('xosc-list --class "highway cut in" --verbose',)
+_EPILOG = exit_codes("listed", "")
 
 app = new_app()
 
 
-@app.command(epilog=_EPILOG)
+@app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
+@protected("max_runs")
 def xosc_list(
     paths: Annotated[
         list[str] | None, typer.Argument(metavar="[PATH...]", help="Files, folders and globs.  [default: the shipped library]")
@@ -35,12 +40,21 @@ def xosc_list(
     from xosc import tables
     from xosc.listing import LIBRARY, Listing, listing
 
-    found = listing(paths or [str(LIBRARY)])
+    codes = [ExitCode.PASSED]
+
+    def tell(error: ToolchainError) -> None:
+        codes.append(error.exit_code)
+        say(f"xosc-list: {error}", to=sys.stderr)
+
+    found = listing(paths or [str(LIBRARY)], tell)
+    if not (found.scenarios or found.catalogues) and len(codes) > 1:
+        raise typer.Exit(gravest(codes))
     chosen = Listing(found.scenarios, found.catalogues)
     if label or tag:
         chosen = Listing(found.chosen(label, map(_tag, tag or [])), [])
     content = tables.text(chosen, verbose) if format == "text" else tables.FORMATS[format](chosen)
     deliver(content, "the list", output)
+    raise typer.Exit(gravest(codes))
 
 
 def _tag(text: str) -> Tag:
@@ -52,7 +66,7 @@ def _tag(text: str) -> Tag:
 
 def main() -> None:
     """Entry point."""
-    guarded_reader("xosc-list", app)
+    guarded("xosc-list", app, traced=False)
 
 
 if __name__ == "__main__":

@@ -13,13 +13,13 @@ from lxml import etree
 from schemas.errors import InvalidFile, Unsupported
 from schemas.registry import OPENSCENARIO, detect
 from schemas.remarks import Remark, Remarks
-from schemas.rules.valid_schema import UID
-from schemas.storage import Stamp, stamp, writing
+from schemas.rules.structure import SCHEMA_UID
+from schemas.storage import Stamp, drafted, stamp, writing
 from schemas.xml import line_of, local_name, parse
 from xosc.node import OWN, Node
 from xosc.repairs import repair
 
-VERSIONS = ((1, 0), (1, 1), (1, 2), (1, 3))
+VERSIONS = ((1, 0), (1, 1), (1, 2), (1, 3), (1, 4))
 """Versions of OpenSCENARIO XML that are read and written."""
 
 
@@ -50,7 +50,7 @@ class Document:
 
 
 def load(path: str | os.PathLike[str], *, strict: bool = False) -> Document:
-    """Read an OpenSCENARIO file of version 1.0 to 1.3: a scenario, a catalogue or a parameter value distribution.
+    """Read an OpenSCENARIO file of version 1.0 to 1.4: a scenario, a catalogue or a parameter value distribution.
 
     Documents are cached; a file whose modification time or size has changed is read again. Faults that leave one sensible
     meaning are repaired, each with a remark.
@@ -77,8 +77,8 @@ def write(document: Document, path: str | os.PathLike[str]) -> None:
     Raises:
         UsageError: the file can't be written.
     """
-    with writing("the file", Path(path)):
-        Path(path).write_bytes(to_bytes(document))
+    with writing("the file", Path(path)), drafted(Path(path)) as draft:
+        draft.write_bytes(to_bytes(document))
 
 
 def to_bytes(document: Document) -> bytes:
@@ -98,7 +98,7 @@ def _load(path: str, _: Stamp) -> Document:
     etree.strip_attributes(tree, *OWN)
     node = Node(root, Path(path))
     if root.tag != OPENSCENARIO and local_name(root) == OPENSCENARIO:
-        remarks.append(node.remark(UID, "OpenSCENARIO elements are in no XML namespace; that of the file is left out"))
+        remarks.append(node.remark(SCHEMA_UID, "OpenSCENARIO elements are in no XML namespace; that of the file is left out"))
         for element in root.iter(etree.Element):
             element.tag = local_name(element)
         etree.cleanup_namespaces(tree)
@@ -108,6 +108,7 @@ def _load(path: str, _: Stamp) -> Document:
     if found.standard != OPENSCENARIO:
         raise InvalidFile(f"this is {found.standard}, an OpenSCENARIO file is expected", path=path, line=line_of(root))
     if found.version not in VERSIONS:
-        message = f"{found} is not supported, only versions 1.0 to 1.3 of OpenSCENARIO XML are"
+        first, last = (".".join(map(str, version)) for version in (VERSIONS[0], VERSIONS[-1]))
+        message = f"{found} is not supported, only versions {first} to {last} of OpenSCENARIO XML are"
         raise Unsupported(message, path=path, line=line_of(root))
     return Document(Path(path), root, found.version, found.kind, remarks=tuple(remarks))

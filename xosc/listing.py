@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 from schemas.commands.files import expand
-from schemas.errors import UsageError
+from schemas.errors import ToolchainError, UsageError
 from schemas.expressions import ExpressionError
+from schemas.security.policy import limited
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load
 from xosc.node import Node
@@ -121,21 +123,50 @@ class Listing:
         return f"no scenario has a tag {tag.type!r}; there are: {', '.join(types) or 'none'}"
 
 
-def listing(paths: Iterable[str]) -> Listing:
+def listing(paths: Iterable[str], tell: Callable[[ToolchainError], None] | None = None) -> Listing:
     """What files, folders and globs hold. The scenario of a file of variations is part of it too; roads are left out.
+
+    Args:
+        tell: called with the error of each file that can't be listed, and the others go on; None to raise the first.
 
     Raises:
         UsageError: a folder or a glob stands for no file.
         InvalidFile, Unsupported: a file can't be read, or is no OpenSCENARIO file of a known version.
     """
-    documents = [load(path) for path in expand(paths) if path.suffix.lower() != ".xodr"]
-    scenarios = {_key(each.path): _listed(each) for each in documents if each.kind == "scenario"}
-    for document in documents:
-        if document.kind == "distribution":
-            space = ParameterSpace(document.path)
-            scenario = scenarios.setdefault(_key(space.scenario), _listed(load(space.scenario)))
-            scenario.variations.append(Variation(document.path, space.size))
-    return Listing(list(scenarios.values()), [_catalogue(each) for each in documents if each.kind == "catalog"])
+    scenarios: dict[str, Listed] = {}
+    variations, catalogues = list[Document](), list[Catalogue]()
+
+    @limited()
+    def add(path: Path) -> None:
+        document = load(path)
+        if document.kind == "scenario":
+            scenarios[_key(path)] = _listed(document)
+        elif document.kind == "catalog":
+            catalogues.append(_catalogue(document))
+        else:
+            variations.append(document)
+
+    def add_variations(document: Document) -> None:
+        space = ParameterSpace(document.path)
+        scenario = scenarios.get(_key(space.scenario)) or _listed(load(space.scenario))
+        scenarios[_key(space.scenario)] = scenario
+        scenario.variations.append(Variation(document.path, space.size))
+
+    for path in expand(paths):
+        if path.suffix.lower() != ".xodr":
+            _attempt(partial(add, path), tell)
+    for document in variations:
+        _attempt(partial(limited()(add_variations), document), tell)
+    return Listing(list(scenarios.values()), catalogues)
+
+
+def _attempt(work: Callable[[], None], tell: Callable[[ToolchainError], None] | None) -> None:
+    try:
+        work()
+    except ToolchainError as error:
+        if tell is None:
+            raise
+        tell(error)
 
 
 def _key(path: Path) -> str:

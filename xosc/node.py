@@ -66,6 +66,13 @@ class Node:
         above = self.element.getparent()
         return Node(above, _source_of(above, self.path)) if above is not None else None
 
+    def ancestors(self) -> Iterator[Node]:
+        """This element and those around it, from the inside."""
+        node: Node | None = self
+        while node is not None:
+            yield node
+            node = node.parent
+
     # attributes -----------------------------------------------------------------------------
 
     def has(self, name: str) -> bool:
@@ -180,9 +187,9 @@ class Node:
         """An InvalidFile at this element, to be raised by the caller."""
         return InvalidFile(message, path=self.path, line=self.line, element=self.tag)
 
-    def remark(self, rule: str, message: str) -> Remark:
-        """A remark on this element: the rule that it breaks, what is wrong with it and what is assumed."""
-        return Remark(rule, message, str(self.path), self.line)
+    def remark(self, rule: str, message: str, cause: str = "") -> Remark:
+        """A remark on this element: the rule that it breaks, what is wrong with it and what is assumed; cause as in `Remark`."""
+        return Remark(rule, message, str(self.path), self.line, cause, self.tag)
 
     def unsupported(self, message: str) -> Unsupported:
         """An Unsupported at this element, to be raised by the caller."""

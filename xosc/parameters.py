@@ -6,24 +6,26 @@ declaration hides an outer one of the same name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import re
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
-
-from lxml import etree
 
 from schemas.errors import ToolchainError, nearest
 from schemas.expressions import ExpressionError, is_wellformed, references, substitute
 from schemas.remarks import Remark, Remarks
 from schemas.values import Value, holds, literal, meant, number, operand, quoted, type_named, typed
+from schemas.xml import canonical
 from xosc.node import Node
-from xosc.repairs.expressions import parts, referring
 
 TYPED = "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference"
 ASSIGNED = "xosc.toolchain:xosc:1.0.0:parameters.assigned_parameter_is_declared"
 NUMBERS = "xosc.toolchain:xosc:1.1.0:expressions.expression_has_a_value"
 OPERATORS = "asam.net:xosc:1.2.0:data_type.allowed_operators"
 """Rules whose faults are repaired here."""
+
+LONGEST_TEXT = 10_000
+"""Characters of texts that are joined; each parameter may double those of the one before"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,13 +134,15 @@ class Scope:
         except ExpressionError as error:
             if place is None:
                 raise
-            named, found = referring(text, self._visible), parts(text)
+            named, found = _referring(text, self._visible), _parts(text)
             if named != text:
                 self._remarks.add(place.remark(OPERATORS, f"{error.message}; {quoted(named)} is meant"))
                 return self.literal(named)
             if not found:
                 raise
             joined = "".join(map(self.literal, found))
+            if len(joined) > LONGEST_TEXT:
+                raise ExpressionError(f"a text of {len(joined)} characters is longer than the {LONGEST_TEXT} allowed") from None
             rule = NUMBERS if is_wellformed(text) else OPERATORS
             self._remarks.add(place.remark(rule, f"{error.message}; the texts are joined: {quoted(joined)}"))
             return joined
@@ -260,14 +264,10 @@ def _by_name(declarations: Iterable[Node]) -> dict[str, Node]:
         if "$" in name:
             raise declaration.invalid(f"the declared name {quoted(name)} must be written without '$'")
         first = found.get(name)
-        if first and _canonical(first) != _canonical(declaration):
+        if first and canonical(first.element) != canonical(declaration.element):
             raise declaration.invalid(f"{quoted(name)} is declared twice and differently, first in line {first.line}")
         found[name] = declaration
     return found
-
-
-def _canonical(node: Node) -> bytes:
-    return etree.tostring(node.element, method="c14n", with_tail=False)
 
 
 def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
@@ -278,7 +278,7 @@ def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
     for name, source in sources.items():
         try:
             used = (
-                {name for part in parts(source.text) or [source.text] for name in references(part)} if source.symbolic else set()
+                {name for part in _parts(source.text) or [source.text] for name in references(part)} if source.symbolic else set()
             )
             sorter.add(name, *sorted(used & sources.keys()))
         except ExpressionError as error:
@@ -292,3 +292,32 @@ def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
 
 def _described(group: Node) -> str:
     return " and ".join(f"{item.get('rule')} {item.get('value')}" for item in group.children())
+
+
+# expressions that others write: texts put together in `${}`, for which the standard has no operator, and names without `$` ---
+
+_OPERAND = r"(?:\$[A-Za-z_]\w*|'[^']*')"
+_SUM = re.compile(rf"\$\{{\s*{_OPERAND}(?:\s*\+\s*{_OPERAND})*\s*\}}", re.ASCII)
+_EXPRESSION = re.compile(r"(\$\{[^{}]*\})")
+_NAME = re.compile(r"(?<![\w$.'])[A-Za-z_]\w*\b(?!\s*\()", re.ASCII)
+
+
+def _parts(text: str) -> list[str]:
+    """The texts, references and expressions that a value is put together of; empty for anything else.
+
+    These are sums of parameters and quoted texts (`${$town + '_day'}`), and expressions with text between them
+    (`${$town}_${$hour}`).
+    """
+    if _SUM.fullmatch(text):
+        return [each.strip("'") for each in re.findall(_OPERAND, text, re.ASCII)]
+    between = _EXPRESSION.split(text)
+    return between if len(between) > 3 else []
+
+
+def _referring(text: str, names: Container[str]) -> str:
+    """A value with `$` before the names in its expressions, of those given: parameters that are meant."""
+
+    def named(expression: re.Match[str]) -> str:
+        return _NAME.sub(lambda name: f"${name[0]}" if name[0] in names else name[0], expression[0])
+
+    return _EXPRESSION.sub(named, text)

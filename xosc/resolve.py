@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Integral, Real
 from pathlib import Path
@@ -12,16 +12,16 @@ from typing import cast
 
 from lxml import etree
 
-from schemas.catalogs import ENTRIES, EXPECTED, Catalogs, Directory, Entry, Folders, NoEntry
+from schemas.catalogs import ENTRIES, EXPECTED, REFERENCES, Catalogs, Directory, Entry, Folders, NoEntry
 from schemas.errors import ToolchainError, UsageError
 from schemas.expressions import ExpressionError, is_expression
-from schemas.remarks import Remarks
+from schemas.remarks import Remark, Remarks, with_ignored
 from schemas.values import quoted
 from xosc.dialects.carla import is_for_carla, to_standard
 from xosc.document import Document, load
 from xosc.node import LINE, SOURCE, Node
 from xosc.parameters import OPERATORS, Assignment, Parameter, Scope, Variable, monitors, variables
-from xosc.repairs.kinds import absent_values
+from xosc.repairs import attributes
 
 Argument = str | float | int | bool
 
@@ -97,9 +97,16 @@ def resolve(
     """
     if document.kind != "scenario":
         raise UsageError(f"this is a {document.kind}, a scenario is expected", path=document.path)
+    with with_ignored(document.remarks):
+        return _resolved(document, parameters or {}, enforce_constraints, strict, catalog_path)
+
+
+def _resolved(
+    document: Document, parameters: Mapping[str, Argument], enforce_constraints: bool, strict: bool, catalog_path: Folders
+) -> Resolved:
     root = copy.deepcopy(document.root.getroottree()).getroot()
     node = Node(root, document.path)
-    assigned = {name: _argument(value, node) for name, value in (parameters or {}).items()}
+    assigned = {name: _argument(value, node) for name, value in parameters.items()}
     violations: list[ToolchainError] = []
     report = _refuse if enforce_constraints else violations.append
     remarks = Remarks(strict)
@@ -107,8 +114,8 @@ def resolve(
     scopes = _bind(node, None, assigned, report, remarks)
     catalogs = Catalogs(document.path, partial(_directory, node), load, remarks, catalog_path)
     _Inliner(catalogs, report, remarks).inline(node, scopes, ())
-    if any(each.get("value") in absent_values.NOTHING for each in root.iter("ParameterDeclaration")):  # literals: see `load`
-        remarks.add(*absent_values.repair(node, document.version))
+    if any(each.get("value") in attributes.NOTHING for each in root.iter("ParameterDeclaration")):  # literals: see `load`
+        remarks.add(*attributes.leave_out_absent_values(node, document.version))
     for_carla = is_for_carla(node)
     remarks.add(*to_standard(node))
     return Resolved(
@@ -201,7 +208,7 @@ class _Inliner:
 
     def inline(self, top: Node, scopes: _Scopes, inside: tuple[Entry, ...]) -> None:
         """Replace the references below `top`, which lies inside those entries and whose attributes are literals."""
-        references = [(element, _scope_around(element, scopes)) for element in top.element.iter("CatalogReference")]
+        references = [(element, _scope_around(element, scopes)) for element in top.element.iter(*REFERENCES)]
         for element, scope in references:
             reference, parent = Node(element, top.path), cast(etree._Element, element.getparent())
             if parent.tag == "Trailer" and not reference.get("entryName"):
@@ -230,7 +237,7 @@ class _Inliner:
                 f"no catalogue is called {quoted(catalog)}; {name}, called {quoted(entry.catalog)}, is taken by its file name"
             )
             self._remarks.add(reference.remark(ENTRIES, message))
-        self._remarks.add(*load(entry.path).remarks)
+        self._remarks.add(*(_in_use(remark, entry) for remark in load(entry.path).remarks))
         return entry
 
     def _entry(self, reference: Node, scope: Scope, inside: tuple[Entry, ...]) -> etree._Element:
@@ -255,6 +262,12 @@ class _Inliner:
             outer = scope if entry.version < _CATALOGS_CLOSED_SINCE else None
             self.inline(node, _bind(node, outer, assigned, self._report, self._remarks), (*inside, entry))
         return element
+
+
+def _in_use(remark: Remark, entry: Entry) -> Remark:
+    """Return a remark on a catalogue; where it is on another entry, no run is inconclusive by it."""
+    lines = [cast(int, each.sourceline or 0) for each in entry.element.iter()]
+    return remark if remark.line is None or lines[0] <= remark.line <= max(lines) else replace(remark, cause="")
 
 
 def _leave_out_trailer(trailer: etree._Element) -> None:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from schemas.checks.roads import VARIABLE, asked_for, candidates, first
 from schemas.remarks import Remark
+from schemas.security.policy import current
 from schemas.storage import above, in_any_case, search_path
 from xosc.node import Node
 
@@ -47,6 +48,8 @@ def find_roads(logic: Node, folders: Sequence[str | PathLike[str]] = ()) -> Road
         InvalidFile: it is nowhere; the message says what can be done.
     """
     named = logic.file("filepath")
+    if not current().allows(named):
+        raise logic.invalid(f"the road network {named} {current().outside}, which --untrusted refuses")
     if os.path.exists(named) and not os.path.isdir(named):  # unlike those of Path they take names of any length
         return RoadFile(named, None)
     found = asked_for(named.name, folders)

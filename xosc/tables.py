@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from schemas.commands.wording import many
+from schemas.security.text import csv_text, one_line
 from xosc.listing import Declared, Listed, Listing
 
 _COLUMNS = ("NAME", "CLASS", "ROAD", "PARAMETERS", "VARIATIONS", "WHAT IT IS")
@@ -52,15 +51,13 @@ def to_json(listing: Listing) -> str:
 
 def to_csv(listing: Listing) -> str:
     """A line for each scenario."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["name", "class", "description", "path", "road", "parameters", "variations", "tags"])
+    rows: list[tuple[object, ...]] = [("name", "class", "description", "path", "road", "parameters", "variations", "tags")]
     for each in listing.scenarios:
         parameters = "; ".join(map(_parameter_text, each.parameters))
         variations = "; ".join(str(one.path) for one in each.variations)
         tags = "; ".join(_tag_texts(each.tags))
-        writer.writerow([each.name, each.label, each.description, each.path, each.road, parameters, variations, tags])
-    return stream.getvalue()
+        rows.append((each.name, each.label, each.description, str(each.path), each.road, parameters, variations, tags))
+    return csv_text(rows)
 
 
 FORMATS: Mapping[str, Callable[[Listing], str]] = {"json": to_json, "csv": to_csv}
@@ -72,6 +69,7 @@ def _sets(listed: Listed) -> int:
 
 def _aligned(columns: Sequence[str], rows: Sequence[Sequence[str]], details: Sequence[Sequence[str]]) -> list[str]:
     """Rows under their columns, the last column as long as it is; below each row its details."""
+    rows, details = ([[one_line(text) for text in texts] for texts in table] for table in (rows, details))
     widths = [max(map(len, column)) for column in list(zip(columns, *rows, strict=True))[:-1]]
     lines = []
     for row, more in zip([columns, *rows], [[], *details], strict=True):

@@ -1,4 +1,4 @@
-"""Conversion between the versions 1.0 to 1.3 of OpenSCENARIO XML: lossless, or refused by name.
+"""Conversion between the versions 1.0 to 1.4 of OpenSCENARIO XML: lossless, or refused by name.
 
 What the versions have in common stays as it is, deprecated forms included. `RULES` lists what one version says
 differently from the next; everything that the target version cannot say is found by its own XSD and refused there.
@@ -10,8 +10,9 @@ Source: the official XSDs compared, and the standard's notes on deprecated eleme
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from lxml import etree
 
@@ -23,6 +24,7 @@ from schemas.values import number
 from xosc.document import VERSIONS, Document
 from xosc.node import OWN, Node
 
+T = TypeVar("T")
 Version = tuple[int, int]
 Change = Callable[[etree._Element], None]
 
@@ -32,7 +34,7 @@ def convert(document: Document, to: Version) -> Document:
 
     Args:
         document: a document that is valid in its own version; it is not changed.
-        to: major and minor revision, (1, 0) to (1, 3).
+        to: major and minor revision, one of `xosc.document.VERSIONS`.
 
     Raises:
         Unsupported: the document says something that the target version cannot say, named with file and line.
@@ -40,7 +42,8 @@ def convert(document: Document, to: Version) -> Document:
         UsageError: there is no such version, or no XSD for it is at hand.
     """
     if to not in VERSIONS:
-        raise UsageError(f"there is no conversion to version {'.'.join(map(str, to))}, only to 1.0, 1.1, 1.2 and 1.3")
+        known = ", ".join(".".join(map(str, version)) for version in VERSIONS)
+        raise UsageError(f"there is no conversion to version {'.'.join(map(str, to))}, only to {known}")
     tree = copy.deepcopy(document.root.getroottree())
     etree.strip_attributes(tree, *OWN)
     copied = checked(Document(document.path, tree.getroot(), document.version, document.kind))
@@ -370,4 +373,30 @@ RULES: tuple[Rule, ...] = (
     Rule((1, 3), "Act", down=_child(_at_once, before="StopTrigger")),
     Rule((1, 3), "Storyboard", down=_child(_never)),
     *(Rule((1, 3), tag, down=_child(_properties)) for tag in ("Vehicle", "Pedestrian", "MiscObject", "Controller")),
+    # 1.4
+    *(
+        _renamed_value((1, 4), tag, attribute, "motorbike", "motorcycle")
+        for tag, attribute in (("Vehicle", "vehicleCategory"), ("VehicleCategoryDistributionEntry", "category"))
+    ),
+    *(
+        _renamed_value((1, 4), tag, "role", old, new)
+        for tag in ("Vehicle", "Pedestrian", "VehicleRoleDistributionEntry")
+        for old, new in (("fire", "fireBrigade"), ("roadAssistance", "roadsideAssistance"))
+    ),
+    Rule((1, 4), "LanePosition", down=_implied("layer", "temporary")),
 )
+
+EARLIER_CATEGORY = {
+    "motorcycle": "motorbike", "heavyTruck": "truck", "semitractor": "truck", "workMachine": "truck",
+    "standupScooter": "bicycle", "micromobilityDevice": "bicycle", "wheelchair": "bicycle",
+    "landVehicle": "car", "other": "car", "aircraft": "car", "watercraft": "car",
+}  # fmt: skip
+"""Nearest vehicle category of the versions before 1.4, by those that 1.4 brought; the first is its new name."""
+
+_OFF_ROADS = ("aircraft", "watercraft")
+
+
+def with_recent(table: Mapping[str, T]) -> dict[str, T]:
+    """A table by vehicle category, with rows for road vehicles of 1.4 that it lacks: those of the nearest earlier category."""
+    nearest = {new: table[old] for new, old in EARLIER_CATEGORY.items() if old in table and new not in _OFF_ROADS}
+    return {**nearest, **table}

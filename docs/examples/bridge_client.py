@@ -1,10 +1,11 @@
 """Drives the ego of a run from another process: brakes for who is near ahead. Needs osi-python.
 
-python docs/examples/bridge_client.py 48100
+XOSC_BRIDGE_TOKEN=... python docs/examples/bridge_client.py 48100
 """
 
 import json
 import math
+import os
 import socket
 import struct
 import sys
@@ -33,7 +34,13 @@ def connect(port):
             time.sleep(0.05)
 
 
+def send(connection, message):
+    body = json.dumps(message).encode()
+    connection.sendall(struct.pack(">I", len(body)) + body)
+
+
 connection = connect(int(sys.argv[1]))
+send(connection, {"token": os.environ["XOSC_BRIDGE_TOKEN"]})
 print(json.loads(receive(connection)))
 while True:
     step, truth = json.loads(receive(connection)), GroundTruth.FromString(receive(connection))
@@ -45,5 +52,4 @@ while True:
         ahead, aside = dx * c + dy * s, dy * c - dx * s
         if 0.0 < ahead < 10.0 + 2.0 * speed and abs(aside) < 2.0:
             answer = {"acceleration": -6.0, "reason": f"somebody is {ahead:.1f} m ahead"}
-    body = json.dumps(answer).encode()
-    connection.sendall(struct.pack(">I", len(body)) + body)
+    send(connection, answer)

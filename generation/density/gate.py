@@ -1,7 +1,10 @@
-"""The gate that a density has to pass before it may judge what is foreseeable: simulated, traffic must fail as rarely as it did.
+"""Unguided runs: the gate that a density has to pass before it judges what is foreseeable, and the bound on unknown failures.
 
 Recordings replayed with their own values say how often the scenario and the system under test collide in traffic as it was. None
 of the recorded vehicles collided. A density whose draws collide far more often draws something else than traffic.
+
+Draws of the density that no search has guided or learnt from bound the probability of failures
+that the search has not found. Guided runs add nothing to that bound.
 """
 
 from __future__ import annotations
@@ -11,13 +14,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.density.prior import Prior
 from generation.outcomes.outcomes import Outcomes
-from xodr.array_types import FloatArray
+from schemas.commands.wording import many
+from xodr.array_types import BoolArray, FloatArray
 
 CONFIDENCE = 0.95
 UNFAITHFUL = 0.01
 """Share of colliding replays that is certainly exceeded where a scenario does not replay what was recorded."""
+
+
+TESTABLE = 0.05
+"""Upper limit of the share of colliding replays above which there are too few of them to test a density"""
 
 
 class Share(NamedTuple):
@@ -46,6 +53,63 @@ class Share(NamedTuple):
         return f"{self.collisions} of {self.runs} ({low:.2%} to {high:.2%})"
 
 
+class Statement(NamedTuple):
+    """Upper bound on the probability of failures that a search has not found, from unguided draws of the density.
+
+    The draws are independent of the search: a draw that fails unlike all that it found is a trial that hits an unknown failure.
+    The bound is the one-sided one of Clopper and Pearson; with `outside` = 0 it is 1 − 0.05^(1/draws).
+
+    Attributes:
+        draws: number of draws that were executed.
+        failing: number of draws that fail.
+        outside: number of draws that fail at a distance of `NEAR` or more from each failure that the search found.
+    """
+
+    draws: int
+    failing: int
+    outside: int
+
+    @classmethod
+    def of(cls, outcomes: Outcomes, outside: BoolArray) -> Statement:
+        """Count draws; `outside` (n,) marks points that are unlike all failures of the search."""
+        failing = outcomes.executed & outcomes.collision
+        return cls(int(outcomes.executed.sum()), int(failing.sum()), int((failing & outside).sum()))
+
+    @property
+    def unknown(self) -> float:
+        """Probability that unknown failures stay below with 95 % confidence; 1 without draws."""
+        return _upper(self.outside, self.draws)
+
+    @property
+    def total(self) -> float:
+        """Probability that all failures together stay below with 95 % confidence; 1 without draws."""
+        return _upper(self.failing, self.draws)
+
+    def as_json(self) -> dict[str, float]:
+        """For files."""
+        bounds = {"unknown_below": self.unknown, "all_below": self.total, "confidence": CONFIDENCE}
+        return {**self._asdict(), "near": NEAR, **bounds}
+
+    def __str__(self) -> str:
+        if not self.draws:
+            return "no unguided draw was executed: nothing bounds the probability of failures that were not found"
+        near = "" if not self.failing else f", {self.outside} of these unlike all that the search found"
+        bound = f"with 95 % confidence failures that were not found have a probability below {self.unknown:.2g}"
+        return f"{self.failing} of {many(self.draws, 'unguided draw')} fail{near}: {bound} under this density"
+
+
+NO_DRAWS = Statement(0, 0, 0)
+NEAR = 0.1
+"""Distance from a found failure, as a share of the ranges, within which a failure is known"""
+
+
+def _upper(hits: int, trials: int) -> float:
+    """One-sided upper limit of a binomial probability: C. Clopper, E. Pearson, Biometrika 26, 1934."""
+    from scipy.stats import beta
+
+    return float(beta.ppf(CONFIDENCE, hits + 1, trials - hits)) if hits < trials else 1.0
+
+
 class Gate(NamedTuple):
     """What a density was measured by.
 
@@ -69,27 +133,25 @@ class Gate(NamedTuple):
             return f"{self.drawn} of its draws collide, far more often than {self.replayed} replays of recordings"
         return None
 
+    @property
+    def testable(self) -> bool:
+        """Whether there are enough replays to refuse a density: with fewer, nothing but a refusal counts."""
+        return self.replayed is not None and self.replayed.interval[1] <= TESTABLE
+
     def __str__(self) -> str:
         if self.replayed is None:
             return f"collisions in {self.drawn} draws of the density; nothing is recorded that could be replayed"
-        return f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the density"
+        measured = f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the density"
+        if self.testable or self.refusal is not None:
+            return measured
+        return f"{measured}: not testable, as that many replays would pass a density that collides in {TESTABLE:.0%}"
 
 
 Run = Callable[[FloatArray], Outcomes]
 
 
-def measured(prior: Prior, run: Run, replays: FloatArray | None, replay: Run, most: int, seed: int = 0) -> Gate:
-    """Measure a density.
-
-    Args:
-        prior: of a space. run: runs rows of the space.
-        replays: recorded rows (m, k) with their own values, of what is pinned in the space too; None without recordings.
-        replay: runs these.
-        most: runs of each kind.
-        seed: of draws, and of the choice among recorded rows.
-    """
-    generator = np.random.default_rng(seed)
-    replayed = None
-    if replays is not None:
-        replayed = Share.of(replay(replays[generator.permutation(len(replays))[:most]]))
-    return Gate(replayed, Share.of(run(prior.sample(most, generator))))
+def replay_share(replays: FloatArray | None, replay: Run, most: int, generator: np.random.Generator) -> Share | None:
+    """Replay recorded rows (m, k), `most` of them or fewer; None without recordings."""
+    if replays is None:
+        return None
+    return Share.of(replay(replays[generator.permutation(len(replays))[:most]]))

@@ -1,15 +1,67 @@
-"""What traffic does, given what is pinned: p(θ | c), and which θ are foreseeable by it (METHOD §6)."""
+"""Prior p(θ | c) of traffic given pinned values, fitted on recordings, and the limits of foreseeable points (METHOD §6)."""
 
 from __future__ import annotations
 
+import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from generation.density.base import Components, Density, folds
+from generation.density.models import model
+from generation.density.roles import NUISANCES, ByRole, LeastGap, Limits, Role
 from schemas.errors import UsageError
-from xodr.array_types import BoolArray, FloatArray
+from xodr.array_types import BoolArray, FloatArray, IntArray
+
+_Found = TypeVar("_Found")
+_Work = Callable[[str, FloatArray, NDArray[Any]], _Found]
+
+
+def _once(work: _Work[_Found]) -> _Work[_Found]:
+    """The same model of the same rows is asked for by every round of a loop and by the tables of a report: work it out once."""
+    found: dict[Hashable, _Found] = {}
+
+    @wraps(work)
+    def remembering(name: str, theta: FloatArray, recordings: NDArray[Any]) -> _Found:
+        content = hashlib.blake2b(theta.tobytes() + repr(recordings.tolist()).encode()).digest()
+        key = name, theta.shape, content
+        if key not in found:
+            found[key] = work(name, theta, recordings)
+        return found[key]
+
+    return remembering
+
+
+@_once
+def fitted(name: str, theta: FloatArray, recordings: NDArray[Any]) -> Density:
+    """The model fitted on rows (n, d) of recordings (n,), the same object each time: not to be fitted anew."""
+    return model(name).fit(theta, recordings)
+
+
+@_once
+def held_out(name: str, theta: FloatArray, recordings: NDArray[Any]) -> FloatArray:
+    """Log-density (n,) of each row (n, d) by the model fitted on a part of the other recordings (n,); read-only."""
+    found = np.empty(len(theta))
+    for each, tested in others(name, theta, recordings):
+        found[tested] = each.log_density(theta[tested])
+    found.flags.writeable = False
+    return found
+
+
+@_once
+def others(name: str, theta: FloatArray, recordings: NDArray[Any]) -> list[tuple[Density, IntArray]]:
+    """Models fitted on parts of the recordings, each with the rows of the others; every row is in one of them.
+
+    What takes long to choose, as how many components a mixture has, is that of the model of all recordings (`Density.again`).
+    """
+    whole = fitted(name, theta, recordings)
+    return [(whole.again(len(rows)).fit(theta[rows], recordings[rows]), tested) for rows, tested in folds(recordings)]
+
 
 FORESEEABLE = 0.01
 """Share of what is recorded (or, without recordings, stated) that is less likely than what counts as foreseeable."""
@@ -112,3 +164,215 @@ def until_possible(
         if sum(map(len, parts)) >= n:
             return np.concatenate(parts)[:n]
     raise UsageError("nearly nothing that the density draws is inside the limits of the parameters")
+
+
+_COUNTED = 20_000
+"""Draws that say which share of the density is possible."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """Names, least and greatest values of what is searched, and the values of what is pinned."""
+
+    names: tuple[str, ...]
+    low: FloatArray
+    high: FloatArray
+    pinned: Mapping[str, float]
+
+
+class RecordedPrior(Prior):
+    """See the module.
+
+    Args:
+        box: of the space.
+        values: recorded values (m,) by parameter, of searched and of pinned ones.
+        recordings: of each value (m,).
+        roles: of these parameters.
+        name: of the density (`generation.density.models`).
+
+    Attributes:
+        left_out: how many units have no logarithm, with those of followers who are nearer than the least gap.
+
+    Raises:
+        UsageError: there is no such density, it can't be conditioned, or the units make none.
+    """
+
+    def __init__(
+        self, box: Box, values: Mapping[str, FloatArray], recordings: NDArray[np.str_], roles: Mapping[str, Role], name: str
+    ) -> None:
+        self.names, self.low, self.high, self._roles = box.names, box.low, box.high, dict(roles)
+        self.nuisances = tuple(each for each in box.names if roles[each].role in NUISANCES)
+        self._pinned = {each: value for each, value in box.pinned.items() if each in values}
+        self._given = [each for each in self._pinned if roles[each].role not in NUISANCES]
+        held = [*self.searched, *self._given]
+        self._least_gap = LeastGap.of(values, roles)
+        rows = np.stack([values[each] for each in held], axis=1)
+        rows[:, : len(self.searched)] -= self._least(values)
+        usable = (rows > 0.0).all(axis=1)
+        self.left_out = int((~usable).sum())
+        self._log_rows, self._recordings, self._model = np.log(rows[usable]), recordings[usable], name
+        everything = np.stack([values[each] for each in box.names], axis=1)[usable]
+        inside = self.inside(everything)
+        self.theta, self.recordings = everything[inside], self._recordings[inside]
+        self._limits = {actor: Limits.of(each) for actor, each in self._by_actor(values).items()}
+
+    # physics
+
+    def _by_actor(self, values: Mapping[str, FloatArray]) -> dict[str, ByRole]:
+        """Values in SI units by role, for each actor."""
+        found: dict[str, dict[str, FloatArray]] = {}
+        for name, (actor, role, factor) in self._roles.items():
+            if name in values:
+                found.setdefault(actor, {})[role] = values[name] / factor
+        return dict(found)
+
+    def possible(self, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that are in the box and within the physical limits: (n,)."""
+        values = self._by_name(theta)
+        kept = [self._limits[actor].kept(each) for actor, each in self._by_actor(values).items()]
+        if self._least_gap is not None:
+            kept.append(values[self._least_gap.gap] > self._least_gap.at(values))
+        return np.all([self.inside(theta), *kept], axis=0)
+
+    # density
+
+    @cached_property
+    def _density(self) -> Density | Components:
+        """Of the logarithms of what is searched, given what is pinned."""
+        whole = fitted(self._model, self._log_rows, self._recordings)
+        return self._conditioned(whole) if self._given else whole
+
+    def _conditioned(self, whole: Density) -> Components:
+        values = np.array([self._pinned[name] for name in self._given])
+        if not (values > 0.0).all():
+            name = self._given[int(np.flatnonzero(values <= 0.0)[0])]
+            raise UsageError(f"{name} is pinned at {self._pinned[name]:g}, where recordings have no density")
+        return _gaussians(whole, self._model).given(self._given_columns, np.log(values))
+
+    @property
+    def _given_columns(self) -> list[int]:
+        return list(range(len(self.searched), len(self.searched) + len(self._given)))
+
+    def _by_name(self, theta: FloatArray) -> dict[str, FloatArray]:
+        """Values (n,) of what is searched, and pinned, by parameter."""
+        pinned = {name: np.full(len(theta), value) for name, value in self._pinned.items()}
+        return pinned | dict(zip(self.names, theta.T, strict=True))
+
+    def _least(self, values: Mapping[str, FloatArray]) -> FloatArray:
+        """What is subtracted (n, k) of what is searched before the logarithm is taken."""
+        found = np.zeros((len(next(iter(values.values()))), len(self.searched)))
+        if self._least_gap is not None and self._least_gap.gap in self.searched:
+            found[:, self.searched.index(self._least_gap.gap)] = self._least_gap.at(values)
+        return found
+
+    def _logs(self, theta: FloatArray) -> FloatArray:
+        """Logarithms of what is searched."""
+        beyond = theta[:, self.columns(self.searched)] - self._least(self._by_name(theta))
+        return np.log(np.maximum(beyond, np.finfo(float).tiny))
+
+    def _raw(self, theta: FloatArray) -> FloatArray:
+        """log p over all that is positive, whether possible or not (n,)."""
+        logs = self._logs(theta)
+        return self._density.log_density(logs) - logs.sum(axis=1)
+
+    @cached_property
+    def _log_share(self) -> float:
+        """log of the share of the density that is possible."""
+        drawn = self._draw(_COUNTED, np.random.default_rng(0))
+        share = float(self.possible(drawn).mean())
+        if not share:
+            raise UsageError("the density of recordings has nothing inside the limits of the parameters")
+        return float(np.log(share))
+
+    def log_density(self, theta: FloatArray) -> FloatArray:
+        """log p(searched | pinned) of rows (n, d): (n,)."""
+        theta = np.asarray(theta, np.float64)
+        found = np.full(len(theta), -np.inf)
+        possible = self.possible(theta)
+        if possible.any():
+            found[possible] = self._raw(theta[possible]) - self._log_share
+        return found
+
+    def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
+        return self.of_logs(self._density.sample(n, generator))
+
+    def of_logs(self, logs: FloatArray) -> FloatArray:
+        """Rows (n, d), possible or not, of logarithms (n, k) of what is searched and no nuisance, with nuisances as recorded."""
+        theta = np.empty((len(logs), len(self.names)))
+        columns = self.columns(self.searched)
+        theta[:, columns] = np.exp(logs)
+        theta[:, columns] += self._least(self._by_name(theta))  # of what is not shifted itself
+        return self.with_nuisances(theta)
+
+    @property
+    def gaussians(self) -> Components:
+        """The density of the logarithms, possible or not.
+
+        Raises:
+            UsageError: it is no sum of Gaussians.
+        """
+        return self._density if isinstance(self._density, Components) else _gaussians(self._density, self._model)
+
+    # what is foreseeable
+
+    @cached_property
+    def held_out(self) -> FloatArray:
+        """log p(searched | pinned) of each recorded unit (m,) by the density of other recordings, given its own values of what is
+        pinned; over all that is positive."""
+        found = np.empty(len(self._log_rows))
+        for other, tested in others(self._model, self._log_rows, self._recordings):
+            found[tested] = other.log_density(self._log_rows[tested])
+            if self._given:
+                given = _gaussians(other, self._model).marginal(self._given_columns)
+                found[tested] -= given.log_density(self._log_rows[tested][:, self._given_columns])
+        return found - self._log_rows[:, : len(self.searched)].sum(axis=1)
+
+    @cached_property
+    def limit(self) -> float:
+        """log p that all but 1 % of the recorded units reach."""
+        return float(np.quantile(self.held_out, FORESEEABLE))
+
+    @property
+    def possible_share(self) -> float:
+        """Share of the density's draws that are inside the box and the physical limits."""
+        return float(np.exp(self._log_share))
+
+    def foreseeable(self, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that traffic does: (n,)."""
+        theta = np.asarray(theta, np.float64)
+        found = self.possible(theta)
+        if found.any():
+            found[found] = self._raw(theta[found]) >= self.limit
+        return found
+
+    # nuisances
+
+    @cached_property
+    def _donors(self) -> tuple[FloatArray, FloatArray]:
+        """Standardised logarithms of recorded rows, and these rows."""
+        if not len(self.theta):
+            raise UsageError("no recorded manoeuvre is inside the limits of its parameters")
+        return self._logs(self.theta) / self._spread, self.theta
+
+    @cached_property
+    def _spread(self) -> FloatArray:
+        return np.maximum(self._log_rows[:, : len(self.searched)].std(axis=0), np.finfo(float).eps)
+
+    def with_nuisances(self, theta: FloatArray) -> FloatArray:
+        """Rows (n, d) with the nuisances of the recorded unit that is most like each of them."""
+        from scipy.spatial import cKDTree
+
+        if not self.nuisances:
+            return theta
+        standard, donors = self._donors
+        columns, drawn = self.columns(self.nuisances), theta.copy()
+        nearest = cKDTree(standard).query(self._logs(theta) / self._spread)[1]
+        drawn[:, columns] = donors[nearest][:, columns]
+        return drawn
+
+
+def _gaussians(density: Density, name: str) -> Components:
+    found = density.gaussians
+    if found is None:
+        raise UsageError(f"the density {name} can't be conditioned on pinned values; kde, mixture and gaussian can")
+    return found

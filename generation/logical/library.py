@@ -7,16 +7,10 @@ from pathlib import Path
 
 import xodr
 import xosc
-from generation.logical.catalogs import write_catalogs
-from generation.logical.encounter_scenario import EncounterScenario
-from generation.logical.encounters import ENCOUNTERS
-from generation.logical.geometries import GEOMETRIES
-from generation.logical.header import AUTHOR, header
-from generation.logical.maneuver_scenario import ManeuverScenario
-from generation.logical.maneuvers import MANEUVERS
-from generation.logical.pairs.scenario import PairScenario
-from generation.logical.pairs.table import PAIRS
-from generation.logical.roads import write_roads
+from generation.logical.encounters import ENCOUNTERS, EncounterScenario
+from generation.logical.maneuvers import MANEUVERS, ManeuverScenario
+from generation.logical.pairs import PAIRS, PairScenario
+from generation.logical.roads import AUTHOR, GEOMETRIES, Course, header, write_catalogs, write_roads
 from xosc.distributions import (
     Deterministic,
     DeterministicSingleParameterDistribution,
@@ -54,7 +48,7 @@ def encounter_scenarios(roads: Path = ROADS) -> Iterator[tuple[str, EncounterSce
 
 def write(scenarios: Path = SCENARIOS, roads: Path = ROADS) -> list[Path]:
     """Write the files into two folders that stand to each other as those of the library do; their paths."""
-    written = [*write_roads(roads, AUTHOR), *write_catalogs(scenarios)]
+    written = [*write_roads(roads, AUTHOR), *write_catalogs(scenarios, _courses())]
     made: list[tuple[str, Made]] = [*maneuver_scenarios(), *encounter_scenarios(roads), *pair_scenarios()]
     for name, scenario in made:
         path = scenarios / f"{name}.xosc"
@@ -78,3 +72,12 @@ def _variation(scenario: Made, folder: Path) -> Path:
     distribution = ParameterValueDistribution(f"{name}.xosc", Deterministic((values,)))
     xosc.write_distribution(distribution, path, header(f"Variation of {name}", scenario.tags))
     return path
+
+
+def _courses() -> Iterator[tuple[str, Course]]:
+    """Road files and courses on them that scenarios refer to."""
+    for each in ENCOUNTERS.values():
+        yield from ((each.file, course) for course in (each.ego, each.way) if isinstance(course, Course))
+    for geometry in GEOMETRIES.values():
+        if geometry.turn is not None:
+            yield geometry.file, geometry.turn

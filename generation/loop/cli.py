@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -10,11 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from generation.density.model import JUDGE
-from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Pin, Quiet, Recorded, Sut
-from generation.search.method import DEFAULT as METHOD
+from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Pin, Quiet, Recorded
+from generation.settings import Ask, LoopSettings
+from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
+from schemas.commands.help import epilog
 from schemas.commands.options import (
+    AllowInconclusive,
     CatalogPath,
     RoadPath,
     Verbose,
@@ -25,44 +26,54 @@ from schemas.commands.options import (
     out_folder,
     parameters_of,
     progress_bar,
+    protected,
+    say,
 )
-from schemas.errors import UsageError
+from schemas.commands.wording import many
+from schemas.errors import ExitCode, UsageError, exit_codes
 
 if TYPE_CHECKING:
-    from generation.loop.settings import LoopSettings
-    from generation.loop.stages.findings import Finding
-    from generation.loop.stages.finished import Stage
+    from generation.loop.findings import Finding, Stage
 
 NAME = "xosc-loop"
-_EPILOG = (
-    "Exit codes: 0 the page is written, 1 it is, but a recording or scenario in the folder, or a file made, is not valid, a run "
-    "ended with an error, or no run of a search succeeded (with --against, also: a failure is new or still there), 2 wrong "
-    "usage, 3 invalid file, 4 valid file that asks for something that is not done here, 5 internal error."
+_EXAMPLES = ("xosc-loop results --out loop --budget 20 --rounds 1",)
+_EPILOG = exit_codes(
+    "the page is written",
+    "it is, but a recording or scenario in the folder, or a file made, is not valid, a run ended with an error, or no run of a "
+    "search succeeded (with --against, also: a failure is new; see --fail-if)",
+    "a run did not test what its file describes",
 )
 
 app = new_app()
 
 
-@app.command(epilog=_EPILOG)
+@app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
+@protected("max_runs")
 def xosc_loop(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="Recordings (highD, INTERACTION, CommonRoad, NGSIM, runs), .xosc scenarios.")
     ],
     out: Annotated[Path, out_folder("Folder for all that comes of it; index.html in it is the page.")],
     sut: Sut = DEFAULT_SYSTEM,
-    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each search: one a class and round.")] = 300,
-    rounds: Annotated[int, typer.Option(min=1, metavar="N", help="Rounds of search; each starts from failures before it.")] = 2,
-    most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases that a search writes.")] = 6,
-    shown: Annotated[int, typer.Option(min=1, metavar="N", help="Recorded scenarios of each class with a replay.")] = 12,
+    budget: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Runs of each search: one a class and round.")
+    ] = LoopSettings.budget,
+    rounds: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Rounds of search; each starts from failures before it.")
+    ] = LoopSettings.rounds,
+    most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases that a search writes.")] = LoopSettings.most,
+    shown: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Recorded scenarios of each class with a replay.")
+    ] = LoopSettings.shown,
     sample: Annotated[
         int, typer.Option(min=1, metavar="N", help="Most parameter sets of each variation file that are run, drawn by the seed.")
-    ] = 50,
-    method: Annotated[str, typer.Option(help="Search method; see xosc-generate.")] = METHOD,
+    ] = LoopSettings.sample,
+    method: Annotated[str, typer.Option(help="Search method; see xosc-generate.")] = LoopSettings.method,
     labels: Annotated[Literal["model", "rules"], typer.Option(help="Who labels: a model, or the rules alone.")] = "model",
     model: Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")] = None,
     recorded: Recorded = None,
     kind: Kind = None,
-    density: Density = JUDGE,
+    density: Density = Ask.density,
     pin: Pin = None,
     free: Free = None,
     maps: Map = None,
@@ -71,10 +82,11 @@ def xosc_loop(
         typer.Option(metavar="DIR", help="Replay the failures in the output folder of a loop of another version of the system."),
     ] = None,
     fail_if: FailIf = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = LoopSettings.seed,
     road_path: RoadPath = None,
     catalog_path: CatalogPath = None,
-    jobs: Jobs = 2,
+    allow_inconclusive: AllowInconclusive = False,
+    jobs: Jobs = LoopSettings.processes,
     _verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
@@ -85,18 +97,16 @@ def xosc_loop(
     on. index.html in the output folder shows everything, with replays, scenario and road files and tags to open.
 
     --against compares with a loop of another version of the system: the failures of its edge cases are replayed, and are fixed or
-    still there; those found now that are unlike them are new.
+    still there; those found now that are unlike them are new where the former system survives them.
 
     Recordings that can't be read, and scenarios that can't be read, run or searched are listed with the reason; the others go on.
 
     --recorded, --kind, --pin, --free, --map, --road-path and --catalog-path are about the scenarios in the folder, as in
     xosc-generate.
     """
-    from generation.declared import Ask
+    from generation.loop.findings import closing
     from generation.loop.loop import run_loop
-    from generation.loop.messages import closing
     from generation.loop.page import write
-    from generation.loop.settings import LoopSettings
     from generation.report.regression import fates
 
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
@@ -108,9 +118,16 @@ def xosc_loop(
         found = run_loop(folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet))
         page = write(found, out)
         if not quiet:
-            print("\n".join(closing(found)), f"{page} shows all of it", sep="\n")
+            say(*closing(found), f"{page} shows all of it")
+    for first in found.inconclusive[:1]:
+        several = f"{many(len(found.inconclusive), 'run')} inconclusive, the first"
+        say(f"{NAME}: {several}: {first.name}: {first.message}", to=sys.stderr)
     failing = found.against is not None and found.against.fails(*wanted)
-    raise typer.Exit(0 if found.sound and not failing else 1)
+    if found.crashed:
+        raise typer.Exit(ExitCode.INTERNAL)
+    if not found.sound or failing:
+        raise typer.Exit(ExitCode.FINDING)
+    raise typer.Exit(ExitCode.INCONCLUSIVE if found.inconclusive and not allow_inconclusive else ExitCode.PASSED)
 
 
 def _model(labels: str, model: Path | None) -> Path | None:
@@ -128,7 +145,7 @@ def _model(labels: str, model: Path | None) -> Path | None:
 def _refuse_wrong(settings: LoopSettings) -> None:
     """What can't be is better known at once than after the recognition."""
     from generation.declared import freed, mapped
-    from generation.search.method import method
+    from generation.search.methods import method
 
     method(settings.method)
     freed(settings.ask.free)
@@ -137,18 +154,17 @@ def _refuse_wrong(settings: LoopSettings) -> None:
 
 def _told(quiet: bool, stage: Stage, found: Finding, seconds: float | None) -> None:
     """A line for each finished stage, and what it could not do."""
-    from generation.loop.messages import summary
+    from generation.loop.findings import summary
 
     if not quiet:
         when = "done before" if seconds is None else f"{seconds:.1f} s"
-        print(f"{when:>11}  {summary(stage, found)}", flush=True)
+        say(f"{when:>11}  {summary(stage, found)}")
     for name, error in found.failures.items():
-        print(f"{NAME}: {name}: {error}", file=sys.stderr)
+        say(f"{NAME}: {name}: {error}", to=sys.stderr)
 
 
 def main() -> None:
     """Entry point of the command."""
-    sys.path.append(os.getcwd())  # for systems under test named as module:Class
     guarded(NAME, app, extra="search")
 
 

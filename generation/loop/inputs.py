@@ -1,20 +1,30 @@
-"""What a user's folder holds: recordings, and scenarios."""
+"""Inputs of the loop: recordings and scenarios of a folder, and the targets that are searched."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import xosc
-from generation.declared import scenario_of
-from generation.outcomes.inputs import files
+from generation.declared import Asked, NothingToVary, asked_of, scenario_of
+from generation.logical.library import SCENARIOS
+from generation.loop.findings import Prior, Refused
+from generation.pipeline import LEAST
+from generation.recorded import Recorded, Scenario, kind_of, of_catalogue, of_samples
+from generation.search.space import Space
+from generation.settings import Ask
 from recognition import datasets
 from recognition.datasets import Source
+from recognition.labels.classes import Label
+from recognition.maneuvers.units import OWN, Samples
+from runner.batch.inputs import files
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile, ToolchainError, UsageError
+from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from schemas.storage import digest
 
 
@@ -103,3 +113,182 @@ def _content(path: Path) -> str:
             return hashlib.file_digest(file, "blake2b").hexdigest()
     except OSError as error:
         raise InvalidFile(f"the file can't be read: {error.strerror or error}", path=path) from None
+
+
+LIBRARY = {
+    Label.FREE_CRUISE: "free_cruise_highway",
+    Label.CAR_FOLLOWING: "car_following_highway",
+    Label.CUT_IN: "cut_in_highway",
+    Label.CUT_OUT: "cut_out_highway",
+    Label.LANE_CHANGE_LEFT: "lane_change_left_highway",
+    Label.LANE_CHANGE_RIGHT: "lane_change_right_highway",
+    Label.RAMP_ENTERING: "ramp_entering_highway",
+    Label.RAMP_EXITING: "ramp_exiting_highway",
+    Label.URBAN_CUT_IN: "cut_in_narrow_road",
+    Label.URBAN_CUT_OUT: "cut_out_narrow_road",
+}
+"""The library's logical scenario of a class, for those whose parameters can be measured in recordings."""
+
+
+class Target(NamedTuple):
+    """Something to search.
+
+    Attributes:
+        name: of its folder.
+        title: the class, or the user's scenario.
+        scenario: the logical scenario.
+        recorded: gives the recorded parameters of its space.
+        prior: how many these are, and whose.
+        asked: what the user's options and a variation file say of it; None where all is by default.
+    """
+
+    name: str
+    title: str
+    scenario: Path
+    recorded: Callable[[Space], Recorded]
+    prior: Prior
+    asked: Asked | None = None
+
+
+def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | None) -> Iterator[Target | Refused]:
+    """What to search for each class of a catalogue, in the order of the classes.
+
+    Its own manoeuvres are varied where there are enough of them for a density; else the library's scenario of the class.
+
+    Args:
+        rows: of the catalogue's index.
+        catalogue: its folder.
+        own: units of the same recordings; None for none.
+    """
+    found = {scenario.path.parent.name: scenario for scenario in of_catalogue(catalogue)}
+    folders = {str(row["class"]): Path(row["file"]).parts[0] for row in rows}
+    labels = {label.title: label for label in Label}
+    for title in sorted(folders, key=lambda title: (labels.get(title, len(labels)), title)):
+        folder, label = folders[title], labels.get(title, Label.UNKNOWN)
+        if (target := _of_catalogue(folder, title, found.get(folder))) is not None:
+            yield target
+        elif label in LIBRARY:
+            yield of_scenario(SCENARIOS / f"{LIBRARY[label]}.xosc", own, folder, title)
+        else:
+            yield Refused(title, _why_not(found.get(folder)))
+
+
+def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> Target | None:
+    """The catalogue's own scenario; None where there are too few of its like."""
+    if scenario is None:
+        return None
+    space = Space.of(scenario.path)
+    count = len(scenario.on(space).within(space).theta)
+    return Target(folder, title, scenario.path, scenario.on, Prior(count, own=True)) if count >= LEAST else None
+
+
+def _why_not(scenario: Scenario | None) -> str:
+    if scenario is None:
+        return "nothing is recorded of parameters by which it could be varied"
+    return f"{len(scenario.recorded.theta)} manoeuvres with another participant are recorded, {LEAST} make a density"
+
+
+def of_scenario(path: Path, own: Samples | None, name: str | None = None, title: str | None = None) -> Target | Refused:
+    """A logical scenario, with the parameters of these recordings where there are enough, else of the units that are shipped.
+
+    Args:
+        own: units of these recordings; None for none.
+        name, title: of the target; by default the file's.
+    """
+    name, title = name or path.stem, title or path.stem
+    try:
+        kind = kind_of(path)
+        recorded, prior = _recorded(Space.of(path), kind, own)
+    except (UsageError, Unsupported) as error:
+        return Refused(title, error.message)
+    return Target(name, title, path, recorded, prior)
+
+
+def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Iterator[Target | Refused]:
+    """The scenarios and variation files of the user; one that is not searched is told with those that are in its place.
+
+    Args:
+        names: of the targets, by file.
+        own: units of the user's recordings; None for none.
+    """
+    found = {path: _of_input(path, own, ask, name) for path, name in names.items()}
+    searched: dict[Path, list[str]] = {}
+    for each in found.values():
+        if isinstance(each, Target):
+            searched.setdefault(each.scenario.resolve(), []).append(each.title)
+    beside = {path.resolve(): name for path, name in names.items()}
+    for path, each in found.items():
+        if isinstance(each, NothingToVary):
+            of = each.scenario.resolve()
+            if of in searched:
+                yield Refused(names[path], f"{each.reason}; in its place: {', '.join(searched[of])}")
+            elif of in beside:  # which says what can be done
+                yield Refused(names[path], f"{each.reason}, and its scenario {beside[of]} is not searched either")
+            else:
+                yield Refused(names[path], each.message)
+        elif isinstance(each, Refused) and path.resolve() in searched:
+            instead = searched[path.resolve()]
+            files = "its variation file is" if len(instead) == 1 else "its variation files are"
+            yield Refused(names[path], f"{files} searched in its place: {', '.join(instead)}")
+        else:
+            yield each
+
+
+def _of_input(path: Path, own: Samples | None, ask: Ask, name: str) -> Target | Refused | NothingToVary:
+    """A scenario or a variation file of the user: as the options say, else by its name.
+
+    Options count for those scenarios that declare the parameters that they name.
+
+    Args:
+        own: units of the user's recordings; None for none.
+        name: of the target.
+    """
+    try:
+        asking = _concerning(ask, path)
+        if asking == Ask() and xosc.load(path).kind == "scenario":
+            return of_scenario(path, own, name, name)
+        asked = asked_of(asking, path)
+        space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+        found = asked.recorded(space)
+        count = len(found.within(space).theta)
+        if count < LEAST:
+            raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
+    except NothingToVary as error:
+        return error
+    except (UsageError, Unsupported, InvalidFile) as error:
+        return Refused(name, _with_place(error, path))
+    stated = len(found.marginals) == len(space.names)
+    return Target(name, name, asked.scenario, asked.recorded, Prior(0 if stated else count, own=False), asked)
+
+
+def _with_place(error: ToolchainError, path: Path) -> str:
+    """What an error says of a file, with its line, or the name of another file that it is in."""
+    if error.path in (None, str(path)):
+        return f"line {error.line}: {error.message}" if error.line else error.message
+    return f"{Path(str(error.path)).name}{f':{error.line}' if error.line else ''}: {error.message}"
+
+
+def _concerning(ask: Ask, path: Path) -> Ask:
+    """What options say of the parameters that a scenario declares."""
+    declared = xosc.load(scenario_of(path)).node.find("ParameterDeclarations")
+    names = {each.get("name") for each in declared.children("ParameterDeclaration")} if declared is not None else set()
+    pinned = {name: value for name, value in ask.pinned.items() if name in names}
+    free, maps = (tuple(text for text in texts if text.partition("=")[0] in names) for texts in (ask.free, ask.maps))
+    return replace(ask, pinned=pinned, free=free, maps=maps)
+
+
+def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[Space], Recorded], Prior]:
+    """What gives the recorded parameters of a space, and whose they are."""
+    for samples in (own, Samples.read(OWN)):
+        if samples is not None:
+            recorded = partial(of_samples, samples.of_kind(kind))
+            count = len(recorded(space).within(space).theta)
+            if count >= LEAST:
+                return recorded, Prior(count, own=samples is own)
+    raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
+
+
+def split(found: Iterable[Target | Refused]) -> tuple[list[Target], list[Refused]]:
+    """What to search, and what not."""
+    listed: Sequence[Target | Refused] = list(found)
+    return [each for each in listed if isinstance(each, Target)], [each for each in listed if isinstance(each, Refused)]

@@ -9,9 +9,8 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from generation.loop.inputs import Inputs, played
-from generation.loop.settings import LoopSettings
-from generation.loop.stages.findings import (
+from generation.loop import runs as loop_runs
+from generation.loop.findings import (
     Against,
     Checked,
     Labelled,
@@ -23,18 +22,16 @@ from generation.loop.stages.findings import (
     Refused,
     Round,
     Searched,
+    Stage,
 )
-from generation.loop.stages.finished import FinishedStages, Report, Stage
-from generation.loop.tasks import recognising
-from generation.loop.tasks.beside import Searchers
-from generation.loop.tasks.comparing import Earlier, compare
-from generation.loop.tasks.running import run_all, sampled
-from generation.loop.tasks.searching import found_by, search
-from generation.loop.tasks.targets import Target, of_classes, of_inputs, split
-from generation.outcomes.inputs import plugged_in
-from recognition.catalogue.episodes import plain
-from recognition.catalogue.writing.index import rows_of
+from generation.loop.inputs import Inputs, Target, of_classes, of_inputs, played, split
+from generation.loop.runs import FinishedStages, Report, run_all, sampled
+from generation.loop.searches import Earlier, Searchers, compare, found_by, search
+from generation.settings import LoopSettings
+from recognition.catalogue.detect import plain
+from recognition.catalogue.index import rows_of
 from recognition.maneuvers.units import Samples
+from runner.batch.inputs import plugged_in
 from runner.batch.jobs import Job, Outcome, jobs_of
 from runner.settings import RunSettings
 from schemas import check_many
@@ -43,7 +40,7 @@ from schemas.commands.options import Bar
 from schemas.errors import UsageError
 from schemas.storage import alone, digest
 from xodr.array_types import FloatArray
-from xosc.distributions.selection import Selection
+from xosc.distributions.space import Selection
 
 CATALOGUE = "catalogue"
 UNITS = "units.parquet"
@@ -123,12 +120,12 @@ class _Loop:
         own: Samples | None = None
         listed: Iterable[Target | Refused] = []
         if self._inputs.recordings:
-            catalogue, model = self._out / CATALOGUE, self._out / recognising.MODEL
-            make = partial(recognising.catalogue, [self._inputs.folder], catalogue, self._settings.model, self._bar, model)
-            found = self._once(Stage("recognise"), Recognised, make, self._recorded, (catalogue, model))
+            catalogue, model = self._out / CATALOGUE, self._out / loop_runs.MODEL
+            make = partial(loop_runs.catalogue, [self._inputs.folder], catalogue, self._settings.model, self._bar, model)
+            found = self._once(Stage("recognise"), Recognised, make, self._recorded, (catalogue, model), editable=True)
             table = self._out / UNITS
             read = [each for each in self._inputs.recordings if each.name not in found.failures]
-            measure = partial(recognising.units, read, table, self._bar)
+            measure = partial(loop_runs.units, read, table, self._bar)
             measured = self._once(Stage("measure"), Measured, measure, self._recorded, (table,))
             found = replace(found, failures=found.failures | measured.failures)
             own = Samples.read(table) if table.is_file() else None
@@ -149,7 +146,8 @@ class _Loop:
         of = self._all(targets)
         runs = self._once(Stage("run", number), Ran, run, of, (folder / RUNS,))
         label = partial(self._label, folder)
-        return Round(number, searched, runs, self._once(Stage("label", number), Labelled, label, of, (folder / RECOGNISED,)))
+        labelled = self._once(Stage("label", number), Labelled, label, of, (folder / RECOGNISED,), editable=True)
+        return Round(number, searched, runs, labelled)
 
     def play(self) -> Ran:
         """Replay some recorded scenarios of each class, as they were recorded."""
@@ -238,9 +236,9 @@ class _Loop:
 
     def _label(self, folder: Path) -> Labelled:
         """The classes that are recognised about the ego in each run; by the run's name."""
-        grown = self._out / recognising.MODEL
+        grown = self._out / loop_runs.MODEL
         model = grown if grown.is_dir() else self._settings.model
-        recognising.catalogue([folder / RUNS], folder / RECOGNISED, model, self._bar)
+        loop_runs.catalogue([folder / RUNS], folder / RECOGNISED, model, self._bar)
         found = Labelled()
         for row in rows_of(folder / RECOGNISED):
             if row["vehicle"] == "Ego":

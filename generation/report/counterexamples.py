@@ -1,20 +1,89 @@
-"""The failures to look at first: the one that traffic does likeliest, and the one that is nearest to what was recorded."""
+"""Counterexamples: measures that a tester reads, the likeliest failure and the nearest to a recording, boundary of failures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from generation.outcomes.cases import Cases
-from generation.outcomes.references import JUDGES, Drivers, matrix
-from generation.pipeline import Generated, SearchSettings, evidence
-from generation.search.diversity import distinctive
-from generation.search.space import Space
+from generation.density.roles import AHEAD, BEGINS, EGO, EGO_SPEED, LEAST, NUISANCES, Role, by_actor, reading
+from generation.outcomes.judges import JUDGES, Cases, Drivers, matrix
+from generation.pipeline import Generated, evidence
+from generation.search.space import Space, distinctive
+from generation.settings import SearchSettings
 from generation.variations import Writer
+from schemas.commands.wording import many
 from xodr.array_types import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from sklearn.pipeline import Pipeline
+
+
+_UNITS = {"mps": "m/s", "mps2": "m/s²", "kph": "km/h", "deg": "°"}
+"""How units are written that names of parameters end with"""
+
+
+class Measure(NamedTuple):
+    """A measure at some points: its name, its unit, values (n,)."""
+
+    name: str
+    unit: str
+    values: FloatArray
+
+
+def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list[Measure]:
+    """The measures of points (n, d): of each actor whose parameters are known in recordings, and all other parameters.
+
+    Args:
+        roles: of the parameters that are known in recordings, of pinned ones too: these enter into measures, and are none.
+    """
+    values = space.by_name(theta)
+    roles = {name: role for name, role in roles.items() if name in values}
+    actors = by_actor(values, roles) if roles else {}
+    found = [each for actor, of in actors.items() for each in _of_actor(of, actor, len(actors) > 1)]
+    nuisances = {name for name, role in roles.items() if role.role in NUISANCES}
+    ego = next((name for name, role in roles.items() if role.role == EGO_SPEED and name in space.names), None)
+    read = set(roles) if found else set(nuisances)
+    if ego is not None and found:
+        whose = "leader" if EGO in actors else "ego"
+        found.append(Measure(f"speed of the {whose}", "m/s", values[ego] / roles[ego].factor))
+    found += [Measure(name, unit_of(name), values[name]) for name in space.names if name not in read]
+    return found
+
+
+def unit_of(name: str) -> str:
+    """The unit that a parameter's name ends with, as `Ego_Speed_mps`; empty where it ends with none."""
+    last = name.rpartition("_")[2] if "_" in name else ""
+    return _UNITS.get(last, last if last in ("m", "s", "percent") else "")
+
+
+def _of_actor(of: Mapping[str, FloatArray], actor: str, several: bool) -> Iterator[Measure]:
+    """Measures of one actor by the roles that are known."""
+    before = f"{actor}: " if several else ""
+    start, end, duration = (of.get(role) for role in ("start_speed", "end_speed", "duration"))
+    read = reading(of, actor)
+    if read.closing is not None:
+        yield Measure(f"{before}closing speed", "m/s", read.closing)
+    if read.headway is not None:
+        yield Measure(f"{before}time headway", "s", read.headway)
+    elif "gap" in of:
+        yield Measure(f"{before}gap", "m", of["gap"])
+    if AHEAD in of:
+        yield Measure(f"{before}gap to the one before", "m", of[AHEAD])
+    if BEGINS in of:
+        yield Measure(f"{before}begins at", "s", of[BEGINS])
+    if duration is not None:
+        yield Measure(f"{before}duration" if several else "duration of the manoeuvre", "s", duration)
+        if start is not None and end is not None:
+            of_whom = f"{before}acceleration" if several else f"acceleration of {actor or 'the actor'}"
+            yield Measure(of_whom, "m/s²", (end - start) / np.maximum(duration, LEAST))
+    if end is not None and "final_speed" in of:
+        yield Measure(f"{before}change of speed afterwards", "m/s", of["final_speed"] - end)
+
 
 LIKELIEST, NEAREST = "likeliest_failure", "nearest_failure"
 """What their files are called, after the scenario's name"""
@@ -138,4 +207,116 @@ def _played(file: Path, settings: SearchSettings) -> tuple[Path, bool]:
     result.name = file.stem
     page = file.with_suffix(".html")
     write_replay([result], page)
-    return page, not result.verdict.passed
+    return page, bool(result.verdict.failures)
+
+
+_FEWEST = 20
+"""Fewest runs that fail, and that do not, for a boundary"""
+_FOLDS, _SLICED, _GRID = 5, 3, 60
+"""Folds of the cross-validation, measures that slices are made of, and points along the sides of a slice"""
+_ROOM = 0.02
+"""Room around the runs of a slice, as a share of their range"""
+
+
+class Slice(NamedTuple):
+    """Two measures, the others held.
+
+    Attributes:
+        across, up: indices of the measures.
+        held: medians (k,) over the failures, of all measures.
+        boundary: lines (n, 2) where as much speaks for a failure as against it, among the runs that there are.
+    """
+
+    across: int
+    up: int
+    held: FloatArray
+    boundary: list[FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """The boundary.
+
+    Attributes:
+        accuracy: balanced, of runs that the model was not fitted on: mean of the shares of failures and of others that it gets
+            right; ½ is chance. spread: its standard deviation over folds.
+        area: under the receiver's characteristic, likewise.
+        weights: how much of the accuracy goes when a measure's values are shuffled, by its index, the greatest first.
+        drawn: indices of the measures that matter most. alone: accuracy of a model of these alone.
+        slices: of that model.
+    """
+
+    accuracy: float
+    spread: float
+    area: float
+    weights: dict[int, float]
+    drawn: list[int]
+    alone: float
+    slices: list[Slice]
+
+
+def region(measures: Sequence[Measure], failing: BoolArray) -> Region | str:
+    """The boundary between runs (n,) that fail and those that do not, or why there is none."""
+    fails, others = int(failing.sum()), int((~failing).sum())
+    if min(fails, others) < _FEWEST:
+        ran = f"{many(fails + others, 'run')}, {many(fails, 'failure')}"
+        return f"{ran}: a boundary needs {_FEWEST} that fail and {_FEWEST} that do not"
+    if len(measures) < 2:
+        return "one measure varies: there is nothing to draw over two"
+    rows = np.stack([each.values for each in measures], axis=1)
+    scores = _scores(rows, failing)
+    weights = _weights(_model().fit(rows, failing), rows, failing)
+    drawn, held = list(weights)[:_SLICED], np.median(rows[failing], axis=0)
+    few = rows[:, drawn]
+    model, alone = _model().fit(few, failing), _scores(few, failing)["test_balanced_accuracy"]
+    slices = [
+        Slice(drawn[across], drawn[up], held, _boundary(model, few, held[drawn], across, up))
+        for across, up in combinations(range(len(drawn)), 2)
+    ]
+    accuracy, area = scores["test_balanced_accuracy"], scores["test_roc_auc"]
+    return Region(float(accuracy.mean()), float(accuracy.std()), float(area.mean()), weights, drawn, float(alone.mean()), slices)
+
+
+def _model() -> Pipeline:
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+    regression = LogisticRegression(class_weight="balanced", max_iter=2000)
+    return make_pipeline(StandardScaler(), PolynomialFeatures(2, include_bias=False), regression)
+
+
+def _scores(rows: FloatArray, failing: BoolArray) -> dict[str, Any]:
+    from sklearn.model_selection import StratifiedKFold, cross_validate
+
+    folds = StratifiedKFold(_FOLDS, shuffle=True, random_state=0)
+    found: dict[str, Any] = cross_validate(_model(), rows, failing, cv=folds, scoring=("balanced_accuracy", "roc_auc"))
+    return found
+
+
+def _weights(model: Pipeline, rows: FloatArray, failing: BoolArray) -> dict[int, float]:
+    from sklearn.inspection import permutation_importance
+
+    found = permutation_importance(model, rows, failing, scoring="balanced_accuracy", n_repeats=5, random_state=0)
+    means = found["importances_mean"]
+    return {int(index): float(means[index]) for index in np.argsort(-means, kind="stable")}
+
+
+def _boundary(model: Pipeline, rows: FloatArray, held: FloatArray, across: int, up: int) -> list[FloatArray]:
+    """Where the model is undecided, as far as runs reach."""
+    from matplotlib.figure import Figure
+    from scipy.spatial import Delaunay
+
+    xs, ys = (np.linspace(*limits(rows[:, index]), _GRID) for index in (across, up))
+    grid = np.repeat(held[None], _GRID * _GRID, axis=0)
+    grid[:, across], grid[:, up] = (each.ravel() for each in np.meshgrid(xs, ys))
+    reached = Delaunay(rows[:, [across, up]]).find_simplex(grid[:, [across, up]]) >= 0
+    decided = np.ma.masked_array(model.decision_function(grid), ~reached).reshape(_GRID, _GRID)
+    (path,) = Figure().subplots().contour(xs, ys, decided, levels=[0.0]).get_paths()
+    return [np.asarray(line, np.float64) for line in path.to_polygons(closed_only=False)]
+
+
+def limits(values: FloatArray) -> tuple[float, float]:
+    """Least and greatest value with a little room."""
+    low, high = float(values.min()), float(values.max())
+    return low - _ROOM * (high - low), high + _ROOM * (high - low)

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.outcomes.cases import COLLISION
-from generation.outcomes.evaluator import Episode, Simulator
-from generation.outcomes.outcomes import Outcomes
-from generation.pipeline import Generated, SearchSettings, estimate_file
-from generation.search.diversity import apart, distinctive
-from generation.search.space import Space
+from generation.outcomes.judges import COLLISION
+from generation.outcomes.outcomes import Episode, Outcomes, Simulator
+from generation.pipeline import Generated, estimate_file, evaluator_of, summary_file, system_digest
+from generation.search.space import Space, apart, distinctive
+from generation.settings import SearchSettings
+from runner.settings import RunSettings
 from schemas.errors import UsageError
 from schemas.storage import read_object
 from xodr.array_types import BoolArray, FloatArray
@@ -25,12 +25,22 @@ from xosc.tags import tags_of
 
 
 class Fate(StrEnum):
-    """What became of a failure; a run that failed says nothing of it."""
+    """What became of a failure; a run that failed says nothing of it.
+
+    A failure found now that is unlike all of before is played with the former version: it is new where that one survives, missed
+    where that one fails too, and unlike where that one can't be played.
+    """
 
     FIXED = "fixed"
     STILL_THERE = "still-there"
     UNKNOWN = "unknown"
     NEW = "new"
+    MISSED = "missed-before"
+    UNLIKE = "unlike"
+
+
+_ALWAYS = (Fate.FIXED, Fate.STILL_THERE, Fate.NEW)
+"""Fates that are told though no failure has them"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +52,14 @@ class Before:
         values: of all parameters of each failure that it found, by name.
         estimate: how often the system failed, as `generation.estimation.estimate.Estimate.as_json` has it; None where nothing is
             known.
+        system: digest of the system, as `generation.pipeline.system_digest` has it; empty where it is not known.
     """
 
     folder: Path
     sut: str
     values: Sequence[Mapping[str, str]]
     estimate: Mapping[str, Any] | None = None
+    system: str = ""
 
     @classmethod
     def of(cls, folder: Path, scenario: Path) -> Before:
@@ -61,14 +73,17 @@ class Before:
         if not (path.is_file() or any(folder.glob(f"{scenario.stem}_runs_*.jsonl"))):
             raise UsageError(f"--against: no search of {scenario.name} is in this folder", path=folder)
         estimate = read_object(estimated) if estimated.is_file() else None
+        summarised = folder / summary_file(scenario)
+        summary = read_object(summarised) if summarised.is_file() else {}
+        system = str(summary.get("system", ""))
         if not path.is_file():
-            return cls(folder, str(estimate["sut"]) if estimate else "", (), estimate)
+            return cls(folder, str((summary or estimate or {}).get("sut", "")), (), estimate, system)
         tags = {tag.type: tag.value for tag in tags_of(path)}
         verdicts, space = tags.get("Verdict"), ParameterSpace(path)
         if not isinstance(verdicts, Sequence) or isinstance(verdicts, str) or len(verdicts) != space.size:
             raise UsageError("--against: the tags of these edge cases do not say which are failures", path=path)
         values = [space.variation(number)[1] for number, verdict in enumerate(verdicts) if verdict == COLLISION]
-        return cls(folder, str(tags.get("SystemUnderTest", "")), values, estimate)
+        return cls(folder, str(tags.get("SystemUnderTest", "")), values, estimate, system)
 
 
 class Tried(NamedTuple):
@@ -93,7 +108,7 @@ class Fates(Counter[Fate]):
         return any(self[fate] for fate in wanted)
 
     def __str__(self) -> str:
-        return ", ".join(f"{self[fate]} {fate}" for fate in Fate if fate is not Fate.UNKNOWN or self[fate])
+        return ", ".join(f"{self[fate]} {fate}" for fate in Fate if fate in _ALWAYS or self[fate])
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,18 +118,18 @@ class Regression:
     Attributes:
         before: the other version.
         replayed: what came of its failures with this one (n,). fates: what became of them (n,).
-        new: rows of the points (m,) that are failures unlike all of before.
+        found: fates of the points (m,) of this version: `NEW`, `MISSED` or `UNLIKE` for failures unlike all of before, else None.
     """
 
     before: Before
     replayed: Outcomes
     fates: Sequence[Fate]
-    new: BoolArray
+    found: Sequence[Fate | None]
 
     @property
     def counts(self) -> Fates:
         """How many failures have each fate."""
-        return Fates({**Counter(self.fates), Fate.NEW: int(self.new.sum())})
+        return Fates([*self.fates, *(fate for fate in self.found if fate is not None)])
 
     def __str__(self) -> str:
         return f"against {self.before.sut or 'the system'} in {self.before.folder}: {self.counts}"
@@ -123,7 +138,8 @@ class Regression:
 def regression(before: Before, scenario: Path, tried: Tried, settings: SearchSettings) -> Regression:
     """Replay the failures of another version, and compare what was found.
 
-    A failure is fixed where the system survives it, and nothing that was found now is like it.
+    A failure is fixed where the system survives it, and nothing that was found now is like it. Failures found now that are unlike
+    all of before are played with the former version, where its name, parameters and code are those of then.
 
     Args:
         tried: edge cases of this version.
@@ -145,7 +161,28 @@ def regression(before: Before, scenario: Path, tried: Tried, settings: SearchSet
         Fate.UNKNOWN if not executed else Fate.STILL_THERE if collided or near else Fate.FIXED
         for executed, collided, near in zip(replayed.executed, replayed.collision, alike, strict=True)
     ]
-    return Regression(before, replayed, fates, tried.failing & far.all(axis=0))
+    return Regression(before, replayed, fates, _found(before, scenario, tried, tried.failing & far.all(axis=0), settings))
+
+
+def _found(before: Before, scenario: Path, tried: Tried, unlike: BoolArray, settings: SearchSettings) -> list[Fate | None]:
+    """Fates of points (m,): of those that are unlike all failures of before."""
+    fates: list[Fate | None] = [Fate.UNLIKE if each else None for each in unlike]
+    rows, run = np.flatnonzero(unlike), replace(settings.run, sut=before.sut)
+    if not rows.size or not before.sut or not _same(before, scenario, run):
+        return fates
+    with evaluator_of(scenario, tried.space, replace(settings, run=run)) as former:
+        then = former(tried.theta[rows])
+    for row, executed, collided in zip(rows.tolist(), then.executed, then.collision, strict=True):
+        fates[row] = Fate.UNLIKE if not executed else Fate.MISSED if collided else Fate.NEW
+    return fates
+
+
+def _same(before: Before, scenario: Path, run: RunSettings) -> bool:
+    """Whether the former system is still there as it was."""
+    try:
+        return bool(before.system) and system_digest(scenario, run) == before.system
+    except UsageError:
+        return False
 
 
 def _far(tried: Tried, before: Before, least: float) -> BoolArray:
@@ -160,7 +197,7 @@ def _far(tried: Tried, before: Before, least: float) -> BoolArray:
 
 
 def fates(texts: Sequence[str] | None, against: Path | None) -> tuple[Fate, ...]:
-    """What `--fail-if` names; both where it names nothing.
+    """Fates that `--fail-if` names; new failures alone by default, so that an unchanged system raises no alarm.
 
     Raises:
         UsageError: it names something else, or there is no `--against`.
@@ -171,4 +208,4 @@ def fates(texts: Sequence[str] | None, against: Path | None) -> tuple[Fate, ...]
     for text in texts or ():
         if text not in offered:
             raise UsageError(f"--fail-if {text!r}: one of {', '.join(offered)} is expected")
-    return tuple(offered[text] for text in texts or offered)
+    return tuple(offered[text] for text in texts or (Fate.NEW,))

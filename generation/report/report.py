@@ -1,4 +1,4 @@
-"""The report of a search: one page a manoeuvre and system."""
+"""What a report says first, in sentences: what fails, how often, how hard."""
 
 from __future__ import annotations
 
@@ -9,26 +9,120 @@ from typing import Any
 
 import numpy as np
 
-from generation.density.model import judge
+from generation.density.models import judge
 from generation.density.roles import roles_of
-from generation.estimation.estimate import Estimate
-from generation.estimation.rates import Rate
-from generation.outcomes.cases import Cases
+from generation.estimation.estimate import FAILURE, PREVENTABLE, Estimate
+from generation.estimation.probability import LEAST_EFFECTIVE, PER_DISTANCE, PER_HOUR, Probability, Rate
+from generation.outcomes.judges import JUDGES, REFERENCES, Cases
 from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
-from generation.outcomes.references import JUDGES, REFERENCES
 from generation.pages import PARTS_CSS, PARTS_JS
-from generation.pipeline import Generated, SearchSettings, evaluator_of
-from generation.report.counterexamples import Counterexample, Counterexamples, counterexamples
-from generation.report.headline import headline
-from generation.report.measures import Measure, measures, unit_of
-from generation.report.region import Region, limits, region
+from generation.pipeline import Generated, evaluator_of
+from generation.report.counterexamples import (
+    Counterexample,
+    Counterexamples,
+    Measure,
+    Region,
+    counterexamples,
+    limits,
+    measures,
+    region,
+    unit_of,
+)
+from generation.report.regions import FailureRegion, regions
 from generation.report.regression import Fate, Regression
+from generation.settings import SearchSettings
 from generation.variations import Written
 from runner.replay.page import page, write_page
 from runner.sut import system_name
 from schemas.commands.wording import many
-from schemas.storage import alone
+from schemas.storage import alone, write_object
 from xodr.array_types import FloatArray
+
+_SMALLEST = 1e-4
+"""Numbers below this are written with a power of ten"""
+
+
+def headline(title: str, sut: str, generated: Generated) -> list[str]:
+    """Sentences about a search of a scenario with that title."""
+    found, lost, estimate = _found(title, sut, generated), _lost(generated), generated.estimate
+    refusal = generated.gate.refusal
+    refused = [] if refusal is None else [f"The density is no judge of what is foreseeable: {refusal}."]
+    stated = f"{str(generated.statement)[:1].upper()}{str(generated.statement)[1:]}."
+    if estimate is None:
+        return [found, *lost, *refused, stated, "How often traffic makes it fail was not estimated; --estimate does that."]
+    made = f"When traffic makes the manoeuvre of {title}"
+    drawn = made if generated.gate.replayed is not None else f"Where {title} has values as stated (nothing is recorded)"
+    return [*_often(drawn, sut, estimate), *refused, found, *lost, stated]
+
+
+def _found(title: str, sut: str, generated: Generated) -> str:
+    outcomes = generated.episodes.outcomes
+    failures, cases = int((outcomes.executed & outcomes.collision).sum()), int(generated.cases.outcomes.collision.sum())
+    ran = int(outcomes.executed.sum())
+    if not failures:
+        return f"{sut} has no collision in {many(ran, 'run')} of {title}."
+    judged = f"{cases} failures unlike each other are" if cases > 1 else f"{cases or 'no'} failure is"
+    ran_of = f"{failures:,} of {many(ran, 'sought or drawn run')} of {title}"
+    return f"{sut} collides in {ran_of}; {judged} foreseeable and prevented by a careful driver."
+
+
+def _lost(generated: Generated) -> Iterator[str]:
+    """Runs that ended with an error or are inconclusive, which nothing else on the page counts."""
+    outcomes = generated.episodes.outcomes
+    errors, untested = outcomes.error[outcomes.status == "error"], outcomes.error[outcomes.inconclusive]
+    if len(errors):
+        yield f"{many(len(errors), 'more run')} failed and count for nothing, the first with: {errors[0]}"
+    if len(untested):
+        yield f"{many(len(untested), 'more run')} are inconclusive and count for nothing, the first: {untested[0]}"
+
+
+def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
+    failure, rates = estimate.probabilities[FAILURE], estimate.rates(FAILURE)
+    yield f"{drawn}, {sut} collides with a probability of {chance(failure)}."
+    if rates:
+        yield f"That is {rate(rates[PER_HOUR])} collisions per hour of driving and {rate(rates[PER_DISTANCE])} per 1,000 km."
+    if not failure.stable and failure.value > 0.0:
+        yield f"This interval is not to be trusted: {failure.counted} are fewer than {LEAST_EFFECTIVE:g}; more runs help."
+    yield f"Collisions that a careful driver prevents have a probability of {chance(estimate.probabilities[PREVENTABLE])}."
+    bands = {name: each.value for name, each in estimate.probabilities.items() if name not in (FAILURE, PREVENTABLE)}
+    if sum(bands.values()) > 0.0:
+        shares = ((name.removeprefix("impact "), 100.0 * each / sum(bands.values())) for name, each in bands.items())
+        yield f"Impacts of the collisions: {', '.join(f'{share:.0f} % {name}' for name, share in shares if share > 0.0)}."
+
+
+def chance(found: Probability) -> str:
+    """A probability with its interval, in percent."""
+    low, high = found.interval
+    if found.value <= 0.0:
+        return f"at most {percent(high)} (no draw fails)"
+    return f"{percent(found.value)} (95\N{NO-BREAK SPACE}% interval {percent(low)} to {percent(high)})"
+
+
+def rate(found: Rate) -> str:
+    """A rate with its interval."""
+    low, high = found.interval
+    return f"{figure(found.value)} ({figure(low)} to {figure(high)})" if found.value > 0.0 else f"at most {figure(high)}"
+
+
+def percent(share: float) -> str:
+    """A share in percent, two significant digits."""
+    return f"{figure(100.0 * share)}\N{NO-BREAK SPACE}%"
+
+
+def figure(value: float) -> str:
+    """A number with two significant digits."""
+    if value == 0.0:
+        return "0"
+    if abs(value) >= 10.0:
+        return f"{value:,.0f}"
+    if abs(value) < _SMALLEST:
+        digits, power = f"{value:.1e}".split("e")
+        return f"{digits}·10{str(int(power)).translate(_RAISED)}"
+    return f"{value:#.2g}".rstrip(".")
+
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 
 REPORT = "report.html"
 """Name of the page in a search's folder"""
@@ -48,7 +142,8 @@ class Report:
     """A search with what a report adds to it.
 
     Attributes:
-        scenario: the file. region: where the system fails, or why there is no boundary. against: the comparison with another
+        scenario: the file. region: where the system fails, or why there is no boundary.
+        regions: groups of failures with rules, the most important first. against: the comparison with another
             version of the system; None where there is none.
     """
 
@@ -56,6 +151,7 @@ class Report:
     settings: SearchSettings
     generated: Generated
     region: Region | str
+    regions: Sequence[FailureRegion]
     counterexamples: Counterexamples
     against: Regression | None = None
 
@@ -78,7 +174,9 @@ def _written(scenario: Path, generated: Generated, settings: SearchSettings, out
     theta, outcomes, _ = generated.episodes
     of, failing = _measures(generated, theta[outcomes.executed]), outcomes.collision[outcomes.executed]
     varying = [each for each in of if np.ptp(each.values) > 0.0] if len(failing) else []
-    report = Report(scenario, settings, generated, region(varying, failing), examples, against)
+    found = regions(generated, varying)
+    report = Report(scenario, settings, generated, region(varying, failing), found, examples, against)
+    write_object({"regions": _regions(report, varying)}, out / f"{scenario.stem}_regions.json")
     title = f"{scenario.stem}: how {system_name(settings.run.sut)} fails"
     write_page(out / REPORT, page(title, _STYLES, _SCRIPTS, _data(report, varying, out)))
     Written(out, scenario.stem).note()
@@ -99,9 +197,11 @@ def _data(report: Report, of: Sequence[Measure], out: Path) -> Json:
         "sut": sut,
         "headline": headline(scenario.stem, sut, generated),
         "estimate": _estimate(generated.estimate),
+        "statement": generated.statement.as_json(),
         "gate": [str(generated.gate), generated.gate.replayed is not None, generated.gate.refusal],
         "measures": [{"name": each.name, "unit": each.unit, "range": _rounded(limits(each.values))} for each in of],
         "region": _region(report.region),
+        "regions": _regions(report, of),
         "runs": _runs(generated, of),
         "counterexamples": [_example(each, report, of, out) for each in report.counterexamples.found],
         "drivers": list(REFERENCES),
@@ -156,6 +256,13 @@ def _region(found: Region | str) -> Json:
     return {**scores, "weights": [[index, round(weight, 3)] for index, weight in found.weights.items()], "slices": slices}
 
 
+def _regions(report: Report, of: Sequence[Measure]) -> list[Json]:
+    return [
+        {**each.as_json(of, _rounded([measure.values[each.typical] for measure in of])), "name": f"region {number}"}
+        for number, each in enumerate(report.regions, start=1)
+    ]
+
+
 def _runs(generated: Generated, of: Sequence[Measure]) -> Json:
     """Evenly chosen runs: values of all measures, and whether they fail."""
     outcomes = generated.episodes.outcomes
@@ -196,8 +303,8 @@ def _example(each: Counterexample, report: Report, of: Sequence[Measure], out: P
 def _cases(report: Report, of: Sequence[Measure]) -> Iterator[Json]:
     cases, against = report.generated.cases, report.against
     for row in range(len(cases)):
-        new = None if against is None else bool(against.new[row])
-        yield {"number": row, "new": new, **_case(report, cases, row, of)}
+        fate = None if against is None else against.found[row]
+        yield {"number": row, "fate": fate, **_case(report, cases, row, of)}
 
 
 def _case(report: Report, cases: Cases, row: int, of: Sequence[Measure]) -> Json:
@@ -250,13 +357,19 @@ def _settings(report: Report) -> dict[str, str]:
     return {
         "scenario": report.scenario.name,
         "system under test": system_name(settings.run.sut),
-        "search": f"{settings.method}, {many(len(generated.history.outcomes), 'run')}, seed {settings.seed}",
+        "search": f"{settings.method}, {_spent(generated)}, seed {settings.seed}",
         "density": units if generated.gate.replayed is not None else "as stated, in whole or in part",
         "searched": ", ".join(generated.space.names),
         "pinned": pinned or "nothing",
         "world": f"{settings.run.world}, time step {settings.run.timestep:g} s",
         "risk": f"share of the {RISK_WINDOW:g} s up to the conflict in which RSS distances ({settings.rss}) are violated",
     }
+
+
+def _spent(generated: Generated) -> str:
+    """Runs of a search by kind."""
+    sought, drawn = many(len(generated.history.outcomes), "sought run"), many(generated.gate.drawn.runs, "unguided draw")
+    return f"{sought}, {drawn}, {many(generated.plays, 'play')} on the twin"
 
 
 def _rounded(values: FloatArray | Sequence[float]) -> list[float]:

@@ -1,22 +1,116 @@
-"""What every search is given, what it leaves, and the one way to spend simulator calls."""
+"""Search problem: its reward, calls of the simulator within a budget, and runs remembered between searches.
+
+A search is deterministic given the answers of the simulator. So its own state (networks, populations, generators) is not stored:
+a resumed search starts anew, is answered from memory up to the point of interruption, and continues.
+"""
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
-from generation.density.prior import Prior
-from generation.outcomes.evaluator import Evaluate
-from generation.outcomes.outcomes import Episodes, Outcomes, joined
-from generation.search.reward import Reward
+from generation.density.base import Density
+from generation.density.prior import Prior, fitted, held_out
+from generation.outcomes.outcomes import NOTHING, Episodes, Evaluate, Outcomes, joined
 from generation.search.space import Space
-from schemas.errors import InvalidFile
-from xodr.array_types import FloatArray
+from schemas.errors import InvalidFile, UsageError
+from schemas.storage import Records, writing
+from xodr.array_types import BoolArray, FloatArray
+
+COLLISION, SAFE, RISK = 0.25, -0.1, 0.2
+"""Rewards of a collision, of a scenario without any risk, and of R_risk = 1 in addition to that."""
+Criticality = Callable[[Outcomes], FloatArray]
+"""Reward (n,) without realism."""
+
+
+def additive(outcomes: Outcomes) -> FloatArray:
+    """−0.1 + 0.2·R_risk, and 0.25 for a collision on top: of two collisions the one that was dangerous all along counts more.
+
+    An episode that failed counts as one without any risk.
+    """
+    return SAFE + RISK * outcomes.r_risk + COLLISION * outcomes.collision
+
+
+@dataclass(frozen=True, eq=False)
+class Realism:
+    """How implausible parameters are, from 0 for what traffic does to 1.
+
+    clip((NLL − Q99) / IQR, 0, 1), NLL = −log p(θ). Q99 and IQR are those of the training samples, each by the density of the
+    other recordings: by a density that holds its own kernel a sample seems far more likely than any new one ever can.
+
+    Attributes:
+        density: p. limit: Q99. scale: IQR.
+    """
+
+    density: Density
+    limit: float
+    scale: float
+
+    @classmethod
+    def fitted(cls, name: str, theta: FloatArray, recordings: NDArray[np.str_]) -> Realism:
+        """By a density that is fitted on recorded parameters (n, d).
+
+        Args:
+            name: of the density (`generation.density.models`).
+            recordings: of each row (n,).
+
+        Raises:
+            UsageError: there is no such density, or the rows hold none.
+        """
+        return cls.of(fitted(name, theta, recordings), held_out(name, theta, recordings))
+
+    @classmethod
+    def of(cls, density: Density, held_out: FloatArray) -> Realism:
+        """With the limits that held-out log-densities (n,) of the training samples set.
+
+        Raises:
+            UsageError: they are all the same.
+        """
+        low, high, limit = np.quantile(-held_out, [0.25, 0.75, 0.99])
+        if not high > low:
+            raise UsageError("held-out likelihoods of the samples do not differ: they set no scale for realism")
+        return cls(density, float(limit), float(high - low))
+
+    def judged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Log-densities (n,) of rows (n, d), and which of them are plausible: NLL ≤ Q99, so that they have no excess."""
+        found = self.density.log_density(theta)
+        return found, -found <= self.limit
+
+    def excess(self, theta: FloatArray) -> FloatArray:
+        """max((NLL − Q99) / IQR, 0) of rows (n, d): (n,)."""
+        return np.maximum((-self.density.log_density(theta) - self.limit) / self.scale, 0.0)
+
+    def penalty(self, theta: FloatArray) -> FloatArray:
+        """Of rows (n, d): (n,) in 0 … 1."""
+        return np.minimum(self.excess(theta), 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Reward:
+    """Criticality minus weight times implausibility.
+
+    Attributes:
+        realism: how implausible.
+        weight: w; 0 leaves realism out.
+        criticality: reward without realism.
+    """
+
+    realism: Realism
+    weight: float = 0.2
+    criticality: Criticality = additive
+
+    def __call__(self, theta: FloatArray, outcomes: Outcomes) -> FloatArray:
+        """Rewards (n,) of rows (n, d) and what came of them."""
+        critical = self.criticality(outcomes)
+        return critical - self.weight * self.realism.penalty(theta) if self.weight else critical
+
 
 BATCH = 50
 """Points asked for at a time, wherever a method has no number of its own."""
@@ -28,6 +122,22 @@ class Plays(Protocol):
     def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
         """The outcomes at points (n, d), driven by the problem's system under test, or by the one of a name."""
         ...
+
+
+class Counting:
+    """Plays points and counts those that the system under test drives.
+
+    Attributes:
+        played: how many.
+    """
+
+    def __init__(self, plays: Plays) -> None:
+        self._plays, self.played = plays, 0
+
+    def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+        """The outcomes at points (n, d)."""
+        self.played += len(theta) if sut is None else 0
+        return self._plays(theta, sut)
 
 
 class History(Episodes):
@@ -51,7 +161,7 @@ class History(Episodes):
             with np.load(path, allow_pickle=False) as found:
                 outcomes = Outcomes(**{field.name: found[field.name] for field in fields(Outcomes)})
                 return cls(found["theta"], outcomes, found["rewards"])
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        except (OSError, ValueError, TypeError, KeyError, EOFError, RuntimeError, BadZipFile, zlib.error) as error:
             raise InvalidFile(f"this is no search's history ({error}); remove it to have it made again", path=path) from None
 
 
@@ -125,3 +235,73 @@ def counted(evaluate: Evaluate, progress: Callable[[int], None]) -> Evaluate:
         return outcomes
 
     return evaluating
+
+
+class Memory:
+    """An evaluator that remembers.
+
+    Args:
+        evaluate: answers what was not asked before.
+        path: records of the points (see `schemas.storage.Records`), each kept as soon as there is an answer. Damaged ones are
+            removed, and their points are asked again.
+
+    Attributes:
+        reused: how many answers came from memory.
+        damaged: how many records were.
+
+    Raises:
+        InvalidFile: the file holds something else.
+        UsageError: the file can't be read, or damaged records can't be removed.
+    """
+
+    def __init__(self, evaluate: Evaluate, path: Path) -> None:
+        self._evaluate, self._path, self.reused = evaluate, path, 0
+        self._records = Records(path)
+        with writing("this", path):
+            entries, damaged = self._records.read()
+            if damaged:
+                self._records.replace(entries)
+        self.damaged = len(damaged)
+        if any(entry.keys() != {"theta", *NOTHING} for entry in entries):
+            raise InvalidFile("these are no simulator calls; remove the file to begin anew", path=path)
+        self._known = {tuple(entry["theta"]): entry for entry in entries}
+
+    def __call__(self, theta: FloatArray) -> Outcomes:
+        """Outcomes of points (n, d)."""
+        rows = [tuple(row) for row in theta.tolist()]
+        missing = list(dict.fromkeys(row for row in rows if row not in self._known))
+        self.reused += len(rows) - len(missing)
+        if missing:
+            self._ask(np.array(missing))
+        return _outcomes([self._known[row] for row in rows])
+
+    @property
+    def everything(self) -> tuple[FloatArray, Outcomes]:
+        """All points that are remembered (m, d), and their outcomes."""
+        entries = list(self._known.values())
+        return np.array([entry["theta"] for entry in entries]), _outcomes(entries)
+
+    def episodes(self, reward: Reward) -> Episodes:
+        """All points that are remembered, with their outcomes and rewards."""
+        theta, outcomes = self.everything
+        return Episodes(theta, outcomes, reward(theta, outcomes) if len(theta) else np.empty(0))
+
+    def _ask(self, theta: FloatArray) -> None:
+        outcomes = self._evaluate(theta)
+        columns = {name: getattr(outcomes, name).tolist() for name in NOTHING}
+        fresh = [
+            {"theta": row, **{name: values[number] for name, values in columns.items()}}
+            for number, row in enumerate(theta.tolist())
+        ]
+        with writing("this", self._path):
+            self._records.add({name: _finite(value) for name, value in entry.items()} for entry in fresh)
+        self._known |= {tuple(entry["theta"]): entry for entry in fresh}
+
+
+def _outcomes(entries: list[dict[str, Any]]) -> Outcomes:
+    return Outcomes.of(len(entries), **{name: [entry[name] for entry in entries] for name in NOTHING})
+
+
+def _finite(value: Any) -> Any:
+    """A value as records hold it: texts for infinite numbers, which `Outcomes.of` reads as numbers again."""
+    return str(value) if isinstance(value, float) and not np.isfinite(value) else value

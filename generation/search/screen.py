@@ -1,19 +1,92 @@
-"""What is worth a run: points that are foreseeable, unlike all failures that are known, and, where there is a twin, fail there in
-a way that a careful driver prevents. It costs no simulation. Without a twin, what the runs so far make likely to fail is."""
+"""Screen before the simulator: points that are foreseeable, unlike known failures, and fail preventably on the twin.
+
+The screen costs no simulation. Without a twin, a forest grown on the runs so far ranks points by nearness to a failure.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
-from generation.outcomes.outcomes import Outcomes
-from generation.outcomes.references import survivors
-from generation.search.diversity import apart, distinctive, diverse
+from generation.outcomes.judges import survivors
+from generation.outcomes.outcomes import Outcomes, joined
 from generation.search.problem import Calls, History, Plays, Problem
-from generation.search.surrogate import FEW, ROUND, Surrogate
+from generation.search.space import apart, distinctive, diverse
 from schemas.errors import UsageError
+from schemas.extras import optional
 from xodr.array_types import BoolArray, FloatArray, IntArray
+
+_FAR, _HARD = 5.0, 8.0
+"""Clearance (m) at which its margin counts 1/e, and DRAC (m/s²) at which nothing is left of its own"""
+_CLEAR, _BRAKED = 0.1, 0.8
+"""What each margin counts: vehicles that pass each other in two lanes are close, and far from a collision"""
+
+
+def nearness(outcomes: Outcomes) -> FloatArray:
+    """By both margins, least clearance and greatest DRAC (n,), 0 to below 1; 0 where no run took place."""
+    near = _CLEAR * np.exp(-np.minimum(outcomes.clearance, 1e3) / _FAR) + _BRAKED * np.minimum(outcomes.max_drac / _HARD, 1.0)
+    return np.where(outcomes.executed, near, 0.0)
+
+
+_TREES = 100
+FEW = 60
+"""Runs from which points are ranked"""
+ROUND = 20
+"""Runs after which the forest is grown anew"""
+_NEAR = 0.1
+"""What the nearest miss counts, of a failure: it leads to the first failures, and says little once there are some"""
+
+
+class Surrogate:
+    """Predictions at points x (n, k) of the unit cube, from what runs gave.
+
+    Raises:
+        MissingExtra: scikit-learn is not installed.
+    """
+
+    def __init__(self) -> None:
+        self._ensemble = optional("sklearn.ensemble")
+        self._x, self._outcomes = list[FloatArray](), list[Outcomes]()
+        self._forest: Any = None
+        self._grown = 0
+
+    def __len__(self) -> int:
+        """Number of runs that it has learnt from."""
+        return sum(map(len, self._outcomes))
+
+    def learn(self, x: FloatArray, outcomes: Outcomes) -> None:
+        """Take what runs at points (n, k) gave."""
+        self._x.append(x)
+        self._outcomes.append(outcomes)
+
+    def ranked(self, x: FloatArray) -> IntArray:
+        """Indices of points (n, k), those that come nearest to a failure first; in their order while there are few runs."""
+        if len(self) < FEW or not len(x):
+            return np.arange(len(x))
+        if self._forest is None or len(self) >= self._grown + ROUND:
+            self._grow()
+        return np.argsort(-self._forest.predict(differences(x)), kind="stable")
+
+    def _grow(self) -> None:
+        outcomes = joined(self._outcomes)
+        scores = np.where(outcomes.collision & outcomes.executed, 1.0, _NEAR * nearness(outcomes))
+        forest = self._ensemble.ExtraTreesRegressor(_TREES, random_state=0)
+        self._forest, self._grown = forest.fit(differences(np.concatenate(self._x)), scores), len(self)
+
+    def alike(self, x: FloatArray) -> Outcomes:
+        """What the run most like each of the points (n, k) gave; nothing happens in them while there are no runs."""
+        if not len(self):
+            return Outcomes.of(len(x))
+        return joined(self._outcomes).take(np.argmin(cdist(x, np.concatenate(self._x)), axis=1))
+
+
+def differences(x: FloatArray) -> FloatArray:
+    """Coordinates (n, k) and the differences of each two: a tree splits by one value, a failure depends on relative speeds."""
+    one, other = np.triu_indices(x.shape[1], 1)
+    return np.hstack([x, x[:, one] - x[:, other]])
+
 
 PACE = 96.0
 """Points asked about for each run, without a twin"""

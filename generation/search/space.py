@@ -1,7 +1,7 @@
-"""The parameters of a logical scenario that a search may choose, as a box with a name on each side.
+"""Search space: the parameters of a logical scenario as a box with a name on each side, and distances in it.
 
 Source: METHOD.md §3, Table 1. A scenario declares its parameters with constraint groups; the box is read from there, so that a
-scenario with other or more parameters (an ego's speed, a jerk, a second adversary) needs no change of the search.
+scenario with other or more parameters (speed of the ego, a jerk, a second adversary) needs no change of the search.
 """
 
 from __future__ import annotations
@@ -15,12 +15,14 @@ from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
 
 import xosc
-from generation.density.roles import ON_REQUEST, roles_of
+from generation.density.roles import NUISANCES, ON_REQUEST, roles_of
 from recognition.maneuvers.parameters import DECLARED, Parameter
 from schemas.errors import UsageError, nearest
-from xodr.array_types import BoolArray, FloatArray
+from xodr.array_types import BoolArray, FloatArray, IntArray
 from xosc.node import Node
 from xosc.parameters import Assignment, Scope
 
@@ -279,3 +281,36 @@ def _parameter(declaration: Node, scope: Scope) -> Parameter:
     short = name.partition("_")[2]
     meaning = next((each.meaning for each in DECLARED.values() if each.name == short), "")
     return Parameter(name, low, high, name.rpartition("_")[2] if "_" in name else "", meaning)
+
+
+_ROUNDING = 1e-9
+"""By how much the tree looks further than it has to: the distances themselves decide"""
+
+
+def distinctive(space: Space) -> BoolArray:
+    """The parameters (d,) that tell cases apart: all but the nuisances."""
+    roles = roles_of(space.names)
+    return np.array([name not in roles or roles[name].role not in NUISANCES for name in space.names], bool)
+
+
+def apart(unit: FloatArray, others: FloatArray, least: float) -> BoolArray:
+    """Rows (n, d) of the unit cube that are no nearer than `least` to any of others (m, d)."""
+    return (cdist(unit, others) >= least * np.sqrt(unit.shape[1])).all(axis=1)
+
+
+def diverse(unit: FloatArray, least: float, most: int | None = None) -> IntArray:
+    """Indices of rows (n, d) of the unit cube, each the first one that is no nearer than `least` to those before.
+
+    Args:
+        most: how many indices at most; None for any number.
+    """
+    kept, left, tree = list[int](), np.ones(len(unit), bool), KDTree(unit)
+    reach = least * np.sqrt(unit.shape[1]) * (1.0 + _ROUNDING)
+    for index in range(len(unit)):
+        if len(kept) == most:
+            break
+        if left[index]:
+            kept.append(index)
+            near = np.array(tree.query_ball_point(unit[index], reach), np.int64)
+            left[near] &= np.sqrt(np.square(unit[near] - unit[index]).mean(axis=1)) >= least
+    return np.array(kept, np.int64)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from generation.outcomes.full_braking import FullBraking
+from generation.outcomes.judges import FullBraking
 from runner.measures.relations import Motion, box_distance, in_ego_frame, seen_by
 from runner.measures.rss import longitudinal_distance, parameter_set
 from runner.participants.boxes import Outlook, reach
@@ -15,12 +15,8 @@ from runner.sut import System, load_system
 from runner.sut.aeb import EmergencyBraking
 from runner.sut.cas import CollisionAvoidance, safe_sideways
 from runner.sut.encounters import Encounter, encounter
-from runner.sut.fsm import FuzzySafety
 from runner.sut.idm import IntelligentDriver
-from runner.sut.r157_cc import CarefulCompetent
-from runner.sut.r157_reg import Regulation157
-from runner.sut.reference import ReferenceDriver
-from runner.sut.rss import SafeDistance
+from runner.sut.reference import CarefulCompetent, FuzzySafety, ReferenceDriver, Regulation157, SafeDistance
 from schemas.errors import Unsupported
 from xodr.array_types import BoolArray, FloatArray
 

@@ -1,7 +1,7 @@
-"""A manoeuvre scenario at thousands of points at once: the twin of `generation.outcomes.evaluator.Evaluator`.
+"""A manoeuvre scenario at thousands of points at once: the twin of `generation.outcomes.outcomes.Evaluator`.
 
 It repeats the steps of `runner.interpreter.simulation` on a straight road without traffic of its own. How often its verdicts are
-SUMO's is measured by `python -m generation.study twin`.
+SUMO's is measured by `python -m studies.generation twin`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,8 @@ import numpy as np
 from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
 from generation.search.space import DIGITS, Space
 from generation.twin.drivers import Driver, Situation, driver
-from generation.twin.motion import Body, Changing, Keeping, driven
-from generation.twin.profile import JerkChanging
-from generation.twin.script import Script, read
-from generation.twin.terms import value
+from generation.twin.motion import Body, Changing, JerkChanging, Keeping, driven
+from generation.twin.script import Script, read, value
 from runner.measures.criticality import lateral_violation, longitudinal_violation
 from runner.measures.relations import boxes_overlap
 from runner.measures.rss import RssParameters, parameter_set

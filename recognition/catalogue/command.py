@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from schemas.commands.options import Verbose, Version, interruptible, out_folder, progress_bar
+from schemas.commands.options import Verbose, Version, interruptible, out_folder, progress_bar, protected, say
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
     from recognition.catalogue.pipeline import Recogniser, Summary
-    from recognition.catalogue.stages import CatalogueSettings
+    from recognition.catalogue.recordings import CatalogueSettings
     from xosc.versions import Version as Standard
 
 NAME = "xosc-recognize"
@@ -34,19 +35,29 @@ Ray = Annotated[
     str | None,
     typer.Option(metavar="ADDRESS", help="Read and write on this Ray cluster; 'local' starts one of --jobs processes here."),
 ]
+Road = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="The OpenDRIVE file of all recordings.  [default: what each has, names, or has beside it]"),
+]
 Signalised = Annotated[bool, typer.Option("--signalised", help="Let the rules count junctions with traffic lights as well.")]
 
 
+@protected("max_runs")
 def catalogue(
     paths: Annotated[list[Path], typer.Argument(metavar="PATH...", help="Recordings: files, or folders with all below them.")],
     out: Annotated[Path, out_folder("Folder of the catalogue.")],
     scenes: Annotated[Literal["events", "vehicles"], typer.Option(help="What a scenario is made for.")] = "events",
+    road: Road = None,
     labels: Labels = "auto",
     model: Model = None,
     keep_model: Annotated[
         Path | None, out_folder("Folder for the model as it is afterwards, to label more recordings by.")
     ] = None,
     signalised: Signalised = False,
+    discover: Annotated[
+        bool,
+        typer.Option("--discover", help="Also write scenarios that the model does not know, or of discovered classes."),
+    ] = False,
     jobs: Jobs = 1,
     ray: Ray = None,
     standard: Annotated[Literal["1.0", "1.1", "1.2", "1.3"], typer.Option(help="Version of OpenSCENARIO.")] = "1.3",
@@ -61,17 +72,19 @@ def catalogue(
     A model that is kept knows the classes that it discovered, by the names that they have in the catalogue. Bytes are the same
     for any number of processes, and after an interruption the same command reads only recordings that were not read yet.
     """
-    from recognition.catalogue.beside import Workers
-    from recognition.catalogue.pipeline import ByRules, build
+    from recognition.catalogue.pipeline import ByRules, Workers, build
 
-    settings, (made, note) = _settings(scenes, signalised, standard), _recogniser(labels, model)
+    settings, (made, note) = _settings(scenes, signalised, standard), _recogniser(labels, model, discover)
+    settings = replace(settings, road=road)
+    if discover and made is ByRules:
+        raise UsageError("--discover is for a model that labels; rules discover nothing")
     if keep_model and made is ByRules:
         raise UsageError("--keep-model is for a model that labels; rules learn nothing")
     recogniser = cache(made)
     with interruptible(NAME):
         summary = build(paths, out, settings, recogniser, partial(progress_bar, quiet=quiet), Workers(jobs, ray))
         if keep_model:
-            from recognition.catalogue.recognisers.model import ByModel
+            from recognition.catalogue.model import ByModel
 
             model_after = recogniser()
             assert isinstance(model_after, ByModel), "rules were refused"
@@ -81,6 +94,41 @@ def catalogue(
     raise typer.Exit(code)
 
 
+@protected("max_runs")
+def replay(
+    path: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording: a file, or a folder with one.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Scenario to write, .xosc; its road goes beside it.")],
+    ego: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Participant that becomes the ego.  [default: the recording's, or the one there for longest]"
+        ),
+    ] = None,
+    road: Road = None,
+    standard: Annotated[Literal["1.0", "1.1", "1.2", "1.3"], typer.Option(help="Version of OpenSCENARIO.")] = "1.3",
+    _verbose: Verbose = False,
+    quiet: Quiet = False,
+    _version: Version = False,
+) -> None:
+    """Write one scenario that replays a whole recording, without recognising anything in it.
+
+    What was assumed, derived or left out is printed. A recording without roads is replayed on a plane.
+    """
+    from recognition.catalogue.whole import write_replay
+
+    if out.suffix != ".xosc":
+        raise UsageError("a scenario ends in .xosc", path=out)
+    with interruptible(NAME):
+        major, minor = map(int, standard.split("."))
+        made = write_replay(path, out, ego=ego, road=road, version=(major, minor))
+    if not quiet:
+        for remark in made.remarks:
+            say(f"{NAME}: remark: {remark}", to=sys.stderr)
+        for file in made.files:
+            say(f"written: {file}")
+
+
+@protected("max_runs")
 def label(
     folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="Results of xosc-run --out.")],
     labels: Labels = "auto",
@@ -105,16 +153,16 @@ def label(
             for name, found in labelled.findings.items():
                 for each in found:
                     moment = each.moment
-                    print(f"{name}: {moment.title} of {moment.ego} at {moment.time:.2f} s")
+                    say(f"{name}: {moment.title} of {moment.ego} at {moment.time:.2f} s")
             for path in labelled.written:
-                print(f"written: {path}")
+                say(f"written: {path}")
         for path in labelled.edited:
-            print(f"{NAME}: {path} was edited since it was written, it is left as it is", file=sys.stderr)
+            say(f"{NAME}: {path} was edited since it was written, it is left as it is", to=sys.stderr)
 
 
 def _settings(scenes: str, signalised: bool, standard: str) -> CatalogueSettings:
-    from recognition.catalogue.stages import CatalogueSettings
-    from recognition.catalogue.writing.chapter import CatalogueConfig
+    from recognition.catalogue.recordings import CatalogueSettings
+    from recognition.catalogue.write import CatalogueConfig
     from recognition.labels import Rules
 
     major, minor = map(int, standard.split("."))
@@ -122,11 +170,10 @@ def _settings(scenes: str, signalised: bool, standard: str) -> CatalogueSettings
     return CatalogueSettings(scenes=scenes, rules=Rules(signalised=signalised), config=CatalogueConfig(version=version))
 
 
-def _recogniser(labels: str, model: Path | None) -> tuple[Callable[[], Recogniser], str]:
+def _recogniser(labels: str, model: Path | None, discover: bool = False) -> tuple[Callable[[], Recogniser], str]:
     """Makes who labels and sorts; and why that is not the model, where it is not and was not asked for."""
+    from recognition.catalogue.detect import MODEL, RULES
     from recognition.catalogue.pipeline import SHIPPED, ByRules
-    from recognition.catalogue.recognisers.findings import MODEL, RULES
-    from recognition.catalogue.recognisers.trust import objection, unseen_sites
 
     if labels == "rules" and model is not None:
         raise UsageError("--model and --labels rules exclude each other")
@@ -137,21 +184,25 @@ def _recogniser(labels: str, model: Path | None) -> tuple[Callable[[], Recognise
         return ByRules, "no model is shipped: the rules label alone"
     if not folder.is_dir():
         raise UsageError("there is no model in this folder; --labels rules needs none", path=folder)
+    from recognition.catalogue.model import objection, unseen_sites  # needs the extra, which rules do not
+
     why = objection(unseen_sites(folder))
     sorts = labels == "model" or why is None
-    return partial(_by_model, folder, sorts), f"scenarios are sorted by the {MODEL if sorts else RULES}: {why}" if why else ""
+    return partial(
+        _by_model, folder, sorts, discover
+    ), f"scenarios are sorted by the {MODEL if sorts else RULES}: {why}" if why else ""
 
 
-def _by_model(folder: Path, sorts: bool) -> Recogniser:
+def _by_model(folder: Path, sorts: bool, discover: bool) -> Recogniser:
     """Labels by a model; what that takes is imported here only, which is seconds."""
-    from recognition.catalogue.recognisers.model import load
+    from recognition.catalogue.model import load
 
-    return load(folder, sorts=sorts)
+    return load(folder, sorts=sorts, discover=discover)
 
 
 def _print_note(note: str, quiet: bool) -> None:
     if note and not quiet:
-        print(f"{NAME}: {note}", file=sys.stderr)
+        say(f"{NAME}: {note}", to=sys.stderr)
 
 
 def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
@@ -160,19 +211,19 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
         unread = f": {len(summary.failures)} recordings could not be read" if summary.failures else ""
         print(f"{'scenarios':>9}  class" if summary.classes else f"no scenario was recognised{unread}")
         for name, count in sorted(summary.classes.items(), key=lambda item: (-item[1], item[0])):
-            print(f"{count:9}  {name}")
+            say(f"{count:9}  {name}")
         if summary.passages:
-            print("passages: " + ", ".join(f"{count} {name}" for name, count in sorted(summary.passages.items())))
+            say("passages: " + ", ".join(f"{count} {name}" for name, count in sorted(summary.passages.items())))
         if summary.exclusions:
             print(f"{len(summary.exclusions)} vehicles are no ego of a scene" + ("" if verbose else "; -v or index.json say why"))
         for exclusion in summary.exclusions if verbose else []:
-            print(f"  {exclusion['recording']}: vehicle {exclusion['what']}: {exclusion['reason']}")
+            say(f"  {exclusion['recording']}: vehicle {exclusion['what']}: {exclusion['reason']}")
         if summary.removed:
             print(f"{len(summary.removed)} files of an earlier run were removed")
     for name in summary.colliding:
-        print(f"{NAME}: {name}: the ego touches another one from the start, as it was recorded", file=sys.stderr)
+        say(f"{NAME}: {name}: the ego touches another one from the start, as it was recorded", to=sys.stderr)
     for name in summary.edited:
-        print(f"{NAME}: {name} was edited since it was written, it is left as it is", file=sys.stderr)
+        say(f"{NAME}: {name} was edited since it was written, it is left as it is", to=sys.stderr)
     for error in summary.failures.values():
-        print(f"{NAME}: {error}", file=sys.stderr)
+        say(f"{NAME}: {error}", to=sys.stderr)
     return max((error.exit_code for error in summary.failures.values()), default=0)

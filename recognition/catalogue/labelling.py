@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import xosc
 from recognition import datasets
+from recognition.catalogue import detect
+from recognition.catalogue.detect import Detection, Moment
 from recognition.catalogue.pipeline import Recogniser
-from recognition.catalogue.recognisers import findings
-from recognition.catalogue.recognisers.findings import Finding, Moment
-from recognition.catalogue.stages import CatalogueSettings, looked
-from recognition.catalogue.writing.chapter import AUTHOR
-from recognition.catalogue.writing.store import digests, write_unless_edited
+from recognition.catalogue.recordings import CatalogueSettings, looked
+from recognition.catalogue.store import digests, write_unless_edited
+from recognition.catalogue.write import AUTHOR
 from recognition.datasets import Source
 from recognition.datasets.formats import runs
 from schemas.errors import InvalidFile, Unsupported
@@ -36,7 +36,7 @@ class Labelled(NamedTuple):
     findings: of each run, by its name. written, edited: files written, and those left alone because a person has edited them.
     """
 
-    findings: dict[str, list[Finding]]
+    findings: dict[str, list[Detection]]
     written: list[Path]
     edited: list[Path]
 
@@ -59,7 +59,7 @@ def label_runs(
     with bar("recognising", len(sources)) as advance:
         for source in sources:
             recogniser.look(source.name, *looked(source, settings.rules), advance)
-    found = {source.name: findings.joined(recogniser.moments(source.name), settings.gap) for source in sources}
+    found = {source.name: detect.joined(recogniser.moments(source.name), settings.gap) for source in sources}
     by_scenario: dict[Path, list[Source]] = {}
     for source in sources:
         by_scenario.setdefault(runs.scenario(source.path), []).append(source)
@@ -76,7 +76,7 @@ def label_runs(
 
 
 def _annotations(
-    scenario: Path, sources: list[Source], found: dict[str, list[Finding]], in_place: bool
+    scenario: Path, sources: list[Source], found: dict[str, list[Detection]], in_place: bool
 ) -> Iterable[tuple[Path, bytes]]:
     """The files about a scenario: annotated copy (or itself), OpenLABEL."""
     annotations = _tags(sources, found)
@@ -89,7 +89,7 @@ def _annotations(
     yield scenario.with_name(f"{scenario.stem}_labelled.openlabel.json"), tags.to_bytes(annotations, target.name, AUTHOR)
 
 
-def _tags(sources: list[Source], found: dict[str, list[Finding]]) -> list[Tag]:
+def _tags(sources: list[Source], found: dict[str, list[Detection]]) -> list[Tag]:
     """Classes that happen to the ego (to anyone, where there is no ego) in the runs of a scenario, and when."""
     listed = [(source, finding) for source in sources for finding in found[source.name] if _about_ego(source, finding)]
     classes = sorted({finding.moment.title for _, finding in listed})
@@ -100,12 +100,12 @@ def _tags(sources: list[Source], found: dict[str, list[Finding]]) -> list[Tag]:
     return [*listed_tags, *([Tag("Confidence", min(sure))] if sure else [])]
 
 
-def _about_ego(source: Source, finding: Finding) -> bool:
+def _about_ego(source: Source, finding: Detection) -> bool:
     ego = runs.ego(source.path)
     return ego is None or finding.moment.ego == ego
 
 
-def _sentence(finding: Finding, run: str | None) -> str:
+def _sentence(finding: Detection, run: str | None) -> str:
     moment = finding.moment
     parts = [f"{moment.title} of {moment.ego} at {moment.time:.2f} s", f"with {moment.partner}" if moment.partner else ""]
     parts += [f"in {run}" if run else "", f"({_labels(moment)})" if moment.labels_agree is False else ""]
@@ -117,7 +117,7 @@ def _labels(moment: Moment) -> str:
     return f"rules: {moment.rule.title}, model: {moment.model}, {moment.confidence or 0.0:.0%}"
 
 
-def _told(finding: Finding) -> dict[str, Any]:
+def _told(finding: Detection) -> dict[str, Any]:
     moment = finding.moment
     return {
         "ego": moment.ego,

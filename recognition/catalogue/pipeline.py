@@ -1,29 +1,89 @@
-"""From recordings to a catalogue: read, recognise, write; see `recognition.catalogue.stages`."""
+"""Recordings to a catalogue: reading, detecting, cutting and writing in parallel, with results kept between runs."""
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
-from recognition.catalogue import stages
-from recognition.catalogue.beside import Workers, results
-from recognition.catalogue.recognisers import findings
-from recognition.catalogue.recognisers.findings import Moment, by_rules
-from recognition.catalogue.shelf import Shelf
-from recognition.catalogue.stages import Block, CatalogueSettings, Place, Seen
-from recognition.catalogue.writing.catalogue import Catalogue
-from recognition.catalogue.writing.index import recordings_of
+from recognition.catalogue import detect, recordings
+from recognition.catalogue.detect import Moment, by_rules
+from recognition.catalogue.index import Catalogue, recordings_of
+from recognition.catalogue.recordings import Block, CatalogueSettings, LabelledRecording, RecordingRef, RecordingStore
 from recognition.datasets import Source
 from recognition.labels import Event
 from recognition.sites import Site
+from runner.batch.pool import executor
 from runner.recording import Recording
 from schemas.errors import ToolchainError, UsageError
+from schemas.security.policy import Policy, current, in_force
 
 if TYPE_CHECKING:
     from schemas.commands.options import Bar
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+class Workers(NamedTuple):
+    """Who works: so many processes of this machine, or a Ray cluster at an address (see `runner.batch.ray_pool`)."""
+
+    jobs: int = 1
+    ray: str | None = None
+
+
+@contextmanager
+def results(work: Callable[[Task], Result], tasks: Sequence[Task], workers: Workers) -> Iterator[Iterator[Result]]:
+    """Around all that uses the result of each task, in their order; several processes begin at once.
+
+    Args:
+        work: does a task; a function of a module, or a `functools.partial` of one, as it goes to other processes.
+
+    Raises:
+        UsageError: Ray is not installed, or there is no such cluster.
+        ToolchainError: a process died.
+    """
+    if workers.ray is not None:
+        with closing(_on_ray(work, tasks, workers.ray, workers.jobs)) as found:
+            yield found
+    elif workers.jobs == 1 or not tasks:
+        yield map(work, tasks)
+    else:
+        with executor(min(workers.jobs, len(tasks))) as pool:
+            try:
+                yield pool.map(work, tasks)
+            except BrokenProcessPool:
+                raise ToolchainError("a process died, perhaps because memory ran out; go on with fewer --jobs") from None
+            finally:
+                pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _on_ray(work: Callable[[Task], Result], tasks: Sequence[Task], address: str, jobs: int) -> Generator[Result, None, None]:
+    from runner.batch.ray_pool import connect
+
+    ray, ours = connect(address, jobs)
+    try:
+        remote = ray.remote(num_cpus=1)(_in_folder)
+        for reference in [remote.remote(os.getcwd(), current(), work, task) for task in tasks]:
+            yield ray.get(reference)
+    except ray.exceptions.RayError as error:
+        raise ToolchainError(f"the Ray cluster can't go on: {error}") from None
+    finally:
+        if ours:
+            ray.shutdown()
+
+
+def _in_folder(folder: str, policy: Policy, work: Callable[[Task], Result], task: Task) -> Result:
+    """Do a task where its relative paths lead to the same files, under the same policy."""
+    os.chdir(folder)
+    with in_force(policy):
+        return work(task)
+
 
 SHIPPED = Path(__file__).resolve().parents[1] / "models" / "cpu"
 """The model that comes with the package"""
@@ -55,7 +115,7 @@ class Recogniser(Protocol):
 class ByRules:
     """The rules alone."""
 
-    sorted_by = findings.RULES
+    sorted_by = detect.RULES
 
     def __init__(self) -> None:
         self._events: dict[str, list[Event]] = {}
@@ -116,12 +176,12 @@ def build(
         InvalidFile: there is no recording of a known format in a path.
         UsageError: the folder can't be written or has the catalogue of other recordings, or two recordings have one name.
     """
-    stages.forget()  # another call in this process may be of other files with the same names
-    sources = stages.opened(tuple(paths))
+    recordings.forget()  # another call in this process may be of other files with the same names
+    sources = recordings.opened(tuple(paths), settings.road)
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
-    places = [Place(tuple(paths), source.name, out / _SHELF) for source in sources]
-    with results(partial(stages.read, settings), places, workers) as found:
+    places = [RecordingRef(tuple(paths), source.name, out / _SHELF, settings.road) for source in sources]
+    with results(partial(recordings.read, settings), places, workers) as found:
         work = _Work(out, settings, recogniser(), workers)
         work.take(sources, found, bar)
     work.write([source for source in sources if source.name in work.seen], bar)
@@ -152,13 +212,13 @@ class _Work:
     """One catalogue in the making."""
 
     def __init__(self, out: Path, settings: CatalogueSettings, recogniser: Recogniser, workers: Workers) -> None:
-        self.seen: dict[str, Seen] = {}
+        self.seen: dict[str, LabelledRecording] = {}
         self._out, self._settings, self._recogniser, self._workers = out, settings, recogniser, workers
         self._catalogue = Catalogue(out, settings.config, recogniser.sorted_by)
-        self._shelf = Shelf(out / _SHELF)
+        self._shelf = RecordingStore(out / _SHELF)
         self._failures: dict[str, ToolchainError] = {}
 
-    def take(self, sources: Sequence[Source], found: Iterator[Seen | ToolchainError], bar: Bar) -> None:
+    def take(self, sources: Sequence[Source], found: Iterator[LabelledRecording | ToolchainError], bar: Bar) -> None:
         """Have the recogniser look at the recordings in their order, as they have been read."""
         with bar("recognising", len(sources)) as advance:
             for source, seen in zip(sources, found, strict=True):
@@ -167,13 +227,13 @@ class _Work:
                     advance(1.0)
                     continue
                 advance(_READ)
-                recording, rest = stages.recorded(seen.ground.place), _part(advance, 1.0 - _READ)
+                recording, rest = recordings.recorded(seen.ground.place), _part(advance, 1.0 - _READ)
                 self._recogniser.look(source.name, recording, seen.ground.site, seen.events, rest)
                 self.seen[source.name] = seen
 
     def write(self, sources: Sequence[Source], bar: Bar) -> None:
         """Write the scenarios of the recordings."""
-        work = partial(stages.write, self._out, self._settings, self._recogniser.sorted_by)
+        work = partial(recordings.write, self._out, self._settings, self._recogniser.sorted_by)
         blocks = [block for source in sources for block in self._blocks(source)]
         count = sum(len(block.episodes) for block in blocks)
         with bar("writing", count) as advance, results(work, blocks, self._workers) as done:
@@ -204,7 +264,7 @@ class _Work:
         seen = self.seen[source.name]
         self._catalogue.register(source, seen.report, seen.exclusions)
         road = self._catalogue.road(seen.ground.road)
-        episodes = stages.episodes(self._settings, seen, self._recogniser.moments(source.name))
+        episodes = recordings.episodes(self._settings, seen, self._recogniser.moments(source.name))
         for start in range(0, len(episodes), _EPISODES):
             yield Block(seen.ground, road, episodes[start : start + _EPISODES])
 

@@ -2,7 +2,7 @@
 
 `open(path)` finds the recordings of every known format in a folder or file; each `Source` reads its own when asked to.
 World frame: x, y, z in m, right-handed with z up, headings mathematical, SI units; poses are those of the reference point
-(see `recognition.datasets.participants`).
+(see `recognition.datasets.source`).
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 from schemas.packages import public
 
 if TYPE_CHECKING:
-    from recognition.datasets.finder import cache_roads as cache_roads
-    from recognition.datasets.finder import open as open
     from recognition.datasets.source import Cut as Cut
     from recognition.datasets.source import DataSet as DataSet
     from recognition.datasets.source import Exclusion as Exclusion
@@ -21,8 +19,10 @@ if TYPE_CHECKING:
     from recognition.datasets.source import Report as Report
     from recognition.datasets.source import SiteRoad as SiteRoad
     from recognition.datasets.source import Source as Source
+    from recognition.datasets.source import cache_roads as cache_roads
+    from recognition.datasets.source import open as open
 
 __all__ = ["Cut", "DataSet", "Exclusion", "Gap", "Report", "SiteRoad", "Source", "cache_roads", "open"]
 
 _SOURCE = dict.fromkeys(("Cut", "DataSet", "Exclusion", "Gap", "Report", "SiteRoad", "Source"), "recognition.datasets.source")
-__getattr__, __dir__ = public(__name__, _SOURCE | dict.fromkeys(("cache_roads", "open"), "recognition.datasets.finder"))
+__getattr__, __dir__ = public(__name__, _SOURCE | dict.fromkeys(("cache_roads", "open"), "recognition.datasets.source"))

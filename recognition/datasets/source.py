@@ -1,15 +1,23 @@
-"""What a data set consists of: sources, each read into one `Recording` when it is asked for, and what reading found."""
+"""Data sets of recordings: their sources, reports of what was repaired or left out, and the readers' participants."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from importlib import import_module
+from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from types import ModuleType
+from typing import NamedTuple, NoReturn
 
+from runner.participants.declaration import BoundingBox
 from runner.recording import Recording
+from schemas import discovery
 from schemas.errors import InvalidFile
+from schemas.security.policy import current
+from schemas.storage import cache_folder
 
 
 class SiteRoad(NamedTuple):
@@ -95,6 +103,10 @@ class Report:
         return sum(exclusion.rows for exclusion in self.exclusions)
 
 
+def _no_ego() -> None:
+    """Return no name: the recording has no vehicle of its own."""
+
+
 @dataclass(eq=False)
 class Source:
     """One recording of a data set, not read yet.
@@ -110,6 +122,8 @@ class Source:
         map: the site's map, as the data set has it (Lanelet2, CommonRoad); None without one, or where the
             recording brings its road network with it.
         origin: latitude and longitude (degrees) of the origin of the coordinates, where the data set has them.
+        given: the OpenDRIVE file that the user names, before all others.
+        ego: name of the recording's own vehicle, asked for after it was read; None where it has none.
     """
 
     name: str
@@ -120,6 +134,8 @@ class Source:
     map: Path | None = None
     origin: tuple[float, float] | None = None
     road: Callable[[Recording, Path], SiteRoad] | None = field(default=None, repr=False)
+    given: Path | None = None
+    ego: Callable[[], str | None] = field(default=_no_ego, repr=False)
     report: Report | None = field(default=None, init=False, repr=False)
     """what the last reading found; None before"""
 
@@ -154,3 +170,104 @@ class DataSet:
                 be read, so that it may be a recording or not, is a source that says so when it is loaded.
         """
         return self.find()
+
+
+REAR_AXLE = 0.3
+"""Distance of the rear axle behind the centre of a vehicle, in lengths of it."""
+
+_USUAL = {
+    "car": (4.5, 1.8, 1.5),
+    "van": (6.0, 2.1, 2.6),
+    "truck": (8.0, 2.4, 3.5),
+    "bus": (12.0, 2.5, 3.0),
+    "trailer": (6.0, 2.2, 2.5),
+    "tram": (30.0, 2.4, 3.5),
+    "motorbike": (2.2, 0.9, 1.5),
+    "bicycle": (1.8, 0.6, 1.8),
+    "pedestrian": (0.5, 0.5, 1.8),
+    "obstacle": (1.0, 1.0, 1.0),
+}
+"""Usual length, width and height of each category, m."""
+
+
+class Participant(NamedTuple):
+    """Who a track is of."""
+
+    name: str
+    kind: str
+    category: str
+    box: BoundingBox
+
+
+def participant(name: str, category: str, length: float | None = None, width: float | None = None) -> Participant:
+    """A participant of a category of `_USUAL`, with the usual size where none was recorded; m."""
+    usual_length, usual_width, height = _USUAL[category]
+    length = usual_length if length is None else length
+    width = usual_width if width is None else width
+    kind = {"pedestrian": "pedestrian", "obstacle": "miscellaneous"}.get(category, "vehicle")
+    behind = REAR_AXLE * length if kind == "vehicle" else 0.0
+    return Participant(name, kind, category, BoundingBox(behind, 0.0, height / 2, length, width, height))
+
+
+FORMATS = "recognition.datasets.formats"
+
+
+def cache_roads() -> Path:
+    """Folder for roads that are made from recordings, where no other is named."""
+    return cache_folder() / "roads"
+
+
+def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) -> DataSet:
+    """The recordings in a folder (with all that is below it) or a file.
+
+    Formats are the modules of `recognition.datasets.formats`. Nothing is read before `DataSet.sources` is asked for, and no track
+    before a source is loaded.
+
+    Args:
+        roads: folder for roads that are made from recordings (highD); `cache_roads` by default.
+
+    Raises:
+        InvalidFile: there is no such folder or file.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InvalidFile("no such file or folder", path=path)
+    return DataSet(path, partial(_find, path, Path(roads) if roads is not None else cache_roads()))
+
+
+def _find(path: Path, roads: Path) -> list[Source]:
+    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+    by_content = discovery.described(FORMATS, "BY_CONTENT")
+    formats = [import_module(f"{FORMATS}.{name}") for name in sorted(by_content, key=lambda name: by_content[name])]
+    found = _told_apart([source for file in files for source in _sources(file, formats, roads)], path)
+    if not found:
+        known = ", ".join(discovery.described(FORMATS, "TITLE").values())
+        raise InvalidFile(f"no recording of a known format is here ({known})", path=path)
+    for source in found:
+        if not source.name.isprintable():
+            raise InvalidFile(f"the name of recording {source.name!r} has characters that can't be printed", path=source.path)
+    return found
+
+
+def _sources(file: Path, formats: Sequence[ModuleType], roads: Path) -> list[Source]:
+    """The recordings in a file. One that can't be read may be a recording or not: a source that says so when it is loaded."""
+    try:
+        current().admit(file)
+        form = next((each for each in formats if each.claims(file)), None)
+        return form.sources(file, roads) if form is not None else []
+    except InvalidFile as error:
+        return [Source(file.name, file.stem, "", file, partial(_fail, error))]
+
+
+def _fail(error: InvalidFile) -> NoReturn:
+    raise error
+
+
+def _told_apart(sources: list[Source], folder: Path) -> list[Source]:
+    """The sources, with names that several have led by the place of their files in the folder."""
+    counts = Counter(source.name for source in sources)
+
+    def renamed(source: Source) -> Source:
+        return replace(source, name=f"{source.path.relative_to(folder).as_posix()}/{source.name}")
+
+    return [renamed(source) if counts[source.name] > 1 else source for source in sources]

@@ -5,34 +5,32 @@ No label comes from anything but the recorded motion and the roles of the lanes 
 
 from __future__ import annotations
 
-from recognition.labels import highway, junction, ramps, roundabout, urban
-from recognition.labels.classes import Event, Label, counts
-from recognition.labels.hits import events
-from recognition.labels.rules import Rules
-from recognition.labels.scene.scene import prepare
+from recognition.labels import junction_rules, lane_rules
+from recognition.labels.classes import Event, Label, Rules, counts
+from recognition.labels.scene import events, prepare
 from recognition.sites import Site
 from runner.recording import Recording
 
 __all__ = ["Event", "Label", "Rules", "counts", "label", "passing"]
 
 RULES = (
-    highway.free_cruise,
-    highway.car_following,
-    highway.cut_in,
-    highway.cut_out,
-    highway.lane_change_left,
-    highway.lane_change_right,
-    ramps.ramp_entering,
-    ramps.ramp_exiting,
-    urban.urban_cut_in,
-    urban.urban_cut_out,
-    roundabout.roundabout_entering,
-    roundabout.roundabout_exiting,
-    roundabout.roundabout_circulating,
-    junction.left_turn,
-    junction.right_turn,
-    junction.straight_cross,
-    junction.merging,
+    lane_rules.free_cruise,
+    lane_rules.car_following,
+    lane_rules.cut_in,
+    lane_rules.cut_out,
+    lane_rules.lane_change_left,
+    lane_rules.lane_change_right,
+    lane_rules.ramp_entering,
+    lane_rules.ramp_exiting,
+    lane_rules.urban_cut_in,
+    lane_rules.urban_cut_out,
+    junction_rules.roundabout_entering,
+    junction_rules.roundabout_exiting,
+    junction_rules.roundabout_circulating,
+    junction_rules.left_turn,
+    junction_rules.right_turn,
+    junction_rules.straight_cross,
+    junction_rules.merging,
 )
 """The rules in the order of the classes; each finds the events of one class in a scene."""
 

@@ -1,16 +1,13 @@
-"""The parameters of a manoeuvre: names, meanings, units and ranges.
-
-One actor's manoeuvre has seven parameters. Tables of units, the catalogues' scenarios and the library's logical scenarios use
-these names; what estimates the values, and what writes them as triggers and actions, is beside this module.
-
-Source: METHOD.md §3, Table 1.
-"""
+"""Parameters of manoeuvres with their ranges, and units of manoeuvres."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
+
+ABSENT = -1
+"""Index of an absent track or row; `recognition.labels.scene`, which has it too, needs numpy, and commands start without"""
 
 
 @dataclass(frozen=True)
@@ -47,7 +44,7 @@ DECLARED: Mapping[str, Parameter] = {
     **PARAMETERS,
     JERK: Parameter("Jerk_mps3", 0.1, 15.0, "mps3", "rate at which the acceleration of the manoeuvre builds up"),
 }
-"""All that scenarios may declare, by role; jerk up to what vehicles can do (`recognition.datasets.smoothing.limits`)."""
+"""All that scenarios may declare, by role; jerk up to what vehicles can do (`recognition.datasets.observations`)."""
 EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
 """In scenarios of catalogues, names of the speed of the one who is not the actor, by who that is."""
 
@@ -78,3 +75,42 @@ class Values(NamedTuple):
 def declared_name(participant: str, role: str) -> str:
     """Name of the declaration of a participant's parameter, `CutIn_Gap_m` for example."""
     return f"{participant}_{DECLARED[role].name}"
+
+
+BRAKING, ACCELERATION, LANE_CHANGE, CUT_IN, CUT_OUT = KINDS = ("braking", "acceleration", "lane_change", "cut_in", "cut_out")
+"""Kinds of units."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A manoeuvre. Rows are those of the actor.
+
+    Attributes:
+        kind: one of `KINDS`.
+        actor: index of the track that the parameters describe.
+        other: of the track behind it that is the scenario's ego; in a lane change, where the actor is the ego, of the leader;
+            `ABSENT` without another.
+        start, end: rows of the manoeuvre's first and last instant.
+        first, last: rows where the unit's scene begins and ends.
+        shift: lateral distance of the lane change, m, to the left; 0 for none.
+    """
+
+    kind: str
+    actor: int
+    other: int
+    start: int
+    end: int
+    first: int
+    last: int
+    shift: float = 0.0
+
+    @property
+    def alone(self) -> bool:
+        """Whether there is no other."""
+        return self.other == ABSENT
+
+
+APART = 2.0
+"""Gap (m) at the scene's start between two in one lane, at least"""
+STILL = 0.001
+"""Least speed (m/s) to divide by"""

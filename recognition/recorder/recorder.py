@@ -11,14 +11,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from recognition.recorder.demand import departures, parked
-from recognition.recorder.families import family
-from recognition.recorder.fleet import Vehicle
-from recognition.recorder.formats import highd, interaction
-from recognition.recorder.motion import VehicleMotion, motion
-from recognition.recorder.overlaps import overlaps
-from recognition.recorder.simulation import simulate
-from recognition.recorder.sites import SITES, Site, View
+from recognition.recorder import formats
+from recognition.recorder.simulation import VehicleMotion, motion, overlaps, simulate
+from recognition.recorder.sites import SITES, Site, View, family
+from recognition.recorder.traffic import Vehicle, departures, parked
 from schemas.errors import ToolchainError, UsageError
 from schemas.storage import writing
 from xodr.reader import load
@@ -153,8 +149,9 @@ def _record(task: _Task) -> Path:
         raise ToolchainError(f"SUMO's vehicles run into each other at {site.name} all the time")
     seen = site.sensor.sees(seen, rng)
     if site.layout == "highD":
-        return highd.write(task.folder, task.number + 1, network, site.view, vehicles, seen, round(task.length * highd.RATE))
-    return interaction.write(task.folder, task.number, vehicles, seen)
+        frames = round(task.length * formats.HIGHD_RATE)
+        return formats.write_highd(task.folder, task.number + 1, network, site.view, vehicles, seen, frames)
+    return formats.write_interaction(task.folder, task.number, vehicles, seen)
 
 
 def _attempt(site: Site, net: SumoNet, length: float, rng: np.random.Generator) -> tuple[list[Vehicle], VehicleMotion]:
@@ -165,7 +162,7 @@ def _attempt(site: Site, net: SumoNet, length: float, rng: np.random.Generator) 
     departing = parked(site.parking, site.fleet, WARM_UP, end, rng) + departures(flows, site.fleet, end, rng)
     fronts = simulate(departing, net, WARM_UP - _MARGIN, end, int(rng.integers(2**31)))
     vehicles = [departure.vehicle for departure in departing]
-    rate = highd.RATE if site.layout == "highD" else interaction.RATE
+    rate = formats.HIGHD_RATE if site.layout == "highD" else formats.INTERACTION_RATE
     return vehicles, _seen(motion(fronts, [one.length for one in vehicles], rate), site.view, rate, length)
 
 

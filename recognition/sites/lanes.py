@@ -1,7 +1,6 @@
 """The lanes of a road network as a graph in the direction of their traffic, for looking up many rows at once.
 
-A strip is one lane within one lane section. Left and right are those of the strip's traffic.
-"""
+A strip is one lane within one lane section. Left and right are those of the strip's traffic."""
 
 from __future__ import annotations
 
@@ -12,14 +11,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from xodr.array_types import FloatArray, IntArray
+from runner.recording import Recording
+from xodr.array_types import BoolArray, FloatArray, IntArray
 from xodr.graph.travel import Traveller
+from xodr.lookup import placing
 from xodr.model import LaneLink
 from xodr.network import RoadNetwork
 from xodr.road import Road
 
 NOWHERE = -1
 """Index in place of a strip where a row is on none."""
+_BESIDE = 2.0
+"""Greatest distance beside a lane, or beyond the end of its road, of a row that counts as on the lane, m."""
 
 
 class Strip(NamedTuple):
@@ -85,6 +88,11 @@ class LaneGraph:
     def find(self, road_id: NDArray[np.object_], lane_id: IntArray, s: FloatArray) -> IntArray:
         """Index of the strip of each row, NOWHERE where it is on none."""
         return self._lookup.find(road_id, lane_id, s)
+
+    def contains(self, strip: IntArray, s: FloatArray, offset: FloatArray) -> BoolArray:
+        """Whether rows at s and an offset from the lane's centre (m) are on their strip, but for a tolerance of `_BESIDE`."""
+        along = (s >= self._start[strip] - _BESIDE) & (s <= self._end[strip] + _BESIDE)
+        return (strip != NOWHERE) & along & (np.abs(offset) <= 0.5 * self.width[strip] + _BESIDE)
 
     def numbers(self, road: str, lane: int, start: float, end: float) -> list[int]:
         """Indices of the strips that a lane has from one s to another."""
@@ -199,7 +207,33 @@ class _Lookup:
         return np.where(known, self._table[row, np.where(known, lane_id, 0) + self._reach], NOWHERE)
 
 
+def on_lanes(recording: Recording, network: RoadNetwork, ego: str, times: FloatArray) -> BoolArray:
+    """Whether a track is on a lane of the network at each of some times (s) of its own."""
+    place(recording, network)
+    columns, lanes = recording.tracks[ego].columns, graph(network)
+    rows = np.clip(np.searchsorted(columns["time"], times - 1e-6), 0, len(columns["time"]) - 1)
+    road, lane, s, offset = (columns[name][rows] for name in ("road_id", "lane_id", "s", "lane_offset"))
+    return lanes.contains(lanes.find(road, lane.astype(np.int64), s), s, offset)
+
+
 @lru_cache(maxsize=8)
 def graph(network: RoadNetwork) -> LaneGraph:
     """The lanes of a network, built once."""
     return LaneGraph(network)
+
+
+def place(recording: Recording, network: RoadNetwork) -> None:
+    """Complete the road coordinates of every row that lacks them, of all tracks at once."""
+    columns = [track.columns for track in recording.tracks.values()]
+    missing = [np.flatnonzero(one["road_id"] == None) for one in columns]  # noqa: E711 - of each element
+    ends = np.cumsum([len(rows) for rows in missing])
+    if not len(ends) or not ends[-1]:
+        return
+    x, y, z, h = (
+        np.concatenate([one[name][rows] for one, rows in zip(columns, missing, strict=True)]) for name in ("x", "y", "z", "h")
+    )
+    places = placing.place(network, x, y, z, h)
+    names = {"road_id": "road_id", "lane_id": "lane_id", "s": "s", "t": "t", "lane_offset": "offset"}
+    for one, rows, end in zip(columns, missing, ends.tolist(), strict=True):
+        for column, name in names.items():
+            one[column][rows] = getattr(places, name)[end - len(rows) : end]

@@ -1,32 +1,257 @@
-"""What the lanes of a site are for: the roles that labelling rules ask for, and the file that keeps them.
-
-`<map>.roles.json` lies beside the map, or in the folder for what is made of recordings. It lists a role for every lane of
-every road, or for stretches of a lane:
-
-    {"roles": [{"road": "1", "lane": -1, "role": "main"},
-               {"road": "2", "lane": -3, "from": 0.0, "to": 250.0, "role": "on_ramp"}, …]}
-
-A file that a person has edited is only read: its `proposal` entry, a digest of the roles as they were proposed, then no longer
-fits, and it is neither renewed nor overwritten. An unedited file is renewed when the map or the proposal changes.
-"""
+"""What shapes tell: rings of roundabouts are short, round cycles of one-way lanes; at crossings ways cross or turn."""
 
 from __future__ import annotations
 
 import json
+import math
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import combinations
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recognition.sites.lanes import LaneGraph
 from schemas.errors import InvalidFile
 from schemas.storage import digest, keep, read_object
 from xodr.array_types import FloatArray, IntArray
+from xodr.graph.ways import DRIVABLE
+from xodr.lookup.arrays import sample
 from xodr.network import RoadNetwork
+
+if TYPE_CHECKING:
+    from shapely import Polygon
+
+LONGEST = 400.0
+"""Longest way round, m."""
+ROUNDNESS = 0.8
+"""Least 4π·area/perimeter² (1 for a circle): a square has 0.785, an ellipse of 2 : 1 0.84."""
+_EIGHTH = math.radians(5.0)
+"""Least turn of each eighth of a ring, rad: an eighth of a circle turns by 45 degrees, the side of a block by none."""
+_LEAST_WAYS = 2
+"""Least number of lanes that lead into a ring, and out of it."""
+_ISLAND = 2.5
+"""Lanes less than this inside a ring's innermost centre line belong to the ring or touch it, m."""
+TURN = math.radians(45.0)
+"""Least change of heading of a way that turns, rad."""
+_STEP = 2.0
+_SHORT = 0.05
+"""Steps between points shorter than this have no heading, m."""
+
+
+def ring_strips(network: RoadNetwork, graph: LaneGraph) -> set[int]:
+    """Indices of the strips that lie on a ring.
+
+    A ring is a short, round cycle of one-way lanes with curvature of one sign all along, at least two lanes that lead into it and
+    two out of it, and an island without driving lanes.
+    """
+    cycles = _round_cycles(network, graph)
+    rings: set[int] = set()
+    for cycle in cycles:
+        within = [other for other in cycles if cycle.outline.contains(other.outline.centroid)]
+        concentric = {number for other in within for number in other.strips}
+        innermost = min((other.outline for other in within), key=lambda outline: float(outline.area))
+        if _has_ways(graph, concentric) and not _has_lanes_inside(network, graph, innermost, concentric):
+            rings.update(cycle.strips)
+    return rings
+
+
+class _Cycle(NamedTuple):
+    """Strips of a cycle, and the area within their centre lines."""
+
+    strips: list[int]
+    outline: Polygon
+
+
+def _round_cycles(network: RoadNetwork, graph: LaneGraph) -> list[_Cycle]:
+    """Round cycles of one-way lanes, no longer than `LONGEST`, which turn one way all along."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components, dijkstra
+    from shapely import Polygon
+
+    one_way = _one_way(graph)
+    links = [(one, after) for one in sorted(one_way) for after in graph.following[one] if after in one_way]
+    if not links:
+        return []
+    rows, columns = np.array(links).T
+    size = len(graph.strips)
+    ways = csr_array((np.maximum(graph.length[columns], 1e-3), (rows, columns)), shape=(size, size))
+    component = connected_components(ways, connection="strong")[1]
+    seen: set[int] = set()
+    found: list[_Cycle] = []
+    for one, after in links:
+        if component[one] != component[after] or {one, after} <= seen:
+            continue
+        distance, before = dijkstra(ways, indices=[after], return_predecessors=True, limit=LONGEST)
+        if distance[0, one] + graph.length[after] <= LONGEST:
+            cycle = _cycle(before[0], after, one)
+            points = np.concatenate([_centre_line(network, graph, number) for number in cycle])
+            if _roundness(points) >= ROUNDNESS and _turns_one_way(points):
+                seen.update(cycle)
+                found.append(_Cycle(cycle, Polygon(points).buffer(0.0)))
+    return found
+
+
+def _has_ways(graph: LaneGraph, ring: set[int]) -> bool:
+    """Whether enough lanes lead into a ring, and out of it."""
+    entries = {before for number in ring for before in graph.preceding[number]} - ring
+    exits = {after for number in ring for after in graph.following[number]} - ring
+    return min(len(entries), len(exits)) >= _LEAST_WAYS
+
+
+def _has_lanes_inside(network: RoadNetwork, graph: LaneGraph, outline: Polygon, ring: set[int]) -> bool:
+    """Whether a driving lane that is not of the ring reaches its island."""
+    from shapely import LineString
+
+    island = outline.buffer(-_ISLAND)
+    others = (number for number, strip in enumerate(graph.strips) if strip.kind in DRIVABLE and number not in ring)
+    return any(LineString(_centre_line(network, graph, number, end=True)).intersects(island) for number in others)
+
+
+def _turns_one_way(points: FloatArray) -> bool:
+    """Whether each eighth of a closed line of points (n, 2) turns to the side to which the whole turns, by `_EIGHTH` or more."""
+    steps = np.roll(points, -1, axis=0) - points
+    length = np.hypot(*steps.T)
+    steps, length = steps[length > _SHORT], length[length > _SHORT]
+    heading = np.arctan2(steps[:, 1], steps[:, 0])
+    turn = np.remainder(np.roll(heading, -1) - heading + np.pi, 2.0 * np.pi) - np.pi
+    way, turned = (np.concatenate([[0.0], np.cumsum(np.concatenate([each, each]))]) for each in (length, turn))
+    starts = np.arange(len(length))
+    whole = turned[len(length)]
+    ends = np.searchsorted(way, way[starts] + way[len(length)] / 8.0)
+    return abs(abs(whole) - math.tau) < _EIGHTH and bool((np.sign(whole) * (turned[ends] - turned[starts]) >= _EIGHTH).all())
+
+
+def crosses_or_turns(network: RoadNetwork, graph: LaneGraph, ways: list[int]) -> bool:
+    """Whether some of these strips cross, coming from different roads and leading to different ones, or turn by `TURN`."""
+    from shapely import LineString
+
+    def roads(links: list[list[int]], number: int) -> set[str]:
+        return {graph.strips[other].road for other in links[number]}
+
+    for number in ways:
+        strip = graph.strips[number]
+        line = network.roads[strip.road].line
+        if abs(math.remainder(line.at(strip.end)[2] - line.at(strip.start)[2], math.tau)) >= TURN:
+            return True
+    lines = {number: LineString(_centre_line(network, graph, number, end=True)) for number in ways}
+    return any(
+        roads(graph.preceding, one).isdisjoint(roads(graph.preceding, other))
+        and roads(graph.following, one).isdisjoint(roads(graph.following, other))
+        and lines[one].intersects(lines[other])
+        for one, other in combinations(ways, 2)
+    )
+
+
+def _one_way(graph: LaneGraph) -> set[int]:
+    """Driving lanes of roads that have them in one direction only."""
+    ways: dict[str, set[bool]] = {}
+    driving = [number for number, strip in enumerate(graph.strips) if strip.kind in DRIVABLE]
+    for number in driving:
+        strip = graph.strips[number]
+        ways.setdefault(strip.road, set()).add(strip.forward)
+    return {number for number in driving if len(ways[graph.strips[number].road]) == 1}
+
+
+def _cycle(before: NDArray[np.int32], first: int, last: int) -> list[int]:
+    cycle = [last]
+    while cycle[-1] != first:
+        cycle.append(int(before[cycle[-1]]))
+    return cycle[::-1]
+
+
+def _roundness(points: FloatArray) -> float:
+    x, y = points.T
+    dx, dy = np.roll(x, -1) - x, np.roll(y, -1) - y
+    area = 0.5 * abs(float((x * dy - y * dx).sum()))
+    return 4.0 * math.pi * area / max(float(np.hypot(dx, dy).sum()) ** 2, 1e-9)
+
+
+def _centre_line(network: RoadNetwork, graph: LaneGraph, number: int, end: bool = False) -> FloatArray:
+    """Points (n, 2) on a strip's centre line, in the direction of its traffic, with its end or without."""
+    strip = graph.strips[number]
+    ends = (strip.start, strip.end) if strip.forward else (strip.end, strip.start)
+    s = np.linspace(*ends, 1 + math.ceil((strip.end - strip.start) / _STEP))[: None if end else -1]
+    road = network.roads[strip.road]
+    centre = road.sections[strip.section].lanes[strip.lane].center
+    return sample(road, s, [centre(one) for one in s.tolist()])[:, :2]
+
+
+_Links = list[list[int]]
+
+
+def ramp_roles(graph: LaneGraph, main: set[int]) -> dict[int, Role]:
+    """Roles of those among the main lanes that are ramps."""
+    return _Ramps(graph, main).roles()
+
+
+class _Ramps:
+    def __init__(self, graph: LaneGraph, main: set[int]) -> None:
+        self._graph, self._main = graph, main
+        groups: dict[tuple[str, int, bool], list[int]] = {}
+        for number in sorted(main):
+            strip = graph.strips[number]
+            groups.setdefault((strip.road, strip.section, strip.forward), []).append(number)
+        self._beside = {number: [other for other in group if other != number] for group in groups.values() for number in group}
+
+    def roles(self) -> dict[int, Role]:
+        following, preceding = self._graph.following, self._graph.preceding
+        leaving, entering = self._ramp(following, preceding), self._ramp(preceding, following)
+        roles = dict.fromkeys(leaving, Role.OFF_RAMP) | dict.fromkeys(entering, Role.ON_RAMP)
+        return roles | dict.fromkeys(leaving & entering, Role.WEAVING)
+
+    def _ramp(self, onwards: _Links, back: _Links) -> set[int]:
+        """Lanes that leave the others, or begin beside them and lead to such: off-ramps; with links reversed, on-ramps."""
+        found: set[int] = set()
+        for number in sorted(self._main):
+            if self._parts(number, onwards):
+                found.update(self._chain(onwards[number][0], onwards), self._extra(number, back))
+            if self._ends(number, back):
+                chain = self._chain(number, onwards)
+                if any(not self._beside[one] for one in chain):
+                    found.update(chain)
+        return found
+
+    def _parts(self, number: int, links: _Links) -> bool:
+        """Whether a lane leads to another road than most of its group."""
+        roads = [self._graph.strips[links[one][0]].road for one in (number, *self._beside[number]) if links[one]]
+        if not links[number] or links[number][0] not in self._main:
+            return False
+        counts = Counter(roads).most_common(2)
+        return len(counts) > 1 and counts[0][1] > counts[1][1] and roads[0] != counts[0][0]
+
+    def _ends(self, number: int, links: _Links) -> bool:
+        """Whether a lane ends beside lanes that go on."""
+        return not links[number] and any(links[other] for other in self._beside[number])
+
+    def _chain(self, number: int, links: _Links) -> list[int]:
+        """A lane and those that follow it one by one."""
+        chain: list[int] = []
+        while number in self._main and number not in chain:
+            chain.append(number)
+            if len(links[number]) != 1:
+                break
+            number = links[number][0]
+        return chain
+
+    def _extra(self, number: int, links: _Links) -> list[int]:
+        """A lane as far as it runs beside others, if it ends there or has a road of its own then; nothing of a through lane."""
+        chain = [number]
+        while True:
+            ways = links[chain[-1]]
+            if not ways:
+                return chain if self._ends(chain[-1], links) else []
+            if len(ways) > 1 or ways[0] not in self._main or ways[0] in chain:
+                return []
+            if not self._beside[ways[0]]:
+                return chain
+            chain.append(ways[0])
+
 
 ENDING = ".roles.json"
 _HELP = "edit the file, or delete it to have roles proposed anew"

@@ -1,30 +1,201 @@
-"""The card of a model: what it was trained on, how good it is, how it decides, and what it is not for."""
+"""The model card, and agreement of a model with the rules on sites that it was not trained on."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from recognition import datasets
+from recognition.labels import Rules
 from recognition.labels.classes import Label
-from recognition.tokens.config import Tokens
-from recognition.training.agreement import Agreement, table
-from recognition.trfe.titles import title_of
+from recognition.sites import site_of
+from recognition.tokens import Tokens
+from recognition.training.data import is_windows, source_of
+from recognition.training.windows import View, Windows, events_and_background, nothing, windows_of
+from recognition.trfe.known import title_of
+from recognition.trfe.samples import BACKGROUND, UNKNOWN
+from recognition.trfe.trfe import TRFE
 from schemas.packages import version
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from recognition.training.splits import Split
+    from recognition.training.data import Split
     from recognition.training.windows import Windows
     from recognition.trfe.trfe import TRFE
+
+REJECTED = 0.1
+"""Greatest share of the rules' events on other sites that may be unknown"""
+Recognise = Callable[[Windows], IntArray]
+"""Labels (n,) of windows: classes, `BACKGROUND`, or 0 for unknown"""
+
+
+class SiteWindows(NamedTuple):
+    """Windows of a data set: at the rules' events, and at the stride at which a user's recordings are looked at."""
+
+    name: str
+    events: Windows
+    regular: Windows
+
+
+class Agreement(NamedTuple):
+    """What a model makes of a data set.
+
+    events: of the rules. agree, nothing, unknown, wrong: shares of them that get the rules' class, none, unknown, another class.
+    quiet: windows at the stride in which no rule finds anything. still, odd: shares of them that the model takes for nothing, and
+        for unknown; the rest are findings that no rule confirms.
+    confirmed: of the windows at the stride that the model gives a class, the share to which the rules give the same.
+    classes: label, events, agreeing ones.
+    """
+
+    name: str
+    events: int
+    agree: float
+    nothing: float
+    unknown: float
+    wrong: float
+    quiet: int
+    still: float
+    odd: float
+    confirmed: float
+    classes: tuple[tuple[int, int, int], ...]
+
+
+def site_windows(path: Path, cache: Path, view: View, rules: Rules) -> SiteWindows:
+    """Windows of all recordings in a folder.
+
+    Args:
+        cache: folder that keeps the windows for the next time, and roads made for them.
+
+    Raises:
+        InvalidFile: nothing of a known format, or a recording is malformed.
+    """
+    kept = cache / f"{path.name}-{source_of(path)}-{type(view).__name__.lower()}"
+    events, regular = kept / "events", kept / "regular"
+    if not is_windows(regular):
+        made = _made(path, cache / "roads", view, rules)
+        made[0].save(events)
+        made[1].save(regular)
+    return SiteWindows(path.name, Windows.load(events), Windows.load(regular))
+
+
+def _made(path: Path, roads: Path, view: View, rules: Rules) -> tuple[Windows, Windows]:
+    parts: list[tuple[Windows, Windows]] = []
+    for source in datasets.open(path, roads=roads).sources:
+        recording = source.load()
+        site = site_of(source, recording, roads)
+        events, regular = events_and_background(recording, site, source.name, rules)
+        parts.append((windows_of(recording, events, view, site), windows_of(recording, regular, view, site)))
+    return _joined([part[0] for part in parts], view), _joined([part[1] for part in parts], view)
+
+
+def accept(model: TRFE, windows: Sequence[Windows]) -> None:
+    """Let a model take no more than a tenth of the rules' events of other sites for unknown, at each, where its own δ took more.
+
+    On sites like those that trained it, everything looks more usual than elsewhere: a δ chosen there rejects most of what it gets
+    right on roads that it has not seen.
+
+    Args:
+        windows: of events on sites that neither train nor measure it.
+    """
+    scores = [model.recognise(one.inputs).score for one in windows if len(one)]
+    screening = model.known.screening
+    screening.threshold = max(screening.threshold, *(float(np.quantile(one, 1.0 - REJECTED)) for one in scores), 0.0)
+
+
+def agreement(recognise: Recognise, windows: SiteWindows) -> Agreement:
+    """Hold a model's labels against those of the rules."""
+    truth, found = windows.events.labels, recognise(windows.events)
+    usual, regular = windows.regular.labels, recognise(windows.regular)
+    right, none, odd = found == truth, found == BACKGROUND, found == UNKNOWN
+    quiet = usual == BACKGROUND
+    said = (regular != BACKGROUND) & (regular != UNKNOWN)
+    classes = tuple((int(one), int((truth == one).sum()), int((right & (truth == one)).sum())) for one in np.unique(truth))
+    return Agreement(
+        windows.name, len(truth), _share(right), _share(none), _share(odd), _share(~right & ~none & ~odd),
+        int(quiet.sum()), _share(regular[quiet] == BACKGROUND), _share(regular[quiet] == UNKNOWN),
+        _share(regular[said] == usual[said]), classes,
+    )  # fmt: skip
+
+
+def table(rows: Sequence[Agreement]) -> str:
+    """Agreements as a Markdown table."""
+    lines = [
+        "| recordings | events | agree | nothing | unknown | wrong | quiet windows | for nothing | for unknown | confirmed |",
+        f"|{'---|' * 10}",
+    ]
+    lines += [
+        f"| {one.name} | {one.events} | {one.agree:.1%} | {one.nothing:.1%} | {one.unknown:.1%} | {one.wrong:.1%} |"
+        f" {one.quiet} | {one.still:.1%} | {one.odd:.1%} | {one.confirmed:.1%} |"
+        for one in rows
+    ]
+    return "\n".join(lines)
+
+
+def _share(flags: BoolArray) -> float:
+    return float(np.mean(flags)) if len(flags) else 0.0
+
+
+def _joined(parts: Sequence[Windows], view: View) -> Windows:
+    none = np.zeros(0, np.str_)
+    empty = Windows(nothing(view), np.zeros(0, np.int64), none, none, np.zeros(0))
+    columns = zip(*(part.columns for part in (empty, *parts)), strict=True)
+    return Windows(*(np.concatenate(column) for column in columns))
+
+
+_SHARES = np.arange(0.0, 0.6, 0.01)
+"""Shares of the votes for classes that are tried; who has more than all of them has the majority"""
+
+
+class _Given(NamedTuple):
+    """What a model gives windows: labels and their shares of the votes for classes (n,), and what the rules say (n,)."""
+
+    labels: IntArray
+    shares: FloatArray
+    truth: IntArray
+
+
+def least_shares(model: TRFE, sites: Sequence[SiteWindows]) -> dict[int, float]:
+    """The least share of the votes for classes that each class needs; with less, a window is of nothing.
+
+    The share of a class is the one that takes most quiet windows for nothing, as a part of all quiet windows of a site, less
+    what it takes of the rules' events that have their class, as a part of all events of the site; sites count alike.
+    """
+    given = [(_given(model, site.events), _given(model, site.regular)) for site in sites]
+    classes = [one for one in model.known.classes.tolist() if one != BACKGROUND]
+    found = {label: _least(label, given) for label in classes} if BACKGROUND in model.known.classes else {}
+    return {label: share for label, share in found.items() if share > 0.0}
+
+
+def _given(model: TRFE, windows: Windows) -> _Given:
+    found = model.recognise(windows.inputs)
+    return _Given(found.labels, found.share, windows.labels)
+
+
+def _least(label: int, sites: Sequence[tuple[_Given, _Given]]) -> float:
+    gain = np.zeros(len(_SHARES))
+    for events, regular in sites:
+        quiet = (regular.labels == label) & (regular.truth == BACKGROUND)
+        right = (events.labels == label) & (events.truth == label)
+        gain += _below(regular.shares[quiet]) / max((regular.truth == BACKGROUND).sum(), 1)
+        gain -= _below(events.shares[right]) / max(len(events.truth), 1)
+    return float(_SHARES[gain.argmax()])
+
+
+def _below(shares: FloatArray) -> FloatArray:
+    """How many shares are below each of those that are tried."""
+    return np.searchsorted(np.sort(shares), _SHARES, side="left").astype(np.float64)
+
 
 CARD = "README.md"
 """File of a model's folder that describes it"""
 LIMITS = """\
-- Classes are what the labelling rules take them for: the rates tell how far the model agrees with the rules, on recordings like
-  those that trained it. With other traffic, sensors or maps expect more unknown and more wrong classes; try some before you
-  rely on it.
+- The classes are those of the labelling rules; the rates measure agreement with these rules.
 - Rare classes were trained with few windows. Confidences are shares of votes, no probabilities.
-- It sorts recordings for tests, afterwards. It is not made to decide anything in a vehicle, and where it finds nothing
-  critical, that is no evidence of safety."""
+- The model sorts recordings for tests, afterwards. It must not decide anything in a vehicle. Finding nothing critical
+  is no evidence of safety."""
 _GOOD = 0.75
 """Share of agreeing events below which the card says that a class fails"""
 _LICENCE = "Those who trained it decide, as far as the terms of the recordings allow."
@@ -77,11 +248,11 @@ def decision(model: TRFE) -> str:
     trees, features = len(known.forest.trees.estimators_), sum(encoder.architecture.dim for encoder in model.encoders)
     changes = len(known.prototypes.mean) - features
     beside = f" and {changes} numbers of what changes" if changes else ""
-    screening = f"the screening `joint` calls unknown what belongs to no class, by δ = {1.0 - known.screening.threshold:.2g}"
-    text = f"{trees} trees vote on {features} features of {len(model.encoders)} encoders{beside}; {screening}."
+    screening = f"The screening `joint` calls a window unknown below δ = {1.0 - known.screening.threshold:.2g}."
+    text = f"{trees} trees vote on {features} features of {len(model.encoders)} encoders{beside}. {screening}"
     if model.least:
         needed = ", ".join(f"{title_of(label)} {share:.0%}" for label, share in model.least.items())
-        text += f"\nWith less than this share of the votes for classes, a window is taken for nothing: {needed}."
+        text += f"\nA class needs this share of the votes, else the window is nothing: {needed}."
     return text
 
 
@@ -89,10 +260,8 @@ def scope(model: TRFE) -> str:
     """What a model's windows show, as the first of its limits."""
     view = model.encoders[0].view
     if isinstance(view, Tokens):
-        about = (
-            f"one motor vehicle and the {view.others} others that matter most to it within {view.reach:g} m, for {view.span:g} s"
-        )
-        return f"- It sees {about}, in coordinates of the lanes: no pedestrians, and nothing without a map of the lanes."
+        about = f"one motor vehicle and the {view.others} most relevant others within {view.reach:g} m, for {view.span:g} s"
+        return f"- Input: {about}, in lane coordinates. No pedestrians; nothing without a lane map."
     about = f"{view.frames} grids of {view.length:g} m × {view.width:g} m about one motor vehicle within {view.span:g} s"
     return f"- It sees {about} ({', '.join(view.channels)}): nothing that is farther away, and nothing that takes longer."
 

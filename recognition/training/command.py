@@ -11,21 +11,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from recognition.training import Unit
-from schemas.commands.options import Verbose, Version, interruptible, out_folder
+from schemas.commands.options import Verbose, Version, interruptible, out_folder, protected
 from schemas.errors import UsageError
+from schemas.security.text import markdown
 from schemas.storage import keep
 
 if TYPE_CHECKING:
     from recognition.encoder.config import Preset
     from recognition.encoder.model import Encoder
     from recognition.encoder.training import Progress
-    from recognition.training.splits import Split
-    from recognition.training.views import View
-    from recognition.training.windows import Windows
+    from recognition.training.data import Split
+    from recognition.training.windows import View, Windows
     from recognition.trfe.config import Config
     from recognition.trfe.trfe import TRFE
 
 
+@protected("max_runs")
 @interruptible("xosc-recognize train")
 def train(
     path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
@@ -87,12 +88,9 @@ def train(
     from recognition.encoder.config import preset as preset_of
     from recognition.grids import Grid
     from recognition.labels import Rules
-    from recognition.tokens.config import Tokens
-    from recognition.training.agreement import accept, agreement, site_windows
-    from recognition.training.card import CARD, card_of
-    from recognition.training.data import source_of, windows_at
-    from recognition.training.operating import least_shares
-    from recognition.training.splits import split
+    from recognition.tokens import Tokens
+    from recognition.training.card import CARD, accept, agreement, card_of, least_shares, site_windows
+    from recognition.training.data import source_of, split, windows_at
     from recognition.trfe.config import Config
     from recognition.trfe.known import DELTA
     from recognition.trfe.storage import load, save
@@ -121,8 +119,8 @@ def train(
     if measured:
         model.unseen_sites = min(one.agree for one in measured), max(one.wrong + one.nothing for one in measured)
     save(model, out, samples)
-    chosen_by = f", δ and least shares of votes by {', '.join(one.name for one in develop)}" if develop else ""
-    data = f"{path.name}, preset {preset}, seed {seed}, divided by {split_by}{chosen_by}"
+    chosen_by = f", δ and least shares of votes by {', '.join(markdown(one.name) for one in develop)}" if develop else ""
+    data = f"{markdown(path.name)}, preset {preset}, seed {seed}, divided by {split_by}{chosen_by}"
     card = card_of(model, windows, parts, data, measured)
     keep(card.encode(), out / CARD)
     if not quiet:
@@ -145,9 +143,8 @@ def epochs(count: int, quiet: bool) -> Iterator[Progress | None]:
 
 def encoders_of(labelled: Windows, preset: Preset, view: View, seed: int, progress: Progress | None) -> tuple[Encoder, Encoder]:
     """An encoder pretrained on windows of the known classes, and the same fine-tuned on them with their labels."""
-    from recognition.encoder.finetuning import finetune
-    from recognition.encoder.pretraining import pretrain
     from recognition.encoder.storage import rounded
+    from recognition.encoder.training import finetune, pretrain
 
     encoder = pretrain(labelled, preset, view, seed, progress=progress)
     tuned = finetune(encoder, labelled, preset.finetuning, seed, progress)
@@ -160,8 +157,7 @@ def fitted(windows: Windows, parts: Split, encoders: Sequence[Encoder], settings
 
     import numpy as np
 
-    from recognition.tokens.changes import CHANGES
-    from recognition.tokens.config import Tokens
+    from recognition.tokens import CHANGES, Tokens
     from recognition.trfe.samples import drawn_of_each
     from recognition.trfe.trfe import TRFE
 

@@ -1,31 +1,137 @@
-"""Windows about events, with their labels, as arrays that can be larger than memory."""
+"""Windows: moments of recordings as an encoder sees them, with their labels, in memory and on disk."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Protocol
+from tokenize import TokenError
+from typing import IO, TYPE_CHECKING, Any, NamedTuple, Protocol
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.grids import Grid, Moments, covered, rasterise
+from recognition.labels import Event, Rules, label, passing
 from recognition.sites import Site
-from recognition.training.views import Inputs, View, drawn, visible
+from recognition.tokens import Tokens, in_parts, tokenise
+from recognition.trfe.samples import BACKGROUND
 from runner.recording import Recording
 from schemas.errors import InvalidFile, UsageError
-from schemas.storage import writing
-from xodr.array_types import FloatArray, IntArray
+from schemas.storage import read_parquet, writing
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
+View = Tokens | Grid
+Inputs = NDArray[Any]
+"""Windows (n, ...) of a view, as an encoder takes them"""
+
+
+def visible(recording: Recording, moments: Moments, view: View) -> BoolArray:
+    """Whether the ego's track covers what a view needs of it about each moment: only such moments can be drawn."""
+    times = view.offsets if isinstance(view, Grid) else (-0.5 * view.core, 0.0, 0.5 * view.core)
+    return covered(recording, moments, times)
+
+
+def drawn(recording: Recording, moments: Moments, view: View, site: Site | None) -> Inputs:
+    """Windows about visible moments.
+
+    Raises:
+        UsageError: a moment is not visible, or the view needs a site.
+    """
+    if isinstance(view, Grid):
+        return rasterise(recording, moments, view, site)
+    return tokenise(recording, moments, view, _known(site))
+
+
+def drawn_in_parts(recording: Recording, moments: Moments, view: View, site: Site | None, size: int) -> Iterator[Inputs]:
+    """The same, so many windows at a time: those of a long recording need not be in memory together."""
+    if isinstance(view, Grid):
+        return (rasterise(recording, moments[start : start + size], view, site) for start in range(0, len(moments), size))
+    return in_parts(recording, moments, view, _known(site), size)
+
+
+def _known(site: Site | None) -> Site:
+    if site is None:
+        raise UsageError("tokens need the site's road")
+    return site
+
+
+def nothing(view: View) -> Inputs:
+    """No windows."""
+    return np.zeros((0, *view.shape), np.uint8 if isinstance(view, Grid) else np.float16)
+
+
+STRIDE = 1.0
+"""Time between two moments of one vehicle, s"""
+_MANY = 1000
+
+
+class Moment(NamedTuple):
+    """A labelled moment about an ego; the label is a class, or `BACKGROUND`."""
+
+    recording: str
+    ego: str
+    time: float
+    label: int
+
+
+def events_and_background(recording: Recording, site: Site, name: str, rules: Rules) -> tuple[list[Event], list[Moment]]:
+    """The rules' events of a recording; and moments at the stride, of the class that a rule finds there, or of none.
+
+    A rule for something that lasts (cruising, following, circulating) finds few events of it, far apart; at the stride all of it
+    counts. Moments less than a window from an event, but not at it, are left out: they are neither one nor the other. So are
+    moments on a way through a junction at which no rule finds anything (`recognition.labels.passing`).
+    """
+    events = label(recording, site, name, rules)
+    lasting = label(recording, site, name, replace(rules, spacing=STRIDE, ring_spacing=STRIDE, most_windows=_MANY))
+    ways = passing(recording, site, rules)
+    times: dict[str, list[tuple[float, int]]] = {}
+    for event in (*lasting, *events):
+        times.setdefault(event.ego, []).append((event.time, int(event.label)))
+    found = []
+    for track in recording.tracks.values():
+        if track.kind == "vehicle":
+            own = times.get(track.name, [])
+            labelled = zip(*_labelled(regular(track.columns["time"], rules.window), own, rules.window), strict=True)
+            passages = ways.get(track.name, [])
+            found += [
+                Moment(name, track.name, at, which)
+                for at, which in labelled
+                if which != BACKGROUND or not any(start <= at <= end for start, end in passages)
+            ]
+    return events, found
+
+
+def regular(time: FloatArray, window: float, stride: float = STRIDE) -> FloatArray:
+    """Moments of a track at the stride, whose windows it covers, s."""
+    return np.arange(time[0] + 0.5 * window, time[-1] - 0.5 * window, stride)
+
+
+def _labelled(regular: FloatArray, own: Sequence[tuple[float, int]], window: float) -> tuple[list[float], list[int]]:
+    """Moments with their labels: of the event nearest within half a stride, or the background, a window away from all."""
+    if not own:
+        return regular.tolist(), [BACKGROUND] * len(regular)
+    times, labels = (np.array(values) for values in zip(*own, strict=True))
+    apart = np.abs(regular[:, None] - times)
+    nearest = apart.argmin(axis=1) if len(regular) else np.zeros(0, np.int64)
+    least = apart.min(axis=1, initial=np.inf)
+    chosen = np.where(least <= 0.5 * STRIDE, labels[nearest], BACKGROUND)
+    kept = (least <= 0.5 * STRIDE) | (least >= window)
+    return regular[kept].tolist(), chosen[kept].tolist()
+
+
 _KINDS = ((4, np.dtype(np.float16)), (5, np.dtype(np.uint8)))
 """Dimensions and types of tokens and grids"""
 _INPUTS, _TABLE = "inputs.npy", "windows.parquet"
+_UNREADABLE = (OSError, EOFError, ValueError, TypeError, KeyError, SyntaxError, RecursionError, TokenError, BadZipFile)
+"""What numpy raises for a damaged file, whose header is a Python literal, or which it takes for an archive"""
 
 
-class Event(Protocol):
+class LabelledMoment(Protocol):
     """What a window needs of a labelled event, see `recognition.labels`."""
 
     @property
@@ -81,18 +187,20 @@ class Windows:
             InvalidFile: the files are missing, truncated, or not windows.
         """
         import pyarrow as pa
-        import pyarrow.parquet as pq
 
         try:
             inputs = np.load(folder / _INPUTS, mmap_mode="r", allow_pickle=False)
-            table = pq.read_table(folder / _TABLE)
+            if not isinstance(inputs, np.ndarray):
+                raise TypeError(f"{_INPUTS} is an archive, an array is expected")
+            table = read_parquet(folder / _TABLE)
             labels, times = (table[name].to_numpy() for name in ("labels", "times"))
+            labels, times = labels.astype(np.int64), times.astype(np.float64)
             recordings, egos = (np.array(table[name].to_pylist(), np.str_) for name in ("recordings", "egos"))
-        except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+        except (*_UNREADABLE, pa.ArrowException) as error:
             raise InvalidFile(f"these are no windows: {error}", path=folder) from None
         if (inputs.ndim, inputs.dtype) not in _KINDS or len(inputs) != len(labels):
             raise InvalidFile(f"{_INPUTS} and {_TABLE} do not belong together", path=folder)
-        return Windows(inputs, labels.astype(np.int64), recordings, egos, times.astype(np.float64))
+        return Windows(inputs, labels, recordings, egos, times)
 
     def _table(self) -> pa.Table:
         """All but the inputs."""
@@ -107,7 +215,7 @@ class Windows:
         return self.inputs, self.labels, self.recordings, self.egos, self.times
 
 
-def windows_of(recording: Recording, events: Sequence[Event], view: View, site: Site | None = None) -> Windows:
+def windows_of(recording: Recording, events: Sequence[LabelledMoment], view: View, site: Site | None = None) -> Windows:
     """The windows about the events of one recording.
 
     Events whose window reaches beyond the ego's track have none: `len` gives the number of windows.

@@ -19,18 +19,15 @@ from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.tree import DecisionTreeClassifier
 
-from recognition.tokens.changes import CHANGES
-from recognition.tokens.config import Tokens
-from recognition.trfe.config import Config
-from recognition.trfe.forest.neighbours import Neighbours
-from recognition.trfe.forest.voting import VotingForest
+from recognition.tokens import CHANGES, Tokens
+from recognition.trfe.config import Config, Steps
+from recognition.trfe.forest import Neighbours, VotingForest
 from recognition.trfe.known import Known, Labelled, labelled
-from recognition.trfe.prototypes import Prototypes
-from recognition.trfe.samples import UNKNOWN, matrix
+from recognition.trfe.samples import UNKNOWN, Prototypes, matrix
 from recognition.trfe.screening import EvtJoint
-from recognition.trfe.steps import Steps
 from recognition.trfe.trfe import TRFE
 from schemas.errors import InvalidFile, ToolchainError, UsageError, reason
+from schemas.security.policy import current
 from schemas.storage import keep, writing
 from xodr.array_types import IntArray
 
@@ -165,6 +162,7 @@ def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier, store
 def _read_model(path: Path) -> tuple[Config, tuple[float, float] | None, Arrays]:
     from safetensors import SafetensorError, safe_open
 
+    current().admit(path)
     try:
         with safe_open(path, "numpy") as file:
             about = json.loads((file.metadata() or {})[_ABOUT])
@@ -173,7 +171,7 @@ def _read_model(path: Path) -> tuple[Config, tuple[float, float] | None, Arrays]
             raise ValueError(f"its format is {about['format']!r}, {_FORMAT!r} is expected")
         config, stated = _settings(Config, about["config"]), about.get("unseen_sites")
         unseen = (float(stated["agree"]), float(stated["wrong"])) if stated is not None else None
-    except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
+    except (OSError, SafetensorError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise InvalidFile(f"this is no model: {reason(error)}", path=path) from None
     for name, value in arrays.items():
         if not np.issubdtype(value.dtype, np.number) or not np.isfinite(value).all():
@@ -206,6 +204,7 @@ def _written(forest: RandomForestClassifier) -> bytes:
 
 def _read_forest(path: Path) -> tuple[RandomForestClassifier, bytes]:
     """A forest, and the content of its file."""
+    current().admit(path)
     try:
         content = path.read_bytes()
         return _parsed(content), content

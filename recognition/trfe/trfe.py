@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recognition.tokens.changes import changes
-from recognition.trfe.config import Config
-from recognition.trfe.discovery.buffer import Buffer
-from recognition.trfe.discovery.discovery import Discovery, discover
-from recognition.trfe.forest.voting import Votes
-from recognition.trfe.known import Known, Labelled, labelled, learn
+from recognition.tokens import changes
+from recognition.trfe.candidates import Buffer
+from recognition.trfe.config import Config, Steps
+from recognition.trfe.forest import Votes
+from recognition.trfe.known import Discovery, Known, Labelled, discover, labelled, learn
 from recognition.trfe.samples import BACKGROUND, UNKNOWN, Features, matrix
-from recognition.trfe.screening.evt import EvtScreening
-from recognition.trfe.steps import Steps
+from recognition.trfe.screening import EvtScreening
 from schemas.errors import UsageError
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
@@ -120,7 +118,7 @@ class TRFE:
             return matrix(table)
         if not self.encoders:
             raise UsageError("this model has no encoder: it takes features, not windows")
-        from recognition.encoder.inference import features
+        from recognition.encoder.storage import features
 
         encoded = features(self.encoders, table)
         return matrix(np.concatenate([changes(table), encoded], axis=1) if self.config.changes else encoded)

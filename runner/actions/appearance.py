@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from runner.contracts.action import PrivateAction
 from runner.contracts.registry import action
-from runner.contracts.running import Running
+from runner.contracts.run import Running
 from runner.participants.entity import Entity
 from xosc.node import Node
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from runner.contracts.action import PrivateAction
 from runner.contracts.registry import action
 from runner.participants.entity import Entity
-from schemas.rules.controller_references import UID as UNKNOWN
+from schemas.rules.entities import CONTROLLER_UID
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class ActivateControllerAction(PrivateAction):
         """Build from an ActivateControllerAction element."""
         name = node.get("objectControllerRef", node.get("controllerRef", ""))
         if name and all(name != each.get("name", "") for each in context.document.node.iter("Controller")):
-            context.repair(node, UNKNOWN, f"there is no controller {name!r}; the entity's own is meant")
+            context.repair(node, CONTROLLER_UID, f"there is no controller {name!r}; the entity's own is meant")
         return cls({domain: node.bool(domain) for domain in _DOMAINS if node.has(domain)})
 
     @property

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from runner.actions.longitudinal import demanded_speed
 from runner.contracts import registry
 from runner.contracts.action import LATERAL, LONGITUDINAL, PrivateAction
-from runner.contracts.running import Running
+from runner.contracts.run import Running
 from runner.motion.dynamics import GapController
 from runner.motion.following import JOINING, PathMotion, join
-from runner.motion.paths import Chain, nearest, turns_back
-from runner.motion.schedules import Schedule, smooth, steady
+from runner.motion.paths import Chain, turns_back
+from runner.motion.schedules import Schedule, delayed, paced, prescribed, smooth, steady
 from runner.motion.trajectories import Track, Trajectory
 from runner.participants.declaration import Performance
-from schemas.rules.trajectory_timing import UID as TIMING
+from schemas.rules.positions import TIMING_UID
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -30,7 +30,11 @@ _SAME_PLACE = 1e-6
 """Distance (m) within which an entity is where it was to be."""
 _ROUNDING = 0.01
 """Distance (m) by which a trajectory may be shorter than its rounded vertices say."""
+_STANDSTILL = 1e-3
+"""Speed (m/s) below which a schedule ends in standstill."""
 _SAME_TIME = 1e-9
+_MOMENT = 1e-4
+"""Time (s) over which a speed is measured."""
 _SAME_CHANGE = 1e-6
 """Change of speed (m/s) by which rounding may exceed a limit."""
 
@@ -57,9 +61,10 @@ class FollowTrajectoryAction(PrivateAction):
     """Moves the actor along a trajectory.
 
     With a Timing the trajectory's times prescribe the motion, so the action takes over both control domains; without, the
-    actor keeps the speed that other actions give it. followingMode `position` puts the actor on the trajectory at once, and
-    has it at each vertex at its time, whatever speeds that takes; `follow` lets it steer there when it is elsewhere, with
-    continuous speeds (`schedules.smooth`) and within its Performance: where that does not suffice it is late, and catches up.
+    actor keeps the speed that other actions give it, or has those that the trajectory's Motions prescribe. followingMode
+    `position` puts the actor on the trajectory at once, and has it at each vertex at its time, whatever speeds that takes;
+    `follow` lets it steer there when it is elsewhere, with continuous speeds (`schedules.smooth`) and within its Performance:
+    where that does not suffice it is late, and catches up.
     """
 
     def __init__(self, node: Node, trajectory: Trajectory, timing: Timing | None, follow: bool) -> None:
@@ -79,7 +84,7 @@ class FollowTrajectoryAction(PrivateAction):
         trajectory = Trajectory.from_xml(reference.need("Trajectory"), context)
         timing = node.need("TimeReference").find("Timing")
         if timing is not None and trajectory.timeless:
-            context.repair(node, TIMING, f"Timing needs times in the trajectory {trajectory.name!r}; it is followed without")
+            context.repair(node, TIMING_UID, f"Timing needs times in the trajectory {trajectory.name!r}; it is followed without")
             timing = None
         return cls(
             node,
@@ -98,15 +103,15 @@ class FollowTrajectoryAction(PrivateAction):
         return [(actor, None)]
 
     def claims(self) -> tuple[str, ...]:
-        """Lateral control; with times also longitudinal control."""
-        return (LATERAL,) if self.timing is None else (LATERAL, LONGITUDINAL)
+        """Lateral control; with times, or speeds and accelerations, also longitudinal control."""
+        return (LATERAL, LONGITUDINAL) if self.timing is not None or self.trajectory.moved else (LATERAL,)
 
     def references(self) -> Iterable[Entity]:
         """Entities that the shape's positions are relative to."""
         return self.trajectory.references()
 
     def start(self, actor: Entity, run: Run) -> Running:
-        """Begin at the trajectory's start, where the time says, or (`follow` without times) where the actor is closest."""
+        """Begin at the trajectory's start, after its initialDistanceOffset, or where the time says."""
         track = self.trajectory.track(run, actor)
         path = track.path
         if self.skip > path.length + _ROUNDING:
@@ -116,14 +121,16 @@ class FollowTrajectoryAction(PrivateAction):
         if self.timing is not None:
             pace = self._pace(self.timing, track, skip, actor, run.time)
             s = max(pace.station(run.time), skip)
-        elif self.follow and actor.placed:
-            s = max(nearest(path, actor.x, actor.y), skip)
+        elif self.trajectory.moved:
+            pace = self._prescribed_pace(track, skip, actor, run.time)
         again = path if self.trajectory.closed and pace is None else None
         oriented = self.trajectory.shape.faces
         motion = PathMotion(run.roads, path, s, again, track.grounded, pace is not None, oriented)
         if self.follow and actor.placed:
             _join(motion, actor, pace, run.time)
         else:
+            if pace is not None and self.trajectory.moved:
+                actor.controls.target_speed = pace.speed(run.time)
             motion.put(actor, actor.controls.target_speed)
             actor.placed = True
         actor.controls.motion, actor.on_lane, actor.controls.target_offset = motion, False, None
@@ -147,7 +154,23 @@ class FollowTrajectoryAction(PrivateAction):
             speed = 0.0 if wait > _SAME_TIME else abs(demanded_speed(actor))
             rests = [s for s in stations[1:-1] if turns_back(track.path, s)]
             schedule = smooth(times, stations, speed if begins else None, rests)
+        if self.trajectory.moved:
+            motions = [motion for motion, time in zip(track.motions, track.times, strict=True) if time is not None]
+            try:
+                schedule = prescribed(times, stations, motions, schedule)
+            except ValueError as error:
+                raise self.trajectory.node.invalid(
+                    f"{error}: its times, speeds and accelerations contradict each other"
+                ) from None
         return Pace(schedule, origin - (schedule.time(skip) - times[0] if skip else 0.0), rests)
+
+    def _prescribed_pace(self, track: Track, skip: float, actor: Entity, now: float) -> Pace:
+        """Times, from now (s) on, that follow from the trajectory's speeds and accelerations."""
+        try:
+            schedule = paced(track.stations, track.motions, abs(demanded_speed(actor)))
+        except ValueError as error:
+            raise self.trajectory.node.invalid(f"{error}: no motion to the trajectory's end follows from its Motions") from None
+        return Pace(schedule, now - (schedule.time(skip) if skip else 0.0), [], free=True)
 
 
 def _join(motion: PathMotion, actor: Entity, pace: Pace | None, now: float) -> None:
@@ -171,10 +194,11 @@ class Pace:
         schedule: by the trajectory's own times, scaled.
         origin: simulation time at which the trajectory's own time is 0, s.
         rests: stations (m) at which the follower has to stop.
+        free: whether the times only follow from the speeds, so that a detour delays them.
     """
 
-    def __init__(self, schedule: Schedule, origin: float, rests: Sequence[float]) -> None:
-        self._schedule, self._origin, self._rests = schedule, origin, rests
+    def __init__(self, schedule: Schedule, origin: float, rests: Sequence[float], free: bool = False) -> None:
+        self._schedule, self._origin, self._rests, self._free = schedule, origin, rests, free
 
     def due(self, time: float) -> bool:
         """Whether the path's end is due at a time of the simulation (s)."""
@@ -185,6 +209,11 @@ class Pace:
         """Where the schedule ends, m."""
         return self._schedule.stations[-1]
 
+    @property
+    def rests(self) -> bool:
+        """Whether the schedule ends in standstill."""
+        return self._schedule.final_speed < _STANDSTILL
+
     def station(self, time: float) -> float:
         """Where (m) the follower is to be at a time of the simulation (s); after the end it goes on evenly."""
         schedule = self._schedule
@@ -192,12 +221,19 @@ class Pace:
         over = time - schedule.times[-1]
         return schedule.station(time) + (over * schedule.final_speed if over > 0.0 else 0.0)
 
+    def speed(self, time: float) -> float:
+        """The speed (m/s) that the schedule has from a time of the simulation (s) on."""
+        return (self.station(time + _MOMENT) - self.station(time)) / _MOMENT
+
     def resume(self, time: float, station: float) -> None:
         """Go on from where (m) the follower is at a time (s)."""
         self._origin = time - self._schedule.time(station)
 
     def detour(self, now: float, length: float, station: float, speed: float) -> None:
         """Go a way of some length (m) first, from now (s) and a speed (m/s) on, that leads to the path at a station (m)."""
+        if self._free:
+            self._schedule, self._origin = delayed(self._schedule, length, station, speed), now
+            return
         arrival = max(self._schedule.time(station) + self._origin, now + JOINING)
         vertices = zip(self._schedule.times, self._schedule.stations, strict=True)
         rest = [(t + self._origin, s - station) for t, s in vertices if t + self._origin > arrival and s > station]
@@ -220,7 +256,7 @@ class _Following:
         """Ask for the speed that the times prescribe, and see whether this step leads to the end."""
         motion = self.motion
         if self.actor.controls.motion is not motion:  # something has put the actor elsewhere, or the end came early
-            return True
+            return not (motion.left and self.pace is not None and self.pace.rests) or self._brake(dt)
         if self.pace is not None:
             self.done = self._keep_pace(self.pace, dt)
         else:
@@ -234,16 +270,32 @@ class _Following:
         speed = self._possible(pace, now, dt)
         self.expected = motion.s + speed * dt
         self.actor.controls.target_speed = -speed if motion.backwards() else speed
-        return pace.due(now + dt) and self.expected >= pace.length - _SAME_PLACE
+        arrived = pace.due(now + dt) and self.expected >= pace.length - _SAME_PLACE
+        return arrived and (speed < _STANDSTILL or not pace.rests)
+
+    def _brake(self, dt: float) -> bool:
+        """Come to a standstill beyond the end, where the Performance did not suffice before it; whether that is reached."""
+        own = demanded_speed(self.actor)
+        speed = max(abs(own) - self.limits.max_deceleration * dt, 0.0)
+        self.actor.controls.target_speed = math.copysign(speed, own)
+        return speed == 0.0
 
     def _possible(self, pace: Pace, now: float, dt: float) -> float:
         """The speed (m/s) that leads to where the times ask for, or towards it within the limits."""
         here, there, s = pace.station(now), pace.station(now + dt), self.motion.s
         wanted, own, limits = max(there - s, 0.0) / dt, abs(demanded_speed(self.actor)), self.limits
         slowest, fastest = own - limits.max_deceleration * dt, min(own + limits.max_acceleration * dt, limits.max_speed)
+        if pace.rests and limits.max_deceleration < math.inf:
+            fastest = min(fastest, max(self._stopping(pace.length - s, dt), slowest))
+            wanted = min(wanted, fastest)
         if slowest - _SAME_CHANGE <= wanted <= fastest + _SAME_CHANGE:
             return wanted
-        return max(self.catch_up.speed(here - s, own, (there - here) / dt, dt), 0.0)
+        return min(max(self.catch_up.speed(here - s, own, (there - here) / dt, dt), 0.0), max(fastest, 0.0))
+
+    def _stopping(self, way: float, dt: float) -> float:
+        """The highest speed (m/s) of a step from which the actor can stop within a way (m), by steps of dt (s)."""
+        half = 0.5 * self.limits.max_deceleration * dt
+        return math.sqrt(half * half + 2.0 * self.limits.max_deceleration * max(way, 0.0)) - half
 
     def stop(self) -> None:
         """Back to the lane: at the end of this step where the trajectory is done, else at once."""

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 from runner.contracts.action import LATERAL, PrivateAction, need_places
 from runner.contracts.registry import action
-from runner.contracts.running import Running
+from runner.contracts.run import Running
 from runner.motion.dynamics import EPSILON, SHAPES, Shape, TransitionDynamics
 from runner.participants.entity import Entity
-from schemas.rules.kept_lane_offset import UID as FROM_ITSELF
-from xodr.model import RoadPoint
+from runner.positions.lane import LAYERS
+from schemas.rules.entities import KEPT_LANE_OFFSET_UID
+from xodr.model import PERMANENT, TEMPORARY, RoadPoint
 from xosc.node import TO_RIGHT, Node
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ class LaneChangeAction(PrivateAction):
 
     A relative target counts lanes from the one that the reference is on, positive to the reference's left, the
     centre lane not counted; where `from_own`, as in scenarios for CARLA, from the entity's own lane whatever the reference.
-    The entity's speed is that along its slanting path.
+    The entity's speed is that along its slanting path. Lanes are those of the target's `layer`. Without one, a relative target
+    counts on the reference's layer, and an absolute one is on the layer that the entity prefers or else keeps to, if it is there.
     """
 
     domains: ClassVar[tuple[str, ...]] = (LATERAL,)
@@ -48,6 +50,7 @@ class LaneChangeAction(PrivateAction):
     value: int
     offset: float
     from_own: bool = False
+    layer: str | None = None
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> LaneChangeAction:
@@ -61,7 +64,8 @@ class LaneChangeAction(PrivateAction):
         if context.network is not None:
             _check_lane(target, value, reference is None, context.network)
         from_own = reference is not None and context.document.for_carla
-        return cls(node, dynamics, reference, value, node.finite("targetLaneOffset", 0.0), from_own)
+        layer = target.choice("layer", LAYERS, None)
+        return cls(node, dynamics, reference, value, node.finite("targetLaneOffset", 0.0), from_own, layer)
 
     def references(self) -> Iterable[Entity]:
         """The entity that lanes are counted from."""
@@ -70,8 +74,8 @@ class LaneChangeAction(PrivateAction):
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Express the entity's place in the target lane, and begin to move there."""
         follow_road(actor, run, self.node)
-        assert actor.road is not None
         lane = self._lane(actor, run)
+        assert actor.road is not None
         actor.offset = actor.t - actor.road.lane_t(actor.s, lane)
         actor.lane = lane
         change = (self.offset - actor.offset) * actor.direction
@@ -81,13 +85,24 @@ class LaneChangeAction(PrivateAction):
         return _begin(running, extent, actor, run)
 
     def _lane(self, actor: Entity, run: Run) -> int:
+        """The target lane; the entity keeps to that lane's layer from now on."""
+        reference = actor if self.from_own else self.reference
+        point, direction = _place(reference, run, self.node) if reference is not None else (None, 1)
+        network = run.roads.network
+        assert network is not None
+        if point is not None:
+            point = network.moved(point, self.layer or point.layer)
+            self._keep_to(actor, run, point.layer)
+        else:
+            layer = self.layer or actor.controls.preferred_layer or actor.layer
+            self._keep_to(actor, run, layer)
+            if self.layer is None and actor.road is not None and self.value not in actor.road.lane_ids(actor.s):
+                self._keep_to(actor, run, PERMANENT if layer == TEMPORARY else TEMPORARY)
         road = actor.road
         assert road is not None
         there = road.lane_ids(actor.s)
         lane: int | None = self.value
-        reference = actor if self.from_own else self.reference
-        if reference is not None:
-            point, direction = _place(reference, run, self.node)
+        if point is not None:
             lane = road.lane_beside(actor.s, point.lane_id, self.value * direction) if point.lane_id in there else None
         if lane is None or lane not in there:
             target = f"{self.value}" if reference is None else f"{self.value:+d} from that of {reference.name}"
@@ -96,6 +111,12 @@ class LaneChangeAction(PrivateAction):
                 f"{', '.join(map(str, there))}"
             )
         return lane
+
+    def _keep_to(self, actor: Entity, run: Run, layer: str) -> None:
+        """Have an entity that follows a lane follow that of another layer under it, its place unchanged."""
+        if actor.layer != layer and run.roads.network is not None:
+            point, direction = _place(actor, run, self.node)
+            run.roads.follow_lane(actor, run.roads.network.moved(point, layer), direction, actor.heading_offset)
 
 
 def _check_lane(target: Node, value: int, absolute: bool, network: RoadNetwork) -> None:
@@ -149,7 +170,7 @@ class LaneOffsetAction(PrivateAction):
         from_itself = self.reference is actor
         if from_itself and self.continuous and self.value:
             text = f"{actor.name} can't keep {self.value:g} m from its own lane offset; its offset at the start counts"
-            run.remarks.add(self.node.remark(FROM_ITSELF, text))
+            run.remarks.add(self.node.remark(KEPT_LANE_OFFSET_UID, text))
         follow_road(actor, run, self.node)
         goal = self.goal(actor, run)
         extent = self._duration(goal - actor.offset * actor.direction)

@@ -11,7 +11,7 @@ from runner.actions.lateral import follow_road, settle_lane
 from runner.actions.longitudinal_distance import read_system
 from runner.contracts.action import LATERAL, PrivateAction, need_places
 from runner.contracts.registry import action
-from runner.contracts.running import Running
+from runner.contracts.run import Running
 from runner.motion.dynamics import GapController, read_constraints
 from runner.motion.placement import wrap
 from runner.participants.boxes import box_corners

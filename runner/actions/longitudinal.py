@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from runner.contracts.action import LONGITUDINAL, PrivateAction
 from runner.contracts.registry import action
-from runner.contracts.running import Running
+from runner.contracts.run import Running
 from runner.motion.dynamics import EPSILON, Shape, TransitionDynamics
 from runner.participants.entity import Entity
 from xosc.node import Node

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 from runner.actions.longitudinal import set_speed
 from runner.contracts.action import LONGITUDINAL, PrivateAction, need_places
 from runner.contracts.registry import action
-from runner.contracts.running import Running
+from runner.contracts.run import Running
 from runner.motion.dynamics import GapController, read_constraints, tighter
 from runner.motion.following import PathMotion
 from runner.motion.placement import wrap

@@ -1,4 +1,4 @@
-"""Routes for lane following (OpenSCENARIO XML 1.3, class RoutingAction).
+"""Routes for lane following (OpenSCENARIO XML 1.4, class RoutingAction).
 
 A route (`Entity.route`) decides at junctions; it holds until another one is assigned.
 """
@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from runner.contracts import registry
 from runner.contracts.action import PrivateAction
-from runner.contracts.running import Running
+from runner.contracts.run import Running
 from runner.motion.routes import AssignedRoute, RandomRoute, Route
+from runner.positions.lane import LAYERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -62,6 +63,28 @@ class RandomRouteAction(PrivateAction):
     def start(self, actor: Entity, run: Run) -> None:
         """Assign."""
         actor.controls.route = RandomRoute(run.random)
+
+
+@registry.action("PreferredLaneLayerAction")
+class PreferredLaneLayerAction(PrivateAction):
+    """Has the actor keep to a layer of lanes wherever none is named; complete at once.
+
+    Where its lane is of the other layer, it keeps to that until the layers are one again.
+    """
+
+    def __init__(self, layer: str) -> None:
+        self.layer = layer
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> PreferredLaneLayerAction:
+        """Read the layer."""
+        context.need_network(node)
+        return cls(node.choice("layer", LAYERS))
+
+    def start(self, actor: Entity, run: Run) -> None:
+        """From now on."""
+        run.roads.prefer(actor, self.layer)
+        run.note("preferredLaneLayer", actor.name, self.layer)
 
 
 @registry.action("AcquirePositionAction")

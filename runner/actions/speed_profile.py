@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 from runner.actions.longitudinal import demanded_speed
 from runner.contracts.action import LONGITUDINAL, PrivateAction
 from runner.contracts.registry import action
-from runner.contracts.running import Running
+from runner.contracts.run import Running
 from runner.motion.dynamics import FOLLOWING_MODES, read_constraints, tighter
 from runner.participants.declaration import Performance
 from runner.participants.entity import Entity

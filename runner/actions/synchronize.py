@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from runner.actions.longitudinal import RELATIVE
 from runner.contracts.action import LONGITUDINAL, PrivateAction, need_places
 from runner.contracts.registry import action
-from runner.contracts.running import Running
+from runner.contracts.run import Running
 from runner.motion.placement import Placement
 from runner.participants.entity import Entity
 from xosc.node import Node

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from runner.contracts import registry
 from runner.contracts.action import GlobalAction
-from runner.contracts.running import Running
+from runner.contracts.run import Running
 from runner.participants.boxes import Spot, gap
 from runner.spacing.regions import Ellipse, Polygon, Region, RoadRanges
 from runner.traffic.traffic import Mix, Place, Spawner, categories, place_on, places_of

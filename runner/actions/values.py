@@ -1,4 +1,4 @@
-"""Actions on parameters, variables and monitors: they differ in the table that they change."""
+"""Actions on parameters, variables and monitors (which differ in the table that they change), and custom commands."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runner.contracts.action import GlobalAction
 from runner.contracts.registry import action
-from schemas.rules.typed_values import UID
+from schemas.rules.values import DECLARED_TYPE_UID
 from schemas.values import Value, typed
 from xosc.node import Node
 from xosc.parameters import typed_value
@@ -64,7 +64,7 @@ class SetAction(GlobalAction):
         """Build from the SetAction of a ParameterAction or VariableAction."""
         target = _Target.of(node, context)
         try:
-            return cls(target, typed_value(node, target.type, UID, context.remarks))
+            return cls(target, typed_value(node, target.type, DECLARED_TYPE_UID, context.remarks))
         except ValueError as error:
             raise node.invalid(f"value: {error}") from None
 
@@ -127,3 +127,21 @@ class SetMonitorAction(GlobalAction):
         """Set the monitor at once."""
         run.monitors[self.name] = self.value
         run.note("monitor", self.name, f"set to {str(self.value).lower()}")
+
+
+@action("CustomCommandAction")
+@dataclass(frozen=True, slots=True)
+class CustomCommandAction(GlobalAction):
+    """Writes its type and content to the event log, for whoever made the contract to read."""
+
+    type: str
+    content: str
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> CustomCommandAction:
+        """Build from a CustomCommandAction element."""
+        return cls(node.get("type"), node.text())
+
+    def start(self, run: Run) -> None:
+        """Complete at once."""
+        run.note("userDefined", self.type, self.content)

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import errno
+import signal
+import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runner.batch import journal
-from runner.batch.jobs import Job, Outcome, assumed, failure
+from runner.batch import inputs, journal
+from runner.batch.jobs import CODES, Job, Jobs, Outcome, assumed, failure
 from runner.outputs import report
-from runner.outputs.folder import write_run
+from runner.outputs.folder import PICTURE, digests, write_run
 from runner.outputs.runs import write_runs
 from runner.settings import RunSettings
 from runner.sut.parameters import SENSOR_RANGE, split
-from schemas.errors import UsageError, one_line
+from schemas.commands.wording import shown
+from schemas.errors import UsageError
+from schemas.security.policy import current, limited
+from schemas.security.text import one_line
 from schemas.storage import alone
 
 if TYPE_CHECKING:
@@ -26,45 +31,63 @@ if TYPE_CHECKING:
 Also = Callable[["RunResult"], None]
 
 
-def execute(job: Job, settings: RunSettings, out: Path | None = None, plot: bool = False, also: Sequence[Also] = ()) -> Outcome:
-    """Do one run, write its results and enter it in the journal; errors of the run become outcomes.
+def execute(
+    job: Job, settings: RunSettings, out: Path | None = None, plot: bool = False, also: Sequence[Also] = (), shared: str = ""
+) -> Outcome:
+    """Do one run and write its results into a folder of its own; errors of the run become outcomes.
+
+    Args:
+        out: folder for the folder of results.
+        plot: add a picture.
+        also: called with the result.
+        shared: what `runner.batch.inputs.of_batch` gives, for the digest of all that went in.
 
     Raises:
-        OSError: there is no space, or no right to write: the run is not entered, and to be repeated.
+        OSError: there is no space, or no right to write.
     """
-    outcome = _run(job, settings, out, plot, also)
-    if out is not None:
-        journal.enter(out, outcome)
-    return outcome
+    given = inputs.of_job(job, settings, shared) if shared else ""
+    try:
+        return replace(_run(job, settings, out, plot, also), inputs=given)
+    except OSError:
+        raise
+    except Exception as error:  # a defect of ours is an outcome too, the other runs go on
+        return replace(failure(job, error), inputs=given)
 
 
 def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Sequence[Also]) -> Outcome:
     from runner.interpreter.execution import run
 
-    try:
-        own = settings if job.seed is None else replace(settings, seed=job.seed)
-        remarks = assumed(job, own.strict)
+    own = settings if job.seed is None else replace(settings, seed=job.seed)
+    remarks = assumed(job, own.strict)
+    with limited():
         result = run(job.scenario, own, parameters=job.parameters)
         result.name = job.name
-        result.remarks = (*remarks, *result.remarks)
+        result.assume(remarks)
         measures = write_run(result, out / job.name, plot) if out is not None else {}
         for act in also:
             act(result)
-    except OSError:
-        raise
-    except Exception as error:  # a defect of ours is an outcome too, the other runs go on
-        return failure(job, error)
-    state, code = ("passed", 0) if result.verdict.passed else ("failed", 1)
-    message, criteria = one_line("; ".join(_reasons(result))), report.criteria(result.verdict)
-    remarks = [one_line(remark) for remark in result.remarks if not any(remark in reason for reason in result.verdict.reasons)]
-    return Outcome(job, state, code, message, result.status, result.end_time, measures, criteria=criteria, remarks=remarks)
+    files = digests(out / job.name) if out is not None else {}
+    verdict = result.verdict
+    message, criteria = one_line("; ".join(_reasons(result))), report.criteria(verdict)
+    doubts = dict.fromkeys((*result.remarks, *(cause.text for cause in verdict.causes)))
+    told = [one_line(remark) for remark in doubts if not any(remark in reason for reason in verdict.reasons)]
+    return Outcome(
+        job, verdict.outcome, CODES[verdict.outcome], message, result.status, result.end_time, measures,
+        impact=report.impact(result) if verdict.failures else None,
+        criteria=criteria, remarks=told, causes=[*dict.fromkeys(cause.name for cause in verdict.causes)], files=files,
+    )  # fmt: skip
 
 
 def _reasons(result: RunResult) -> Iterator[str]:
-    """Why the verdict is a failure, and how far the system could see."""
-    yield from result.verdict.reasons
-    if result.verdict.reasons and SENSOR_RANGE in result.sut_parameters:
+    """Why the verdict is a failure, and how far the system could see; or why it is inconclusive."""
+    yield from shown(result.verdict.reasons)
+    if result.verdict.failures and SENSOR_RANGE in result.sut_parameters:
         yield f"{split(result.sut)[0]} sees {result.sut_parameters[SENSOR_RANGE]:g} m"
+
+
+def print_line(line: str) -> None:
+    """Print a line about a batch to standard error."""
+    print(line, file=sys.stderr)
 
 
 def run_batch(
@@ -77,17 +100,20 @@ def run_batch(
     resume: bool = False,
     also: Sequence[Also] = (),
     ray: str | None = None,
-    max_memory: float | None = None,
+    needs: Sequence[str] = (),
+    tell: Callable[[str], None] = print_line,
 ) -> Generator[Outcome]:
     """Do the runs and yield their outcomes in the order of the jobs.
 
-    With an output folder every finished run is entered in a journal at once; `resume` takes finished runs from there
-    instead of repeating them. `plot` adds a picture to the results of each. Each of `also` gets the result of every run that
-    is done, in the process that has done it.
+    With an output folder every finished run is entered in a journal; `resume` takes finished runs from there instead of repeating
+    them, as long as nothing that went in has changed and their results are whole. `plot` adds a picture to the results of each.
+    Finished runs without that, or without one of the files that `needs` names, are repeated too. Each of `also` gets the result
+    of every run that is done, in the process that has done it. `tell` is called with a line about finished runs
+    that are repeated.
 
     At the end, or when it is interrupted, the folder gets a table of all runs (see `runner.outputs.runs`). `ray` is the address
-    of a Ray cluster that does the runs, or `local`; see `runner.batch.ray_pool`. With `max_memory` (GiB) runs are done in other
-    processes, and one that needs more is an error of that run; on a cluster Ray itself sees to that.
+    of a Ray cluster that does the runs, or `local`; see `runner.batch.ray_pool`. Under a policy with limits of memory or time
+    (`schemas.security.policy`) runs are done in other processes, and one that needs more is an error of that run.
 
     Raises:
         UsageError: the folder holds results already (and `resume` is not set), or those of another batch; another process writes
@@ -95,71 +121,97 @@ def run_batch(
     """
     how: dict[str, Any] = {"settings": settings, "out": out, "plot": plot, "also": also}
     if out is None:
-        with closing(_outcomes(iter(jobs), how, processes, ray, max_memory)) as outcomes:
+        with closing(_outcomes(iter(jobs), partial(execute, **how), processes, ray)) as outcomes:
             yield from outcomes
         return
-    with alone(out, "a batch"):
-        done = journal.begin(out, settings.as_json(), resume)
-        known = (job if isinstance(job, Outcome) else _finished(job, done) or job for job in jobs)
+    shared = inputs.of_batch(settings)
+    given = partial(inputs.of_job, run=settings, shared=shared)
+    with alone(out, "a batch"), _writable(out):
+        needed = (*needs, PICTURE) if plot else tuple(needs)
+        kept = journal.begin(out, settings.as_json(), resume, given, _sources(jobs), tell, needed)
+        known = (job if isinstance(job, Outcome) else _finished(job, kept.done) or job for job in jobs)
+        work = partial(execute, **how, shared=shared)
         errors: dict[str, Outcome] = {}
-        with _concluded(out, errors), closing(_outcomes(known, how, processes, ray, max_memory)) as outcomes:
+        with (
+            _concluded(out, kept, errors),
+            closing(_outcomes(known, work, processes, ray, kept.enter)) as outcomes,
+        ):
             for outcome in outcomes:
                 if outcome.state == "error":
                     errors[outcome.job.name] = outcome
                 yield outcome
 
 
+def _sources(jobs: Iterable[Job | Outcome]) -> set[Path] | None:
+    """The files that jobs are of, where that is known before they are worked out."""
+    if isinstance(jobs, Jobs):
+        return jobs.sources
+    return {each.source if isinstance(each, Job) else each.job.source for each in jobs} if isinstance(jobs, Sequence) else None
+
+
 @contextmanager
-def _concluded(out: Path, errors: dict[str, Outcome]) -> Iterator[None]:
-    """Around the runs of a batch: then, also where they are interrupted, drafts go and the table of all runs is written.
+def _writable(out: Path) -> Iterator[None]:
+    """Around all that writes results.
 
     Raises:
         UsageError: the folder can no longer be written into.
     """
     try:
-        try:
-            yield
-        finally:
-            journal.clear_drafts(out)
-            if not out.is_dir():
-                raise FileNotFoundError(errno.ENOENT, "the folder is gone")
-            write_runs((errors | journal.finished(out)).values(), out / "runs.parquet")
+        yield
     except OSError as error:
         reason = f"results can't be written: {error.strerror or error}; --resume goes on after the runs that are finished"
         raise UsageError(reason, path=out) from None
 
 
+@contextmanager
+def _concluded(out: Path, kept: journal.Journal, errors: dict[str, Outcome]) -> Iterator[None]:
+    """Around the runs of a batch: then, also where they are interrupted, drafts go and the table of all runs is written."""
+    try:
+        yield
+    finally:
+        journal.clear_drafts(out)
+        if not out.is_dir():
+            raise FileNotFoundError(errno.ENOENT, "the folder is gone")
+        kept.flush()
+        write_runs((errors | journal.finished(out).outcomes).values(), out / "runs.parquet")
+
+
 def _outcomes(
-    jobs: Iterator[Job | Outcome], how: dict[str, Any], processes: int, ray: str | None, max_memory: float | None
+    jobs: Iterator[Job | Outcome],
+    work: Callable[[Job], Outcome],
+    processes: int,
+    ray: str | None,
+    done: Callable[[Outcome], None] | None = None,
 ) -> Generator[Outcome]:
-    """Do the runs in this process, in several or on a cluster; `how` has the arguments of `execute` but the job."""
-    out: Path | None = how["out"]
+    """Do the runs in this process, in several or on a cluster; `done` is called here with each that was done."""
     if ray is not None:
         from runner.batch.ray_pool import RayPool
 
-        enter = partial(journal.enter, out) if out is not None else None
-        with RayPool(ray, processes, partial(_run, **how), lost, enter) as cluster:
+        with RayPool(ray, processes, work, lost, done) as cluster:
             yield from cluster.execute(jobs)
     else:
-        yield from each(jobs, partial(execute, **how), partial(_died, out=out), processes, max_memory)
+        yield from each(jobs, work, lost, processes, done)
 
 
 def each(
     jobs: Iterator[Job | Outcome],
     work: Callable[[Job], Outcome],
-    died: Callable[[Job], Outcome],
+    died: Callable[[Job, int | None], Outcome],
     processes: int,
-    max_memory: float | None = None,
+    done: Callable[[Outcome], None] | None = None,
 ) -> Generator[Outcome]:
-    """Do some work for each job, in this process or in others; arguments as in `Pool`."""
-    if processes > 1 or max_memory is not None:
+    """Do some work for each job, in this process or in others, as where one has limits; arguments as in `Pool`."""
+    if processes > 1 or current().bounded:
         from runner.batch.pool import Pool
 
-        with Pool(processes, work, died, max_memory) as pool:
+        with Pool(processes, work, died, done) as pool:
             yield from pool.execute(jobs)
     else:
         for job in jobs:
-            yield job if isinstance(job, Outcome) else work(job)
+            outcome = job if isinstance(job, Outcome) else work(job)
+            if done is not None and outcome is not job:
+                done(outcome)
+            yield outcome
 
 
 def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:
@@ -169,13 +221,16 @@ def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:
     return outcome
 
 
-def lost(job: Job) -> Outcome:
-    """The outcome of a job whose process died."""
-    return Outcome(job, "error", 5, "the process that ran it died, of too little memory or a defect of a library")
-
-
-def _died(job: Job, out: Path | None) -> Outcome:
-    outcome = lost(job)
-    if out is not None:
-        journal.enter(out, outcome)
-    return outcome
+def lost(job: Job, signal_number: int | None = None) -> Outcome:
+    """The outcome of a job whose process died, by a signal where that is known."""
+    how = ""
+    if signal_number is not None:
+        with suppress(ValueError):
+            how = f" by {signal.Signals(signal_number).name}"
+    killed = signal_number == getattr(signal, "SIGKILL", None)
+    why = "as a system does that runs out of memory" if killed else "of too little memory or a defect of a library"
+    over = signal_number is not None and signal_number == getattr(
+        signal, "SIGPROF", None
+    )  # see `schemas.security.policy.limited`
+    why = "for it takes longer than --max-seconds allows" if over else why
+    return Outcome(job, "error", 4 if over else 5, f"the process that ran it died{how}, {why}", "died")

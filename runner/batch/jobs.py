@@ -6,16 +6,22 @@ import traceback
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError, describe
+from runner.interpreter.result import FAILED, INCONCLUSIVE, PASSED
+from schemas.errors import ExitCode, InvalidFile, ToolchainError, Unsupported, UsageError, describe
 from schemas.remarks import Remarks
-from xosc.distributions.selection import Selection
+from schemas.security.policy import current, limited
+from xosc.distributions.space import Selection, numbered
 
 if TYPE_CHECKING:
+    from schemas.remarks import Remark
     from xosc.distributions import ParameterSpace
 
+CODES = {PASSED: ExitCode.PASSED, FAILED: ExitCode.FINDING, INCONCLUSIVE: ExitCode.INCONCLUSIVE}
+"""Exit codes of verdicts"""
 _LONGEST = 100
 """Characters of a job's name that come from its file's name."""
 
@@ -46,18 +52,29 @@ class Job:
         return self.label or self.name
 
 
+FLEETING = {"memory": "a shortage of memory", "died": "the death of their process"}
+"""Statuses of runs that something else than their inputs has ended, so that they are repeated where a batch goes on"""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """How one run of a batch ended.
 
     Args:
-        state: `passed`, `failed` (its verdict), `error` (a defect of the file or the run), or `loaded` (by a rehearsal).
+        state: `passed`, `failed`, `inconclusive` (its verdict), `error` (a defect of the file or the run), or `loaded` (by a
+            rehearsal).
         exit_code: what the command line would answer for this run alone.
-        message: reasons of a failed verdict, or the error.
-        status, end_time, measures: of the run, where there was one (measures only with an output folder).
+        message: reasons of a failed or inconclusive verdict, or the error.
+        status, end_time, measures: of the run, where there was one (measures only with an output folder); of an error the status
+            is one of `FLEETING`, or empty.
         trace: traceback of an error.
+        impact: of a failed run in which the ego touches another participant: `speed`, `delta_v` (m/s), `risk` (of a death),
+            `time` (s), `other`, `side`, `point` (m) and `strikes`; see `runner.measures.impact`.
         criteria: results of the scenario's criteria, as in `result.json`.
         remarks: what was assumed and what may not be meant, as in `result.json`, a line each.
+        causes: names of the causes for which the run tested nothing, see `runner.interpreter.untested`.
+        inputs: digest of all that decided what the run gave (with an output folder).
+        files: digests of the files in the folder of its results, by name.
     """
 
     job: Job
@@ -67,9 +84,13 @@ class Outcome:
     status: str = ""
     end_time: float | None = None
     measures: dict[str, Any] = field(default_factory=dict)
+    impact: dict[str, Any] | None = None
     trace: str = ""
     criteria: list[dict[str, Any]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    causes: list[str] = field(default_factory=list)
+    inputs: str = ""
+    files: dict[str, str] = field(default_factory=dict)
 
 
 def jobs_of(
@@ -94,7 +115,11 @@ def jobs_of(
 
 
 class Jobs:
-    """The jobs of files, and how many these are; see `jobs_of`."""
+    """The jobs of files, and how many these are; see `jobs_of`.
+
+    Attributes:
+        left_out: number of parameter sets of each file that violate constraints, once the file's jobs have been made.
+    """
 
     def __init__(
         self,
@@ -107,6 +132,7 @@ class Jobs:
         self._files = list(zip(names_of(paths), paths, strict=True))
         self._parameters, self._enforce, self._selection, self._seeds = parameters, enforce_constraints, selection, seeds
         self._spaces: dict[Path, ParameterSpace] = {}
+        self.left_out: dict[Path, int] = {}
 
     def __iter__(self) -> Iterator[Job | Outcome]:
         for name, path in self._files:
@@ -116,6 +142,11 @@ class Jobs:
                 if isinstance(error, UsageError) and error.path is None:
                     error.path = str(path)
                 yield failure(Job(name, path, path, dict(self._parameters)), error)
+
+    @property
+    def sources(self) -> set[Path]:
+        """The files that the user named."""
+        return {path for _, path in self._files}
 
     @property
     def total(self) -> int:
@@ -141,12 +172,14 @@ class Jobs:
 
     def _of(self, path: Path, name: str) -> Iterator[Job]:
         """The jobs of a file, with names that begin with its own."""
-        space = self._space(path)
+        with limited():
+            space = self._space(path)
+        current().admit_runs(self._selection.count(space) * len(self._seeds), path)
         varying = space.varying
-        for index, values in self._selection.sets(space, self._enforce):
+        for index, values in self._selection.sets(space, self._enforce, partial(self.left_out.__setitem__, path)):
             for parameter in self._parameters.keys() & values.keys():
                 raise UsageError(f"the parameter {parameter!r} can't be given, this file sets it", path=path)
-            own = name if space.distribution is None else f"{name}~{index:06d}"
+            own = name if space.distribution is None else numbered(name, index)
             told = ", ".join(f"{each}={value}" for each, value in values.items() if each in varying)
             for seed in self._seeds:
                 one = own if seed is None else f"{own}~seed{seed}"
@@ -154,20 +187,20 @@ class Jobs:
         self._spaces.pop(path, None)
 
 
-def assumed(job: Job, strict: bool) -> list[str]:
-    """What was assumed to read the parameter value distribution that a job is of, a line each; nothing for other jobs.
+def assumed(job: Job, strict: bool) -> Sequence[Remark]:
+    """What was assumed to read the parameter value distribution that a job is of; nothing for other jobs.
 
     Raises:
         InvalidFile: there is something, and reading is strict.
     """
-    from xosc.distributions.spellings import respelled
+    from xosc.distributions.file import respelled
     from xosc.document import load
 
     if job.source == job.scenario:
         return []
     source, remarks = load(job.source, strict=strict), Remarks(strict)
     remarks.add(*respelled(source, load(job.scenario), job.parameters))
-    return [str(remark) for remark in (*source.remarks, *remarks.found)]
+    return (*source.remarks, *remarks.found)
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
@@ -200,4 +233,5 @@ def failure(job: Job, error: Exception) -> Outcome:
     if isinstance(error, InvalidFile | Unsupported) and error.path is None:  # only the run knew what is wrong
         error.path = str(job.scenario)
     message, code = describe(error)
-    return Outcome(job, "error", code, message, trace=traceback.format_exc())
+    status = "memory" if isinstance(error, MemoryError) else ""
+    return Outcome(job, "error", code, message, status, trace=traceback.format_exc())

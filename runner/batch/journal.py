@@ -1,71 +1,167 @@
-"""What a batch has done so far, in its output folder: one line for each finished run, safely on disk before the next."""
+"""What a batch has done so far, in its output folder: finished runs, entered when their results are safely on disk."""
 
 from __future__ import annotations
 
-import errno
-import json
-import os
 import shutil
+import time
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from runner.batch.jobs import Job, Outcome
-from runner.outputs.folder import DRAFT
+from runner.batch.jobs import FLEETING, Job, Outcome
+from runner.outputs.folder import digests
 from runner.outputs.report import finite
+from schemas.commands.wording import many
 from schemas.errors import UsageError
-from schemas.storage import check_settings, write_object
+from schemas.storage import DRAFT, Records, check_settings, read_object, sync, write_object
 
 _JOURNAL, _SETTINGS = "runs.jsonl", "batch.json"
-_BEGINNING = b'{"job": {"name": '
+_GROUP = 1.0
+"""Time (s) in which finished runs are gathered: a disk syncs the files of many in little more time than those of one"""
 
 
-def enter(out: Path, outcome: Outcome) -> None:
-    """Write down a finished run; several processes may do so at a time."""
-    job = outcome.job
-    entry = {key: value for key, value in asdict(outcome).items() if key != "trace"}  # begins with the job: _BEGINNING
-    entry["job"] = asdict(job) | {"source": str(job.source), "scenario": str(job.scenario)}
-    line = json.dumps(finite(entry), allow_nan=False) + "\n"
-    binary = getattr(os, "O_BINARY", 0)  # else Windows makes two bytes of the end of a line
-    file = os.open(out / _JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT | binary, 0o644)
-    try:
-        content = line.encode()
-        if os.write(file, content) < len(content):  # one call: lines of several processes do not mix
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(out / _JOURNAL))
-        os.fsync(file)
-    finally:
-        os.close(file)
+class Finished(NamedTuple):
+    """Finished runs of a batch by name, and the numbers of the journal's lines that are damaged."""
+
+    outcomes: dict[str, Outcome]
+    damaged: list[int]
 
 
-def begin(out: Path, settings: dict[str, Any], resume: bool) -> dict[str, Outcome]:
+class Journal:
+    """The finished runs of a batch in an output folder, for the one process that writes it.
+
+    A run is entered when its files are on the disk, with their digests and with that of all that went in. So an entry is as good
+    as its run: where anything has changed since, or a file is damaged or gone, the run is not finished.
+
+    Args:
+        out: the output folder, made ready by `begin`.
+
+    Attributes:
+        done: outcomes of the runs that were finished before, by name.
+    """
+
+    def __init__(self, out: Path, done: dict[str, Outcome]) -> None:
+        self.done = done
+        self._out, self._records = out, Records(out / _JOURNAL)
+        self._waiting: list[Outcome] = []
+        self._taken: set[str] = set()
+        self._flushed = -_GROUP
+
+    def enter(self, outcome: Outcome) -> None:
+        """Take in a finished run, which is entered with others, within a second or with the next one.
+
+        A run is taken in once: an interrupt between this call and its caller's note of it may bring the run a second time.
+
+        Raises:
+            OSError: they can't be written: the runs are not entered.
+        """
+        if outcome.job.name in self._taken:
+            return
+        self._taken.add(outcome.job.name)
+        self._waiting.append(outcome)
+        if time.monotonic() - self._flushed >= _GROUP:
+            self.flush()
+
+    def flush(self) -> None:
+        """Enter all runs that were taken in; errors as of `enter`."""
+        if not self._waiting:
+            return
+        finished, self._waiting = self._waiting, []  # what could not be synced once is not to be trusted a second time
+        folders = [self._out / outcome.job.name for outcome in finished if outcome.files]
+        sync([self._out / outcome.job.name / name for outcome in finished for name in outcome.files])
+        sync([*folders, self._out])
+        self._records.add(map(_entry, finished))
+        self._flushed = time.monotonic()
+
+
+def begin(
+    out: Path,
+    settings: dict[str, Any],
+    resume: bool,
+    inputs: Callable[[Job], str],
+    sources: Collection[Path] | None = None,
+    tell: Callable[[str], None] = lambda line: None,
+    needs: Sequence[str] = (),
+) -> Journal:
     """Make an output folder ready for a batch with these settings.
 
-    Returns:
-        Outcomes of the runs that it holds already, by name; none unless `resume` is set.
+    Args:
+        resume: go on with the batch that it holds.
+        inputs: gives the digest of all that decides what a run gives.
+        sources: the files of the batch; None where they are not known beforehand.
+        tell: called with a line about finished runs that have to be repeated.
+        needs: names of files that a finished run has; one without is repeated.
 
     Raises:
-        UsageError: the folder holds results already (and `resume` is not set), or those of a batch with other settings.
+        UsageError: the folder holds results already (and `resume` is not set), or those of a batch of other files or with other
+            settings.
     """
-    journal, manifest = out / _JOURNAL, out / _SETTINGS
+    records, manifest = Records(out / _JOURNAL), out / _SETTINGS
     settings = finite(settings)
-    if journal.exists() and not resume:
+    if records.path.exists() and not resume:
         raise UsageError("this folder holds the results of an earlier batch; use --resume to go on with it", path=out)
     done: dict[str, Outcome] = {}
-    if journal.exists():
+    if records.path.exists():
         if not manifest.exists():
             raise UsageError("the settings of the batch to go on with are missing", path=manifest)
         check_settings(manifest, settings, "a batch")
-        done = _read(journal)
+        before = finished(out)
+        _refuse_others(out, before.outcomes.values(), sources)
+        faults = {name: fault for name, each in before.outcomes.items() if (fault := _fault(out, each, inputs, needs))}
+        done = {name: each for name, each in before.outcomes.items() if name not in faults}
+        _tell(faults, before.damaged, records.path, tell)
         clear_drafts(out)
     write_object(settings, manifest)
-    journal.touch()
-    return done
+    records.replace(map(_entry, done.values()))
+    sync([out.parent])
+    return Journal(out, done)
+
+
+def _refuse_others(out: Path, before: Iterable[Outcome], sources: Collection[Path] | None) -> None:
+    other = next((each.job.source for each in before if sources is not None and each.job.source not in sources), None)
+    if other is not None:
+        reason = f"this folder holds a batch with runs of {other}, which is not among the files: give the same, or another folder"
+        raise UsageError(reason, path=out)
+
+
+def _fault(out: Path, outcome: Outcome, inputs: Callable[[Job], str], needs: Sequence[str]) -> str:
+    """Why a run that was entered does not count as finished; empty where it does."""
+    if outcome.status in FLEETING:
+        return f"ended by {FLEETING[outcome.status]}"
+    if outcome.inputs != inputs(outcome.job):
+        return "of files, a system or a toolchain that have changed"
+    found = digests(out / outcome.job.name)
+    if any(found.get(name) != digest for name, digest in outcome.files.items()):
+        return "with results that are damaged or missing"
+    if outcome.state != "error" and (missing := [name for name in needs if name not in outcome.files]):
+        return f"without {' and '.join(missing)}"
+    return ""
+
+
+def _tell(faults: dict[str, str], damaged: list[int], journal: Path, tell: Callable[[str], None]) -> None:
+    for fault in sorted(set(faults.values())):
+        names = [name for name, each in faults.items() if each == fault]
+        tell(f"{many(len(names), 'finished run')} {fault}: run anew ({names[0]}{', …' if len(names) > 1 else ''})")
+    if damaged:
+        tell(f"{journal}:{damaged[0]}: {many(len(damaged), 'line')} damaged: the runs are run anew")
+
+
+def _entry(outcome: Outcome) -> dict[str, Any]:
+    job = outcome.job
+    entry = {key: value for key, value in asdict(outcome).items() if key != "trace"}
+    entry["job"] = asdict(job) | {"source": str(job.source), "scenario": str(job.scenario)}
+    found: dict[str, Any] = finite(entry)
+    return found
 
 
 def clear_drafts(out: Path) -> None:
     """Remove what interrupted runs left behind."""
     for draft in out.glob(f"{DRAFT}*"):
-        shutil.rmtree(draft, ignore_errors=True)
+        if draft.is_dir():
+            shutil.rmtree(draft, ignore_errors=True)
+        else:
+            draft.unlink(missing_ok=True)
 
 
 def is_batch(out: Path) -> bool:
@@ -73,47 +169,40 @@ def is_batch(out: Path) -> bool:
     return (out / _JOURNAL).is_file()
 
 
-def finished(out: Path) -> dict[str, Outcome]:
-    """The finished runs of a batch by name, as its output folder says.
+def finished(out: Path) -> Finished:
+    """The finished runs of a batch by name, as its output folder says; lines of the journal that are damaged are left out.
 
     Raises:
-        UsageError: the folder is not that of a batch, or its journal is damaged.
+        UsageError: the folder is not that of a batch.
     """
+    if not is_batch(out):
+        raise UsageError("this is not the output folder of a batch: it has no journal", path=out)
     try:
-        whole = (out / _JOURNAL).read_bytes().rpartition(b"\n")[0]
-    except OSError:
-        raise UsageError("this is not the output folder of a batch: it has no journal", path=out) from None
-    return _outcomes(whole, out / _JOURNAL)
+        kept = Records(out / _JOURNAL).read()
+    except OSError as error:
+        raise UsageError(f"the journal can't be read: {error.strerror or error}", path=out / _JOURNAL) from None
+    restored = [_outcome(record) for record in kept.records]
+    outcomes = {each.job.name: each for each in restored if each is not None}
+    return Finished(outcomes, kept.damaged)
+
+
+def _outcome(entry: dict[str, Any]) -> Outcome | None:
+    """The outcome of an entry; None where it is one of another version."""
+    try:
+        job = entry.pop("job")
+        restored = Job(**{**job, "source": Path(job["source"]), "scenario": Path(job["scenario"])})
+        return Outcome(restored, **entry)
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return None
 
 
 def settings(out: Path) -> dict[str, Any]:
-    """The settings that all runs of a batch share, as its output folder says."""
-    try:
-        values = json.loads((out / _SETTINGS).read_text(encoding="utf-8"))
-        return dict(values)
-    except (OSError, ValueError, TypeError):
-        raise UsageError("this is not the output folder of a batch: its settings can't be read", path=out) from None
+    """The settings that all runs of a batch share, as its output folder says.
 
-
-def _read(journal: Path) -> dict[str, Outcome]:
-    """The finished runs; a line that an interruption cut short is dropped, and with it that run."""
-    whole, _, rest = journal.read_bytes().rpartition(b"\n")
-    if rest:
-        os.truncate(journal, len(whole) + 1 if whole else 0)
-    return _outcomes(whole, journal)
-
-
-def _outcomes(whole: bytes, journal: Path) -> dict[str, Outcome]:
-    """What lines say; one that is not whole is no outcome where it begins as others do (a full disk cut it), else a fault."""
-    done = {}
-    for number, line in enumerate(whole.splitlines(), 1):
-        try:
-            entry = json.loads(line)
-            job = entry.pop("job")
-            restored = Job(**{**job, "source": Path(job["source"]), "scenario": Path(job["scenario"])})
-            done[restored.name] = Outcome(restored, **entry)
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
-            if isinstance(error, json.JSONDecodeError) and line.startswith(_BEGINNING):
-                continue
-            raise UsageError("this line is not of a batch's journal", path=journal, line=number) from None
-    return done
+    Raises:
+        UsageError: the folder is not that of a batch.
+        InvalidFile: their file is damaged.
+    """
+    if not (out / _SETTINGS).is_file():
+        raise UsageError(f"this is not the output folder of a batch: it has no {_SETTINGS}", path=out)
+    return read_object(out / _SETTINGS)

@@ -9,16 +9,12 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack, suppress
 
 from runner.batch.jobs import Job, Outcome
-from schemas.errors import UsageError
-
-try:
-    import resource
-except ImportError:  # not on Windows
-    resource = None  # type: ignore[assignment]
+from schemas.security.policy import Policy, current, in_force
 
 _AHEAD = 8
 """Runs handed out for each process ahead of need: few, so that a space of any size is never enumerated."""
@@ -32,20 +28,19 @@ class Pool:
     Args:
         processes: how many.
         work: does a job; to be pickled, so a function of a module or a `functools.partial` of one.
-        died: the outcome of a job whose process died.
-        max_memory: what each process may take, GiB; as much as there is where it is None.
-
-    Raises:
-        UsageError: this system does not limit the memory of a process.
+        died: the outcome of a job whose process died, given that and the signal (where known) that has ended it.
+        done: called here with every outcome as soon as it is there, whatever its place in the order.
     """
 
     def __init__(
-        self, processes: int, work: Callable[[Job], Outcome], died: Callable[[Job], Outcome], max_memory: float | None = None
+        self,
+        processes: int,
+        work: Callable[[Job], Outcome],
+        died: Callable[[Job, int | None], Outcome],
+        done: Callable[[Outcome], None] | None = None,
     ) -> None:
-        if max_memory is not None and resource is None:
-            raise UsageError("this system does not limit the memory of a process; leave --max-memory out")
-        self._processes, self._work, self._died, self._max_memory = processes, work, died, max_memory
-        self._pool = executor(processes, max_memory)
+        self._processes, self._work, self._died, self._done = processes, work, died, done
+        self._pool = executor(processes)
 
     def __enter__(self) -> Pool:
         return self
@@ -67,18 +62,42 @@ class Pool:
                 if not waiting:
                     return
                 first = waiting[0]
-                if not isinstance(first, Outcome):
-                    try:
-                        first = first[1].result()
-                    except BrokenProcessPool:
-                        self._recover(waiting)
-                        continue
-                waiting.popleft()
-                yield first
+                if isinstance(first, Outcome):
+                    waiting.popleft()
+                    yield first
+                else:
+                    self._collect(waiting)
         finally:
-            for pending in waiting:
-                if not isinstance(pending, Outcome):
-                    pending[1].cancel()
+            self._conclude([pending[1] for pending in waiting if not isinstance(pending, Outcome)])
+
+    def _collect(self, waiting: deque[_Pending]) -> None:
+        """Wait until a job is done, and put outcomes in the place of all that are."""
+        places = {pending[1]: place for place, pending in enumerate(waiting) if not isinstance(pending, Outcome)}
+        faults: list[BaseException] = []
+        for future in wait(places, return_when=FIRST_COMPLETED).done:
+            fault = future.exception()
+            if fault is None:
+                waiting[places[future]] = self._ended(future.result())
+            else:
+                faults.append(fault)
+        broken = [fault for fault in faults if isinstance(fault, BrokenProcessPool)]
+        if len(broken) < len(faults):
+            raise next(fault for fault in faults if fault not in broken)
+        if broken:
+            self._recover(waiting)
+
+    def _ended(self, outcome: Outcome) -> Outcome:
+        if self._done is not None:
+            self._done(outcome)
+        return outcome
+
+    def _conclude(self, futures: list[Future[Outcome]]) -> None:
+        """End what has not begun, and wait for jobs in work: what they leave counts, though nobody asks for it any more."""
+        wait([future for future in futures if not future.cancel()])
+        with suppress(OSError):  # which is what it ends for
+            for future in futures:
+                if not future.cancelled() and future.exception() is None:
+                    self._ended(future.result())
 
     def _submit(self, job: Job) -> Future[Outcome]:
         try:
@@ -94,7 +113,7 @@ class Pool:
         The job to blame is among the first, those in work: each is repeated in a process of its own.
         """
         self._pool.shutdown(wait=True)
-        self._pool = executor(self._processes, self._max_memory)
+        self._pool = executor(self._processes)
         suspects = self._processes
         for index, pending in enumerate(waiting):
             if isinstance(pending, Outcome) or pending[1].exception() is None:
@@ -104,28 +123,31 @@ class Pool:
             suspects -= 1
 
     def _alone(self, job: Job) -> Outcome:
-        with executor(1, self._max_memory) as pool:
+        with executor(1) as pool:
             try:
-                return pool.submit(self._work, job).result()
+                future = pool.submit(self._work, job)
+                (process,) = (pool._processes or {}).values()  # which the executor forgets, and with it how the process ended
+                return self._ended(future.result())
             except BrokenProcessPool:
-                return self._died(job)
+                process.join()
+                code = process.exitcode or 0  # negative: minus the signal that ended it
+                return self._ended(self._died(job, -code if code < 0 else None))
 
 
-def executor(processes: int, max_memory: float | None = None, *, anew: bool = False) -> ProcessPoolExecutor:
-    """Processes that end quietly on Ctrl-C, and with the one that made them; each with so many GiB of memory at most.
+def executor(processes: int, *, anew: bool = False) -> ProcessPoolExecutor:
+    """Processes that end quietly on Ctrl-C, and with the one that made them; each under the policy that is in force here.
 
     Started anew they are no copies of this process, whose libraries may have threads that copies lack.
     """
     context = multiprocessing.get_context("spawn") if anew else None
-    return ProcessPoolExecutor(processes, context, initializer=_serve, initargs=(max_memory,))
+    return ProcessPoolExecutor(processes, context, initializer=_serve, initargs=(current(),))
 
 
-def _serve(max_memory: float | None) -> None:
+def _serve(policy: Policy) -> None:
     """Make a worker end quietly on Ctrl-C, which reaches all processes of a terminal, and when its parent has ended."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    if max_memory is not None:
-        most = int(max_memory * 2**30)
-        resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+    for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+        signal.signal(number, signal.SIG_DFL)
+    ExitStack().enter_context(in_force(policy))  # to the end of the process
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

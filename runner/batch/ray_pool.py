@@ -10,15 +10,17 @@ import itertools
 import logging
 import os
 import socket
+import sys
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import chdir, suppress
 from functools import partial
 from typing import Any
 
 from runner.batch.jobs import Job, Outcome
 from schemas.errors import ToolchainError, UsageError
 from schemas.extras import optional
+from schemas.security.policy import Policy, current, in_force
 
 LOCAL = "local"
 _AHEAD = 2
@@ -55,7 +57,7 @@ class RayPool:
         address: str,
         processes: int,
         work: Callable[[Job], Outcome],
-        died: Callable[[Job], Outcome],
+        died: Callable[[Job, int | None], Outcome],
         done: Callable[[Outcome], None] | None = None,
     ) -> None:
         self._died, self._done = died, done
@@ -98,7 +100,7 @@ class RayPool:
                 self._abandon(awaited)
 
     def _submit(self, job: Job, awaited: dict[Any, Job]) -> Any:
-        reference = self._task.remote(self._shared, os.getcwd(), job)
+        reference = self._task.remote(self._shared, os.getcwd(), current(), job)
         awaited[reference] = job
         return reference
 
@@ -109,7 +111,7 @@ class RayPool:
         except OSError as error:  # of the work, in a wrapping of Ray's
             raise getattr(error, "cause", error) from None
         except (errors.WorkerCrashedError, errors.NodeDiedError, errors.OutOfMemoryError):
-            outcome = self._died(job)
+            outcome = self._died(job, None)
         except errors.RayError as error:
             raise ToolchainError(f"the Ray cluster can't go on: {error}") from None
         if self._done is not None:
@@ -128,10 +130,11 @@ class RayPool:
         wait(list(awaited), timeout=_LEAVING)
 
 
-def _work(work: Callable[[Job], Outcome], folder: str, job: Job) -> Outcome:
-    """Do a job where its relative paths lead to the same files."""
+def _work(work: Callable[[Job], Outcome], folder: str, policy: Policy, job: Job) -> Outcome:
+    """Do a job where its relative paths lead to the same files, under the same policy."""
     os.chdir(folder)
-    return work(job)
+    with in_force(policy):
+        return work(job)
 
 
 def connect(address: str, processes: int) -> tuple[Any, bool]:
@@ -150,7 +153,8 @@ def connect(address: str, processes: int) -> tuple[Any, bool]:
     own: dict[str, Any] = {"num_cpus": processes, "object_store_memory": _STORE} if address == LOCAL else {}
     try:
         _reach(address)
-        ray.init(address=address, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR, **own)
+        with chdir(sys.prefix):  # Ray lets its workers import from the folder that it is started in
+            ray.init(address=address, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR, **own)
     except Exception as error:  # Ray raises whatever there is
         reason = " ".join(str(error).split())[:200]
         if own:

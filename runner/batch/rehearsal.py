@@ -12,8 +12,12 @@ from pathlib import Path
 
 from runner.batch.batch import each, lost
 from runner.batch.jobs import Job, Outcome, assumed, failure
+from runner.interpreter.result import INCONCLUSIVE
 from runner.settings import RunSettings
-from schemas.errors import one_line
+from schemas.commands.wording import shown
+from schemas.errors import ExitCode, gravest
+from schemas.security.policy import limited
+from schemas.security.text import one_line
 
 ALL = 1000
 """So many parameter sets of a file are rehearsed whatever their values are."""
@@ -67,7 +71,7 @@ def _rehearsed(outcomes: Iterable[Outcome], sets: Counter[Path]) -> Outcome:
     for outcome in outcomes:
         count += 1
         first = first or outcome.job
-        if outcome.state == "error":
+        if outcome.exit_code:
             failures.append(replace(outcome, trace="" if failures else outcome.trace))
         remarks |= dict.fromkeys(outcome.remarks)
     assert first is not None
@@ -79,20 +83,28 @@ def _rehearsed(outcomes: Iterable[Outcome], sets: Counter[Path]) -> Outcome:
     if not failures:
         said = f"{every} parameter sets{pairwise}" * varied
         return Outcome(job, "loaded", 0, said, status="compiled", remarks=[*remarks])
-    gravest = max(failures, key=lambda outcome: outcome.exit_code)
+    worst = gravest(outcome.exit_code for outcome in failures)
+    first_worst = next(outcome for outcome in failures if outcome.exit_code == worst)
     share = f"{len(failures)} of {count} parameter sets: " if count > 1 else ""
-    return replace(gravest, job=job, message=share + gravest.message)
+    remarks = {remark: None for remark in remarks if remark not in first_worst.message}
+    return replace(first_worst, job=job, message=share + first_worst.message, remarks=[*remarks])
 
 
 def _compiled(job: Job, settings: RunSettings) -> Outcome:
     from runner.interpreter.execution import prepare
+    from runner.interpreter.untested import of_remarks
 
     try:
-        remarks = assumed(job, settings.strict)
-        prepared = prepare(job.scenario, job.parameters, settings)
-        prepared.ego(settings.ego)
-        begun = prepared.rehearse(settings)
+        assumptions = assumed(job, settings.strict)
+        with limited():
+            prepared = prepare(job.scenario, job.parameters, settings)
+            begun = prepared.rehearse(settings)
     except Exception as error:  # a defect of ours is an outcome too, the other files go on
         return failure(job, error)
-    remarks += map(str, (*prepared.scenario.remarks, *begun))
-    return Outcome(job, "loaded", 0, status="compiled", remarks=[one_line(remark) for remark in remarks])
+    causes = tuple(dict.fromkeys((*of_remarks(assumptions), *begun.causes)))
+    told = [cause.text for cause in causes]
+    remarks = [one_line(remark) for remark in (*map(str, assumptions), *begun.remarks) if remark not in told]
+    if not causes:
+        return Outcome(job, "loaded", ExitCode.PASSED, status="compiled", remarks=remarks)
+    message, names = one_line("; ".join(shown(told))), [*dict.fromkeys(cause.name for cause in causes)]
+    return Outcome(job, INCONCLUSIVE, ExitCode.INCONCLUSIVE, message, "compiled", remarks=remarks, causes=names)

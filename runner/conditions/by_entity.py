@@ -13,8 +13,8 @@ from runner.conditions.comparison import TOLERANCE, Comparison
 from runner.contracts.condition import EntityCondition
 from runner.contracts.registry import condition
 from runner.spacing.closing import velocity
-from schemas.rules.durations import UID as NOT_NEGATIVE
-from schemas.rules.empty_elements import UID as EMPTY
+from schemas.rules.storyboard import EMPTY_ELEMENTS_UID
+from schemas.rules.values import NOT_NEGATIVE_UID
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -49,13 +49,15 @@ class _Lasting(EntityCondition):
 def _duration(node: Node, context: Context) -> float:
     duration = float(node.float("duration"))
     if duration < 0.0:
-        context.repair(node, NOT_NEGATIVE, f"duration={duration:g} is negative; 0 is assumed")
+        context.repair(node, NOT_NEGATIVE_UID, f"duration={duration:g} is negative; 0 is assumed")
     return max(duration, 0.0)
 
 
 @condition("EndOfRoadCondition")
 class EndOfRoadCondition(_Lasting):
     """True once the entity has stood at the end of its road for the duration."""
+
+    mishap = True
 
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the road has ended long enough ago."""
@@ -89,6 +91,8 @@ class StandStillCondition(_Lasting):
 @condition("OffroadCondition")
 class OffroadCondition(_Lasting):
     """True once the entity's reference point has been off the road (no lane under it, or one of type none) for the duration."""
+
+    mishap = True
 
     def __init__(self, duration: float) -> None:
         super().__init__(duration)
@@ -126,6 +130,8 @@ class OffroadCondition(_Lasting):
 class CollisionCondition(EntityCondition):
     """True while the entity touches one of the given entities, or any entity of a type."""
 
+    mishap = True
+
     def __init__(self, others: frozenset[str], what: str) -> None:
         self.others = others
         self.what = what
@@ -134,7 +140,7 @@ class CollisionCondition(EntityCondition):
     def from_xml(cls, node: Node, context: Context) -> CollisionCondition:
         """Read the EntityRef (an entity or a selection) or ByType; without either any contact counts."""
         if not node.children():
-            context.repair(node, EMPTY, "EntityRef or ByType is expected; contact with any entity is assumed")
+            context.repair(node, EMPTY_ELEMENTS_UID, "EntityRef or ByType is expected; contact with any entity is assumed")
             return cls(frozenset(e.name for e in context.declared.values()), "any entity")
         target = node.only()
         if target.tag == "EntityRef":

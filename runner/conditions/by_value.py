@@ -12,7 +12,7 @@ from runner.conditions.comparison import RULES, TOLERANCE, Comparison
 from runner.contracts.condition import Condition
 from runner.contracts.registry import condition
 from runner.surroundings.environment import read_date
-from schemas.rules.typed_values import UID
+from schemas.rules.values import DECLARED_TYPE_UID
 from schemas.values import Value, number
 from schemas.values import holds as compare
 from xosc.node import Node
@@ -54,7 +54,11 @@ class SimulationTimeCondition(Condition):
         """Where it is true from a time on: up to then, and for good afterwards."""
         if not self.stays_true:
             return -math.inf
-        return math.inf if self.evaluate(run) else self._since + self.comparison.value - 2.0 * TOLERANCE
+        return math.inf if self.evaluate(run) else self.false_until(run)
+
+    def false_until(self, run: Instant) -> float:
+        """Where it is true from a time on: up to then."""
+        return self._since + self.comparison.value - 2.0 * TOLERANCE if self.stays_true else -math.inf
 
     def evaluate(self, run: Instant) -> bool:
         """Whether the comparison is true now."""
@@ -169,7 +173,7 @@ def _declared(node: Node, attribute: str, declared: Mapping[str, Parameter], con
         raise node.invalid(f"{attribute}={name!r} is not declared in this scenario")
     rule, kind = node.choice("rule", RULES), declared[name].type
     try:
-        expected = typed_value(node, kind, UID, context.remarks)
+        expected = typed_value(node, kind, DECLARED_TYPE_UID, context.remarks)
         compare(rule, expected, expected)  # complains where the rule has no meaning for the type
     except ValueError as error:
         raise node.invalid(f"value: {error}") from None

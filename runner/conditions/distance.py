@@ -14,7 +14,7 @@ from runner.contracts.condition import EntityCondition, NearCondition
 from runner.contracts.registry import condition
 from runner.participants.entity import Entity
 from runner.spacing import closing, distances
-from runner.spacing.separation import Separation
+from runner.spacing.displacement import Separation
 from schemas.errors import InvalidFile
 from xosc.node import Node
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from runner.contracts.condition import Condition
 from runner.contracts.registry import condition
-from runner.contracts.storyboard import ElementState, StoryboardElement, Transition
+from runner.contracts.run import ElementState, StoryboardElement, Transition
 from xosc.names import names_of, nearest
 from xosc.node import Node
 

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from runner.contracts.position import Position
-    from runner.contracts.run import Run
-    from runner.contracts.running import Running
+    from runner.contracts.run import Run, Running
     from runner.motion.placement import Placement
     from runner.participants.entity import Entity
     from xosc.node import Node

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
     from runner.contracts.run import Instant
@@ -25,6 +25,9 @@ class Condition(ABC):
     stays_true: bool = False
     """Whether the expression stays true for the rest of a run once it is."""
 
+    mishap: bool = False
+    """Whether a run in which the expression becomes true has gone wrong: a contact, an entity off the road or at its end."""
+
     def reset(self) -> None:
         """A run begins: forget what the last one has left."""
         self.triggering = ()
@@ -35,6 +38,14 @@ class Condition(ABC):
 
     def keeps(self, run: Instant) -> float:
         """Time (s) before which the expression keeps its present value while `run.changes` stays; by default it keeps none."""
+        return -math.inf
+
+    def false_until(self, run: Instant) -> float:
+        """Time (s) before which the expression is false whatever happens; `-inf` if unknown."""
+        return -math.inf
+
+    def false_within(self, run: Instant) -> float:
+        """Total displacement (m, see `Displacement`) before which the expression is false whatever happens; `-inf` if unknown."""
         return -math.inf
 
     @abstractmethod
@@ -48,6 +59,9 @@ class Condition(ABC):
 
 class EntityCondition(ABC):
     """The expression inside a ByEntityCondition, for one triggering entity."""
+
+    mishap: ClassVar[bool] = False
+    """As `Condition.mishap`"""
 
     def reset(self) -> None:
         """A run begins: forget what the last one has left, by default nothing."""
@@ -91,6 +105,7 @@ class ByEntityCondition(Condition):
         self.entities = entities
         self.every = every
         self.condition = condition
+        self.mishap = condition.mishap
         self._only = entities[0] if len(entities) == 1 else None
         self._near = condition if isinstance(condition, NearCondition) else None
         self._asleep = -math.inf
@@ -108,6 +123,10 @@ class ByEntityCondition(Condition):
     def keeps(self, run: Instant) -> float:
         """While it keeps its value for each of the entities that are present."""
         return min((self.condition.keeps(entity, run) for entity in self.entities if entity.active), default=math.inf)
+
+    def false_within(self, run: Instant) -> float:
+        """As far as nobody comes near."""
+        return self._asleep
 
     def evaluate(self, run: Instant) -> bool:
         """True when the expression holds for any, or all, of the entities that are present."""

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from runner.contracts.position import Position
-    from runner.contracts.run import Run
-    from runner.contracts.storyboard import StoryboardElement
+    from runner.contracts.run import Run, StoryboardElement
     from runner.participants.entity import Entities, Entity
     from runner.surroundings.signals import TrafficSignals
     from schemas.remarks import Remarks
@@ -65,12 +64,13 @@ class Context(Protocol):
         """What was assumed so far."""
         ...
 
-    def repair(self, node: Node, rule: str, text: str) -> None:
+    def repair(self, node: Node, rule: str, text: str, cause: str = "") -> None:
         """An element breaks a rule and has one sensible meaning all the same, which its class goes on with.
 
         Args:
             rule: uid of the rule.
             text: what is wrong and what is assumed.
+            cause: name of the cause for which the run is inconclusive by it, see `schemas.remarks.Remark`.
 
         Raises:
             InvalidFile: the same, where loading is strict.

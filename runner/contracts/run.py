@@ -1,4 +1,4 @@
-"""What a run offers: to positions, to conditions, and (the most) to actions.
+"""A run as others see it: what it offers to positions, conditions and actions, its storyboard elements, and actions in progress.
 
 Each protocol adds to the one before. `runner.interpreter.simulation.Simulation` is all of them.
 """
@@ -6,11 +6,11 @@ Each protocol adds to the one before. `runner.interpreter.simulation.Simulation`
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, MutableMapping, Sequence
+from enum import StrEnum
 from random import Random
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from runner.contracts.running import Running
     from runner.motion.placement import Placement
     from runner.motion.roads import Roads
     from runner.participants.entity import Entities, Entity
@@ -61,7 +61,7 @@ class Instant(Surroundings, Protocol):
 
     @property
     def changes(self) -> int:
-        """Grows with all that happens at once: to storyboard elements, values and contacts, to who is there,
+        """Counts the calls of `Run.wake`: all that happens at once to storyboard elements, values and contacts, to who is there,
         and when somebody has gone as far, or stood as long, as is waited for."""
         ...
 
@@ -128,6 +128,13 @@ class Run(Instant, Protocol):
         """The actions in execution."""
         ...
 
+    def wake(self) -> None:
+        """Have conditions that rest looked at again: to be called by whatever changes state that they may read.
+
+        `note`, and all methods below that bring, take out or move entities, do so themselves.
+        """
+        ...
+
     def note(self, kind: str, subject: str, text: str = "") -> None:
         """Write a line of the event log at the current time."""
         ...
@@ -158,4 +165,74 @@ class Run(Instant, Protocol):
 
     def despawn(self, entity: Entity) -> None:
         """Take such traffic out again."""
+        ...
+
+
+class Running(Protocol):
+    """An action in execution for one actor (or for none, if global)."""
+
+    __slots__ = ()
+
+    def step(self, dt: float) -> bool:
+        """Act on the interval from now to now + dt (s); true when the action's goal is reached at its end."""
+        ...
+
+    def stop(self) -> None:
+        """Give back whatever is held, by default nothing; called once, when the action ends, is overridden or stopped."""
+        return
+
+
+class ElementState(StrEnum):
+    """State of a storyboard element (StoryboardElementState)."""
+
+    STANDBY = "standbyState"
+    RUNNING = "runningState"
+    COMPLETE = "completeState"
+
+
+class Transition(StrEnum):
+    """Transition between states (StoryboardElementState)."""
+
+    START = "startTransition"
+    END = "endTransition"
+    STOP = "stopTransition"
+    SKIP = "skipTransition"
+
+
+class StoryboardElement(Protocol):
+    """A story, act, maneuver group, maneuver, event or action."""
+
+    @property
+    def kind(self) -> str:
+        """Which of these it is, as the standard's StoryboardElementType says it."""
+        ...
+
+    @property
+    def path(self) -> str:
+        """Name with the names of the enclosing elements, joined by `::` as in a StoryboardElementRef."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name with the names of the enclosing elements, from the story inwards."""
+        ...
+
+    @property
+    def state(self) -> ElementState:
+        """The state now."""
+        ...
+
+    @property
+    def transitions(self) -> Sequence[Transition]:
+        """The transitions of this step."""
+        ...
+
+    @property
+    def seen_state(self) -> ElementState:
+        """The state at the beginning of the current step, which conditions look at."""
+        ...
+
+    @property
+    def seen_transitions(self) -> Sequence[Transition]:
+        """The transitions of the step before."""
         ...

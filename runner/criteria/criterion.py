@@ -1,15 +1,17 @@
-"""What a criterion is given to judge, and what it answers."""
+"""Criteria: their registry, the drive that they judge, and their findings."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
+
+import numpy as np
+
+from schemas.discovery import load
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from runner.recording import Recording, Track
     from xodr.network import RoadNetwork
 
@@ -97,14 +99,10 @@ class Drive:
     @cached_property
     def steps(self) -> np.ndarray:
         """Distances covered by the reference point from row to row (n - 1,), m."""
-        import numpy as np
-
         return np.hypot(np.diff(self.columns["x"]), np.diff(self.columns["y"]))
 
     def at(self, ahead: float, left: float) -> tuple[np.ndarray, np.ndarray]:
         """World positions (n,) of the point that is so far ahead and to the left of the reference point, m."""
-        import numpy as np
-
         columns = self.columns
         cos, sin = np.cos(columns["h"]), np.sin(columns["h"])
         return columns["x"] + ahead * cos - left * sin, columns["y"] + ahead * sin + left * cos
@@ -118,3 +116,57 @@ class Drive:
         box = self.track.box
         half = ((1, 1), (-1, 1), (-1, -1), (1, -1))
         return [self.at(box.x + i * box.length / 2, box.y + j * box.width / 2) for i, j in half]
+
+
+class Kind(NamedTuple):
+    """A criterion that scenarios may declare.
+
+    Attributes:
+        name: after `criteria_`, e.g. `DrivenDistanceTest`.
+        unit: of the measured value.
+        summary: the condition to pass, with its parameters in backquotes.
+        parameters: defaults by name, in the order in which a scenario gives them; None where there is no default.
+        on_roads: whether it needs a road network.
+        evaluate: function of a drive and the parameters that returns the finding.
+    """
+
+    name: str
+    unit: str
+    summary: str
+    parameters: dict[str, float | None]
+    on_roads: bool
+    evaluate: Callable[..., Finding]
+
+
+_registered: dict[str, Kind] = {}
+_Evaluate = TypeVar("_Evaluate", bound=Callable[..., Finding])
+
+
+def criterion(
+    name: str, *, unit: str, summary: str, parameters: dict[str, float | None] | None = None, on_roads: bool = False
+) -> Callable[[_Evaluate], _Evaluate]:
+    """Register a function of a drive as a criterion; the arguments are those of `Kind`."""
+
+    def register(evaluate: _Evaluate) -> _Evaluate:
+        _registered[name.casefold()] = Kind(name, unit, summary, parameters or {}, on_roads, evaluate)
+        return evaluate
+
+    return register
+
+
+@cache
+def kinds() -> dict[str, Kind]:
+    """All criteria by their name in lower case: scenario_runner's documentation and its code differ in letters."""
+    load("runner.criteria.kinds")
+    return dict(sorted(_registered.items()))
+
+
+def intervals(holds: np.ndarray) -> list[tuple[int, int]]:
+    """First and last row of each stretch of true values (n,)."""
+    edges = np.diff(np.concatenate([[0], holds.astype(np.int8), [0]]))
+    return list(zip(np.flatnonzero(edges == 1).tolist(), (np.flatnonzero(edges == -1) - 1).tolist(), strict=True))
+
+
+def duration_of(holds: np.ndarray, time: np.ndarray) -> float:
+    """Time (s) within the stretches; a single row has none."""
+    return float(sum(time[last] - time[first] for first, last in intervals(holds)))

@@ -5,28 +5,15 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from schemas.discovery import described
+from runner.criteria.criterion import Kind, kinds
 from xosc.dialects.carla import CRITERION_PREFIX, is_criterion
 
 if TYPE_CHECKING:
     from xosc.node import Node
 
-KINDS = "runner.criteria.kinds"
 _SEPARATORS = re.compile(r"[\s,;]+")
-
-
-class Kind(NamedTuple):
-    """What a criterion's module says of itself; see `runner.criteria.kinds`."""
-
-    module: str
-    name: str
-    unit: str
-    summary: str
-    parameters: dict[str, float | None]
-    on_roads: bool
 
 
 @dataclass(frozen=True)
@@ -48,13 +35,6 @@ class Criterion:
     delay: float
     where: str
     remark: str = ""
-
-
-@cache
-def kinds() -> dict[str, Kind]:
-    """All criteria by their name in lower case: scenario_runner's documentation and its code differ in letters."""
-    found = [Kind(module, **constant) for module, constant in described(KINDS, "CRITERION").items()]
-    return {kind.name.casefold(): kind for kind in found}
 
 
 def declared(storyboard: Node) -> tuple[Criterion, ...]:

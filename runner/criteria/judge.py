@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-from runner.criteria.criterion import Contact, CriterionResult, Drive, Finding, LightStates
-from runner.criteria.declared import KINDS, Criterion, Kind
+from runner.criteria.criterion import Contact, CriterionResult, Drive, Finding, Kind, LightStates
+from runner.criteria.declared import Criterion
 
 if TYPE_CHECKING:
     from runner.recording import Recording
@@ -66,8 +65,7 @@ def _find(
     drive = Drive(track, recording, mine, lights, criterion.delay)
     if not len(drive.columns["time"]):
         return Finding(None, None, f"{name} was not there after {criterion.delay:g} s")
-    finding: Finding = import_module(f"{KINDS}.{kind.module}").evaluate(drive, **criterion.parameters)
-    return finding
+    return kind.evaluate(drive, **criterion.parameters)
 
 
 def light_states(events: Iterable[tuple[float, str, str]]) -> Mapping[str, list[tuple[float, str]]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,17 +12,33 @@ import typer
 from runner.exports import TARGETS
 from runner.run_options import Only, Param, Sample, selection_of, with_run_settings
 from runner.settings import RunSettings
-from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, out_folder, parameters_of
-from schemas.errors import UsageError
+from schemas.commands.help import epilog
+from schemas.commands.options import (
+    AllowInconclusive,
+    Verbose,
+    Version,
+    guarded,
+    interruptible,
+    new_app,
+    out_folder,
+    parameters_of,
+    protected,
+    say,
+)
+from schemas.commands.wording import shown
+from schemas.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest
+from schemas.remarks import told_quietly
 
 if TYPE_CHECKING:
     from runner.exports.exporting import Exported
 
-_EPILOG = (
-    "Exit codes: 0 all exported, 2 wrong usage, 3 invalid file, 4 a file says what the target cannot say; with several files "
-    "the gravest. What each target keeps, changes and loses is told in docs/exports.md."
+_EXAMPLES = (
+    "xosc-export xosc/library/simple_cut_in.xosc --to carla --out for_carla",
+    "xosc-export --targets",
 )
-_GRAVEST_FIRST = (5, 3, 4, 2, 0)
+_EPILOG = exit_codes("all exported", "", "an exported run did not test what its file describes") + (
+    " 4 is also a file that says what the target cannot. What each target keeps, changes and loses is told in docs/exports.md."
+)
 
 app = new_app()
 
@@ -34,7 +50,8 @@ def _print_targets(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.command(epilog=_EPILOG)
+@app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
+@protected()
 @with_run_settings("fail_if")
 def xosc_export(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs.")],
@@ -44,8 +61,9 @@ def xosc_export(
     param: Param = None,
     only: Only = None,
     sample: Sample = None,
+    allow_inconclusive: AllowInconclusive = False,
     _verbose: Verbose = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print what is not exported only.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print what is not exported or inconclusive only.")] = False,
     _targets: Annotated[
         bool, typer.Option("--targets", callback=_print_targets, is_eager=True, help="List all targets.")
     ] = False,
@@ -66,7 +84,8 @@ def xosc_export(
     else:
         exports = export_documents(sources, target, Folder(out), settings, selection)
     with interruptible("xosc-export"):
-        raise typer.Exit(_tell(exports, quiet))
+        code = _tell(exports, sources, quiet, out)
+        raise typer.Exit(ExitCode.PASSED if allow_inconclusive and code == ExitCode.INCONCLUSIVE else code)
 
 
 def _sources(paths: list[str]) -> list[Path]:
@@ -76,27 +95,35 @@ def _sources(paths: list[str]) -> list[Path]:
     return [path for path in expand(paths) if path.suffix.lower() != ".xodr" or str(path) in paths]
 
 
-def _tell(exports: Iterator[Exported], quiet: bool) -> int:
-    """Print exports as they are done; the exit code.
+def _tell(exports: Iterator[Exported], sources: Sequence[Path], quiet: bool, out: Path) -> int:
+    """Print exports as they are done, and where they are; the exit code.
 
     Raises:
-        UsageError: there are none.
+        InvalidFile: there are none, as all files are catalogues.
     """
     code, counts = 0, {True: 0, False: 0}
-    for name, exit_code, remarks in exports:
-        done = exit_code == 0
+    for name, exit_code, remarks, trace, untested in exports:
+        done = exit_code in (ExitCode.PASSED, ExitCode.INCONCLUSIVE)
         counts[done] += 1
-        code = min(code, exit_code, key=_GRAVEST_FIRST.index)
+        code = gravest((code, exit_code))
         if not done:
             reason = "; ".join(remarks)
             told = reason if reason.startswith(f"{name}:") else f"{name}: {reason}"  # errors in a file name it, and the line
-            print(f"xosc-export: not exported: {told}", file=sys.stderr, flush=True)
-        elif not quiet:
-            print("\n  ".join([f"{name}: exported", *remarks]), flush=True)
+            say(*trace.splitlines(), f"xosc-export: not exported: {told}", to=sys.stderr)
+        elif untested:
+            say(f"xosc-export: {name}: exported, but inconclusive: {'; '.join(shown(untested))}", to=sys.stderr)
+        if done and quiet and (repaired := told_quietly(remarks)):
+            say(f"xosc-export: {name}: exported; {repaired}", to=sys.stderr)
+        elif done and not quiet:
+            say(f"{name}: exported", *(f"  {remark}" for remark in remarks))
     if not sum(counts.values()):
-        raise UsageError("nothing here can be run: the entries of catalogues are part of the scenarios that use them")
+        more = f" (and {len(sources) - 1} more)" if len(sources) > 1 else ""
+        told = "this is a catalog, nothing in it can be run: its entries are part of the scenarios that use them"
+        raise InvalidFile(told + more, path=sources[0])
     if sum(counts.values()) > 1 and not quiet:
         print(f"{counts[True]} exported, {counts[False]} not")
+    if counts[True] and not quiet:
+        say(f"files: {out}")
     return code
 
 

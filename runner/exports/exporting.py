@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from importlib import import_module
@@ -9,27 +10,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from runner.batch.jobs import Outcome, assumed, jobs_of
+from runner.interpreter.result import INCONCLUSIVE
 from runner.settings import RunSettings
-from schemas.errors import ToolchainError, describe
-from xosc.distributions.selection import Selection
+from schemas.errors import ExitCode, ToolchainError, describe
+from schemas.security.policy import limited
+from xosc.distributions.space import Selection
 from xosc.document import load
-from xosc.exports.draft import ExportSettings, roads_in
+from xosc.exports.draft import ExportSettings, Roads, roads_in
 
 if TYPE_CHECKING:
     from runner.exports import Target
+    from runner.interpreter.result import RunResult
     from xosc.exports.folder import Folder
 
 
 class Exported(NamedTuple):
     """How one export ended.
 
-    name: the file, or the name of the run. exit_code: 0 for exported, otherwise that of the error. remarks: what is
-    changed or left out; the reason where it is not exported.
+    name: the file, or the name of the run. exit_code: 0 for exported, 6 for an exported run that is inconclusive, otherwise that
+    of the error. remarks: what was assumed, is changed or left out; the reason where it is not exported. trace: traceback of an
+    internal error. untested: why the run is inconclusive.
     """
 
     name: str
     exit_code: int
     remarks: Sequence[str] = ()
+    trace: str = ""
+    untested: Sequence[str] = ()
 
 
 def export_documents(
@@ -49,17 +56,26 @@ def export_documents(
     chosen = _export_settings(settings or RunSettings(), selection or Selection())
     for source in sources:
         try:
-            yield Exported(str(source), 0, module.export(source, target.name, folder, chosen))
-        except (ToolchainError, OSError) as error:
+            with limited():
+                remarks = module.export(source, target.name, folder, chosen)
+            yield Exported(str(source), 0, remarks)
+        except Exception as error:  # a defect of ours is told too, the other files go on
             yield _refused(str(source), error)
 
 
 def _export_settings(settings: RunSettings, selection: Selection) -> ExportSettings:
     from runner.exports.geometry import RunnerGeometry
-    from runner.interpreter.roads import made_roads
+    from runner.interpreter.roads import roads_for
 
-    made = partial(made_roads, catalog_path=settings.catalog_path, enforce_constraints=settings.enforce_constraints)
-    roads = made if settings.road == "auto" else roads_in(*settings.road_path)
+    roads: Roads = roads_in(*settings.road_path)
+    if settings.road is not None:
+        roads = partial(
+            roads_for,
+            road=settings.road,
+            road_path=settings.road_path,
+            catalog_path=settings.catalog_path,
+            enforce_constraints=settings.enforce_constraints,
+        )
     locate = None if settings.strict else partial(RunnerGeometry, settings=settings)
     return ExportSettings(settings.strict, roads, locate, settings.catalog_path, selection, settings.enforce_constraints)
 
@@ -81,10 +97,13 @@ def export_runs(
             yield Exported(job.job.name, job.exit_code, [job.message])
             continue
         try:
-            assumed(job, settings.strict)
-            result = run(job.scenario, settings, parameters=job.parameters)
-            yield Exported(job.name, 0, module.export(result, job.name, folder))
-        except (ToolchainError, OSError) as error:
+            assumptions = assumed(job, settings.strict)
+            with limited():
+                result = run(job.scenario, settings, parameters=job.parameters)
+                result.assume(assumptions)
+                remarks = module.export(result, job.name, folder)
+            yield _exported(job.name, result, remarks)
+        except Exception as error:  # a defect of ours is told too, the other files go on
             yield _refused(job.name, error)
 
 
@@ -99,6 +118,14 @@ def _runnable(sources: Sequence[Path]) -> Iterator[Path]:
         yield source
 
 
+def _exported(name: str, result: RunResult, remarks: Sequence[str]) -> Exported:
+    untested = result.verdict.reasons if result.verdict.outcome == INCONCLUSIVE else ()
+    assumptions = [remark for remark in result.remarks if remark not in untested]
+    code = ExitCode.INCONCLUSIVE if untested else ExitCode.PASSED
+    return Exported(name, code, [*assumptions, *remarks], untested=untested)
+
+
 def _refused(name: str, error: Exception) -> Exported:
     message, code = describe(error)
-    return Exported(name, code, [message])
+    trace = "".join(traceback.format_exception(error)) if code == ExitCode.INTERNAL else ""
+    return Exported(name, code, [message], trace)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from runner.contracts.storyboard import Transition
+from runner.contracts.run import Transition
 from runner.interpreter.compiler import ScenarioContext, compile_scenario
 from runner.interpreter.execution import Prepared
 from runner.interpreter.roads import load_roads
@@ -20,8 +20,7 @@ from runner.motion.roads import Roads
 from runner.motion.routes import AssignedRoute, Route
 from runner.motion.trajectories import Track, Trajectory
 from runner.participants.scenario_objects import read_entities
-from xosc.exports.on_roads.geometry import Place, Pose
-from xosc.exports.on_roads.starts import Start
+from xosc.exports.starts import Place, Pose, Start
 from xosc.names import STORYBOARD
 from xosc.resolve import resolve
 
@@ -219,7 +218,7 @@ class RunnerGeometry:
         return driven
 
     def _put(self, entity: Entity, roads: Roads, start: Start) -> None:
-        from runner.motion.surface import in_world
+        from runner.motion.placement import in_world
         from xodr.model import Pose as PoseOnRoad
 
         assert self._network is not None and start.road is not None and start.pose is not None

@@ -14,9 +14,9 @@ import numpy as np
 
 from xodr import RoadNetwork
 from xodr.graph.links import next_lane
-from xodr.lookup.sampling import Points, sample, stations
-from xodr.model import Lane, LaneSection
-from xodr.road import NO_WIDTH, Road
+from xodr.lookup.arrays import Points, sample, stations
+from xodr.model import NO_WIDTH, Lane, LaneSection
+from xodr.road import Road
 
 SPACING = 2.0
 """Greatest distance (m) of the points of a bound, along the road."""

@@ -1,4 +1,4 @@
-"""What exports of a run share: points fixed to a participant in the world, their rates, who stands, the run moment by moment."""
+"""What exports of a run share: points fixed to a participant, rates, who stands, the run moment by moment, refusals."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from schemas.errors import Unsupported
 from xodr.array_types import FloatArray
 from xosc.document import load
 
@@ -75,3 +76,10 @@ def moments(recording: Recording) -> Iterator[Moment]:
         for row, time in enumerate(track.columns["time"].tolist()):
             there.setdefault(time, []).append((number, row))
     yield from sorted(there.items())
+
+
+def unsupported(result: RunResult, entity: str | None, message: str) -> Unsupported:
+    """An Unsupported, to be raised by the caller, at the ScenarioObject of an entity or else at the scenario's root."""
+    root = load(result.scenario).node
+    places = [node for node in root.iter("ScenarioObject") if node.get("name", None) == entity]
+    return (places or [root])[0].unsupported(message)

@@ -1,8 +1,10 @@
-"""Target `osi`: the run as a trace of ASAM OSI GroundTruth messages, one channel, in the `.osi` and `.mcap` formats.
+"""Target `osi`: the run as a trace of ASAM OSI GroundTruth messages, in the `.osi` and `.mcap` formats.
 
 Source: ASAM OSI 3.8, GroundTruth and "trace file formats". Positions are those of the bounding box's centre, angles and
 rates those of the world frame, as OSI asks for; the OpenSCENARIO reference point is in `bbcenter_to_rear`. Every message has
-the lanes around (`runner.exports.osi_lanes`); the whole road network is in the file that `map_reference` names.
+the lanes around (`runner.exports.osi_lanes` and `runner.exports.osi_logical`); the
+whole road network is in the file that `map_reference` names. In `.mcap` the ego has channels of its own
+(`runner.exports.osi_traffic`).
 """
 
 from __future__ import annotations
@@ -16,10 +18,12 @@ import numpy as np
 
 from runner.exports.moments import box_centre, date, moments, rate, stands, wrapped
 from runner.exports.osi_lanes import Lanes, around
+from runner.exports.osi_logical import LogicalLanes
 from runner.exports.osi_objects import Osi, fill_base, fill_type
+from runner.exports.osi_traffic import host_of, message_types, traffic
 from schemas.errors import UsageError
 from schemas.packages import version
-from schemas.storage import writing
+from schemas.storage import drafted, writing
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Job, Outcome
@@ -52,11 +56,12 @@ def trace_name(result: RunResult, name: str, suffix: str) -> str:
     frames = sum(1 for _ in moments(result.recording))
     when = "".join(c for c in date(result) if c not in "-:")
     numbers = [".".join(text.split(".")[:3]) for text in (osi.osi_version, osi.protobuf_version)]
-    return f"{when}Z_gt_{numbers[0]}_{numbers[1]}_{frames}_{own}{suffix}"
+    kind = "multi" if suffix == ".mcap" and result.ego is not None else "gt"
+    return f"{when}Z_{kind}_{numbers[0]}_{numbers[1]}_{frames}_{own}{suffix}"
 
 
 def write_trace(result: RunResult, path: Path) -> None:
-    """Write the trace of a run into a file, `.osi` or `.mcap`.
+    """Write the trace of a run into a file, `.osi` or `.mcap`, whole or not at all.
 
     Raises:
         UsageError: the packages for it are not installed, or the file can't be written.
@@ -72,20 +77,33 @@ def write_trace(result: RunResult, path: Path) -> None:
         "authors": "xosc-toolchain",
         "data_sources": "simulation",
     }
-    with writing("the trace", path):
-        path.open("wb").close()  # the writer would print why it can't, and not say
-    if not writer.open(path, metadata=metadata):
+    with writing("the trace", path), drafted(path) as draft:
+        draft.open("wb").close()  # the writer would print why it can't, and not say
+        _write(writer, result, draft, metadata, path)
+
+
+def _write(writer: Any, result: RunResult, draft: Path, metadata: dict[str, str], path: Path) -> None:
+    osi = Osi()
+    if not writer.open(draft, metadata=metadata):
         raise UsageError("the trace can't be written", path=path)
-    channel = {
-        "net.asam.osi.trace.channel.osi_version": osi.osi_version,
-        "net.asam.osi.trace.channel.protobuf_version": osi.protobuf_version,
-        "net.asam.osi.trace.channel.description": "ground truth of the run",
-    }
+    multi = path.suffix == ".mcap"
+
+    def add_channel(topic: str, kind: Any, description: str) -> None:
+        about = {"osi_version": osi.osi_version, "protobuf_version": osi.protobuf_version, "description": description}
+        writer.add_channel(topic, kind, {f"net.asam.osi.trace.channel.{key}": text for key, text in about.items()})
+
     try:
-        if path.suffix == ".mcap":
-            writer.add_channel("ground_truth", osi.groundtruth.GroundTruth, channel)
+        if multi:
+            add_channel("ground_truth", osi.groundtruth.GroundTruth, "ground truth of the run")
+            for topic, kind in message_types().items() if result.ego is not None else ():
+                add_channel(topic, kind, f"{topic.replace('_', ' ')} of the ego")
+        hosts = []
         for message in ground_truths(result):
             writer.write_message(message, "ground_truth")
+            host = host_of(message) if multi else None
+            hosts += [host] if host is not None else []
+        for topic, message in traffic(osi, hosts):
+            writer.write_message(message, topic)
     finally:
         writer.close()
 
@@ -112,7 +130,10 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
     tables = [_table(track) for track in tracks]
     standing = [stands(track) for track in tracks]
     network = result.recording.network
-    lanes = Lanes(network, around(network, result.recording), len(tracks)) if network is not None else None
+    near = around(network, result.recording) if network is not None else []
+    lanes = Lanes(network, near, len(tracks)) if network is not None else None
+    logical = LogicalLanes(network, near, lanes.id, lanes.next_id) if network is not None and lanes is not None else None
+    assigned = [logical.assignments(track) if logical is not None else [] for track in tracks]
     on = [lanes.of(track) if lanes is not None else [None] * len(track.columns["time"]) for track in tracks]
     for time, there in moments(result.recording):
         message = osi.groundtruth.GroundTruth()
@@ -123,6 +144,8 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
         host = next((on[number][row] for number, row in there if tracks[number].name == result.ego), None)
         if lanes is not None:
             lanes.fill(message, host)
+        if logical is not None:
+            logical.fill(message)
         for number, row in there:
             track = tracks[number]
             each = message.stationary_object.add() if standing[number] else message.moving_object.add()
@@ -137,9 +160,15 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
                 fill_type(each, track, osi)
                 if (lane := on[number][row]) is not None:
                     each.moving_object_classification.assigned_lane_id.add(value=lane)
+                if logical is not None and (place := assigned[number][row]) is not None:
+                    _assign(each.moving_object_classification.logical_lane_assignment.add(), place)
             if track.name == result.ego:
                 message.host_vehicle_id.value = number
         yield message
+
+
+def _assign(assignment: Any, place: tuple[int, float, float, float]) -> None:
+    assignment.assigned_lane_id.value, assignment.s_position, assignment.t_position, assignment.angle_to_lane = place
 
 
 def _table(track: Track) -> list[list[float]]:

@@ -19,7 +19,7 @@ from runner.exports.lanelets import Key, Lanelet, lanelets
 if TYPE_CHECKING:
     from runner.recording import Recording, Track
     from xodr import RoadNetwork
-    from xodr.lookup.sampling import Points
+    from xodr.lookup.arrays import Points
 
 _REACH = 200.0
 """m around the ways of the participants within which lanes are told"""
@@ -92,7 +92,7 @@ class Lanes:
     def at(self, road_id: str | None, lane: int, s: float) -> int | None:
         """The id of a lane at a place of its road (m); None where there is none."""
         road = self._network.roads.get(str(road_id)) if road_id else None
-        return self._id((road.id, road.sections.index(road.section(s)), lane)) if road is not None else None
+        return self.id((road.id, road.sections.index(road.section(s)), lane)) if road is not None else None
 
     def fill(self, message: Any, host: int | None) -> None:
         """Add lanes and boundaries to a GroundTruth.
@@ -143,7 +143,7 @@ class Lanes:
         _add_ids(lane.left_lane_boundary_id, [self._border_ids[left]])
         _add_ids(lane.right_lane_boundary_id, [self._border_ids[right]])
         for beside, ids in zip(lanelet.beside, (lane.left_adjacent_lane_id, lane.right_adjacent_lane_id), strict=True):
-            _add_ids(ids, [self._id(beside[0])] if beside is not None else [])
+            _add_ids(ids, [self.id(beside[0])] if beside is not None else [])
 
     def _is_inside(self, key: Key) -> bool:
         return self._network.roads[key[0]].junction_id in self._network.junctions
@@ -155,9 +155,9 @@ class Lanes:
 
     def _present(self, keys: Iterable[Key]) -> list[int]:
         """Ids of lanes, each once, without those too far away to be told."""
-        return list(dict.fromkeys(number for key in keys if (number := self._id(key)) is not None))
+        return list(dict.fromkeys(number for key in keys if (number := self.id(key)) is not None))
 
-    def _id(self, key: Key) -> int | None:
+    def id(self, key: Key) -> int | None:
         """The id of a lane; None where it is too far away to be told."""
         road = self._network.roads[key[0]]
         junction = f"junction {road.junction_id}" if road.junction_id in self._network.junctions else None

@@ -11,7 +11,10 @@ from schemas.extras import optional
 _TYPES = {
     "car": "TYPE_CAR", "van": "TYPE_VAN", "truck": "TYPE_HEAVY_TRUCK", "trailer": "TYPE_TRAILER",
     "semitrailer": "TYPE_SEMITRAILER", "bus": "TYPE_BUS", "motorbike": "TYPE_MOTORBIKE", "bicycle": "TYPE_BICYCLE",
-    "train": "TYPE_TRAIN", "tram": "TYPE_TRAM",
+    "train": "TYPE_TRAIN", "tram": "TYPE_TRAM", "motorcycle": "TYPE_MOTORCYCLE", "heavyTruck": "TYPE_HEAVY_TRUCK",
+    "semitractor": "TYPE_SEMITRACTOR", "wheelchair": "TYPE_WHEELCHAIR", "standupScooter": "TYPE_STANDUP_SCOOTER",
+    "micromobilityDevice": "TYPE_MICROMOBILITY_DEVICE", "workMachine": "TYPE_WORK_MACHINE",
+    "landVehicle": "TYPE_LAND_VEHICLE", "aircraft": "TYPE_AIRCRAFT", "watercraft": "TYPE_WATERCRAFT",
 }  # fmt: skip
 """OSI's vehicle types by OpenSCENARIO category."""
 _KINDS = {"vehicle": "TYPE_VEHICLE", "pedestrian": "TYPE_PEDESTRIAN"}
@@ -54,6 +57,9 @@ def fill_type(each: Any, one: Kind, osi: Osi) -> None:
         each.vehicle_classification.type = moving.VehicleClassification.Type.Value(_TYPES.get(one.category, "TYPE_OTHER"))
         rear = each.vehicle_attributes.bbcenter_to_rear
         rear.x, rear.y, rear.z = -one.box.x, -one.box.y, -one.box.z
+    elif one.kind == "pedestrian":
+        root = each.pedestrian_attributes.bbcenter_to_root
+        root.x, root.y, root.z = -one.box.x, -one.box.y, -one.box.z
 
 
 class Osi:

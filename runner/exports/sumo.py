@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from lxml import etree
 
-from runner.exports.moments import decimal, fixed_point, moments
-from runner.exports.refusals import unsupported
-from runner.worlds.sumo_kinds import KINDS, OBSTACLE
+from runner.exports.moments import decimal, fixed_point, moments, unsupported
+from runner.worlds.sumo_translation import KINDS, OBSTACLE
 from schemas.xml import parse
 from xodr import sumo_net
 from xodr.sumo_net import Track

@@ -9,7 +9,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from runner.participants.boxes import overlap
-from runner.spacing.separation import Separation
+from runner.spacing.displacement import Separation
 
 if TYPE_CHECKING:
     from runner.contracts.run import Run
@@ -22,6 +22,8 @@ _MARGIN = 10.0
 _FEW = 4
 """Up to so many participants are all looked at: finding out who is near would cost more than it spares."""
 _ROUNDING = 1e-6
+_MARGIN_OF_REACH = 1e-3
+"""Distance (m) that is no rounding of a reach"""
 
 
 class Contacts:
@@ -35,8 +37,8 @@ class Contacts:
 
     def __init__(self, run: Run) -> None:
         self._run = run
-        self._near: list[tuple[Entity, Entity, Separation]] = []
-        """pairs that may touch soon"""
+        self._near: list[tuple[Entity, Entity, float, Separation]] = []
+        """pairs that may touch soon, with the distance of their reference points along an axis (m) above which they do not"""
         self._everyone: list[Entity] = []
         """the participants when these were found"""
         self._changes = -1
@@ -59,17 +61,21 @@ class Contacts:
         if self._due != math.inf and (len(self._everyone) <= _FEW or run.displacement.total >= self._due):
             self._near = self._look_around()
         found = []
-        for a, b, separation in self._near:
-            if not separation.exceeds(_ROUNDING) and _counts(a, b) and overlap(a, b):
-                found.append((a, b))
+        for a, b, reach, separation in self._near:
+            if not -reach <= b.x - a.x <= reach or not -reach <= b.y - a.y <= reach:
+                continue
+            if (separation.touching or not separation.exceeds(_ROUNDING)) and _counts(a, b):
+                separation.touching = overlap(a, b)
+                if separation.touching:
+                    found.append((a, b))
         if found or self.pairs:
             self._compare(found)
 
-    def _look_around(self) -> list[tuple[Entity, Entity, Separation]]:
+    def _look_around(self) -> list[tuple[Entity, Entity, float, Separation]]:
         """The pairs to observe until somebody has moved far enough; all, for good, where these are few."""
         if len(self._everyone) <= _FEW:
             self._due = math.inf
-            return [(a, b, Separation(a, b)) for a, b in combinations(self._everyone, 2)]
+            return [_pair(a, b) for a, b in combinations(self._everyone, 2)]
         order = [entity for entity in self._everyone if entity.active and entity.placed]
         order.sort(key=_by_x)
         widest = max((entity.reach for entity in order), default=0.0)
@@ -81,7 +87,7 @@ class Contacts:
                     break
                 near = a.reach + b.reach + _MARGIN
                 if dx <= near and abs(b.y - a.y) <= near:
-                    found.append((a, b, Separation(a, b)))
+                    found.append(_pair(a, b))
         self._due = self._run.displacement.after(_MARGIN / 2)
         return found
 
@@ -103,6 +109,10 @@ class Contacts:
         """Those that an entity touches now, by name."""
         touched = self._partners.get(entity.name)
         return sorted(touched, key=_by_name) if touched else ()
+
+
+def _pair(a: Entity, b: Entity) -> tuple[Entity, Entity, float, Separation]:
+    return a, b, a.reach + b.reach + _MARGIN_OF_REACH, Separation(a, b)
 
 
 def _counts(a: Entity, b: Entity) -> bool:

@@ -7,7 +7,7 @@ is refused here, by name, file and line.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,24 +15,23 @@ from runner.contracts import registry
 from runner.contracts.action import Action, PrivateAction
 from runner.contracts.condition import ByEntityCondition, Condition
 from runner.criteria.declared import Criterion, declared
-from runner.interpreter.storyboard.actors import check_actors
+from runner.interpreter.departures import absence
+from runner.interpreter.storyboard.checks import check_actors, placeable
 from runner.interpreter.storyboard.elements import ActionElement
-from runner.interpreter.storyboard.one_shot import OneShotCondition
 from runner.interpreter.storyboard.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
-from runner.interpreter.storyboard.triggers import TimedCondition, Trigger
+from runner.interpreter.storyboard.triggers import OneShotCondition, TimedCondition, Trigger
 from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
 from runner.surroundings.signals import TrafficSignals
-from schemas.remarks import Remark, Remarks
-from schemas.rules.actors import UID as ACTORS
-from schemas.rules.empty_elements import UID as EMPTY
-from schemas.rules.signal_references import UID as SIGNALS
+from schemas.remarks import Remark, Remarks, with_ignored
+from schemas.rules.entities import ACTORS_UID
+from schemas.rules.signals import SIGNAL_UID
+from schemas.rules.storyboard import EMPTY_ELEMENTS_UID
 from xosc.node import Node
 
 if TYPE_CHECKING:
     from runner.contracts.position import Position
-    from runner.contracts.run import Run
-    from runner.contracts.storyboard import StoryboardElement
+    from runner.contracts.run import Run, StoryboardElement
     from schemas.errors import ToolchainError
     from xodr.network import RoadNetwork
     from xosc.resolve import Resolved
@@ -118,7 +117,7 @@ class ScenarioContext:
         self.signals = TrafficSignals.from_xml(document.node.find("RoadNetwork", "TrafficSignals"), network)
         self.storyboard = Storyboard()
         self.remarks = Remarks(strict)
-        self.remarks.add(*document.remarks)
+        self.remarks.add(*map(_executed, document.remarks))
         self.remarks.note(*(network.remarks if network is not None else ()))  # where strict, it was read without repairs
         self._late: list[Callable[[], None]] = []
         self.observers: list[Callable[[Run], None]] = [self.signals.advance] if self.signals.controllers else []
@@ -136,9 +135,9 @@ class ScenarioContext:
         for check in self._late:
             check()
 
-    def repair(self, node: Node, rule: str, text: str) -> None:
+    def repair(self, node: Node, rule: str, text: str, cause: str = "") -> None:
         """Go on with the one sensible meaning of an element that breaks a rule, with a remark; refused where strict."""
-        self.remarks.add(node.remark(rule, text))
+        self.remarks.add(node.remark(rule, text, cause))
 
     def need_network(self, node: Node) -> RoadNetwork:
         """The road network, for elements that make no sense without one."""
@@ -183,7 +182,7 @@ class ScenarioContext:
         found: list[Action] = []
         pending = node.children()
         if not pending:
-            self.repair(node, EMPTY, f"{_named(node)}: an action is expected inside; without one it does nothing")
+            self.repair(node, EMPTY_ELEMENTS_UID, f"{_named(node)}: an action is expected inside; without one it does nothing")
         for child in pending:
             found += self.actions(child) if child.tag in WRAPPERS else [self._build(registry.action, child)]
         return found
@@ -199,7 +198,11 @@ class ScenarioContext:
         entities = self.triggering_entities(triggering)
         if not triggering.children("EntityRef"):
             truth = "always" if every else "never"
-            self.repair(triggering, EMPTY, f"an element EntityRef is expected inside; without one the condition is {truth} true")
+            self.repair(
+                triggering,
+                EMPTY_ELEMENTS_UID,
+                f"an element EntityRef is expected inside; without one the condition is {truth} true",
+            )
         return ByEntityCondition(entities, every, self._build(registry.condition, inner))
 
     def timed_condition(self, node: Node) -> TimedCondition:
@@ -229,12 +232,14 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None, strict: bo
         InvalidFile: a reference leads nowhere, a value is out of its range.
         Unsupported: an element is not executed by this runner; named with file and line.
     """
-    context = ScenarioContext(document, network, strict)
-    _check_signals(context)
-    read_entities(document.node.need("Entities"), context)
-    _read_storyboard(document.node.need("Storyboard"), context)
-    check_actors(context.storyboard)
-    context.finish()
+    with with_ignored(document.remarks):
+        context = ScenarioContext(document, network, strict)
+        _check_signals(context)
+        read_entities(document.node.need("Entities"), context)
+        _read_storyboard(document.node.need("Storyboard"), context)
+        check_actors(context.storyboard)
+        context.finish()
+        _check_presence(context)
     return Scenario(
         path=document.path,
         version=document.version,
@@ -253,13 +258,38 @@ def compile_scenario(document: Resolved, network: RoadNetwork | None, strict: bo
     )
 
 
+def _executed(remark: Remark) -> Remark:
+    """A remark on a document; an element beyond the standard that an extension registered is executed, not ignored."""
+    if remark.cause != "ignored":
+        return remark
+    for family in (registry.action, registry.condition, registry.position):
+        family.load()
+        if remark.element in family.classes:
+            text = f"the element {remark.element} is in no version of the standard here; it is executed as an extension"
+            return replace(remark, message=text, cause="")
+    return remark
+
+
 def _check_signals(context: ScenarioContext) -> None:
     """Have a remark on each state of a signal that no road has."""
     network = context.network
     for state in context.document.node.iter("TrafficSignalState"):
         name = state.get("trafficSignalId", "")
         if network is not None and name not in network.signals:
-            context.repair(state, SIGNALS, f"{network.path.name} has no signal {name!r}; its state has no effect")
+            context.repair(state, SIGNAL_UID, f"{network.path.name} has no signal {name!r}; its state has no effect")
+
+
+def _check_presence(context: ScenarioContext) -> None:
+    """Have a remark on each entity that the stories or the stop trigger refer to, and that no action can place."""
+    places = placeable(context.storyboard)
+    if places is None:
+        return
+    parts = context.document.node.need("Storyboard").children("Story", "StopTrigger")
+    names = {node.get(name, "") for part in parts for node in part.iter() for name in ("entityRef", "masterEntityRef")}
+    needed = {entity for name in names for entity in context.selections.get(name, (context.declared.get(name),)) if entity}
+    for entity in context.declared.values():
+        if entity in needed - places and entity.controls.tractor is None:
+            context.remarks.note(absence(context.document.path, entity, "absent"))
 
 
 def _activated(storyboard: Storyboard) -> frozenset[str]:
@@ -332,7 +362,7 @@ def _actors(group: Node, context: ScenarioContext) -> tuple[list[list[Entity]], 
     select_triggering = bool(node.bool("selectTriggeringEntities", False))
     selects = select_triggering and _is_triggered_by_entities(group)
     if not any(references) and not selects and next(group.iter("PrivateAction"), None) is not None:
-        context.repair(node, ACTORS, f"{_named(group)}: its private actions have no actor; they do nothing")
+        context.repair(node, ACTORS_UID, f"{_named(group)}: its private actions have no actor; they do nothing", "no-actor")
     return references, select_triggering
 
 
@@ -351,13 +381,16 @@ def _parts(node: Node, tag: str, context: ScenarioContext) -> list[Node]:
     """What a storyboard element is made of; without any it does nothing, and ends as soon as it starts."""
     found = node.children(tag)
     if not found:
-        context.repair(node, EMPTY, f"{_named(node)}: an element {tag} is expected inside; without one it does nothing")
+        context.repair(
+            node, EMPTY_ELEMENTS_UID, f"{_named(node)}: an element {tag} is expected inside; without one it does nothing"
+        )
     return found
 
 
 def _read_event(node: Node, maneuver: Maneuver, whole: bool, context: ScenarioContext) -> None:
     priority = node.choice("priority", _PRIORITIES)
-    event = Event(node.get("name", ""), maneuver, "parallel" if context.document.for_carla else priority, _maximum(node))
+    chosen = "parallel" if context.document.for_carla else priority
+    event = Event(node.get("name", ""), maneuver, chosen, _maximum(node), node.where)
     for action_node in _parts(node, "Action", context):
         ActionElement(action_node.get("name", ""), event, context.actions(action_node), whole)
     event.trigger = Trigger.from_xml(node.find("StartTrigger"), context)

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from schemas.remarks import Remark
-from schemas.rules.entity_positions import UID as PLACED
+from schemas.rules.entities import ENTITY_POSITION_UID
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -23,13 +23,15 @@ _SLEEPLESS = 8
 
 def absences(scenario: Path, entities: Iterable[Entity]) -> tuple[str, ...]:
     """A remark on each entity of a scenario's file that no action has put anywhere in a run, its trailers left out."""
-    found = []
-    for entity in entities:
-        if not entity.placed and entity.controls.tractor is None:
-            declared = entity.declared.node.parent if entity.declared.node is not None else None
-            text = f"{entity.name!r} never appears: no action of this run gives it a position"
-            found.append(str(Remark(PLACED, text, str(scenario), declared.line if declared is not None else None)))
-    return tuple(found)
+    absent = (entity for entity in entities if not entity.placed and entity.controls.tractor is None)
+    return tuple(str(absence(scenario, entity)) for entity in absent)
+
+
+def absence(scenario: Path, entity: Entity, cause: str = "") -> Remark:
+    """The remark on an entity of a scenario's file that no action places; cause as in `Remark`."""
+    declared = entity.declared.node.parent if entity.declared.node is not None else None
+    text = f"{entity.name!r} never appears: no action of this run gives it a position"
+    return Remark(ENTITY_POSITION_UID, text, str(scenario), declared.line if declared is not None else None, cause)
 
 
 def standstill(ego: Track | None, system: str) -> tuple[str, ...]:
@@ -46,8 +48,8 @@ def standstill(ego: Track | None, system: str) -> tuple[str, ...]:
     return (f"{ego.name} stands during the whole run: {nothing} sets it in motion{driver}",)
 
 
-def egoless(entities: Iterable[Entity], system: str, contacts: Sequence[tuple[float, str, str]]) -> tuple[str, ...]:
-    """A remark on a scenario without an ego, where it means that nobody is driven, or that a contact fails nothing.
+def egoless(entities: Iterable[Entity], system: str, contacts: Sequence[tuple[float, str, str]] = ()) -> tuple[str, ...]:
+    """A sentence on a scenario without an ego, where it means that nobody is driven, or that a contact fails nothing.
 
     Args:
         entities: those of the scenario.
@@ -68,7 +70,8 @@ class Departures:
     def __init__(self, ego: Entity | None) -> None:
         self._ego = ego
         self._off = self._ended = False
-        self._first: dict[str, str] = {}
+        self.first: dict[str, tuple[float, str]] = {}
+        """Time (s) and sentence on the first time that it left the road (`offRoad`), and came to its end (`roadEnd`)"""
         self._judged, self._x, self._y, self._clearance = -1, 0.0, 0.0, 0.0
         """where it was found well on the road, while `Run.changes` was that, and how far from there it has not left it"""
         self._section: LaneSection | None = None
@@ -78,7 +81,7 @@ class Departures:
     @property
     def remarks(self) -> tuple[str, ...]:
         """One sentence on the first time that it left the road, and one on the first time that it came to its end."""
-        return tuple(self._first.values())
+        return tuple(text for _, text in self.first.values())
 
     def __call__(self, run: Run) -> None:
         """Look at the ego, if there is one."""
@@ -114,4 +117,4 @@ class Departures:
 
     def _remark(self, run: Run, ego: Entity, kind: str, text: str) -> None:
         run.note(kind, ego.name, text)
-        self._first.setdefault(kind, f"{ego.name} {text} at {run.time:.2f} s")
+        self.first.setdefault(kind, (run.time, f"{ego.name} {text} at {run.time:.2f} s"))

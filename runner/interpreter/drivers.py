@@ -22,6 +22,7 @@ from schemas.errors import ToolchainError, blame
 if TYPE_CHECKING:
     from runner.contracts.run import Run
     from runner.participants.entity import Entity
+    from runner.surroundings.signals import StopLine
 
 _RETURN = 3.5
 """Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
@@ -190,7 +191,18 @@ class SystemDriver(EgoDriver):
 def observe(run: Run, ego: Entity, target: float) -> Observation:
     """What the ego's driver sees now, asked for a target speed (m/s)."""
     others = [seen(e) for e in run.entities.values() if e is not ego and e.active and e.placed and e.visible["sensors"]]
-    return Observation(run.time, seen(ego), others, target, run.roads.network, run.environment)
+    return Observation(run.time, seen(ego), others, target, run.roads.network, run.environment, _stop_line(run, ego))
+
+
+def _stop_line(run: Run, ego: Entity) -> StopLine | None:
+    """Where a signal asks the ego to stop, seen from where it is going."""
+    if not run.signals.meanings:
+        return None
+    point = run.roads.road_point(ego)
+    if point is None or run.roads.network is None:
+        return None
+    along = ego.direction > 0 if ego.on_lane else math.cos(ego.h - run.roads.network.pose(point).h) >= 0.0
+    return run.signals.stop_line(point, along == (ego.speed >= 0.0), abs(ego.speed), ego.controls.route)
 
 
 def failed(system: System, error: Exception, time: float) -> ToolchainError:

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from runner.interpreter.preparation import Compiled, compile_file
-from runner.interpreter.session import Session
+from runner.interpreter.departures import Departures
+from runner.interpreter.session import Compiled, Session, compile_file
 from runner.interpreter.simulation import Simulation
+from runner.interpreter.untested import at_beginning
 from runner.settings import RunSettings
+from runner.sut import system_name
 
 if TYPE_CHECKING:
-    from runner.interpreter.result import RunResult
+    from runner.interpreter.result import Cause, RunResult
     from xosc.resolve import Argument
 
 
@@ -43,6 +45,13 @@ def run(
     return prepare(scenario, parameters, chosen).run(chosen, progress=progress)
 
 
+class Rehearsed(NamedTuple):
+    """What is known of a run before it takes place: what it assumes, and causes for which it will be inconclusive."""
+
+    remarks: tuple[str, ...]
+    causes: tuple[Cause, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Prepared(Compiled):
     """A scenario file compiled with certain parameter values, to be run as often as one likes, one run at a time.
@@ -56,19 +65,25 @@ class Prepared(Compiled):
         parameters: the values that it was given.
     """
 
-    def rehearse(self, settings: RunSettings | None = None) -> tuple[str, ...]:
-        """Do what a run begins with, at time 0 and without a simulator; what it assumes.
+    def rehearse(self, settings: RunSettings | None = None) -> Rehearsed:
+        """Do what a run begins with, at time 0 and without a simulator.
 
         Raises:
+            UsageError: there is no such ego.
             InvalidFile: an initial action, or one that starts at time 0, can't be done.
             Unsupported: likewise.
         """
-        from runner.worlds.kinematic import RehearsalWorld
+        from runner.worlds.base import RehearsalWorld
 
         chosen = settings or RunSettings()
         sim = Simulation(self.scenario, RehearsalWorld(), chosen.timestep, chosen.seed, strict=chosen.strict)
+        ego = self.ego(chosen.ego)
+        departures = Departures(ego)
         sim.begin()
-        return tuple(map(str, sim.remarks.found))
+        departures(sim)
+        recording, system = sim.recorder.recording(), system_name(chosen.sut)
+        causes = tuple(at_beginning(self.scenario, sim, recording, departures, ego, system))
+        return Rehearsed(tuple(map(str, (*self.scenario.remarks, *sim.remarks.found))), causes)
 
     def run(
         self, settings: RunSettings | None = None, *, progress: Callable[[float], object] | None = None, **changes: Any

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runner.criteria.criterion import CriterionResult
-from runner.interpreter.event_log import LogEntry
+from runner.recording import LogEntry
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,21 +21,56 @@ if TYPE_CHECKING:
 
     from runner.measures.criticality import Criticality
     from runner.recording import Recording
+    from schemas.remarks import Remark
+
+
+PASSED, FAILED, INCONCLUSIVE = "passed", "failed", "inconclusive"
+"""Outcomes of a verdict"""
+
+
+class Cause(NamedTuple):
+    """Reason for which a run is inconclusive.
+
+    Attributes:
+        name: one of `runner.interpreter.untested.CAUSES`.
+        text: what was not tested, with file and line where there is one.
+    """
+
+    name: str
+    text: str
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a run passed.
+    """Outcome of a run, and the reasons for it.
 
     Args:
-        passed: false where the ego collided or a criterion failed.
-        reasons: the failures; empty where it passed.
+        failures: contacts of the ego, failed criteria and limits.
+        causes: why the run did not test what the file describes.
         criteria: results of the scenario's criteria, in its order.
     """
 
-    passed: bool
-    reasons: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+    causes: tuple[Cause, ...] = ()
     criteria: tuple[CriterionResult, ...] = ()
+
+    @property
+    def outcome(self) -> str:
+        """`FAILED` with a failure, else `INCONCLUSIVE` with a cause, else `PASSED`."""
+        return FAILED if self.failures else INCONCLUSIVE if self.causes else PASSED
+
+    @property
+    def passed(self) -> bool:
+        """Whether the run tested what the file describes, without a failure."""
+        return self.outcome == PASSED
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Failures, or else why the run is inconclusive; empty where it passed."""
+        return self.failures or tuple(cause.text for cause in self.causes)
+
+    def __str__(self) -> str:
+        return ": ".join(filter(None, (self.outcome, "; ".join(self.reasons))))
 
 
 @dataclass(eq=False, repr=False)
@@ -46,7 +82,7 @@ class RunResult:
         parameters: the parameter values that it was given.
         status: `completed` (by its stop trigger), `collision` (a contact of the ego ended it) or `timeout` (the time limit).
         end_time: simulation time at the end, s.
-        verdict: passed or failed, and why.
+        verdict: passed, failed or inconclusive, and why.
         remarks: what is no failure, but may not be meant: what was assumed of the files (see `schemas.remarks`), that the ego
             has left the road, or come to its end.
         ego: name of the ego, None where the scenario has none.
@@ -90,6 +126,12 @@ class RunResult:
 
         return of_recording(self.recording, self.ego)
 
+    def assume(self, remarks: Sequence[Remark]) -> None:
+        """Add what was assumed of files that the run does not know, such as the distribution that its parameters are of."""
+        self.remarks = (*map(str, remarks), *self.remarks)
+        causes = tuple(Cause(remark.cause, str(remark)) for remark in remarks if remark.cause)
+        self.verdict = replace(self.verdict, causes=(*causes, *self.verdict.causes))
+
     def to_pandas(self) -> pd.DataFrame:
         """`trajectories` as a data frame.
 
@@ -120,13 +162,13 @@ class RunResult:
         return page
 
     def __repr__(self) -> str:
-        verdict = "passed" if self.verdict.passed else f"failed ({'; '.join(self.verdict.reasons)})"
-        return f"<RunResult {self.name}: {verdict}, {self.status} at {self.end_time:.2f} s, sut {self.sut}>"
+        reasons = f" ({'; '.join(self.verdict.reasons)})" if self.verdict.reasons else ""
+        return f"<RunResult {self.name}: {self.verdict.outcome}{reasons}, {self.status} at {self.end_time:.2f} s, sut {self.sut}>"
 
     def _repr_html_(self) -> str:
         """As notebooks show it."""
         rows = {
-            "verdict": "passed" if self.verdict.passed else "failed: " + "; ".join(self.verdict.reasons),
+            "verdict": str(self.verdict),
             "end": f"{self.end_time:.2f} s, {self.status}",
             "system under test": self.sut,
             "parameters": ", ".join(f"{name} = {value}" for name, value in self.parameters.items()) or "as declared",

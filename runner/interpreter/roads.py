@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import xodr
-from schemas.errors import UsageError
+from schemas.errors import InvalidFile, UsageError
 from schemas.remarks import Remark
-from xodr.sumo_net.cache import folder as cache_folder
+from schemas.security.policy import current
+from schemas.storage import cache_folder
 from xosc.document import load
 from xosc.resolve import resolve
 from xosc.roads import RULE, RoadFile, find_roads, logic_file
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from runner.settings import RunSettings
-    from xodr.builders.assumed import RoadUse
+    from xodr.builders.roads import RoadUse
     from xodr.network import RoadNetwork
     from xosc.node import Node
     from xosc.resolve import Resolved
@@ -34,43 +35,74 @@ def load_roads(document: Resolved, settings: RunSettings) -> tuple[RoadNetwork |
     """The road network of a resolved scenario, None where it has none, and what was assumed to find it.
 
     Raises:
-        InvalidFile: its file is nowhere, or no road network; a road is to be made for a scenario that names no lane.
+        InvalidFile: its file is nowhere, or no road network.
     """
-    logic, auto = logic_file(document.node), settings.road == "auto"
-    if auto:
-        found = _made(document.node, logic)
-    else:
-        found = find_roads(logic, settings.road_path) if logic is not None else None
+    logic = logic_file(document.node)
+    found = _own(logic, settings.road, settings.road_path)
+    if found is None and settings.road is not None:
+        found = _made(document.node, logic) if settings.road == "auto" else _given(document.node, logic, settings.road)
+    if found is None and logic is not None:
+        lacks = f"the road network {logic.get('filepath')!r} does not exist, and no position names a road"
+        return None, (logic.remark(RULE, f"{lacks}; a plane without roads is assumed"),)
     if found is None:
         return None, ()
-    network = xodr.load(found.path, strict=settings.strict and not auto)
+    network = xodr.load(found.path, strict=settings.strict)
     return network, () if found.remark is None else (found.remark,)
 
 
-def made_roads(scenario: Node, catalog_path: Sequence[str] = (), enforce_constraints: bool = True) -> RoadFile | None:
-    """Roads as a scenario's positions use them, whatever road network its LogicFile names; errors as in `load_roads`.
+def roads_for(
+    scenario: Node, road: str, road_path: Sequence[str] = (), catalog_path: Sequence[str] = (), enforce_constraints: bool = True
+) -> RoadFile | None:
+    """The road network of a scenario, or else the one that the setting `road` gives; errors as in `load_roads`.
 
     None where there is no LogicFile and no position that needs one.
     """
-    resolved = resolve(load(scenario.path), enforce_constraints=enforce_constraints, catalog_path=catalog_path)
-    return _made(resolved.node, logic_file(scenario))
+    logic = logic_file(scenario)
+    found = _own(logic, road, road_path)
+    if found is None and road != "auto":
+        found = _given(scenario, logic, road)
+    if found is None:
+        resolved = resolve(load(scenario.path), enforce_constraints=enforce_constraints, catalog_path=catalog_path)
+        found = _made(resolved.node, logic)
+    if found is None and logic is not None:
+        raise logic.invalid("--road auto makes the roads that positions name, and no position of this scenario names one")
+    return found
+
+
+def _own(logic: Node | None, road: str | None, road_path: Sequence[str]) -> RoadFile | None:
+    """The road network that a LogicFile names; None where there is none, or where another is given for one that is missing."""
+    if logic is None:
+        return None
+    try:
+        return find_roads(logic, road_path)
+    except InvalidFile:
+        if road is None or not current().allows(logic.file("filepath")):
+            raise
+        return None
+
+
+def _given(scenario: Node, logic: Node | None, road: str) -> RoadFile:
+    lacks = (
+        "the scenario names no road network" if logic is None else f"the road network {logic.get('filepath')!r} does not exist"
+    )
+    return RoadFile(Path(road), (logic or scenario).remark(RULE, f"{lacks}; {road} is taken"))
 
 
 def _made(scenario: Node, logic: Node | None) -> RoadFile | None:
     """Roads as the positions of a resolved scenario use them, in a file of the cache folder."""
-    from xodr.builders.assumed import assumed_roads  # the builders are for those who ask
+    from xodr.builders.roads import assumed_roads  # the builders are for those who ask
 
     used = road_uses(scenario)
     if not used:
-        if logic is None:
-            return None
-        raise logic.invalid("--road auto makes the roads that positions name, and no position of this scenario names one")
+        return None
     content = assumed_roads(used).to_xml()
     path = cache_folder() / "roads" / f"{hashlib.blake2b(content, digest_size=20).hexdigest()}.xodr"
     _keep(content, path)
     roads = ", ".join(f"{each.road_id} ({each.right} + {each.left} lanes, {each.length:g} m)" for each in used)
     instead = (
-        f"the roads of {logic.get('filepath')!r} are not read" if logic is not None else "the scenario names no road network"
+        f"the road network {logic.get('filepath')!r} does not exist"
+        if logic is not None
+        else "the scenario names no road network"
     )
     remark = (logic or scenario).remark(RULE, f"{instead}; straight ones are assumed, not connected: {roads}")
     return RoadFile(path, remark)
@@ -89,7 +121,7 @@ def _keep(content: bytes, path: Path) -> None:
 
 def road_uses(scenario: Node) -> list[RoadUse]:
     """The roads that the positions of a resolved scenario name, with the lengths and lanes that they need."""
-    from xodr.builders.assumed import RoadUse
+    from xodr.builders.roads import RoadUse
 
     ends: dict[str, float] = defaultdict(float)
     lanes: dict[str, set[int]] = defaultdict(set)

@@ -1,21 +1,23 @@
-"""A run in progress: step by step, its ego driven by the caller if wanted."""
+"""Scenario files loaded and compiled, and a run in progress: step by step, its ego driven by the caller if wanted."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from os import PathLike
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from runner.interpreter.compiler import Scenario, compile_scenario
 from runner.interpreter.departures import Departures, absences, egoless, standstill
 from runner.interpreter.drivers import observe
-from runner.interpreter.ego import cruise_speed, driver_of
-from runner.interpreter.preparation import Compiled, compile_file
+from runner.interpreter.ego import cruise_speed, driver_of, find_ego
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
-from runner.interpreter.storyboard.idleness import idleness
+from runner.interpreter.storyboard.checks import idleness
+from runner.interpreter.untested import of_run
 from runner.interpreter.verdict import apply_limits, criteria_remarks, judge
 from runner.participants.controllers import controller_remarks
 from runner.settings import RunSettings
@@ -26,8 +28,44 @@ from runner.sut.parameters import parameters_of
 from schemas.errors import UsageError
 
 if TYPE_CHECKING:
+    from runner.participants.entity import Entity
     from runner.worlds.base import World
     from xosc.resolve import Argument
+
+
+@dataclass(frozen=True, eq=False)
+class Compiled:
+    """A scenario file compiled with certain parameter values.
+
+    Args:
+        scenario: what the file was compiled to.
+        parameters: the values that it was given.
+    """
+
+    scenario: Scenario
+    parameters: Mapping[str, Argument]
+
+    def ego(self, name: str | None = None) -> Entity | None:
+        """The ego: the entity of that name, or else found by `runner.interpreter.ego.find_ego`."""
+        return find_ego(self.scenario, name)
+
+
+def compile_file(scenario: str | PathLike[str], parameters: Mapping[str, Argument] | None, settings: RunSettings) -> Compiled:
+    """Load, resolve and compile a scenario file; arguments and errors as in `runner.run`."""
+    import xosc
+    from runner.interpreter.roads import load_roads
+
+    document = xosc.resolve(
+        xosc.load(Path(scenario)),
+        parameters,
+        enforce_constraints=settings.enforce_constraints,
+        strict=settings.strict,
+        catalog_path=settings.catalog_path,
+    )
+    network, assumed = load_roads(document, settings)
+    document = replace(document, remarks=(*document.remarks, *assumed))
+    return Compiled(compile_scenario(document, network, strict=settings.strict), dict(parameters or {}))
+
 
 _AFTER_COLLISION = 1.0
 """Time that is played on after the ego's first contact, where that ends a run, s"""
@@ -59,7 +97,7 @@ class Session:
         **changes: Any,
     ) -> None:
         if settings is None and "sut" not in changes:
-            changes["sut"] = Commanded()
+            changes = {"sut": Commanded(), "end_after_collision": False} | changes
         self.settings = chosen = replace(settings or RunSettings(), **changes)
         if isinstance(scenario, Compiled):
             if parameters is not None:
@@ -79,6 +117,7 @@ class Session:
         sim.observers.append(self._departures)
         self._steps = math.floor(chosen.max_time / chosen.timestep + 1e-6)
         self._status, self._seen = "timeout", 0
+        self._ends_after_collision = chosen.ends_after_collision
         try:
             if ego is not None and self._system is not None:
                 sim.drive_ego(ego, driver_of(compiled, ego, self._system, chosen.timestep, chosen.seed))
@@ -166,7 +205,7 @@ class Session:
     def _advance(self) -> None:
         sim = self._sim
         sim.tick()
-        if self.settings.end_after_collision and self._status != "collision" and len(sim.contacts.history) > self._seen:
+        if self._ends_after_collision and self._status != "collision" and len(sim.contacts.history) > self._seen:
             self._seen = len(sim.contacts.history)
             last = sim.step_index + round(_AFTER_COLLISION / self.settings.timestep)
             if self.touched and last < self._steps:
@@ -178,28 +217,30 @@ class Session:
         """The run so far."""
         sim, ego, system, compiled = self._sim, self._ego, self._system, self._compiled.scenario
         recording = sim.recorder.recording()
-        verdict = judge(compiled, sim.contacts, recording, ego)
         driven = ego if system is not None else None
         asked = system_name(self.settings.sut)
+        causes = tuple(dict.fromkeys(of_run(compiled, sim, recording, self._departures, ego, asked)))
+        verdict = judge(compiled, sim.contacts, recording, ego, causes)
         sut = asked if ego is not None else "none"
+        remarks = (
+            *map(str, (*compiled.remarks, *sim.remarks.found)),
+            *controller_remarks(
+                compiled.entities.values(), compiled.activated, driven, cruise_speed(compiled, driven) if driven else None
+            ),
+            *absences(compiled.path, compiled.entities.values()),
+            *(egoless(compiled.entities.values(), asked, sim.contacts.history) if ego is None else ()),
+            *self._departures.remarks,
+            *standstill(recording.tracks.get(ego.name) if ego is not None else None, sut),
+            *idleness(compiled.storyboard, sim),
+            *criteria_remarks(compiled.criteria, verdict),
+        )
         result = RunResult(
             scenario=compiled.path,
             parameters={name: str(value) for name, value in self._compiled.parameters.items()},
             status="completed" if sim.finished else self._status,
             end_time=sim.time,
             verdict=verdict,
-            remarks=(
-                *map(str, (*compiled.remarks, *sim.remarks.found)),
-                *controller_remarks(
-                    compiled.entities.values(), compiled.activated, driven, cruise_speed(compiled, driven) if driven else None
-                ),
-                *absences(compiled.path, compiled.entities.values()),
-                *(egoless(compiled.entities.values(), asked, sim.contacts.history) if ego is None else ()),
-                *self._departures.remarks,
-                *standstill(recording.tracks.get(ego.name) if ego is not None else None, sut),
-                *idleness(compiled.storyboard, sim, sim.finished),
-                *criteria_remarks(compiled.criteria, verdict),
-            ),
+            remarks=tuple(dict.fromkeys(remarks)),
             ego=ego.name if ego is not None else None,
             sut=sut,
             settings={name: getattr(self.settings, name) for name in ("timestep", "seed", "world", "max_time")},
@@ -228,7 +269,7 @@ class Session:
 def open_world(name: str) -> World:
     """The world of a name in `runner.settings.WORLDS`."""
     if name == "kinematic":
-        from runner.worlds.kinematic import KinematicWorld
+        from runner.worlds.base import KinematicWorld
 
         return KinematicWorld()
     from runner.worlds.sumo import SumoWorld

@@ -16,18 +16,16 @@ from typing import TYPE_CHECKING, Any
 
 from runner.contracts.action import LATERAL
 from runner.interpreter.collision import Contacts
-from runner.interpreter.event_log import LogEntry
-from runner.interpreter.recorder import Recorder
 from runner.motion.roads import Roads
 from runner.motion.steering import SteeredMotion
 from runner.participants.trailers import disconnect, line_up, tow, train
+from runner.recording import LogEntry, Recorder
 from runner.spacing.displacement import Displacement
 from runner.surroundings.environment import Environment
 from schemas.remarks import Remarks
 
 if TYPE_CHECKING:
-    from runner.contracts.running import Running
-    from runner.contracts.storyboard import Transition
+    from runner.contracts.run import Running, Transition
     from runner.interpreter.compiler import Scenario
     from runner.interpreter.drivers import EgoDriver
     from runner.interpreter.storyboard.elements import Element, Process, StoryboardRun
@@ -256,14 +254,14 @@ class Simulation:
     def _reached(self, entity: Entity) -> None:
         """It has come to its milestone; whoever waits for another one sets it anew."""
         entity.milestone = math.inf
-        self.changes += 1
+        self.wake()
 
     def _stands(self, entity: Entity) -> None:
         """It has stood still in this step."""
         entity.standstill += self.dt
         if entity.standstill >= entity.patience:
             entity.patience = math.inf
-            self.changes += 1
+            self.wake()
 
     def _read(self, entity: Entity) -> None:
         reading = self.world.read(entity)
@@ -304,12 +302,12 @@ class Simulation:
     def element_changed(self, element: Element, transition: Transition, reason: str) -> None:
         """A storyboard element has made a transition; conditions see it from the next step on."""
         self._changed.append(element)
-        self.storyboard.changed()
+        self.storyboard.changed(element)
         self.note(transition.value, element.path, reason)
 
     def _publish(self) -> None:
         if self._changed or self._published:
-            self.changes += 1
+            self.wake()
             for element in dict.fromkeys((*self._published, *self._changed)):
                 element.publish()
             self._published, self._changed = self._changed, []
@@ -321,16 +319,20 @@ class Simulation:
     def element_rearmed(self, element: Element) -> None:
         """A storyboard element is back in standby without a transition; conditions see it from the next step on."""
         self._changed.append(element)
-        self.changes += 1
-        self.storyboard.changed()
+        self.wake()
+        self.storyboard.changed(element)
 
     def call_next_step(self, call: Callable[[StoryboardRun], None]) -> None:
         """Have something called at the beginning of the next step."""
         self._next_step.append(call)
 
-    def note(self, kind: str, subject: str, text: str = "") -> None:
-        """Write a line of the event log at the current time."""
+    def wake(self) -> None:
+        """Have all that rests looked at again: something that conditions read is not as it was."""
         self.changes += 1
+
+    def note(self, kind: str, subject: str, text: str = "") -> None:
+        """Write a line of the event log at the current time; what is worth one may matter to a condition, so all are woken."""
+        self.wake()
         self.log.append(LogEntry(self.time, kind, subject, text))
 
     # for actions and conditions -------------------------------------------------------------
@@ -355,7 +357,7 @@ class Simulation:
 
     def place(self, entity: Entity, placement: Placement) -> None:
         """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
-        self.changes += 1
+        self.wake()
         self.roads.place(entity, placement)
         if entity.controls.trailer is not None:
             line_up(self.roads, entity)
@@ -379,7 +381,7 @@ class Simulation:
 
     def enter(self, entity: Entity) -> None:
         """Bring an entity that has got its first place into the world, standing, its trailers with it."""
-        self.changes += 1
+        self.wake()
         for member in train(entity):
             if member is entity or not member.active:
                 member.active = True
@@ -393,7 +395,7 @@ class Simulation:
         for tractor in (entity, entity.controls.tractor):
             if tractor is not None and tractor.controls.trailer is not None:
                 disconnect(self.roads, tractor)
-        self.changes += 1
+        self.wake()
         entity.active = entity.controls.world_driven = False
         self.world.remove(entity)
 

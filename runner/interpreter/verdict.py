@@ -16,22 +16,28 @@ if TYPE_CHECKING:
     from runner.criteria.declared import Criterion
     from runner.interpreter.collision import Contacts
     from runner.interpreter.compiler import Scenario
-    from runner.interpreter.result import RunResult
+    from runner.interpreter.result import Cause, RunResult
     from runner.measures.limits import Limit
     from runner.participants.entity import Entity
     from runner.recording import Recording
 
 
-def judge(scenario: Scenario, contacts: Contacts, recording: Recording, ego: Entity | None) -> Verdict:
-    """A run fails when the ego touched another participant or a criterion failed; without an ego it can only pass."""
+def judge(
+    scenario: Scenario, contacts: Contacts, recording: Recording, ego: Entity | None, causes: tuple[Cause, ...] = ()
+) -> Verdict:
+    """The verdict of a run: a failure when the ego touched another participant or a criterion failed.
+
+    Args:
+        causes: for which it is inconclusive without a failure.
+    """
     criteria = _criteria(scenario, contacts, recording, ego)
     collisions = [
         f"collision with {second if first == ego.name else first} at {time:.2f} s"
         for time, first, second in contacts.history
         if ego is not None and ego.name in (first, second)
     ]
-    reasons = (*collisions, *(str(result) for result in criteria if result.passed is False))
-    return Verdict(not reasons, reasons, criteria)
+    failures = (*collisions, *(str(result) for result in criteria if result.passed is False))
+    return Verdict(failures, causes, criteria)
 
 
 def _criteria(scenario: Scenario, contacts: Contacts, recording: Recording, ego: Entity | None) -> tuple[CriterionResult, ...]:
@@ -65,4 +71,4 @@ def apply_limits(result: RunResult, limits: Sequence[Limit]) -> None:
     )
     reasons = tuple(reason for limit in limits if (reason := limit.reason(facts)))
     if reasons:
-        result.verdict = replace(result.verdict, passed=False, reasons=(*result.verdict.reasons, *reasons))
+        result.verdict = replace(result.verdict, failures=(*result.verdict.failures, *reasons))

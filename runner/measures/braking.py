@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runner.measures.measure import GREATEST_DECELERATION
 from runner.measures.relations import Motion, boxes_overlap
 from xodr.array_types import FloatArray
 
-GREATEST = 9.81
-"""Deceleration (m/s²) beyond which tyres on a dry road do not brake: a coefficient of friction of 1"""
 FULL = 8.0
 """Deceleration (m/s²) of full braking by a car on a dry road"""
 _LONGEST = 10.0
@@ -37,11 +36,11 @@ class Conflict:
         return next((float(self.ego.time[row]) for row in rows if self._avoids(row, deceleration)), None)
 
     def least(self, time: float) -> float | None:
-        """The least constant braking (m/s²) from an instant (s) on that avoids the contact; None where `GREATEST` does not."""
+        """The least constant braking (m/s²) from an instant (s) on that avoids the contact; None if it is beyond grip."""
         row = int(np.searchsorted(self.ego.time, time - 1e-6))
-        if row >= self.row or not self._avoids(row, GREATEST):
+        if row >= self.row or not self._avoids(row, GREATEST_DECELERATION):
             return None
-        low, high = 0.0, GREATEST
+        low, high = 0.0, GREATEST_DECELERATION
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
             low, high = (low, middle) if self._avoids(row, middle) else (middle, high)

@@ -1,6 +1,6 @@
 """How critical an encounter was: measures of the ego against everyone else, per step and over a run.
 
-All functions work on arrays over time. A measure that is not defined at an instant is marked so: `Measure.valid` is false
+All functions work on arrays over time. A measure that is not defined at an instant is marked so: `Series.valid` is false
 there and its value 0, never NaN. Distances are in m, times in s, speeds in m/s, accelerations in m/s².
 
 Gaps are those of the bounding boxes; how they are measured is said in `runner.measures.relations`.
@@ -12,18 +12,18 @@ Sources: time to collision, Hayward (1972); time headway and deceleration rate t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runner.measures import rss
 from runner.measures.encroachment import post_encroachment_time
-from runner.measures.extreme import Extreme
 from runner.measures.impact import Impact, first_impact
+from runner.measures.measure import Extreme, Series, least, measures
 from runner.measures.relations import Motion, View, blocks, relations
 from runner.measures.risk_field import greatest
 from xodr.array_types import BoolArray, FloatArray, IntArray
@@ -37,35 +37,28 @@ _INSTANT = 1e-6
 """Instants nearer to each other than this (s) are one"""
 
 
-class Measure(NamedTuple):
-    """A measure over time, and where it is defined; its value is 0 elsewhere."""
-
-    value: FloatArray
-    valid: BoolArray
-
-
 # measures -----------------------------------------------------------------------------------
 
 
-def time_to_collision(gap: FloatArray, closing: FloatArray) -> Measure:
+def time_to_collision(gap: FloatArray, closing: FloatArray) -> Series:
     """gap / closing speed, where the gap is closing; 0 where the boxes overlap."""
     return _quotient(gap, closing, (closing > _STILL) | (gap <= 0.0))
 
 
-def time_headway(gap: FloatArray, speed: FloatArray) -> Measure:
+def time_headway(gap: FloatArray, speed: FloatArray) -> Series:
     """gap / own speed, while driving: the time after which the ego's front is where the lead's rear is now."""
     return _quotient(gap, speed, speed > _STILL)
 
 
-def deceleration_to_avoid_crash(gap: FloatArray, closing: FloatArray) -> Measure:
+def deceleration_to_avoid_crash(gap: FloatArray, closing: FloatArray) -> Series:
     """closing² / (2 gap): the constant deceleration that just avoids the collision with a lead that keeps its speed."""
     return _quotient(closing**2, 2.0 * gap, (closing > _STILL) & (gap > 0.0))
 
 
-def _quotient(numerator: FloatArray, denominator: FloatArray, valid: BoolArray) -> Measure:
+def _quotient(numerator: FloatArray, denominator: FloatArray, valid: BoolArray) -> Series:
     value = np.zeros_like(numerator)
     np.divide(numerator, denominator, out=value, where=valid & (np.abs(denominator) > 0.0) & (numerator != 0.0))
-    return Measure(value, valid)
+    return Series(value, valid)
 
 
 def longitudinal_violation(seen: View, parameters: rss.RssParameters) -> BoolArray:
@@ -132,13 +125,13 @@ class Criticality:
     """
 
     time: FloatArray
-    ttc: Measure
-    thw: Measure
-    drac: Measure
-    distance: Measure
+    ttc: Series
+    thw: Series
+    drac: Series
+    distance: Series
     lead: NDArray[np.object_]
     violation: dict[str, BoolArray]
-    margin: dict[str, Measure]
+    margin: dict[str, Series]
     active: BoolArray
     nearest: NDArray[np.object_] = field(repr=False)
     _touched: BoolArray = field(repr=False)
@@ -159,9 +152,9 @@ class Criticality:
         return post_encroachment_time(*self._motions)
 
     @cached_property
-    def _field(self) -> dict[str, Extreme]:
-        """The greatest collision probability and strength of the risk field of anyone, by the names of `summary`."""
-        return dict(zip(("max_collision_probability", "max_risk_field"), greatest(*self._motions), strict=False))
+    def risk_field(self) -> tuple[Extreme, ...]:
+        """Greatest collision probability and greatest strength of the risk field of anyone; empty where nobody is there."""
+        return tuple(greatest(*self._motions))
 
     @cached_property
     def impact(self) -> Impact | None:
@@ -170,11 +163,16 @@ class Criticality:
         return first_impact(ego, [other for other, touched in zip(others, self._touched, strict=True) if touched])
 
     @property
+    def opponent(self) -> Motion | None:
+        """The participant of the first contact; None without one."""
+        return self.other(self.impact.other) if self.impact is not None else None
+
+    @property
     def conflict(self) -> float | None:
         """When it was nearest (s): the time of the first contact, else of the shortest distance; None where nobody was there."""
         if self.impact is not None:
             return self.impact.time
-        nearest = _extreme(self.distance, self.nearest, self.time, np.argmin)
+        nearest = least(self.distance, self.nearest, self.time)
         return nearest.time if nearest is not None else None
 
     def risk_before(self, parameters: str, until: float, window: float) -> float:
@@ -192,7 +190,7 @@ class Criticality:
         """One column for each measure over time; `<measure>_valid` says where it is defined."""
         columns: dict[str, Any] = {"time": self.time, "lead": self.lead}
         for name in ("ttc", "thw", "drac", "distance"):
-            measure: Measure = getattr(self, name)
+            measure: Series = getattr(self, name)
             columns[name], columns[f"{name}_valid"] = measure
         for name, margin in self.margin.items():
             columns[f"rss_margin_{_column(name)}"], columns[f"rss_margin_{_column(name)}_valid"] = margin
@@ -205,26 +203,9 @@ class Criticality:
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """The extremes of the run as `Extreme._asdict`, and the shares of RSS violations; None for what is not defined."""
-        extremes = {
-            "min_ttc": _extreme(self.ttc, self.lead, self.time, np.argmin),
-            "min_thw": _extreme(self.thw, self.lead, self.time, np.argmin),
-            "max_drac": _extreme(self.drac, self.lead, self.time, np.argmax),
-            "min_distance": _extreme(self.distance, self.nearest, self.time, np.argmin),
-            "pet": self.pet,
-            "max_collision_probability": self._field.get("max_collision_probability"),
-            "max_risk_field": self._field.get("max_risk_field"),
-        }
-        risks = {f"rss_risk_{_column(name)}": self.risk(name) for name in self.violation}
-        return {name: extreme._asdict() if extreme else None for name, extreme in extremes.items()} | risks
-
-
-def _extreme(measure: Measure, whom: NDArray[np.object_], time: FloatArray, pick: Callable[[FloatArray], Any]) -> Extreme | None:
-    rows = np.flatnonzero(measure.valid)
-    if rows.size == 0:
-        return None
-    row = rows[pick(measure.value[rows])]
-    return Extreme(float(measure.value[row]), float(time[row]), str(whom[row]))
+        """All measures of the run by name (`runner.measures.measure`), extremes as `Extreme._asdict`; None for undefined ones."""
+        found = {name: each.of(self) for name, each in measures().items()}
+        return {name: value._asdict() if isinstance(value, Extreme) else value for name, value in found.items()}
 
 
 def _column(name: str) -> str:
@@ -262,10 +243,10 @@ def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
         ttc=_where(led, time_to_collision(gap, closing)),
         thw=_where(led, time_headway(gap, ego.speed)),
         drac=_where(led, deceleration_to_avoid_crash(gap, closing)),
-        distance=Measure(np.where(present, distance, 0.0), present),
+        distance=Series(np.where(present, distance, 0.0), present),
         lead=lead,
         violation=violation,
-        margin={name: Measure(np.where(present, least, 0.0), present) for name, least in margin.items()},
+        margin={name: Series(np.where(present, least, 0.0), present) for name, least in margin.items()},
         active=present & ~_earlier(collided),
         nearest=nearest,
         _touched=np.concatenate([np.zeros(0, bool), *touched]),
@@ -285,14 +266,14 @@ def _earlier(happened: BoolArray) -> BoolArray:
     return np.logical_or.accumulate(np.concatenate(([False], happened)))[:-1]
 
 
-def _where(defined: BoolArray, measure: Measure) -> Measure:
+def _where(defined: BoolArray, measure: Series) -> Series:
     valid = measure.valid & defined
-    return Measure(np.where(valid, measure.value, 0.0), valid)
+    return Series(np.where(valid, measure.value, 0.0), valid)
 
 
 def of_recording(recording: Recording, ego_name: str | None) -> Criticality | None:
     """The measures of one participant of a recording; None where there is no such name in it."""
     tracks = recording.locate().tracks
-    motions = {name: Motion.from_columns(name, track.box, track.columns) for name, track in tracks.items()}
+    motions = {name: Motion.of(track) for name, track in tracks.items()}
     ego = motions.pop(ego_name, None) if ego_name is not None else None
     return criticality(ego, list(motions.values())) if ego is not None else None

@@ -16,12 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runner.measures.extreme import Extreme
+from runner.measures.measure import LONGEST_PET, Extreme
 from runner.measures.relations import Motion, blocks, boxes_overlap, joined
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
-LONGEST_PET = 10.0
-"""Post-encroachment times above this (s) are no encounter"""
 _STEP = 0.05
 """Least time (s) between footprints that are compared"""
 _PAIRS = 1 << 18

@@ -6,10 +6,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from runner.measures.relations import Motion, relations
+from runner.participants.boxes import box_corners
 
 FRONT, REAR, LEFT, RIGHT = "front", "rear", "left", "right"
+_TOUCHING = 1e-6
+"""Distance (m) at which boxes touch"""
 _STILL = 1e-9
 """Closing speeds below this (m/s) do not close a gap"""
 
@@ -22,6 +26,7 @@ class Impact(NamedTuple):
         other: name of the other one.
         speed: relative speed of the two, m/s.
         side: of the own box that is touched: `front`, `rear`, `left` or `right`.
+        point: middle of the overlap at the first instant of contact, m ahead of the middle of the own box and to its left.
         striking: whether the participant itself hit the other one: of the two it was the faster one towards the other,
             across the side that is touched.
     """
@@ -31,6 +36,15 @@ class Impact(NamedTuple):
     speed: float
     side: str
     striking: bool
+    point: tuple[float, float]
+
+
+def sentence(ego: str, other: str, side: str, striking: bool) -> str:
+    """Who hits whom, on which side of the ego."""
+    where = side if side in (FRONT, REAR) else f"{side} side"
+    if striking:
+        return f"{ego} hit {other} with its {where}"
+    return f"{other} hit {ego} {'in the' if side in (FRONT, REAR) else 'on its'} {where}"
 
 
 class _View(NamedTuple):
@@ -61,7 +75,22 @@ def _with(ego: Motion, other: Motion) -> Impact | None:
     own, its = (now.speed, now.other_speed) if side in (FRONT, REAR) else (now.sideways, now.other_sideways)
     way = 1.0 if side in (FRONT, LEFT) else -1.0
     speed = float(np.hypot(now.speed - now.other_speed, now.sideways - now.other_sideways))
-    return Impact(float(ego.time[rows[first]]), other.name, speed, side, bool(way * own > -way * its))
+    striking, point = bool(way * own > -way * its), _point(ego, other, float(ego.time[rows[first]]))
+    return Impact(float(ego.time[rows[first]]), other.name, speed, side, striking, point)
+
+
+def _point(ego: Motion, other: Motion, time: float) -> tuple[float, float]:
+    """Middle of the overlap of two boxes at an instant (s), ahead of the middle of the ego's box and to its left, m."""
+    own, its = (_outline(each, int(np.argmin(np.abs(each.time - time)))) for each in (ego, other))
+    place = shapely.intersection(own, its.buffer(_TOUCHING)).centroid
+    row = int(np.argmin(np.abs(ego.time - time)))
+    c, s = float(np.cos(ego.h[row])), float(np.sin(ego.h[row]))
+    dx, dy = place.x - float(ego.x[row]), place.y - float(ego.y[row])
+    return dx * c + dy * s - ego.box.x, dy * c - dx * s - ego.box.y
+
+
+def _outline(motion: Motion, row: int) -> shapely.Polygon:
+    return shapely.Polygon(box_corners(float(motion.x[row]), float(motion.y[row]), float(motion.h[row]), motion.box))
 
 
 def _side(before: _View, bearing: tuple[float, float]) -> str:

@@ -9,15 +9,16 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from runner.measures.rss import PARAMETERS
+from runner.measures.measure import measures, units
 from schemas.errors import UsageError
 
-_RISKS = tuple(f"rss_risk_{name.replace('-', '_')}" for name in PARAMETERS)
-_FIELD = {"max_collision_probability": "", "max_risk_field": "kJ"}
-_EXTREMES = {"min_ttc": "s", "min_thw": "s", "max_drac": "m/s²", "min_distance": "m", "pet": "s", **_FIELD}
-UNITS = _EXTREMES | dict.fromkeys(_RISKS, "") | {"end_time": "s"}
-"""Measures of a run by name, and their units; see `runner.measures.criticality` and `RunResult`."""
-EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": ""}
+_RSS = "rss_risk_ad_rss"
+"""Measure that `rss` stands for"""
+NEW_FAILURE = "new-failure"
+"""Says nothing of one run: with it, a batch fails by those failures only that an earlier batch does not have"""
+UNITS = units() | {"end_time": "s"}
+"""Measures of a run by name, and their units; see `runner.measures.measure` and `RunResult`."""
+EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": "", NEW_FAILURE: ""}
 """What can be named without a number, and the kind of event in the log that it is about, where it is one: the ego leaves the
 road, or comes to its end; the time limit comes first; RSS distances (parameter set `ad-rss`) are violated."""
 _COMPARISONS: dict[str, Callable[[float, float], bool]] = {
@@ -65,6 +66,11 @@ class Limit:
         Raises:
             UsageError: it is none, with the measures and events that there are.
         """
+        if text.strip() == "inconclusive":
+            raise UsageError(
+                f"--fail-if {text!r}: inconclusive runs fail a batch without it (exit code 6, see --allow-inconclusive); "
+                "--junit-inconclusive error makes them errors of the report"
+            )
         match = _FORM.fullmatch(text)
         if match is None or match[1] not in (UNITS if match[2] else EVENTS):
             raise UsageError(
@@ -83,21 +89,21 @@ class Limit:
         """Why a run fails by it; empty where it does not."""
         if self.name == "timeout":
             return f"{self.text}: the time limit came first, at {facts.end_time:.2f} s" if facts.status == "timeout" else ""
+        if self.name == NEW_FAILURE:
+            return ""
         if self.name == "rss":
-            return Limit(self.text, _RISKS[0], ">").reason(facts)
+            return Limit(self.text, _RSS, ">").reason(facts)
         if not self.comparison:
             return next((f"{self.text}: {text}" for kind, text in facts.events if kind == EVENTS[self.name]), "")
-        found = facts.end_time if self.name == "end_time" else (facts.criticality or {}).get(self.name)
+        found: Any = facts.end_time if self.name == "end_time" else (facts.criticality or {}).get(self.name)
         value = found["value"] if isinstance(found, Mapping) else found
         if value is None or not _COMPARISONS[self.comparison](value, self.value):
             return ""
-        if self.name in _RISKS:
-            return f"{self.text}: RSS distances are violated in {value:.1%} of the time"
-        when = f" at {found['time']:.2f} s" if isinstance(found, Mapping) else ""
-        whom = f" with {found['other']}" if isinstance(found, Mapping) else ""
-        return f"{self.text}: {self.name} is {value:.2f} {UNITS[self.name]}{whom}{when}"
+        if self.name == "end_time":
+            return f"{self.text}: end_time is {value:.2f} s"
+        return f"{self.text}: {measures()[self.name].sentence(found)}"
 
     @property
     def needs_ego(self) -> bool:
         """Whether it says nothing about a run without an ego."""
-        return self.name not in ("timeout", "end_time")
+        return self.name not in ("timeout", "end_time", NEW_FAILURE)

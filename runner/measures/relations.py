@@ -10,13 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runner.participants.declaration import BoundingBox
 from xodr.array_types import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from runner.recording import Track
 
 _STEEPEST = 0.3
 """Rise per distance between two boxes from which they are on different levels (a bridge): steeper than any road"""
@@ -37,6 +40,8 @@ class Motion:
         speed: along the heading.
         road: id of the road, None where unknown.
         s, t: road coordinates, m.
+        kind, category: as those of a `runner.recording.Track`.
+        mass: kg; 0 where it is not known.
     """
 
     name: str
@@ -50,12 +55,24 @@ class Motion:
     road: NDArray[np.object_]
     s: FloatArray
     t: FloatArray
+    kind: str = "vehicle"
+    category: str = "car"
+    mass: float = 0.0
 
     @classmethod
     def from_columns(cls, name: str, box: BoundingBox, columns: Mapping[str, Any]) -> Motion:
         """From the columns of a trajectory table (`runner.recording.COLUMNS`)."""
-        values = {key: np.asarray(columns[key], dtype=np.float64) for key in ("time", "x", "y", "z", "h", "speed", "s", "t")}
+        values: dict[str, Any] = {
+            key: np.asarray(columns[key], dtype=np.float64) for key in ("time", "x", "y", "z", "h", "speed", "s", "t")
+        }
         return cls(name, box, road=np.asarray(columns["road_id"], dtype=object), **values)
+
+    @classmethod
+    def of(cls, track: Track) -> Motion:
+        """The motion of a recorded participant."""
+        return replace(
+            cls.from_columns(track.name, track.box, track.columns), kind=track.kind, category=track.category, mass=track.mass
+        )
 
     @cached_property
     def facing(self) -> tuple[FloatArray, FloatArray]:
@@ -80,7 +97,7 @@ def joined(motions: tuple[Motion, ...]) -> tuple[Motion, IntArray]:
     """The rows of several participants, one participant after the other, and which one each row is of."""
     sizes = [len(each.time) for each in motions]
     boxes = BoundingBox(*np.repeat(np.array([each.box for each in motions], np.float64).T, sizes, axis=1))
-    columns = {name: np.concatenate([getattr(each, name) for each in motions]) for name in _ROWS}
+    columns: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in motions]) for name in _ROWS}
     return Motion("", boxes, **columns), np.repeat(np.arange(len(motions)), sizes)
 
 

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runner.measures.extreme import Extreme
+from runner.measures.measure import Extreme
 from runner.measures.relations import Motion, blocks, boxes_overlap, common, seen_by
 from xodr.array_types import FloatArray, IntArray
 

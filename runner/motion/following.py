@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from runner.motion.paths import Path, approach, nearest, tangent
-from runner.motion.surface import in_world, pose_of
+from runner.motion.placement import in_world, pose_of
 
 if TYPE_CHECKING:
     from runner.motion.placement import Placement
@@ -63,6 +63,8 @@ class PathMotion:
         self._gear = 0.0
         """What the speed's sign means along the path: +1 the path's direction, -1 the other; 0 before the first motion"""
         self._back = False
+        self.left = False
+        """Whether the entity has gone back to its lane by itself."""
         self.ending = False
         """Whether the entity goes back to its lane after the coming step, wherever it is then."""
         known = roads.network.roads.values() if roads.network is not None else ()
@@ -75,13 +77,14 @@ class PathMotion:
             self._gear = self._engaged(speed)
             self._back = self._gear * speed < 0.0 and not self._timed
         before, self.s = self.s, self._kept(self.reached(speed, dt))
-        if self.s == self._origin and self.s != before:
-            speed = self._gear * (self.s - before) / dt
+        if self.s == self._origin and (self.s != before or speed):
+            speed = self._gear * (self.s - before) / dt or 0.0
         if self.s >= self.path.length and self.again is not None and not self._back:
             self.s = (self.s - self.path.length) % max(self.again.length, _SHORTEST)
             self.path, self._target = self.again, None
         self.put(entity, speed)
         if self.ending or self._left():
+            self.left = True
             self.roads.back_to_lane(entity)
         return speed
 

@@ -8,15 +8,18 @@ negative speed moves it backwards without turning it.
 from __future__ import annotations
 
 import math
+from math import cos, sin
 from typing import TYPE_CHECKING
 
 from runner.motion.dynamics import Easing
-from runner.motion.surface import slant
+from runner.motion.placement import slant
+from xodr.geometry import Line
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
     from runner.motion.placement import Placement
     from runner.participants.entity import Entity, Guide
+    from xodr.model import LaneSection
     from xodr.network import RoadNetwork
     from xodr.road import Road
 
@@ -57,6 +60,8 @@ class LaneMotion:
         lane = section.lanes[entity.lane]
         center, constant = lane.center, lane.center.constant
         ds = entity.direction * distance
+        if constant is not None and road.flat and self._glide(entity, road, section, constant + entity.offset, ds, turn):
+            return speed
         if constant is None or not road.line.straight:
             per_s = 1.0 - road.line.curvature(entity.s + 0.5 * ds) * t
             slope = 0.0 if constant is not None else center.slope(entity.s)
@@ -68,6 +73,41 @@ class LaneMotion:
             self._pose(entity, turn)
             return speed
         return self._cross(entity, distance, turn, dt, steered)
+
+    def _glide(self, entity: Entity, road: Road, section: LaneSection, aside: float, ds: float, turn: float) -> bool:
+        """Move within one element of a level road, along a lane whose centre keeps its t: most steps; false where it is not one.
+
+        It does what `advance` and `_pose` do in general, with the element found once.
+
+        Args:
+            aside: t at the end of the step, m.
+            ds: way along the lane, m.
+            turn: of the way across it, rad.
+        """
+        line, s = road.line, entity.s
+        start, end, element = line.element(s)
+        middle = s + 0.5 * ds
+        if not start <= middle < end:
+            return False
+        if type(element) is Line:
+            s += ds
+            if not (start <= s < end and section.s <= s < section.end):
+                return False
+            along, ahead, up, h = s - start, element.cos, element.sin, element.h
+            entity.x, entity.y = element.x + along * ahead - aside * up, element.y + along * up + aside * ahead
+        else:
+            per_s = 1.0 - element.curvature(middle - start) * entity.t
+            s += ds / (per_s if per_s > _SHARPEST else _SHARPEST)
+            if not (start <= s < end and section.s <= s < section.end):
+                return False
+            x, y, h = element.at(s - start)
+            entity.x, entity.y = x - aside * sin(h), y + aside * cos(h)
+        direction = entity.direction
+        entity.s, entity.t = s, aside
+        entity.z, entity.pitch, entity.roll = 0.0, direction * 0.0, direction * 0.0
+        h = h + entity.heading_offset + turn
+        entity.h = h + math.pi if direction < 0 else h
+        return True
 
     def _ease(self, entity: Entity, easing: Easing, distance: float) -> None:
         """Ask for the next offset on the way back into the lane, unless something else has moved it, or is to."""
@@ -97,13 +137,14 @@ class LaneMotion:
         assert entity.road is not None
         backwards = distance < 0.0
         forward = (entity.direction > 0) != backwards
-        point = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
+        point = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset, entity.layer)
         if entity.controls.route is not None:
             point = self._on_route(point, entity.road, entity.controls.route, forward)
         choose = entity.controls.route.choose if entity.controls.route is not None else None
         drift, aside = _drift(entity), point.offset * entity.direction
         reached, forward, left = self.network.travel(point, abs(distance), forward, choose)
-        entity.road = self.network.road(reached.road_id)
+        reached = self._preferred(entity, reached)
+        entity.road, entity.layer = self.network.road_of(reached), reached.layer
         entity.lane, entity.s, entity.t, entity.offset = reached.lane_id, reached.s, reached.t, reached.offset
         entity.section = entity.road.section(entity.s)
         entity.direction = 1 if forward != backwards else -1
@@ -121,12 +162,20 @@ class LaneMotion:
         entity.controls.target_speed = 0.0
         return math.copysign(max(abs(distance) - left, 0.0), distance) / dt
 
+    def _preferred(self, entity: Entity, point: RoadPoint) -> RoadPoint:
+        """The point on the layer of lanes that the entity prefers, once the layers do not differ where it is."""
+        layer = entity.controls.preferred_layer
+        if layer is None or layer == point.layer:
+            return point
+        moved = self.network.moved(point, layer)
+        return moved if (moved.lane_id, moved.offset) == (point.lane_id, point.offset) else point
+
     def _on_route(self, point: RoadPoint, road: Road, route: Guide, forward: bool) -> RoadPoint:
         """The point, on the lane under it where that goes on along the route and the lane that it is bound for does not."""
         under = road.lane_at(point.s, point.t)
         if under == point.lane_id or road.section(point.s) is not road.sections[-1 if forward else 0]:
             return point
-        own, there = (self.network.links(road.id, lane, forward) for lane in (point.lane_id, under))
+        own, there = (self.network.on(point.layer).links(road.id, lane, forward) for lane in (point.lane_id, under))
         if route.leads(road.id, forward, own) or not route.leads(road.id, forward, there):
             return point
         return point._replace(lane_id=under, offset=point.t - road.lane_t(point.s, under))
@@ -149,7 +198,7 @@ class LaneMotion:
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:
         """Distance (m, in s) along the entity's route, or else the shortest way, to a place; negative once passed."""
         assert entity.road is not None
-        here = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
+        here = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset, entity.layer)
         there = placement.point or self.network.locate(placement.x, placement.y, placement.z)
         distance: float | None = entity.controls.route.distance(here, there) if entity.controls.route is not None else None
         if distance is None:

@@ -17,6 +17,8 @@ _SPACING = 0.25
 """Wanted distance (m) between samples."""
 _FEWEST, _MOST = 16, 2000
 """Limits of the number of samples in one span between knots."""
+_MOST_OF_ALL = 500_000
+"""Most samples of a curve: 125 km, or 31,000 control points"""
 _STILL = 1e-9
 
 
@@ -109,5 +111,7 @@ def _parameters(order: int, points: Sequence[ControlPoint], knots: Sequence[floa
         shaping = points[index - order + 1 : index + 1]
         reach = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(shaping))
         count = int(min(max(_FEWEST, reach / _SPACING), _MOST))
+        if len(found) + count > _MOST_OF_ALL:
+            raise ValueError(f"a curve of more than {_MOST_OF_ALL} samples is too long, or has too many control points")
         found += [start + (end - start) * step / count for step in range(1, count + 1)]
     return found

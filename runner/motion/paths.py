@@ -216,6 +216,73 @@ class Chain:
         return [*self.first.knots(), *(knot + shift for knot in self.then.knots() if knot > self.begin)]
 
 
+class Smoothed(Sampled):
+    """A smooth curve through corners, with the s (m) of each.
+
+    Cubics in the length of the chords join the corners. Tangents at inner corners are those of a parabola through the corner and
+    its neighbours, those at the ends continue that parabola. Prescribed headings turn evenly from corner to corner.
+    """
+
+    def __init__(self, corners: Sequence[Corner]) -> None:
+        chords = [math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(corners)]
+        slopes = [
+            ((b.x - a.x) / d, (b.y - a.y) / d) if d > _SAME_PLACE else (0.0, 0.0)
+            for (a, b), d in zip(pairwise(corners), chords, strict=True)
+        ]
+        leave = _tangents(chords, slopes)
+        samples: list[Sample] = []
+        self.stations = [0.0]
+        for index, (a, b) in enumerate(pairwise(corners)):
+            if chords[index] > _SAME_PLACE:
+                _sample(samples, a, b, chords[index], leave[index], leave[index + 1])
+            self.stations.append(samples[-1].s if samples else 0.0)
+        super().__init__(samples)
+
+
+def smoothed(corners: Sequence[Corner]) -> Polyline | Smoothed:
+    """A smooth curve through corners; a line where they are at two places at most."""
+    places = {(corner.x, corner.y) for corner in corners}
+    return Smoothed(corners) if len(places) > 2 else Polyline(corners)
+
+
+def _tangents(chords: Sequence[float], slopes: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Derivatives by the chord's length at each corner."""
+    inner = [
+        tuple((p * e + q * d) / (d + e) if d + e > _SAME_PLACE else 0.0 for p, q in zip(before, after, strict=True))
+        for (d, e), (before, after) in zip(pairwise(chords), pairwise(slopes), strict=True)
+    ]
+    first = tuple(2.0 * p - q for p, q in zip(slopes[0], inner[0], strict=True))
+    last = tuple(2.0 * p - q for p, q in zip(slopes[-1], inner[-1], strict=True))
+    return [(x, y) for x, y in (first, *inner, last)]
+
+
+def _sample(
+    samples: list[Sample], a: Corner, b: Corner, chord: float, leave: tuple[float, float], arrive: tuple[float, float]
+) -> None:
+    """Add the samples of a cubic from a corner to the next, the first corner's own where there are none yet."""
+    count = max(8, min(200, math.ceil(chord)))
+    for number in range(1 if samples else 0, count + 1):
+        u = number / count
+        v = 1.0 - u
+        start, end, out, into = v * v * (1.0 + 2.0 * u), u * u * (3.0 - 2.0 * u), u * v * v * chord, -u * u * v * chord
+        x, y = (
+            start * p + end * q + out * m + into * n
+            for p, q, m, n in ((a.x, b.x, leave[0], arrive[0]), (a.y, b.y, leave[1], arrive[1]))
+        )
+        ahead, before, after = 6.0 * u * v / chord, v * (v - 2.0 * u), u * (u - 2.0 * v)
+        dx, dy = (
+            ahead * (b.x - a.x) + before * leave[0] + after * arrive[0],
+            ahead * (b.y - a.y) + before * leave[1] + after * arrive[1],
+        )
+        heading = math.atan2(dy, dx)
+        last = samples[-1] if samples else Sample(0.0, x, y, a.z, heading, heading)
+        tangent = last.tangent + math.remainder(heading - last.tangent, math.tau)
+        given = a.h + u * math.remainder(b.h - a.h, math.tau) if a.h is not None and b.h is not None else tangent
+        h = last.h + math.remainder(given - last.h, math.tau)
+        s = last.s + max(math.hypot(x - last.x, y - last.y), _SAME_PLACE) if samples else 0.0
+        samples.append(Sample(s, x, y, a.z + u * (b.z - a.z), tangent, h))
+
+
 def approach(x: float, y: float, h: float, z: float, target: Pose) -> Sampled:
     """A smooth way from a pose to a point of a path, leaving and arriving in the given directions.
 

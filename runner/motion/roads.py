@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from runner.motion.free import STRAIGHT_AHEAD
 from runner.motion.lane import LaneMotion
-from runner.motion.placement import Placement, wrap
-from runner.motion.surface import in_world, lane_heading, pose_of
+from runner.motion.placement import Placement, in_world, lane_heading, pose_of, wrap
 from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
@@ -39,10 +38,11 @@ class Roads:
         if self.network is None:
             return None
         if entity.on_lane and entity.road is not None:
-            return RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset)
+            return RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset, entity.layer)
         if entity.located_at != (entity.x, entity.y):
             entity.located_at = (entity.x, entity.y)
-            entity.located = self.network.locate(entity.x, entity.y, entity.z, entity.h, entity.located)
+            layer = entity.controls.preferred_layer
+            entity.located = self.network.locate(entity.x, entity.y, entity.z, entity.h, entity.located, layer)
         return entity.located
 
     def is_off_road(self, entity: Entity) -> bool:
@@ -95,12 +95,26 @@ class Roads:
         if placement.point is None or self.network is None or abs(wrap(placement.heading_offset)) > _ACROSS:
             self.leave_lane(entity)
         else:
-            self.follow_lane(entity, placement.point, placement.direction, placement.heading_offset)
+            layer = None if placement.layered else entity.controls.preferred_layer
+            point = self.network.moved(placement.point, layer or placement.point.layer)
+            self.follow_lane(entity, point, placement.direction, placement.heading_offset)
+
+    def prefer(self, entity: Entity, layer: str) -> None:
+        """Let an entity keep to a layer of lanes: where its lane is of the other one, from where the layers are one again."""
+        entity.controls.preferred_layer = layer
+        point = self.road_point(entity)
+        if point is None or self.network is None or point.layer == layer:
+            return
+        moved = self.network.moved(point, layer)
+        if not entity.on_lane:
+            entity.located = moved
+        elif (moved.lane_id, moved.offset) == (point.lane_id, point.offset):
+            self.follow_lane(entity, moved, entity.direction, entity.heading_offset)
 
     def follow_lane(self, entity: Entity, point: RoadPoint, direction: int, heading_offset: float = 0.0) -> None:
         """Let an entity follow the lane it is on, facing along (+1) or against (−1) increasing s."""
         assert self.network is not None and self._lane_motion is not None
-        entity.road = self.network.road(point.road_id)
+        entity.road, entity.layer = self.network.road_of(point), point.layer
         entity.section = entity.road.section(point.s)
         entity.lane, entity.s, entity.t, entity.offset = point.lane_id, point.s, point.t, point.offset
         entity.direction, entity.heading_offset, entity.on_lane = direction, heading_offset, True
@@ -116,7 +130,7 @@ class Roads:
         point = self.road_point(entity)
         if point is None or self.network is None or entity.controls.motion is not STRAIGHT_AHEAD:
             return
-        turn = wrap(entity.h - lane_heading(self.network.road(point.road_id), point))
+        turn = wrap(entity.h - lane_heading(self.network.road_of(point), point))
         direction = 1 if abs(turn) <= math.pi / 2 else -1
         self.follow_lane(entity, point, direction, turn if direction > 0 else wrap(turn + math.pi))
 

@@ -14,8 +14,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from runner.motion.nurbs import ControlPoint, sampled
-from runner.motion.paths import Chain, Corner, Path, Polyline, Segments
+from runner.motion.paths import Chain, Corner, Path, Polyline, Segments, smoothed
 from runner.motion.placement import Placement
+from runner.motion.schedules import Motion
+from schemas.rules.positions import TIMING_UID
 from xodr.geometry import Arc, Line, Segment, Spiral, Start
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from runner.participants.entity import Entity
     from xosc.node import Node
 
+INTERPOLATION_UID = "xosc.toolchain:xosc:1.4.0:routing.interpolation_is_up_to_the_tool"
 _GAP = 1e-3
 """Distance (m) from which the end of a closed shape is joined to its beginning by a line."""
 _JUMP = 1e-6
@@ -40,13 +43,14 @@ _LONGEST = 1e7
 class Track(NamedTuple):
     """A trajectory in the world: its path, and the times (s) that it gives at some s (m) along the path.
 
-    grounded: whether its height is that of the road.
+    grounded: whether its height is that of the road. motions: what is prescribed at each of these s.
     """
 
     path: Path
     times: Sequence[float | None]
     stations: Sequence[float]
     grounded: bool = True
+    motions: Sequence[Motion] = ()
 
 
 class Timetable(NamedTuple):
@@ -62,10 +66,12 @@ class Shape(ABC):
     Attributes:
         times: the times (s) of its vertices, control points or ends; None where it has none.
         timed: whether it says when it is where, from start to end.
+        motions: speeds and accelerations at the places of the times.
     """
 
     times: Sequence[float | None] = ()
     timed: bool = False
+    motions: Sequence[Motion] = ()
 
     def __init__(self, positions: Sequence[Position]) -> None:
         self.positions = positions
@@ -84,11 +90,25 @@ class Shape(ABC):
         """The track, with all positions where they are now."""
 
 
+def _motion(node: Node | None) -> Motion:
+    """Read a Motion; an empty one prescribes nothing."""
+    if node is None:
+        return Motion()
+    found = Motion(node.finite("speed_longitudinal", None), node.finite("acceleration_longitudinal", None))
+    if found == Motion():
+        raise node.invalid("speed_longitudinal or acceleration_longitudinal is expected")
+    if found.speed is not None and found.speed < 0.0:
+        raise node.unsupported(f"speed_longitudinal={found.speed:g}: a trajectory is followed forwards")
+    return found
+
+
 class PolylineShape(Shape):
-    """Vertices joined by straight lines."""
+    """Vertices joined by straight lines; with an Interpolation, by a smooth curve."""
 
     def __init__(self, node: Node, positions: Sequence[Position], times: Sequence[float | None]) -> None:
         super().__init__(positions)
+        self.motions = [_motion(vertex.find("Motion")) for vertex in node.children("Vertex")]
+        self.curved = node.find("Interpolation") is not None
         self.faces = any(position.oriented for position in positions)
         self.node, self.times = node, times
         self.timed = times[0] is not None and times[-1] is not None
@@ -100,12 +120,32 @@ class PolylineShape(Shape):
         if len(vertices) < 2:
             raise node.invalid("a polyline needs two vertices or more")
         positions = [context.position(vertex.need("Position")) for vertex in vertices]
-        return cls(node, positions, [vertex.finite("time", None) for vertex in vertices])
+        interpolation = node.find("Interpolation")
+        if interpolation is not None:
+            text = (
+                "the vertices are joined by a smooth curve: cubics whose tangents are those of parabolas through three vertices"
+            )
+            context.remarks.add(interpolation.remark(INTERPOLATION_UID, text))
+        times = [vertex.finite("time", None) for vertex in vertices]
+        for second in range(1, len(vertices)):
+            first = second - 1
+            if times[first] is not None and times[first] == times[second] and _apart(positions[first], positions[second]):
+                text = f"the time {times[second]:g} is that of another place, too; it is left out"
+                context.repair(vertices[second], TIMING_UID, text)
+                times[first if second == len(vertices) - 1 and first else second] = None
+        return cls(node, positions, times)
 
     def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
-        """Lines from vertex to vertex."""
-        path = Polyline([_corner(position, position.resolve(run, actor)) for position in self.positions])
-        return Track(path, self.times, path.stations)
+        """Lines from vertex to vertex, or a curve through them."""
+        corners = [_corner(position, position.resolve(run, actor)) for position in self.positions]
+        path = smoothed(corners) if self.curved else Polyline(corners)
+        return Track(path, self.times, path.stations, motions=self.motions)
+
+
+def _apart(one: Position, other: Position) -> bool:
+    """Whether two positions are known to be so far from each other that no time is needed for a jump."""
+    a, b = one.fixed, other.fixed
+    return a is not None and b is not None and math.dist((a.x, a.y, a.z), (b.x, b.y, b.z)) > _JUMP
 
 
 def _corner(position: Position, place: Placement) -> Corner:
@@ -159,6 +199,7 @@ class ClothoidShape(Shape):
         self.bend = _Bend(curvature, curvature + prime * length, length)
         self.times = [node.finite("startTime", None), node.finite("stopTime", None)]
         self.timed = None not in self.times
+        self.motions = [_motion(node.find("MotionStart")), _motion(node.find("MotionEnd"))]
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> ClothoidShape:
@@ -169,7 +210,7 @@ class ClothoidShape(Shape):
         """The clothoid from its start position."""
         place = self.positions[0].resolve(run, actor)
         path = _bent_at(self.node, place, (self.bend,))
-        return Track(path, self.times, path.stations)
+        return Track(path, self.times, path.stations, motions=self.motions)
 
 
 def _bent_at(node: Node, place: Placement, bends: tuple[_Bend, ...]) -> Segments:
@@ -202,6 +243,7 @@ class ClothoidSplineShape(Shape):
             self.runs[-1][1].append(_read_bend(segment))
         self.times = [*(segment.finite("timeStart", None) for segment in segments), node.finite("timeEnd", None)]
         self.timed = self.times[0] is not None and self.times[-1] is not None
+        self.motions = [*(_motion(segment.find("MotionStart")) for segment in segments), _motion(node.find("MotionEnd"))]
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> ClothoidSplineShape:
@@ -219,7 +261,7 @@ class ClothoidSplineShape(Shape):
             begin = path.length - piece.length
             stations = [*stations[:-1], *(begin + station for station in piece.stations)]
         assert path is not None
-        return Track(path, self.times, stations)
+        return Track(path, self.times, stations, motions=self.motions)
 
 
 def _read_bend(node: Node) -> _Bend:
@@ -289,6 +331,7 @@ class Trajectory:
         closed: whether its end leads back to its beginning, so that it can be followed round and round.
         timed: whether it says when it is where, from start to end.
         timeless: whether it has no times at all.
+        moved: whether it prescribes speeds or accelerations.
         fixed: what it is throughout every run, where it is always the same.
     """
 
@@ -303,6 +346,9 @@ class Trajectory:
         self.node, self.shape, self.closed = node, shape, closed
         self.name: str = node.get("name", "")
         self.timed = shape.timed
+        self.moved = any(motion != Motion() for motion in shape.motions)
+        if self.moved and closed:
+            raise node.unsupported("speeds and accelerations along a closed trajectory are not known to the runner")
         self.timeless = all(time is None for time in shape.times)
         self.fixed = self._build(None, None) if shape.fixed else None
 

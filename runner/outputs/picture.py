@@ -21,7 +21,7 @@ from matplotlib.patches import Polygon
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from runner.participants.boxes import box_corners
-from xodr.lookup.sampling import lane_borders
+from xodr.lookup.arrays import lane_borders
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
@@ -52,24 +52,24 @@ def write_picture(result: RunResult, path: Path) -> None:
     colours = {track.name: _EGO if track.name == result.ego else next(others) for track in tracks}
     impact = result.criticality.impact if result.criticality is not None else None
     named = _named(result, tracks)
-    figure = Figure(figsize=(11, 7.4), layout="constrained")
-    grid = figure.add_gridspec(2, 2, height_ratios=(1.2, 1.0))
-    above = figure.add_subplot(grid[0, :])
-    _from_above(above, result.recording, tracks, colours)
-    said = named if len(tracks) <= _NAMED else named[:_SAID]
-    _say(above, [track for track in tracks if track.name in said], impact)
-    _speeds(figure.add_subplot(grid[1, 0]), tracks, colours, impact)
-    _criticality(figure.add_subplot(grid[1, 1]), result, impact)
-    if named:
-        rest = len(tracks) - len(named)
-        lines = [Line2D([], [], color=colours[name], label=_plain(name)) for name in named]
-        more = [Line2D([], [], linestyle="", label=f"and {rest} more")] if rest else []
-        figure.legend(handles=[*lines, *more], fontsize=8, loc="outside lower center", ncols=_NAMED + 1)
-    outcome = "passed" if result.verdict.passed else "failed: " + "; ".join(result.verdict.reasons)
-    title = f"{result.scenario.stem}, {result.end_time:.2f} s, system under test {result.sut}, {outcome}"
-    figure.suptitle(_plain(title), fontsize=11, wrap=True)
-    with warnings.catch_warnings():
+    with mpl.rc_context(), warnings.catch_warnings():
+        mpl.rcdefaults()  # Matplotlib reads a file of the working folder, which may ask for any program
         warnings.filterwarnings("ignore", "Glyph .* missing")  # names may be in any script, and are boxes then
+        figure = Figure(figsize=(11, 7.4), layout="constrained")
+        grid = figure.add_gridspec(2, 2, height_ratios=(1.2, 1.0))
+        above = figure.add_subplot(grid[0, :])
+        _from_above(above, result.recording, tracks, colours)
+        said = named if len(tracks) <= _NAMED else named[:_SAID]
+        _say(above, [track for track in tracks if track.name in said], impact)
+        _speeds(figure.add_subplot(grid[1, 0]), tracks, colours, impact)
+        _criticality(figure.add_subplot(grid[1, 1]), result, impact)
+        if named:
+            rest = len(tracks) - len(named)
+            lines = [Line2D([], [], color=colours[name], label=_plain(name)) for name in named]
+            more = [Line2D([], [], linestyle="", label=f"and {rest} more")] if rest else []
+            figure.legend(handles=[*lines, *more], fontsize=8, loc="outside lower center", ncols=_NAMED + 1)
+        title = f"{result.scenario.stem}, {result.end_time:.2f} s, system under test {result.sut}, {result.verdict}"
+        figure.suptitle(_plain(title), fontsize=11, wrap=True)
         figure.savefig(path, dpi=110, metadata={"Software": None})
 
 

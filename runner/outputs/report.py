@@ -10,12 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
-from runner.interpreter.event_log import LogEntry
+from runner.recording import LogEntry
 from schemas.packages import version
+from schemas.security.text import xml_text
+from schemas.storage import keep
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Outcome
     from runner.interpreter.result import RunResult, Verdict
+
+_SEVERITY = {"speed": "impact_speed", "delta_v": "delta_v", "risk": "fatality_risk"}
+"""Measures of a contact by their short names"""
 
 
 def summary(result: RunResult) -> dict[str, Any]:
@@ -29,8 +34,9 @@ def summary(result: RunResult) -> dict[str, Any]:
         },
         "parameters": result.parameters,
         "status": result.status,
-        "verdict": "passed" if result.verdict.passed else "failed",
+        "verdict": result.verdict.outcome,
         "reasons": list(result.verdict.reasons),
+        "causes": [cause._asdict() for cause in result.verdict.causes],
         "criteria": criteria(result.verdict),
         "remarks": list(result.remarks),
         "end_time": result.end_time,
@@ -39,13 +45,26 @@ def summary(result: RunResult) -> dict[str, Any]:
         "sut_parameters": result.sut_parameters,
         "settings": result.settings,
         "entities": {
-            track.name: {"kind": track.kind, "category": track.category, "box": track.box._asdict()}
+            track.name: {"kind": track.kind, "category": track.category, "box": track.box._asdict(), "mass": track.mass}
             for track in result.recording.tracks.values()
         },
         "actors": result.actors,
         "criticality": result.criticality.summary if result.criticality is not None else None,
         "version": version(),
     }
+
+
+def impact(result: RunResult) -> dict[str, Any] | None:
+    """The first contact of the ego, as `runner.batch.jobs.Outcome` has it; None without one."""
+    from runner.measures.measure import Extreme, measures
+
+    found = result.criticality.impact if result.criticality is not None else None
+    if found is None:
+        return None
+    severity = {key: measures()[name].of(result.criticality) for key, name in _SEVERITY.items()}
+    numbers = {key: value.value for key, value in severity.items() if isinstance(value, Extreme)}
+    where = {"time": found.time, "other": found.other, "side": found.side, "point": list(found.point)}
+    return numbers | where | {"strikes": found.striking}
 
 
 def criteria(verdict: Verdict) -> list[dict[str, Any]]:
@@ -82,50 +101,42 @@ def write_events(events: Iterable[LogEntry], path: Path) -> None:
             file.write(json.dumps(finite(entry._asdict()), ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def write_junit(outcomes: Iterable[Outcome], path: Path) -> None:
-    """Write a JUnit file: one test case a run; a failed verdict is a failure, a defect of file or run an error.
+def write_junit(outcomes: Iterable[Outcome], path: Path, inconclusive: str = "skipped") -> None:
+    """Write a JUnit file, whole or not at all: a test case a run; a failed verdict is a failure, a defect an error.
 
-    Results of criteria are properties of their test case, remarks its standard output.
+    An inconclusive run is skipped, or an error, as `inconclusive` says. Results of criteria are properties of their test case,
+    remarks its standard output.
     """
     suites = etree.Element("testsuites", name="xosc-run")
     groups: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
         groups.setdefault(str(outcome.job.source), []).append(outcome)
     for source, members in groups.items():
-        counts = {state: str(sum(o.state == state for o in members)) for state in ("failed", "error")}
+        tags = [{"failed": "failure", "error": "error", "inconclusive": inconclusive}.get(each.state) for each in members]
         suite = etree.SubElement(
             suites,
             "testsuite",
-            name=_printable(source),
+            name=xml_text(source),
             tests=str(len(members)),
-            failures=counts["failed"],
-            errors=counts["error"],
+            failures=str(tags.count("failure")),
+            errors=str(tags.count("error")),
+            skipped=str(tags.count("skipped")),
         )
-        for outcome in members:
-            case = etree.SubElement(suite, "testcase", classname=_printable(Path(source).stem))
-            case.set("name", _printable(outcome.job.title))
+        for outcome, tag in zip(members, tags, strict=True):
+            case = etree.SubElement(suite, "testcase", classname=xml_text(Path(source).stem))
+            case.set("name", xml_text(outcome.job.title))
             case.set("time", f"{outcome.end_time or 0.0:.3f}")
             _add_criteria(case, outcome.criteria)
-            if outcome.state in ("failed", "error"):
-                tag = "failure" if outcome.state == "failed" else "error"
-                detail = etree.SubElement(case, tag, message=_printable(outcome.message))
-                detail.text = _printable(outcome.message)
+            if tag is not None:
+                detail = etree.SubElement(case, tag, message=xml_text(outcome.message))
+                detail.text = xml_text(outcome.message)
             if outcome.remarks:
-                etree.SubElement(case, "system-out").text = _printable("\n".join(outcome.remarks))
-    path.write_bytes(etree.tostring(suites, pretty_print=True, xml_declaration=True, encoding="UTF-8"))
+                etree.SubElement(case, "system-out").text = xml_text("\n".join(outcome.remarks))
+    keep(etree.tostring(suites, pretty_print=True, xml_declaration=True, encoding="UTF-8"), path)
 
 
 def _add_criteria(case: etree._Element, results: list[dict[str, Any]]) -> None:
     properties = etree.SubElement(case, "properties") if results else case
     for result in results:
         name = " ".join(text for text in (f"criteria_{result['name']}", result["entity"]) if text)
-        etree.SubElement(
-            properties, "property", name=_printable(name), value=_printable(f"{result['result']}: {result['reason']}")
-        )
-
-
-def _printable(text: str) -> str:
-    """Text without the characters that XML 1.0 can't hold."""
-    return "".join(
-        c if c in "\t\n" or (c >= " " and c not in "\ufffe\uffff" and not "\ud800" <= c <= "\udfff") else "?" for c in text
-    )
+        etree.SubElement(properties, "property", name=xml_text(name), value=xml_text(f"{result['result']}: {result['reason']}"))

@@ -7,7 +7,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runner.measures.rss import PARAMETERS
+from runner.measures.measure import measures
 from schemas.storage import keep
 
 if TYPE_CHECKING:
@@ -15,27 +15,26 @@ if TYPE_CHECKING:
 
     from runner.batch.jobs import Outcome
 
-EXTREMES = ("min_ttc", "min_thw", "max_drac", "min_distance", "pet", "max_collision_probability", "max_risk_field")
-"""Measures of `runner.measures.criticality.Criticality.summary` that have a value, a time and another participant."""
-SHARES = tuple(f"rss_risk_{name.replace('-', '_')}" for name in PARAMETERS)
-"""Measures that are a number."""
+CONTACT = ("impact_side", "impact_ahead", "impact_left", "ego_strikes")
+"""Columns of a contact: side of the ego, its point (m ahead and left of the middle of the box), whether the ego hit the other"""
 
 
 def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
     """Write the table, whole or not at all, sorted by name: same runs, same content, whoever did them in whatever order.
 
     Columns: name, file (that the user named), scenario, parameters (a map of texts), seed (null unless runs were repeated), state
-    (`passed`, `failed`, `error`), verdict (null where there was no run), exit_code, status, end_time (s), message, and the
-    criticality measures: each extreme with `_time` (s) and `_other`, and the shares of RSS violations; null where they are not
-    defined. Units as in `runner.measures.criticality`.
+    (`passed`, `failed`, `inconclusive`, `error`), verdict (null where there was no run), exit_code, status, end_time (s),
+    message, remarks, causes (names; why a run is inconclusive), `CONTACT` of a failed run in which the ego touches another
+    participant, and the criticality measures: each extreme with `_time` (s) and `_other`,
+    and the shares of RSS violations; null where they are not defined. Units as in `runner.measures.criticality`.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     rows = [_row(outcome) for outcome in sorted(outcomes, key=lambda outcome: outcome.job.name)]
     content = BytesIO()
-    pq.write_table(pa.Table.from_pylist(rows, schema=_schema()), content, compression="zstd")
-    keep(content.getvalue(), path)
+    pq.write_table(pa.Table.from_pylist(rows, schema=schema()), content, compression="zstd")
+    keep(content.getvalue(), path, durable=True)
 
 
 def _row(outcome: Outcome) -> dict[str, Any]:
@@ -53,11 +52,25 @@ def _row(outcome: Outcome) -> dict[str, Any]:
         "end_time": outcome.end_time,
         "message": _text(outcome.message),
         "remarks": [_text(remark) for remark in outcome.remarks],
+        "causes": outcome.causes,
+        **_contact(outcome.impact),
     }
-    for name in EXTREMES:
-        extreme = outcome.measures.get(name) or {}
-        row |= {name: extreme.get("value"), f"{name}_time": extreme.get("time"), f"{name}_other": extreme.get("other")}
-    return row | {name: outcome.measures.get(name) for name in SHARES}
+    for name, each in measures().items():
+        found = outcome.measures.get(name)
+        if each.is_extreme:
+            extreme = found or {}
+            row |= {name: extreme.get("value"), f"{name}_time": extreme.get("time"), f"{name}_other": extreme.get("other")}
+        else:
+            row[name] = found
+    return row
+
+
+def _contact(impact: dict[str, Any] | None) -> dict[str, Any]:
+    """Columns of a contact."""
+    if impact is None:
+        return dict.fromkeys(CONTACT)
+    ahead, left = impact["point"]
+    return dict(zip(CONTACT, (impact["side"], ahead, left, impact["strikes"]), strict=True))
 
 
 def _text(value: object) -> str:
@@ -65,7 +78,8 @@ def _text(value: object) -> str:
     return str(value).encode("utf-8", "backslashreplace").decode()
 
 
-def _schema() -> pa.Schema:
+def schema() -> pa.Schema:
+    """Columns of the table, and their types."""
     import pyarrow as pa
 
     text, number = pa.string(), pa.float64()
@@ -79,6 +93,8 @@ def _schema() -> pa.Schema:
         "verdict": text,
     }
     fields |= {"exit_code": pa.int64(), "status": text, "end_time": number, "message": text, "remarks": pa.list_(text)}
-    for name in EXTREMES:
-        fields |= {name: number, f"{name}_time": number, f"{name}_other": text}
-    return pa.schema(list((fields | dict.fromkeys(SHARES, number)).items()))
+    fields["causes"] = pa.list_(text)
+    fields |= dict(zip(CONTACT, (text, number, number, pa.bool_()), strict=True))
+    for name, each in measures().items():
+        fields |= {name: number, f"{name}_time": number, f"{name}_other": text} if each.is_extreme else {name: number}
+    return pa.schema(list(fields.items()))

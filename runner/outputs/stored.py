@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runner.criteria.criterion import CriterionResult
-from runner.interpreter.event_log import LogEntry
-from runner.interpreter.result import RunResult, Verdict
+from runner.interpreter.result import FAILED, Cause, RunResult, Verdict
+from runner.outputs.folder import RESULT
 from runner.participants.declaration import BoundingBox
-from runner.recording import COLUMNS, Recording, Track, arrow_type
+from runner.recording import COLUMNS, LogEntry, Recording, Track, arrow_type
 from schemas.errors import InvalidFile
-from schemas.storage import parse_object, read_bytes, read_object
+from schemas.security.policy import current
+from schemas.storage import parse_object, read_bytes, read_object, read_parquet
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,11 +24,20 @@ if TYPE_CHECKING:
 
     from xodr.network import RoadNetwork
 
-RESULT, TRAJECTORIES, EVENTS = "result.json", "trajectories.parquet", "events.jsonl"
+TRAJECTORIES, EVENTS = "trajectories.parquet", "events.jsonl"
 _GREATEST = 1e9
 """No run has a value beyond this, in whatever unit"""
 _SHORTEST, _LONGEST = 0.001, 1e6
 """Limits of steps and runs, s"""
+
+
+class Entity(NamedTuple):
+    """A participant of a run; the mass is 0 where it is not known."""
+
+    kind: str
+    category: str
+    box: BoundingBox
+    mass: float
 
 
 class Setup(NamedTuple):
@@ -37,14 +47,14 @@ class Setup(NamedTuple):
         scenario, road: its files, which may be gone; None where it was on no road.
         timestep: s.
         ego: its name; None where there was none.
-        entities: kind, category and box of each participant, by name.
+        entities: each participant by name.
     """
 
     scenario: Path
     road: Path | None
     timestep: float
     ego: str | None
-    entities: dict[str, tuple[str, str, BoundingBox]]
+    entities: dict[str, Entity]
 
 
 def read_setup(path: Path) -> Setup:
@@ -77,7 +87,7 @@ def load_run(folder: Path, road: Path | None = None) -> RunResult:
             parameters={str(name): str(value) for name, value in values["parameters"].items()},
             status=str(values["status"]),
             end_time=_number(values, "end_time", 0.0, _LONGEST),
-            verdict=Verdict(values["verdict"] == "passed", tuple(map(str, values["reasons"])), _criteria(values)),
+            verdict=_verdict(values),
             remarks=tuple(map(str, values["remarks"])),
             ego=setup.ego,
             sut=str(values["sut"]),
@@ -105,8 +115,18 @@ def _setup(values: Mapping[str, Any]) -> Setup:
         None if files["road"] is None else Path(files["road"]),
         _number(values["settings"], "timestep", _SHORTEST),
         None if ego is None else str(ego),
-        {name: (str(who["kind"]), str(who["category"]), _box(who["box"])) for name, who in values["entities"].items()},
+        {name: _entity(who) for name, who in values["entities"].items()},
     )
+
+
+def _verdict(values: Mapping[str, Any]) -> Verdict:
+    """The verdict; runs of earlier versions have no causes."""
+    failures = tuple(map(str, values["reasons"])) if values["verdict"] == FAILED else ()
+    causes = tuple(Cause(str(each["name"]), str(each["text"])) for each in values.get("causes", ()))
+    verdict = Verdict(failures, causes, _criteria(values))
+    if verdict.outcome != values["verdict"]:
+        raise ValueError(f"the verdict {values['verdict']!r} does not follow from its reasons")
+    return verdict
 
 
 def _criteria(values: Mapping[str, Any]) -> tuple[CriterionResult, ...]:
@@ -155,6 +175,7 @@ def _network(recorded: Path | None, given: Path | None, path: Path) -> RoadNetwo
         return None
     from xodr.reader import load
 
+    current().admit(file)
     if given is None and not os.path.isfile(file):  # unlike Path.is_file it takes names of any length
         raise InvalidFile(f"the road network {recorded} of this run no longer exists; give it by --road", path=path)
     return load(file)
@@ -173,7 +194,16 @@ def _tracks(path: Path, setup: Setup) -> list[Track]:
     ends = np.cumsum(np.bincount(codes, minlength=len(names)))
     rows = dict(zip(names, np.split(np.argsort(codes, kind="stable"), ends[:-1]), strict=True)) if names else {}
     none = np.zeros(0, np.int64)
-    return [Track(name, *who, partial(_columns, table, rows.get(name, none), path)) for name, who in setup.entities.items()]
+    return [
+        Track(name, who.kind, who.category, who.box, partial(_columns, table, rows.get(name, none), path), who.mass)
+        for name, who in setup.entities.items()
+    ]
+
+
+def _entity(values: Mapping[str, Any]) -> Entity:
+    """A participant; runs of earlier versions have no masses."""
+    mass = _number(values, "mass") if "mass" in values else 0.0
+    return Entity(str(values["kind"]), str(values["category"]), _box(values["box"]), mass)
 
 
 def _box(values: Mapping[str, Any]) -> BoundingBox:
@@ -182,13 +212,12 @@ def _box(values: Mapping[str, Any]) -> BoundingBox:
 
 def _table(path: Path) -> pa.Table:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
+    current().admit(path)
     schema = pa.schema({name: arrow_type(name) for name in ("entity", *COLUMNS)})
     try:
-        with path.open("rb") as file:
-            return pq.read_table(file, columns=schema.names).cast(schema)
-    except (OSError, ValueError, pa.ArrowException) as error:
+        return read_parquet(path, schema.names).select(schema.names).cast(schema)
+    except (OSError, ValueError, KeyError, pa.ArrowException) as error:
         reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
         raise InvalidFile(f"the results of a run can't be read: {reason}", path=path) from None
 

@@ -7,23 +7,36 @@ import re
 import shutil
 import sys
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from schemas.commands.wording import many
+from schemas.remarks import told_quietly
+from schemas.security.text import one_line
 
 if TYPE_CHECKING:
+    from runner.batch.comparison import Comparison
     from runner.batch.jobs import Outcome
 
-_WORDS = {"error": "ERROR", "failed": "FAILED", "passed": "PASSED", "loaded": "LOADED"}
+_WORDS = {"error": "ERROR", "failed": "FAILED", "inconclusive": "INCONCLUSIVE", "passed": "PASSED", "loaded": "LOADED"}
 """By state, the gravest first."""
-_COLOURS = {"passed": "\033[32m", "loaded": "\033[32m", "failed": "\033[31m", "error": "\033[35m"}
+_GRAVE = ("error", "failed", "inconclusive")
+_COLOURS = {
+    "passed": "\033[32m", "loaded": "\033[32m", "inconclusive": "\033[33m", "failed": "\033[31m", "error": "\033[35m",
+}  # fmt: skip
+_WORD = 13
+"""Width of the column with verdicts"""
 _BOLD, _OFF, _CLEAR = "\033[1m", "\033[0m", "\r\033[K"
 _NAME = 44
 """Least width of the column with the names of runs"""
 _REST = 60
 """Width of all other columns, with room for a reason"""
 _LISTED = 5
-"""Runs that are named in a group of the summary"""
+"""Runs that are named in a group of the summary, and among the worst"""
+_REPLAY = "replay.html"
+"""Name of the page of a run, as of `runner.replay.player`"""
 _ENDS = {"completed": "stop trigger", "timeout": "time limit", "collision": "", "compiled": "not run (--dry-run)"}
 _ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
 _LOCATION = re.compile(r"^.*?:\d+: ")
@@ -36,7 +49,7 @@ class Table:
 
     Args:
         verbose: print tracebacks of errors too.
-        quiet: print failures and errors only.
+        quiet: print failures, inconclusive runs and errors only.
         total: how many runs there will be at most; 0 where that is not known.
     """
 
@@ -50,22 +63,25 @@ class Table:
         self._groups: dict[tuple[str, str], list[str]] = {}
         self._remarks: dict[str, list[str]] = {}
         self._told: set[str] = set()
+        self._contacts: list[tuple[str, dict[str, Any]]] = []
 
     def show(self, outcome: Outcome) -> None:
         """Print one run's line."""
         if not self._quiet and not any(self._counts.values()) and outcome.state != "loaded":
-            self._print(f"{'verdict':8}{'run':{self._width}}  {'end':>9}  ended by")
+            self._print(f"{'verdict':{_WORD}}{'run':{self._width}}  {'end':>9}  ended by")
         self._counts[outcome.state] += 1
-        grave = outcome.state in ("failed", "error")
+        grave = outcome.state in _GRAVE
         if grave:
-            self._groups.setdefault((outcome.state, _cause(outcome)), []).append(outcome.job.title)
+            self._groups.setdefault((outcome.state, _cause(outcome)), []).append(one_line(outcome.job.title))
+        if outcome.impact is not None:
+            self._contacts.append((one_line(outcome.job.title), outcome.impact))
         for remark in outcome.remarks:
             self._remarks.setdefault(_LOCATION.sub("", remark), []).append(remark)
         if grave or not self._quiet:
             self._print(self._line(outcome))
         if outcome.state == "error" and outcome.message not in self._told:
             self._told.add(outcome.message)
-            trace = outcome.trace if self._verbose else ""
+            trace = "".join(f"{one_line(line)}\n" for line in outcome.trace.splitlines()) if self._verbose else ""
             print(f"{trace}xosc-run: {outcome.message}", file=sys.stderr, flush=True)
         if self._progress:
             sys.stderr.write(f"{_CLEAR}{self._done()}")
@@ -77,43 +93,92 @@ class Table:
         seconds = (time.monotonic() - self._begun) / done * max(self._total - done, 0)
         parts = [f"{done} of {self._total} runs" if self._total >= done else f"{done} runs done"]
         parts += [f"{failed} failed"] if failed else []
+        parts += [f"{self._counts['inconclusive']} inconclusive"] if self._counts["inconclusive"] else []
         parts += [f"about {_duration(seconds)} left"] if self._total > done else []
         return ", ".join(parts)
 
     def _line(self, outcome: Outcome) -> str:
-        word = f"{_WORDS[outcome.state]:8}"
+        word = f"{_WORDS[outcome.state]:{_WORD}}"
         if self._terminal:
             word = f"{_COLOURS[outcome.state]}{word}{_OFF}"
-        name, width = outcome.job.title, self._width
+        name, width = one_line(outcome.job.title), self._width
         if self._terminal and len(name) > width:
             name = name[: width // 2 - 1] + "…" + name[-(width - width // 2) :]
         end = f"{outcome.end_time:7.2f} s" if outcome.end_time is not None else ""
-        how = _ERRORS[outcome.exit_code] if outcome.state == "error" else _ENDS[outcome.status]
+        how = _ERRORS[outcome.exit_code] if outcome.state == "error" else _ENDS.get(outcome.status, "")
         if outcome.message and outcome.state != "error":
             how = ": ".join(filter(None, (how, outcome.message)))
         if outcome.remarks:
             how += f" ({many(len(outcome.remarks), 'remark')})"
         return f"{word}{name:{width}}  {end:>9}  {how}"
 
-    def close(self) -> None:
-        """Print remarks, equal ones once, and a summary of several runs: failures by cause, the gravest first, and all."""
+    def close(self, left_out: Mapping[Path, int] = MappingProxyType({})) -> None:
+        """Print remarks, equal ones once, and a summary of several runs: failures by cause, the gravest first, and all.
+
+        A quiet table has one line, on standard error, where files break their standard and were read all the same.
+
+        Args:
+            left_out: numbers of parameter sets that violate constraints, by variation file.
+        """
         if self._progress:
             sys.stderr.write(_CLEAR)
         runs = sum(self._counts.values())
         if self._quiet:
+            if repaired := told_quietly(remark for same in self._remarks.values() for remark in same):
+                print(f"xosc-run: {one_line(repaired)}", file=sys.stderr, flush=True)
             return
         for same in self._remarks.values():
             times = f" (and {len(same) - 1} more like it)" if len(same) > 1 else ""
             self._print(f"remark: {same[0]}{times}")
+        for path, count in left_out.items():
+            text = f"{path}: {many(count, 'parameter set')} left out: the values violate the scenario's constraints"
+            self._print(f"remark: {one_line(text)}")
         if runs < 2:
             return
         for (state, cause), names in sorted(self._groups.items(), key=lambda group: list(_WORDS).index(group[0][0])):
             self._print(f"{_WORDS[state]}, {many(len(names), 'run')}: {cause}")
             more = [f"and {len(names) - _LISTED} more"] if len(names) > _LISTED else []
             self._print("\n".join(f"    {name}" for name in names[:_LISTED] + more))
+        self._worst()
         counts = ", ".join(f"{count} {state}" for state, count in self._counts.items() if count)
         text = f"{many(runs, 'file' if self._counts['loaded'] else 'run')}: {counts}"
         self._print(f"{_BOLD}{text}{_OFF}" if self._terminal else text)
+
+    def compare(self, earlier: Comparison, replays: Path | None) -> None:
+        """Print what has changed since an earlier batch.
+
+        Args:
+            replays: output folder with replays of the runs; None where there are none.
+        """
+        kinds = {"new": earlier.new, "fixed": earlier.fixed, "still failing": earlier.still}
+        self.tell(f"since {one_line(earlier.title)}: " + ", ".join(f"{len(runs)} {kind}" for kind, runs in kinds.items()))
+        for kind, runs in kinds.items():
+            for outcome in runs[:_LISTED]:
+                was = earlier.was(outcome) or "not in it"
+                page = replays / outcome.job.name / _REPLAY if replays is not None else None
+                link = f"  {page}" if page is not None and page.is_file() else ""
+                why = f"  {one_line(outcome.message)}" if outcome.message else ""
+                self.tell(f"    {kind:15}{one_line(outcome.job.title)} (before: {was}){why}{link}")
+            if len(runs) > _LISTED:
+                self.tell(f"    {kind:15}and {len(runs) - _LISTED} more")
+
+    def tell(self, line: str) -> None:
+        """Print a line, unless failures only are asked for."""
+        if not self._quiet:
+            self._print(line)
+
+    def _worst(self) -> None:
+        """The contacts with the greatest risk of a death."""
+        if len(self._contacts) < 2:
+            return
+        from runner.measures.impact import sentence  # needs numpy
+
+        found = sorted(self._contacts, key=lambda contact: (-contact[1]["risk"], -contact[1]["speed"], contact[0]))[:_LISTED]
+        self._print(f"worst {len(found)} of {many(len(self._contacts), 'contact')}, by the risk of a death:")
+        for name, each in found:
+            who = sentence("the ego", one_line(each["other"]), each["side"], each["strikes"])
+            size = f"{each['speed']:5.1f} m/s, change of velocity {each['delta_v']:4.1f} m/s, risk {percent(each['risk'])}"
+            self._print(f"    {size}  {name}: {who}")
 
     def _print(self, text: str) -> None:
         if self._progress:
@@ -126,6 +191,13 @@ def _cause(outcome: Outcome) -> str:
     """Why a run failed, without the numbers and the file in which failures of one kind differ."""
     first = outcome.message.partition("; ")[0]
     return _NUMBER.sub("…", first.removeprefix(str(outcome.job.scenario)).removeprefix(str(outcome.job.source)).lstrip(": "))
+
+
+def percent(share: float) -> str:
+    """A share in per cent, with two digits below 10 %."""
+    if share < 0.001:
+        return "<0.1 %"
+    return f"{100.0 * share:.0f} %" if share >= 0.1 else f"{100.0 * share:.1f} %"
 
 
 def _duration(seconds: float) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from schemas.packages import version
+from schemas.security.text import csv_text, one_line
 
 if TYPE_CHECKING:
     import numpy as np
@@ -86,8 +87,8 @@ def write_csv(result: RunResult, path: Path) -> None:
             frames.setdefault(time, []).append(text)
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as file:
         file.write(f"Written by: xosc-toolchain {version()}\nTime step: {result.settings['timestep']}\n")
-        file.write(f"Ego: {result.ego or '-'}\nSystem under test: {result.sut}\n")
-        file.write(f"Scenario File Name: {result.scenario.name}\nNumber of Vehicles: {len(tracks)}\n")
+        file.write(f"Ego: {one_line(result.ego or '-')}\nSystem under test: {one_line(str(result.sut))}\n")
+        file.write(f"Scenario File Name: {one_line(result.scenario.name)}\nNumber of Vehicles: {len(tracks)}\n")
         names = [f"#{number} {name}, " for number in range(1, len(tracks) + 1) for name in _GROUP]
         file.write(f"Index [-], TimeStamp [s], {''.join(names)}\n")
         for index, time in enumerate(sorted(frames)):
@@ -105,7 +106,7 @@ def _groups(track: Track, number: int, recording: Recording) -> list[str]:
     motion += [columns["s"], columns["t"]]
     heading = np.unwrap(columns["h"])
     turning = _rate(heading, time)
-    fixed = f"{_quoted(track.name)}, {number}, "
+    fixed = f"{csv_text([[track.name]]).rstrip()}, {number}, "
     box = "".join(f"{value:.3f}, " for value in track.box)
     rows = []
     for i, values in enumerate(np.column_stack(motion).tolist()):
@@ -120,10 +121,6 @@ def _groups(track: Track, number: int, recording: Recording) -> list[str]:
             + ", "
         )
     return rows
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\r\n') else name
 
 
 def _turn(angle: float) -> float:

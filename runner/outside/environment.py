@@ -1,4 +1,4 @@
-"""The ego as a Gymnasium environment: `EgoEnv("file.xosc")`, for learners of other libraries.
+"""The ego as a Gymnasium environment: `gymnasium.make("xosc/Scenario-v0", scenario="file.xosc")`, for learners.
 
 Needs the extra `gym`.
 """
@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 
 from runner.interpreter.execution import Prepared, prepare
-from runner.interpreter.result import RunResult
+from runner.interpreter.result import INCONCLUSIVE, RunResult
 from runner.interpreter.session import Session
-from runner.outside.reward import Reward, RewardFunction, Transition
-from runner.outside.view import EGO, PARTICIPANT, STATE, Rows, View
+from runner.outside.learner import EGO, PARTICIPANT, STATE, EgoStep, Reward, RewardFunction, Rows, View
 from runner.settings import RunSettings
 from runner.sut.base import Control, Observation
 from runner.sut.commanded import Commanded
-from schemas.errors import UsageError
+from schemas.errors import InvalidFile, UsageError
 from schemas.extras import missing
 from xosc.distributions import variations
 
@@ -46,10 +45,11 @@ _MOST_SEEDS = 2**31 - 1
 class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
     """Drives the ego of a scenario, one run an episode.
 
-    Observations are the arrays of `runner.outside.view.View`. Actions are numbers from −1 to 1: the share of a fully pressed
+    Observations are the arrays of `runner.outside.learner.View`. Actions are numbers from −1 to 1: the share of a fully pressed
     throttle (positive) or brake (negative), the share of the greatest steering angle, to the left positive, or the target speed,
     −1 standstill and 1 the greatest. An episode terminates where the ego touches somebody or leaves the road, and is truncated
-    where the scenario or its time limit ends it. `info` has `time` (s), `touched` (names) and `departed`.
+    where the scenario or its time limit ends it. `info` has `time` (s), `touched` (names), `departed`, and at the end
+    `inconclusive`: names of causes for which the episode tested nothing (`runner.interpreter.untested.CAUSES`).
 
     Args:
         scenario: a scenario, or a variation file: each episode takes one of its parameter sets at random.
@@ -58,12 +58,14 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         actions: one of `ACTIONS`.
         participants: how many others are seen.
         reward: gives the reward of a step.
+        render_mode: `rgb_array` for pictures of the present instant, from above.
 
     Raises:
-        UsageError: a setting is wrong, or the scenario has no ego; the other errors are those of `runner.run`.
+        UsageError: a setting is wrong, or the scenario has no ego.
+        InvalidFile: no parameter set is left. The other errors are those of `runner.run`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # as the base class has it
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}  # noqa: RUF012  # as the base class has it
 
     def __init__(
         self,
@@ -73,15 +75,22 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         actions: str = "acceleration_and_steering",
         participants: int = 8,
         reward: RewardFunction | None = None,
+        render_mode: str | None = None,
         **changes: Any,
     ) -> None:
         if actions not in ACTIONS:
             raise UsageError(f"the actions {actions!r} are not one of {', '.join(ACTIONS)}")
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise UsageError(f"the render mode {render_mode!r} is not one of {', '.join(self.metadata['render_modes'])}")
+        self.render_mode = render_mode
         self.action_space = spaces.Box(-1.0, 1.0, (ACTIONS[actions],), np.float32)
         shapes = {"ego": (len(EGO),), "participants": (participants, len(PARTICIPANT)), "state": (1 + participants, len(STATE))}
         self.observation_space = spaces.Dict({name: spaces.Box(-np.inf, np.inf, shapes[name], np.float32) for name in shapes})
         self._settings = replace(settings or RunSettings(), **{**changes, "sut": Commanded()})
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self._settings.timestep)}
         self._sets = list(variations(scenario, self._settings.enforce_constraints))
+        if not self._sets:
+            raise InvalidFile("no parameter set satisfies the constraints of the scenario", path=scenario)
         self._prepared = lru_cache(maxsize=64)(self._prepare)
         self._actions, self._participants, self._reward = actions, participants, reward or Reward()
         self._session: Session | None = None
@@ -128,8 +137,13 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         self._seen = None if terminated or truncated else there
         if self._seen is None:
             session.close()
-        step = Transition(seen.ego, before.target_speed, self._settings.timestep, bool(session.touched), departed)
-        return self._view.of(seen), self._reward(step), terminated, truncated, self._info(session, departed)
+        step = EgoStep(seen.ego, before.target_speed, self._settings.timestep, bool(session.touched), departed)
+        info = self._info(session, departed)
+        if self._seen is None:
+            verdict = session.result().verdict
+            causes = verdict.causes if verdict.outcome == INCONCLUSIVE else ()
+            info["inconclusive"] = tuple(dict.fromkeys(cause.name for cause in causes))
+        return self._view.of(seen), self._reward(step), terminated, truncated, info
 
     def result(self) -> RunResult:
         """The present run so far: verdict, trajectories, criticality.
@@ -140,6 +154,19 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         if self._session is None:
             raise UsageError("no episode has begun: reset() begins one")
         return self._session.result()
+
+    def render(self) -> Any:
+        """Pixels of the present instant, an array of height, width and 3; None without a render mode.
+
+        Raises:
+            UsageError: no episode has begun.
+        """
+        if self.render_mode is None:
+            return None
+        from runner.replay.frames import frames
+
+        result = self.result()
+        return np.asarray(next(iter(frames([result], [result.end_time]))).convert("RGB"))
 
     def close(self) -> None:
         """Free the simulator; the results of the last run stay."""

@@ -60,7 +60,10 @@ class Truth:
         self._before[one.name] = time, one
         if network is None or self._lanes is None:
             return None
-        point = self._hints[one.name] = network.locate(one.x, one.y, one.z, one.h, self._hints.get(one.name))
+        point = network.locate(one.x, one.y, one.z, one.h, self._hints.get(one.name))
+        if not network.on_road(point):
+            point = network.locate(one.x, one.y, one.z, one.h)
+        self._hints[one.name] = point
         lane = self._lanes.at(point.road_id, point.lane_id, point.s)
         if lane is not None:
             each.moving_object_classification.assigned_lane_id.add(value=lane)

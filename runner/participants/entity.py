@@ -83,6 +83,8 @@ class Controls:
     """Who controls an entity, and what the scenario asks of it in the coming step."""
 
     motion: Motion = STRAIGHT_AHEAD
+    preferred_layer: str | None = None
+    """layer of lanes that a PreferredLaneLayerAction has asked for"""
     route: Guide | None = None
     """what it follows at junctions; None for the straightest way"""
     owners: dict[str, Owner] = field(default_factory=dict)

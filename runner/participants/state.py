@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from xodr.model import TEMPORARY
+
 if TYPE_CHECKING:
     from xodr.model import LaneSection, RoadPoint
     from xodr.road import Road
@@ -60,6 +62,8 @@ class EntityState:
     on_lane: bool = False
     road: Road | None = None
     section: LaneSection | None = None
+    layer: str = TEMPORARY
+    """layer of lanes that it keeps to"""
     lane: int = 0
     s: float = 0.0
     t: float = 0.0

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner.motion.surface import surface
+from runner.motion.placement import surface
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -7,17 +7,15 @@ heading does: a lane position faces the way that the lane's traffic drives.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
 from runner.contracts.position import FixedPosition, Position
-from runner.motion.placement import Placement
-from runner.motion.surface import lane_heading
+from runner.motion.placement import Placement, lane_heading
 from runner.positions.orientation import Orientation, on_road
-from schemas.rules.lane_references import UID as LANE
-from schemas.rules.relative_lane_distance import UID as DISTANCE
-from schemas.rules.road_length import UID as LENGTH
-from xodr.model import RoadError, RoadPoint
+from schemas.rules.positions import LANE_DISTANCE_UID, LANE_UID, ROAD_LENGTH_UID
+from xodr.model import PERMANENT, TEMPORARY, RoadError, RoadPoint
 from xosc.node import TO_RIGHT
 
 if TYPE_CHECKING:
@@ -29,13 +27,17 @@ if TYPE_CHECKING:
     from xodr.road import Road
     from xosc.node import Node
 
+LAYERS = (PERMANENT, TEMPORARY)
+"""Layers of lanes, as the attribute `layer` names them."""
+_MISPLACED = 10.0
+"""Distance (m) beyond the end of a road above which a position there is another scene: two vehicles' lengths."""
 _TOLERANCE = 1e-3
 """How far (m) beyond the end of its road an s may lie: files round."""
 
 
 def lane_placement(network: RoadNetwork, point: RoadPoint, orientation: Orientation) -> Placement:
     """A placement that faces the direction of the lane's traffic, unless the orientation says otherwise."""
-    road = network.road(point.road_id)
+    road = network.road_of(point)
     h = lane_heading(road, point)
     if point.lane_id and road.direction(point.lane_id, point.s) < 0:
         h += math.pi
@@ -47,6 +49,11 @@ def read_lane_id(node: Node) -> int:
     return int(node.int("laneId"))
 
 
+def misplaced(beyond: float) -> str:
+    """Cause of an inconclusive run where a position is so far (m) beyond the end that takes its place; empty for a little."""
+    return "misplaced" if beyond > _MISPLACED else ""
+
+
 def _road_and_s(node: Node, context: Context) -> tuple[Road, float]:
     """The road, and s on it: beyond an end of the road that end is meant."""
     s = float(node.finite("s"))
@@ -56,7 +63,8 @@ def _road_and_s(node: Node, context: Context) -> tuple[Road, float]:
         raise node.invalid(error.message) from None
     if not -_TOLERANCE <= s <= road.length + _TOLERANCE:
         end = "its beginning" if s < 0.0 else "its end"
-        context.repair(node, LENGTH, f"s={s:g} is not on road {road.id!r}, which is {road.length:.3f} m long; {end} is assumed")
+        text = f"s={s:g} is not on road {road.id!r}, which is {road.length:.3f} m long; {end} is assumed"
+        context.repair(node, ROAD_LENGTH_UID, text, misplaced(max(-s, s - road.length)))
     return road, min(max(s, 0.0), road.length)
 
 
@@ -75,18 +83,39 @@ class RoadPosition(FixedPosition):
 
 @registry.position("LanePosition")
 class LanePosition(FixedPosition):
-    """s on a lane of a road, at an offset from the lane's centre (positive towards +t)."""
+    """s on a lane of a road, at an offset from the lane's centre (positive towards +t).
+
+    Lane ids are those of the temporary layer where there is one, or of the `layer` that is named; without a name, an entity that
+    prefers the permanent layer (PreferredLaneLayerAction) is put on that.
+    """
+
+    permanent: Placement | None = None
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> LanePosition:
         """Read the attributes and check them against the road network."""
         network = context.need_network(node)
         road, s = _road_and_s(node, context)
+        layer = node.choice("layer", LAYERS, None)
+        orientation, lane_id, offset = Orientation.from_xml(node, context), read_lane_id(node), node.finite("offset", 0.0)
+
+        def placed(on: str) -> Placement:
+            return lane_placement(network, network.lane_point(road.id, lane_id, s, offset, on), orientation)
+
         try:
-            point = road.lane_point(s, read_lane_id(node), node.finite("offset", 0.0))
+            found = cls(node, placed(layer or TEMPORARY)._replace(layered=layer is not None))
         except RoadError as error:
             raise node.invalid(error.message) from None
-        return cls(node, lane_placement(network, point, Orientation.from_xml(node, context)))
+        if layer is None and road.permanent is not None:
+            with suppress(RoadError):
+                found.permanent = placed(PERMANENT)
+        return found
+
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
+        """The place, on the layer that the actor prefers where none is named."""
+        if self.permanent is not None and actor is not None and actor.controls.preferred_layer == PERMANENT:
+            return self.permanent
+        return self.fixed
 
 
 class _RelativeRoadPosition(Position):
@@ -118,10 +147,10 @@ class _RelativeRoadPosition(Position):
         assert point is not None
         return point
 
-    def repair(self, run: Surroundings | None, rule: str, text: str) -> None:
+    def repair(self, run: Surroundings | None, rule: str, text: str, cause: str = "") -> None:
         """Go on with what is meant although this position breaks a rule, with a remark; refused where loading is strict."""
         assert run is not None
-        run.remarks.add(self.node.remark(rule, text))
+        run.remarks.add(self.node.remark(rule, text, cause))
 
     def along(self, run: Surroundings | None, origin: RoadPoint, ds: float) -> tuple[RoadPoint, bool]:
         """The point on the same lane ds further in s, or at the end of the road, and whether +s is the same direction there."""
@@ -131,7 +160,7 @@ class _RelativeRoadPosition(Position):
         if left:
             side = "after" if ds > 0.0 else "before"
             text = f"the road ends less than {abs(ds):g} m {side} {self.entity.name!r}; its end is assumed"
-            self.repair(run, LENGTH, text)
+            self.repair(run, ROAD_LENGTH_UID, text, misplaced(left))
         return point, aligned
 
 
@@ -178,7 +207,7 @@ class RelativeLanePosition(_RelativeRoadPosition):
         if self.ds is not None and self.ds_lane is not None:
             raise node.invalid("one of the attributes ds and dsLane is expected, and only one")
         if self.ds is None and self.ds_lane is None:
-            context.repair(node, DISTANCE, "one of the attributes ds and dsLane is expected; dsLane=0 is assumed")
+            context.repair(node, LANE_DISTANCE_UID, "one of the attributes ds and dsLane is expected; dsLane=0 is assumed")
             self.ds_lane = 0.0
 
     @classmethod
@@ -193,8 +222,8 @@ class RelativeLanePosition(_RelativeRoadPosition):
         side = 1 if aligned else -1
         lane, beside = self._lane(run, reached, side * self.lanes)
         offset = side * self.left(origin) * self.offset
-        road = self.network.road(reached.road_id)
-        point = road.lane_point(reached.s, lane, offset + beside)
+        road = self.network.road_of(reached)
+        point = road.lane_point(reached.s, lane, offset + beside)._replace(layer=reached.layer)
         if self.ds is None or self.oriented:
             return lane_placement(self.network, point, self.orientation)
         forwards = aligned == (self.facing(origin) > 0)
@@ -205,7 +234,7 @@ class RelativeLanePosition(_RelativeRoadPosition):
 
         One step beyond the outermost lane is beside the road, as far from that lane as another of its width would be.
         """
-        road, s = self.network.road(reached.road_id), reached.s
+        road, s = self.network.road_of(reached), reached.s
         lane = road.lane_beside(s, reached.lane_id, steps)
         if lane is not None:
             return lane, 0.0
@@ -214,17 +243,17 @@ class RelativeLanePosition(_RelativeRoadPosition):
         text = f"dLane={self.lanes} leads from {self.entity.name!r} beyond the lanes of road {road.id!r}"
         if outermost is None:
             raise self.node.invalid(f"{text} at s = {s:.2f} m")
-        self.repair(run, LANE, f"{text}; a lane beside the road is assumed")
+        self.repair(run, LANE_UID, f"{text}; a lane beside the road is assumed")
         return outermost, outward * road.lane_width(s, outermost)
 
     def _along_lane(self, run: Surroundings | None, origin: RoadPoint) -> tuple[RoadPoint, bool]:
         route, entity = self.entity.controls.route, self.entity
         ahead = self.facing(origin) > 0
-        center = self.network.lane_point(origin.road_id, origin.lane_id, origin.s)
+        center = self.network.lane_point(origin.road_id, origin.lane_id, origin.s, layer=origin.layer)
         point, forward, left = self.network.travel(center, self.ds_lane, ahead, route.choose if route is not None else None)
         if left > _TOLERANCE:
             text = f"the lane of {entity.name!r} ends before dsLane={self.ds_lane:g}; its end is assumed"
-            self.repair(run, LENGTH, text)
+            self.repair(run, ROAD_LENGTH_UID, text, misplaced(left))
         return point, forward == ahead
 
 
@@ -234,6 +263,7 @@ def travel_s(network: RoadNetwork, origin: RoadPoint, ds: float, choose: Choose)
     Returns the centre of the lane there, whether +s is the direction it was at the origin, and the distance (m) that is left
     where the road ends before.
     """
+    network, layer = network.on(origin.layer), origin.layer
     road, s, lane = network.road(origin.road_id), origin.s, origin.lane_id
     began = forward = ds >= 0.0
     left = abs(ds)
@@ -243,18 +273,18 @@ def travel_s(network: RoadNetwork, origin: RoadPoint, ds: float, choose: Choose)
         reached = s + left if forward else s - left
         if left <= room + _TOLERANCE:
             reached = min(max(reached, 0.0), road.length)
-            return road.lane_point(reached, _lane_at(road, s, reached, lane)), forward == began, 0.0
+            return road.lane_point(reached, _lane_at(road, s, reached, lane))._replace(layer=layer), forward == began, 0.0
         end = road.length if forward else 0.0
         lane = _lane_at(road, s, end, lane)
         link = choose(road.lane_point(end, lane), forward, network.links(road.id, lane, forward))
         left -= room
         if link is None:
-            return road.lane_point(end, lane), forward == began, left
+            return road.lane_point(end, lane)._replace(layer=layer), forward == began, left
         road, lane, forward = network.road(link.road_id), link.lane_id, link.at_start
         s = 0.0 if forward else road.length
         before = entered.setdefault((road.id, lane, forward), math.inf)
         if before <= left:  # a circle of no length
-            return road.lane_point(s, lane), forward == began, left
+            return road.lane_point(s, lane)._replace(layer=layer), forward == began, left
         left = math.fmod(left, before - left)
         entered[road.id, lane, forward] = left
 

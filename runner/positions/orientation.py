@@ -12,8 +12,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.motion.placement import Placement, wrap
-from runner.motion.surface import facing, tilted
+from runner.motion.placement import Placement, facing, tilted, wrap
 
 if TYPE_CHECKING:
     from runner.contracts.context import Context

@@ -10,11 +10,11 @@ from runner.contracts import registry
 from runner.contracts.position import Position
 from runner.motion import routes
 from runner.motion.paths import tangent
-from runner.motion.placement import Placement
-from runner.motion.surface import in_world
+from runner.motion.placement import Placement, in_world
 from runner.motion.trajectories import Trajectory
+from runner.positions.lane import misplaced
 from runner.positions.orientation import Orientation, on_road
-from schemas.rules.road_length import UID as LENGTH
+from schemas.rules.positions import ROAD_LENGTH_UID
 from xodr.model import Pose, RoadError
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class RoutePosition(Position):
             return self._at_entity(path, self.current(self.entity), run)
         assert run is not None
         remarks = run.remarks
-        return self._on(path, lambda node, rule, text: remarks.add(node.remark(rule, text)))
+        return self._on(path, lambda node, rule, text, cause: remarks.add(node.remark(rule, text, cause)))
 
     def _at_entity(self, path: RoadPath, entity: Entity, run: Surroundings | None) -> Placement:
         point = run.roads.road_point(entity) if run is not None else None
@@ -75,12 +75,13 @@ class RoutePosition(Position):
             raise self.node.invalid(f"{entity.name!r} is not on the route {self.route.name!r}")
         return self._placement(point, path.at(distance)[2])
 
-    def _on(self, path: RoadPath, repair: Callable[[Node, str, str], None]) -> Placement:
+    def _on(self, path: RoadPath, repair: Callable[[Node, str, str, str], None]) -> Placement:
         where = self.where
         distance = where.finite("pathS")
         if not -_TOLERANCE <= distance <= path.length + _TOLERANCE:
             what = f"pathS={distance:g} is not on the route {self.route.name!r}, which is {path.length:.2f} m long"
-            repair(where, LENGTH, f"{what}; its {'beginning' if distance < 0.0 else 'end'} is assumed")
+            end = "beginning" if distance < 0.0 else "end"
+            repair(where, ROAD_LENGTH_UID, f"{what}; its {end} is assumed", misplaced(max(-distance, distance - path.length)))
         road_id, s, forward = path.at(distance)
         road = self.network.road(road_id)
         side = 1 if forward == path.legs[0].forward else -1

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 from urllib.parse import quote
 
 import typer
 
-from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app
-from schemas.errors import UsageError
+from schemas.commands.help import epilog
+from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, protected, say
+from schemas.commands.wording import many
+from schemas.errors import InvalidFile, UsageError, exit_codes
+from schemas.security.policy import limited
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
 
 NAME = "xosc-replay"
-_EPILOG = "Exit codes: 0 written, 2 wrong usage, 3 results that are damaged or lack a file, 5 internal error."
+_EXAMPLES = (
+    "xosc-replay results/simple_cut_in",
+    "xosc-replay results --against results_before",
+    "xosc-replay results/simple_cut_in --out cut_in.gif",
+)
+_EPILOG = exit_codes("written", "")
 _SUFFIXES = (".html", ".png", ".gif", ".mp4")
 _MOST = 2
 """Runs that a replay shows side by side"""
@@ -24,17 +33,22 @@ _MOST = 2
 app = new_app()
 
 
-@app.command(epilog=_EPILOG)
+@app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
+@protected("max_runs")
 def xosc_replay(
     folders: Annotated[
         list[Path],
-        typer.Argument(metavar="RUN [RUN2]", help="Folders of runs that xosc-run --out has written, or one of a batch."),
+        typer.Argument(
+            metavar="RUN [RUN2]",
+            help="Folders of runs that xosc-run --out has written, or one of a batch; or OSI traces.",
+        ),
     ],
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="File to write: .html, .png, .gif, or .mp4 by ffmpeg.  [default: replay.html in RUN; report.html in a batch]",
+            help="File to write: .html, .png, .gif, or .mp4 by ffmpeg."
+            "  [default: replay.html in RUN; report.html in a batch; the trace's name with .html]",
         ),
     ] = None,
     road: Annotated[Path | None, typer.Option(metavar="FILE", help="The OpenDRIVE file, where it has moved.")] = None,
@@ -49,6 +63,7 @@ def xosc_replay(
     """Make a page that plays a run, or two side by side; a picture or an animation; of a whole batch a report with replays."""
     from runner.batch import journal
     from runner.outputs.stored import load_run
+    from runner.traces.result import is_trace, load_trace
 
     with interruptible(NAME):
         if len(folders) == 1 and journal.is_batch(folders[0]):
@@ -62,31 +77,33 @@ def xosc_replay(
                 raise UsageError(f"a replay shows one run or two, not {len(folders)}")
             if out is not None and out.suffix.lower() not in _SUFFIXES:
                 raise UsageError(f"a replay ends in {', '.join(_SUFFIXES)}", path=out)
-            results = [load_run(folder, road) for folder in folders]
-            made = _show(results) if gui else [_write(results, out or _usual(folders), folders)]
+            with limited():
+                results = [load_trace(each, road) if is_trace(each) else load_run(each, road) for each in folders]
+                made = _show(results) if gui else [_write(results, out or _usual(folders), folders)]
     for path in made if not quiet else ():
-        print(path)
+        say(str(path))
 
 
 def _usual(folders: list[Path]) -> Path:
-    from runner.replay.names import REPLAY
+    from runner.replay.player import REPLAY
 
     if len(folders) > 1:
         raise UsageError("name the --out file of the comparison")
-    return folders[0] / REPLAY
+    (only,) = folders
+    return only.with_suffix(".html") if only.is_file() else only / REPLAY
 
 
 def _write(results: list[RunResult], path: Path, folders: list[Path]) -> Path:
     if path.suffix.lower() == ".png":
-        from runner.replay.pictures import write_pictures
+        from runner.replay.frames import write_pictures
 
         write_pictures(results, path)
     elif path.suffix.lower() == ".gif":
-        from runner.replay.animation import write_animation
+        from runner.replay.frames import write_animation
 
         write_animation(results, path)
     elif path.suffix.lower() == ".mp4":
-        from runner.replay.animation import write_film
+        from runner.replay.frames import write_film
 
         write_film(results, path)
     else:
@@ -98,7 +115,7 @@ def _write(results: list[RunResult], path: Path, folders: list[Path]) -> Path:
 
 def _report_of(folders: list[Path], page: Path) -> str | None:
     """The report of the batch that runs are of, as an address from a page; None where there is none."""
-    from runner.replay.names import REPORT
+    from runner.replay.player import REPORT
 
     (batch, *others) = {folder.resolve().parent for folder in folders}
     if others or not (batch / REPORT).is_file():
@@ -118,16 +135,28 @@ def _show(results: list[RunResult]) -> list[Path]:
 def _report(batch: Path, against: Path | None) -> Path:
     """Replays of all runs of a batch that have none yet, and the report that links them."""
     from runner.batch import journal
-    from runner.outputs.stored import RESULT, load_run
-    from runner.replay.names import REPLAY, TO_REPORT
-    from runner.replay.player import write_replay
+    from runner.outputs.folder import RESULT
+    from runner.outputs.stored import load_run
+    from runner.replay.player import REPLAY, TO_REPORT, write_replay
     from runner.replay.report import write_report
 
-    for name in sorted(journal.finished(batch)):
+    finished, faults = journal.finished(batch), list[InvalidFile]()
+    for name in sorted(finished.outcomes):
         folder = batch / name
         if (folder / RESULT).is_file() and not (folder / REPLAY).exists():
-            write_replay([load_run(folder)], folder / REPLAY, TO_REPORT)
-    return write_report(batch, against)
+            try:
+                with limited():
+                    write_replay([load_run(folder)], folder / REPLAY, TO_REPORT)
+            except InvalidFile as error:
+                print(f"{NAME}: no replay of {name}", file=sys.stderr)
+                faults.append(error)
+    if finished.damaged:
+        lines = many(len(finished.damaged), "line")
+        print(f"{NAME}: {lines} of the journal damaged, the first is {finished.damaged[0]}: without those runs", file=sys.stderr)
+    report = write_report(batch, against)
+    if faults:
+        raise faults[0]
+    return report
 
 
 def main() -> None:

@@ -1,7 +1,11 @@
-"""Runs as moving pictures: the view from above with the ego and whom it has to do with; of two runs one above the other."""
+"""Runs as pictures: views from above, as PNG stills, animated GIF, or MP4 where ffmpeg is installed; two runs are stacked."""
 
 from __future__ import annotations
 
+import math
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -13,9 +17,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from runner.participants.boxes import box_corners
 from runner.replay.scene import timeline
-from runner.replay.scene.partner import partners
+from runner.replay.scene.account import partners
 from runner.replay.scene.roads import Area, Line, marks, surfaces
 from runner.replay.scene.scene import extent
+from schemas.errors import UsageError
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
@@ -273,3 +278,72 @@ def _row(track: Track, time: float) -> int | None:
 @cache
 def _font() -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), 13 * _FINER)
+
+
+_GIF, _MP4 = 10, 20
+"""Frames a second"""
+_ENCODE = (
+    "-c:v libx264 -pix_fmt yuv420p -crf 20 -threads 1 -fflags +bitexact -flags:v +bitexact -map_metadata -1 -movflags +faststart"
+)
+"""How ffmpeg writes an MP4 that every player takes, the same bytes each time"""
+
+
+def write_animation(results: Sequence[RunResult], path: Path) -> None:
+    """Write a GIF that plays one run or more in real time; the same runs give the same bytes."""
+    colours = palette()
+    made = (frame.quantize(palette=colours, dither=Image.Dither.NONE) for frame in frames(results, _times(results, _GIF)))
+    first = next(made)
+    first.save(path, "GIF", save_all=True, append_images=made, duration=1000 // _GIF, loop=0, optimize=False)
+
+
+def write_film(results: Sequence[RunResult], path: Path) -> None:
+    """Write an MP4 that plays one run or more in real time.
+
+    Raises:
+        UsageError: ffmpeg is not there, or can't do it.
+    """
+    ffmpeg = shutil.which("ffmpeg")
+    if ffmpeg is None:
+        raise UsageError("an .mp4 needs ffmpeg, which is not installed; a .gif does not", path=path)
+    made = frames(results, _times(results, _MP4))
+    first = next(made)
+    size = f"{first.width}x{first.height}"
+    given = [ffmpeg, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", str(_MP4), "-i", "-"]
+    with subprocess.Popen(
+        [*given, *_ENCODE.split(), str(path.absolute())], stdin=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdin is not None and process.stderr is not None
+        try:
+            for frame in (first, *made):
+                process.stdin.write(frame.tobytes())
+            process.stdin.close()
+        except BrokenPipeError:
+            pass  # it says why below
+        told = process.stderr.read().decode(errors="replace").strip()
+    if process.returncode:
+        raise UsageError(f"ffmpeg can't write this: {told.splitlines()[-1] if told else process.returncode}", path=path)
+
+
+def _times(results: Sequence[RunResult], per_second: int) -> list[float]:
+    end = max(result.end_time for result in results)
+    return [number / per_second for number in range(math.floor(end * per_second + 1e-6) + 1)]
+
+
+def write_pictures(results: Sequence[RunResult], path: Path) -> None:
+    """Write a PNG of one run or more: views from above, speeds, criticality."""
+    from PIL import Image
+
+    from runner.outputs.picture import write_picture
+
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f"{number}.png" for number in range(len(results))]
+        for result, file in zip(results, files, strict=True):
+            write_picture(result, file)
+        pictures = [Image.open(file).convert("RGB") for file in files]
+    size = max(picture.width for picture in pictures), sum(picture.height for picture in pictures)
+    whole = Image.new("RGB", size, "white")
+    top = 0
+    for picture in pictures:
+        whole.paste(picture, (0, top))
+        top += picture.height
+    whole.save(path, "PNG")

@@ -1,4 +1,4 @@
-"""Runs as a page that plays them: one HTML file that needs no network."""
+"""The page that plays runs, one HTML file that needs no network, and the names of pages in folders of results."""
 
 from __future__ import annotations
 
@@ -6,12 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runner.replay.names import REPLAY, TO_REPORT
 from runner.replay.page import page, write_page
 from runner.replay.scene.scene import scene
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
+
+REPLAY = "replay.html"
+"""A run's page, in the folder of its results"""
+REPORT = "report.html"
+"""A batch's page, in its output folder"""
+TO_REPORT = f"../{REPORT}"
+"""The address of a batch's page, from the pages of its runs"""
+
 
 _STYLES = ("base.css", "play/colours.css", "play/replay.css")
 _PARTS = ("data", "drawing", "pair", "view", "charts", "timeline", "account", "controls", "player")

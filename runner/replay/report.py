@@ -6,37 +6,33 @@ import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from runner.batch import journal
-from runner.measures.braking import GREATEST
-from runner.outputs.runs import write_runs
-from runner.replay.names import REPLAY, REPORT
+from runner.batch.comparison import Identity, identity
+from runner.measures.impact import sentence
+from runner.measures.measure import measures
+from runner.outputs.runs import CONTACT, schema, write_runs
 from runner.replay.page import page, write_page
-from schemas.errors import InvalidFile
+from runner.replay.player import REPLAY, REPORT
+from schemas.errors import InvalidFile, reason
+from schemas.storage import read_parquet
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 RUNS = "runs.parquet"
 """Name of the table of runs in that folder"""
 
 
-class _Measure(NamedTuple):
-    """Label and unit of a measure, the value from which on it matters no more how much it is, and what it is called then."""
-
-    label: str
-    unit: str
-    most: float
-    beyond: str = ""
-
-
-_MEASURES = {
-    "min_ttc": _Measure("Least time to collision", "s", 10.0),
-    "min_thw": _Measure("Least time headway", "s", 10.0),
-    "min_distance": _Measure("Least distance", "m", 100.0),
-    "max_drac": _Measure("Greatest deceleration to avoid a crash", "m/s²", GREATEST, "unavoidable"),
-    "pet": _Measure("Post-encroachment time", "s", 10.0),
-    "rss_risk_ad_rss": _Measure("Share of time in violation of RSS", "", 1.0),
-}
+_MOMENTS = ("min_ttc", "min_distance")
+"""Measures at whose extremes replays begin"""
+_OTHERS = ("name", "file", "seed", "state", "status", "message", "end_time", "parameters")
+"""Columns of the table of runs that the page shows besides measures"""
+_NEVER_ABSENT = ("name", "file", "state", "parameters")
+_DETAILS = (*CONTACT, "impact_speed_other")
+"""Columns from which a contact is told"""
 _STYLES = ("base.css", "report.css")
 _PARTS = ("model", "verdicts", "groups", "distributions", "scatter", "table", "report")
 _SCRIPTS = ("dom.js", "axes.js", *(f"report/{part}.js" for part in _PARTS))
@@ -70,9 +66,18 @@ def report(out: Path) -> dict[str, Any]:
     return {
         "title": out.resolve().name,
         "settings": {name: str(value) for name, value in settings.items()},
-        "measures": {name: measure._asdict() for name, measure in _MEASURES.items()},
+        "measures": _measures(),
         "parameters": varied(dict(run["parameters"]) for run in runs),
         "runs": [_row(run, out) for run in runs],
+    }
+
+
+def _measures() -> dict[str, dict[str, Any]]:
+    """The measures of reports: label, unit, end of the axis, and the word for values beyond."""
+    return {
+        name: {"label": each.label, "unit": each.unit, "most": each.most, "beyond": each.beyond}
+        for name, each in measures().items()
+        if each.most is not None
     }
 
 
@@ -95,26 +100,50 @@ def _with_earlier(values: dict[str, Any], out: Path, against: Path) -> dict[str,
     }
 
 
-def _identity(run: dict[str, Any]) -> tuple[str, tuple[tuple[str, str], ...], int | None]:
-    return Path(run["file"]).stem, tuple(sorted(map(tuple, run["parameters"]))), run["seed"]
+def _identity(run: dict[str, Any]) -> Identity:
+    return identity(Path(run["file"]), run["parameters"], run["seed"])
 
 
 def _before(run: dict[str, Any] | None) -> dict[str, Any] | None:
-    return None if run is None else {"state": run["state"], "measures": _measures(run)}
+    return None if run is None else {"state": run["state"], "measures": _values(run)}
 
 
 def _table(out: Path) -> list[dict[str, Any]]:
     """The batch's table of runs; made from its journal where it was interrupted before there was one."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     path = out / RUNS
     if not path.is_file():
-        write_runs(journal.finished(out).values(), path)
+        write_runs(journal.finished(out).outcomes.values(), path)
     try:
-        return pq.read_table(path).to_pylist()
-    except (OSError, pa.ArrowException) as error:
-        raise InvalidFile(f"the table of runs can't be read: {str(error).splitlines()[0]}", path=path) from None
+        table = read_parquet(path)
+        wrong = _unusable(table)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise InvalidFile(f"the table of runs can't be read: {reason(error)}", path=path) from None
+    if wrong:
+        raise InvalidFile(f"this is not the table of runs of a batch: {wrong}", path=path)
+    runs: list[dict[str, Any]] = table.to_pylist()
+    return runs
+
+
+def _unusable(table: pa.Table) -> str:
+    """What is wrong with a table of runs; empty where the page can be made of it.
+
+    Raises:
+        ValueError, pyarrow.ArrowException: its values are none of their types.
+    """
+    table.validate(full=True)
+    expected = schema()
+    for name in (*_OTHERS, *_measures(), *_DETAILS, *(f"{name}_time" for name in _MOMENTS)):
+        if name not in table.column_names:
+            if name in _OTHERS or name in _MOMENTS:
+                return f"there is no column {name}"
+            continue  # a measure that an earlier version did not have
+        if table.schema.field(name).type != expected.field(name).type:
+            return f"the column {name} is of the type {table.schema.field(name).type}, not {expected.field(name).type}"
+        if name in _NEVER_ABSENT and table[name].null_count:
+            return f"the column {name} has rows without a value"
+    return ""
 
 
 def varied(sets: Iterable[dict[str, str]]) -> list[str]:
@@ -139,14 +168,25 @@ def _row(run: dict[str, Any], out: Path) -> dict[str, Any]:
         "message": run["message"],
         "end": run["end_time"],
         "parameters": {key: _number(value) for key, value in run["parameters"]},
-        "measures": _measures(run),
+        "measures": _values(run),
+        "impact": _impact(run),
         "replay": f"{name}/{REPLAY}" if (out / name / REPLAY).is_file() else None,
         "moment": _moment(run),
     }
 
 
-def _measures(run: dict[str, Any]) -> dict[str, float | None]:
-    return {key: _rounded(run[key]) for key in _MEASURES}
+def _values(run: dict[str, Any]) -> dict[str, float | None]:
+    return {name: _rounded(run.get(name)) for name in _measures()}
+
+
+def _impact(run: dict[str, Any]) -> str | None:
+    """Who hits whom in a failed run, and where the ego is touched; None without a contact."""
+    if run.get("impact_side") is None or run.get("impact_speed_other") is None:
+        return None
+    ahead, left = run["impact_ahead"], run["impact_left"]
+    along, across = "ahead" if ahead >= 0.0 else "behind", "left" if left >= 0.0 else "right"
+    point = f"{abs(ahead):.1f} m {along} and {abs(left):.1f} m {across} of its middle"
+    return f"{sentence('the ego', run['impact_speed_other'], run['impact_side'], run['ego_strikes'])}, {point}"
 
 
 def _rounded(value: float | None) -> float | None:
@@ -155,7 +195,7 @@ def _rounded(value: float | None) -> float | None:
 
 def _moment(run: dict[str, Any]) -> float:
     """Where a replay begins to be interesting, s."""
-    times = [run[f"{measure}_time"] for measure in ("min_ttc", "min_distance")]
+    times = [run.get(f"{measure}_time") for measure in _MOMENTS]
     worst = next((time for time in times if time is not None), 0.0)
     return round(max(0.0, worst - _LEAD_IN), 2)
 

@@ -20,25 +20,28 @@ from typing import TYPE_CHECKING, Any
 
 from schemas.errors import ToolchainError, UsageError
 from xodr import sumo_net
+from xosc.versions import with_recent
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
     from runner.recording import Track
 
-_SHAPES = {
-    "car": "passenger/sedan",
-    "van": "delivery",
-    "truck": "truck",
-    "semitrailer": "truck/trailer",
-    "trailer": "truck/trailer",
-    "bus": "bus",
-    "motorbike": "motorcycle",
-    "bicycle": "bicycle",
-    "train": "rail",
-    "tram": "rail/railcar",
-    "pedestrian": "pedestrian",
-    "wheelchair": "pedestrian",
-}
+_SHAPES = with_recent(
+    {
+        "car": "passenger/sedan",
+        "van": "delivery",
+        "truck": "truck",
+        "semitrailer": "truck/trailer",
+        "trailer": "truck/trailer",
+        "bus": "bus",
+        "motorbike": "motorcycle",
+        "bicycle": "bicycle",
+        "train": "rail",
+        "tram": "rail/railcar",
+        "pedestrian": "pedestrian",
+        "wheelchair": "pedestrian",
+    }
+)
 """How SUMO draws participants, by category; the others are boxes without a face."""
 _EGO, _OTHERS = (230, 80, 20, 255), (60, 110, 190, 255)
 _ROUTE = "dock"

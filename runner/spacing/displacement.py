@@ -1,9 +1,11 @@
-"""How far participants can have moved: what is further apart than that has not met, and need not be looked at yet."""
+"""How far participants can have moved: what is further apart than that has not met, and need not be looked at or measured yet."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING, Protocol
+
+from runner.participants.boxes import plane_gap
 
 if TYPE_CHECKING:
     from runner.participants.entity import Entities, Entity
@@ -60,3 +62,33 @@ class Displacement:
     def after(self, way: float) -> float:
         """The total at which somebody may have covered a way (m); the present one where that is not positive."""
         return self.total + min(max(way - _ROUNDING, 0.0), LONGEST)
+
+
+class Separation:
+    """Two participants, with their gap in the plane when it was last measured, and how they stood to each other then.
+
+    Since then no point of one box has come nearer to one of the other than both reference points have moved relative to each
+    other, and the boxes have turned about them.
+    """
+
+    __slots__ = ("_a", "_b", "_gap", "_ha", "_hb", "_x", "_y", "touching")
+
+    def __init__(self, a: Entity, b: Entity) -> None:
+        self._a, self._b = a, b
+        self._gap = -math.inf
+        self._x = self._y = self._ha = self._hb = 0.0
+        self.touching = False
+        """for the caller: whether they touched when it looked last"""
+
+    def exceeds(self, distance: float) -> bool:
+        """Whether the gap in the plane is certainly greater than a distance (m)."""
+        a, b = self._a, self._b
+        x, y, ha, hb = b.x - a.x, b.y - a.y, a.h, b.h
+        left = self._gap - math.hypot(x - self._x, y - self._y)
+        if ha != self._ha or hb != self._hb:
+            left -= a.reach * abs(ha - self._ha) + b.reach * abs(hb - self._hb)
+        if left > distance:
+            return True
+        self._x, self._y, self._ha, self._hb = x, y, ha, hb
+        self._gap = plane_gap(a, b)
+        return self._gap > distance

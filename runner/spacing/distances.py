@@ -67,6 +67,9 @@ def longitudinal(
     """Signed distance ahead of a."""
     if system == "entity":
         return _ahead(a, b, freespace)
+    plain = system == "road" and not freespace and routing != "assignedRoute"
+    if plain and isinstance(b, Entity) and a.on_lane and b.on_lane and a.road is b.road:  # what `_extents` would find
+        return b.s - a.s if a.direction > 0 else a.s - b.s
     extents = _extents(roads, a, b, system, freespace, routing)
     if extents is None:
         return None

@@ -3,6 +3,8 @@
 A controller goes round its phases (OpenSCENARIO XML 1.3, 6.11). One with a `delay` and a `reference` begins its first
 phase that long after the referenced one, as if both had always been running. A TrafficSignalStateAction sets a signal
 until its controller's next phase sets it anew; a TrafficSignalControllerAction makes the controller go on from a phase.
+
+A phase may say what its signals mean (`semantics`, since 1.4). That counts for drivers whatever the states show.
 """
 
 from __future__ import annotations
@@ -13,22 +15,48 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from runner.participants.entity import Guide
     from runner.worlds.base import World
-    from xodr.model import Signal
+    from xodr.model import RoadPoint, Signal
     from xodr.network import RoadNetwork
+    from xodr.road import Road
     from xosc.node import Node
 
 _EPSILON = 1e-9
+_SHORTEST = 1e-3
+"""Length (m) that each road counts at least, so that a circle of roads without length ends."""
 _AT = 2.0
 """How far (m) from the place that it is named by a traffic light may be, as in CARLA's scenario_runner."""
 
 
 class Phase(NamedTuple):
-    """A phase: how long it lasts (s), and the states that it puts signals into, by signal id."""
+    """A phase: how long it lasts (s), the states that it puts signals into, by signal id, and what they mean, if it says so."""
 
     name: str
     duration: float
     states: dict[str, str]
+    semantics: str | None = None
+
+
+SHOWN = {
+    "stop": "red", "attention_go": "red yellow", "go": "green", "attention_stop": "yellow", "caution": "flashing yellow",
+    "fallback": "off",
+}  # fmt: skip
+"""State of a common light by what a phase means."""
+_FORBIDS = ("stop", "attention_go", "attention_stop")
+_COMFORTABLE = 4.0
+"""Deceleration (m/s²) up to which a stop at a light that is about to stop traffic is safe."""
+_FAR = 300.0
+"""Distance (m) within which lights are looked at."""
+
+
+class StopLine(NamedTuple):
+    """Where a signal asks to stop: its id, and how far (m) it is from the reference point along the lane."""
+
+    signal: str
+    distance: float
 
 
 class SignalController:
@@ -100,20 +128,29 @@ class TrafficSignals:
         self.phases: dict[str, str] = {}
         """name of the present phase of each controller"""
         self._present: dict[str, Phase] = {}
+        self.meanings: dict[str, str] = {}
+        """semantics of the signals whose controller's phase gives some"""
         self._network = network
 
     def reset(self) -> None:
         """As before a run: no signal has a state."""
         for controller in self.controllers.values():
             controller.reset()
-        for table in (self.states, self.phases, self._present):
+        for table in (self.states, self.phases, self._present, self.meanings):
             table.clear()
         self.history.clear()
 
     @classmethod
     def from_xml(cls, node: Node | None, network: RoadNetwork | None) -> TrafficSignals:
-        """Read a TrafficSignals element, if there is one."""
-        nodes = {child.get("name"): child for child in node.children("TrafficSignalController")} if node is not None else {}
+        """Read a TrafficSignals element, if there is one.
+
+        Raises:
+            InvalidFile: two controllers have one name.
+        """
+        nodes: dict[str, Node] = {}
+        for child in node.children("TrafficSignalController") if node is not None else ():
+            if nodes.setdefault(child.get("name"), child) is not child:
+                raise child.invalid(f"another traffic signal controller is called {child.get('name')!r}, too; names must differ")
         controllers = tuple(
             SignalController(
                 name, tuple(_read_phase(phase, name, network) for phase in child.children("Phase")), _begin(child, nodes)
@@ -177,15 +214,50 @@ class TrafficSignals:
                 self.phases[name] = phase.name
                 run.note("trafficSignalPhase", name, phase.name)
                 for signal, state in phase.states.items():
-                    self.set_state(run, signal, state)
+                    self.set_state(run, signal, state, phase.semantics)
 
-    def set_state(self, run: SignalRun, signal: str, state: str) -> None:
-        """Put a signal into a state."""
-        if self.states.get(signal) != state:
+    def set_state(self, run: SignalRun, signal: str, state: str, meaning: str | None = None) -> None:
+        """Put a signal into a state, with what it means where that is said."""
+        if (self.states.get(signal), self.meanings.get(signal)) != (state, meaning):
             self.states[signal] = state
-            self.history.append((run.time, signal, state))
-            understood = run.world.signal(signal, state)
+            self.meanings.pop(signal, None)
+            if meaning is not None:
+                self.meanings[signal] = meaning
+            shown = state if meaning is None else SHOWN[meaning]
+            self.history.append((run.time, signal, shown))
+            understood = run.world.signal(signal, shown)
             run.note("trafficSignal", signal, state if understood else f"{state} (not understood by {run.world.name}'s traffic)")
+
+    def stop_line(self, point: RoadPoint, forward: bool, speed: float, guide: Guide | None) -> StopLine | None:
+        """The nearest line ahead at which a signal's semantics forbid to pass; None without one.
+
+        Args:
+            point: where the reference point is. forward: whether it moves towards +s.
+            speed: m/s; a light that is about to stop traffic counts only where a comfortable stop is possible.
+            guide: decides at junctions.
+        """
+        forbidding = {signal: meaning for signal, meaning in self.meanings.items() if meaning in _FORBIDS}
+        if not forbidding or self._network is None:
+            return None
+        network, gone = self._network.on(point.layer), 0.0
+        while gone < _FAR:
+            road = network.road(point.road_id)
+            for s, signal in sorted(_lines(road, point.lane_id, forward), reverse=not forward):
+                distance = gone + (s - point.s if forward else point.s - s)
+                safe = distance >= speed * speed / (2.0 * _COMFORTABLE)
+                if distance >= 0.0 and signal in forbidding and (forbidding[signal] != "attention_stop" or safe):
+                    return StopLine(signal, distance)
+            end = road.length if forward else 0.0
+            gone += abs(end - point.s)
+            lane = network.travel(point._replace(offset=0.0), abs(end - point.s), forward).point.lane_id
+            choose = guide.choose if guide is not None else network.straightest
+            link = choose(network.lane_point(road.id, lane, end), forward, network.links(road.id, lane, forward))
+            if link is None:
+                return None
+            forward, entered = link.at_start, network.road(link.road_id)
+            point = network.lane_point(link.road_id, link.lane_id, 0.0 if forward else entered.length)
+            gone += _SHORTEST
+        return None
 
     def set_phase(self, run: SignalRun, controller: str, phase: str) -> None:
         """Let a controller go on from a phase; the signals of that phase are set even if it was in it already."""
@@ -198,12 +270,32 @@ def _read_phase(node: Node, controller: str, network: RoadNetwork | None) -> Pha
     duration = float(node.float("duration"))
     if duration < 0.0:
         raise node.invalid(f"duration={duration:g} must not be negative")
+    semantics = node.choice("semantics", SHOWN, None)
     states: dict[str, str] = {}
     for group in node.children("TrafficSignalGroupState", "TrafficeSignalGroupState"):  # the second is 1.2's own spelling
         states |= dict.fromkeys(_group(group, controller, network), group.get("state"))
     for state in node.children("TrafficSignalState"):
         states[state.get("trafficSignalId")] = state.get("state")
-    return Phase(node.get("name"), duration, states)
+    if semantics is not None and not states:
+        states = dict.fromkeys(_controlled(node, controller, network), SHOWN[semantics])
+    return Phase(node.get("name"), duration, states, semantics)
+
+
+def _controlled(phase: Node, controller: str, network: RoadNetwork | None) -> list[str]:
+    """The signals of a controller, where a phase gives them a meaning and no states: of its other phases, or its group."""
+    others = phase.parent.iter("TrafficSignalState") if phase.parent is not None else ()
+    named = dict.fromkeys(state.get("trafficSignalId") for state in others)
+    return list(named) or list(_group(phase, controller, network))
+
+
+def _lines(road: Road, lane_id: int, forward: bool) -> Iterator[tuple[float, str]]:
+    """s and id of the signals and references to signals of a road that are for a lane and direction."""
+    for each, signal in [(s, s.id) for s in road.signals] + [(r, r.signal_id) for r in road.signal_references]:
+        if each.validity:
+            if any(min(ends) <= lane_id <= max(ends) for ends in each.validity):
+                yield each.s, signal
+        elif each.orientation not in ("+", "-") or (each.orientation == "+") == forward:
+            yield each.s, signal
 
 
 def _group(node: Node, controller: str, network: RoadNetwork | None) -> tuple[str, ...]:

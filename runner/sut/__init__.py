@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import cache, partial
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 
 from runner.sut.base import Control, Observation, Participant, SystemUnderTest, WorldDriven
 from runner.sut.parameters import arguments, split
 from schemas.discovery import described
 from schemas.errors import ToolchainError, UsageError, blame
 from schemas.extras import missing
+from schemas.security.plugins import from_working_folder, installed
+from schemas.security.policy import current
 
 __all__ = [
     "Control",
@@ -23,6 +26,7 @@ __all__ = [
     "find_system",
     "load_system",
     "system_name",
+    "systems",
 ]
 
 GROUP = "xosc.sut"
@@ -72,17 +76,21 @@ def find_system(name: str | None) -> Callable[[], System] | None:
     if name is None or name == "none":
         return None
     name, given = split(name)
+    if name not in _own():
+        current().admit_code(f"the system under test {name!r}")
     entry = _own().get(name) or _installed().get(name)
     if entry is None and not re.fullmatch(r"[\w.]+:[\w.]+", name):
         there = ", ".join(sorted({*_own(), *_installed(), "none"}))
         raise UsageError(f"no system under test is called {name!r}; there are {there}, and module:Class")
+    chosen = nullcontext() if entry else from_working_folder(name.partition(":")[0])
     entry = entry or EntryPoint(name, name, GROUP)
-    try:
-        factory = entry.load()
-    except Exception as error:  # a plug-in's own code runs here
-        if absent := missing(error):
-            raise absent from None
-        raise UsageError(f"the system under test {name!r} can't be imported: {blame(error, entry.module)}") from error
+    with chosen:
+        try:
+            factory = entry.load()
+        except Exception as error:  # a plug-in's own code runs here
+            if absent := missing(error):
+                raise absent from None
+            raise UsageError(f"the system under test {name!r} can't be imported: {blame(error, entry.module)}") from error
     if not callable(factory):
         raise UsageError(f"the system under test {name!r} is not a class")
     return partial(factory, **arguments(factory, given, name)) if given else factory
@@ -94,9 +102,21 @@ def _module(factory: Callable[[], System]) -> str:
 
 @cache
 def _own() -> dict[str, EntryPoint]:
-    """The systems of this folder by name: the modules that say so in `SYSTEM`."""
-    ours = described("runner.sut", "SYSTEM")
-    return {name: EntryPoint(name, f"runner.sut.{module}:{factory}", GROUP) for module, (name, factory) in ours.items()}
+    """The systems of this folder by name: those that modules name in `SYSTEMS`, with their class and a line of help."""
+    ours = described("runner.sut", "SYSTEMS")
+    return {
+        name: EntryPoint(name, f"runner.sut.{module}:{factory}", GROUP)
+        for module, systems in ours.items()
+        for name, (factory, _) in systems.items()
+    }
+
+
+def systems() -> dict[str, str]:
+    """Every name that `--sut` takes, with a line about it."""
+    ours = {name: line for found in described("runner.sut", "SYSTEMS").values() for name, (_, line) in found.items()}
+    others = {name: f"of {entry.value.partition(':')[0]}, installed by pip" for name, entry in _installed().items()}
+    found = {**others, **ours, "none": "no system: the scripted motion"}
+    return dict(sorted(found.items())) | {"module:Class": "a class of yours, installed or in the working folder"}
 
 
 @cache
@@ -105,4 +125,4 @@ def _installed() -> dict[str, EntryPoint]:
 
     It reads every installed package's list, which takes as long as a short run.
     """
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
+    return installed(GROUP)

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from runner.sut.base import Control, Observation, Participant
-from runner.sut.encounters import Encounter, encounters
-from runner.sut.formulas import choose, greatest, least
+from runner.sut.encounters import Encounter, choose, encounters, greatest, least
 
-SYSTEM = ("aeb", "EmergencyBraking")
+SYSTEMS = {
+    "aeb": ("EmergencyBraking", "emergency braking in two stages by the time to collision"),
+}
 _FORESEEN = 10.0
 """Time (s) over which someone's way sideways is foreseen, at most"""
 _FOLLOWS, _HOLDS, _PARTIAL, _FULL = range(4)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from runner.participants.entity import Entity
     from runner.surroundings.environment import Environment
+    from runner.surroundings.signals import StopLine
     from xodr.network import RoadNetwork
 
 
@@ -92,6 +93,7 @@ class Observation(NamedTuple):
         target_speed: speed that the scenario asks of the ego at the end of this step, m/s.
         network: the roads, or None.
         environment: what EnvironmentActions have set (weather, time of day, road condition).
+        stop_line: where a traffic signal, by the semantics of its phase, forbids to go on; None without one.
     """
 
     time: float
@@ -100,6 +102,7 @@ class Observation(NamedTuple):
     target_speed: float
     network: RoadNetwork | None
     environment: Environment
+    stop_line: StopLine | None = None
 
 
 @dataclass(frozen=True, slots=True)

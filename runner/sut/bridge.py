@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import secrets
+import sys
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,18 +15,22 @@ from runner.outside.truth import Truth
 from runner.sut.base import Control, Observation, Participant
 from schemas.errors import ToolchainError, UsageError
 
-SYSTEM = ("bridge", "Bridge")
-VERSION = 1
+SYSTEMS = {
+    "bridge": ("Bridge", "another process over a socket"),
+}
+VERSION = 2
 """Version of the messages"""
 _FIELDS = {"acceleration", "steering", "reason"}
 _LONGEST_SHOWN = 60
+TOKEN = "XOSC_BRIDGE_TOKEN"  # noqa: S105  # the name of the variable
+"""Environment variable with what a client has to know; the bridge makes one up, and prints it, where it is not set"""
 
 
 @dataclass(slots=True)
 class Bridge:
     """Sends each observation to a client as an OSI GroundTruth, and does what it answers.
 
-    Each run waits for a client of its own, one at a time. Needs the extra `osi`.
+    Each run waits for a client of its own, one at a time, that sends the token of `XOSC_BRIDGE_TOKEN`. Needs the extra `osi`.
 
     Args:
         port: where the client connects to.
@@ -38,6 +45,7 @@ class Bridge:
     answer: float = 10.0
     _client: Frames | None = field(init=False, default=None, repr=False)
     _truth: Truth = field(init=False, repr=False)
+    _token: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not 0 < self.port < 65_536:
@@ -45,12 +53,20 @@ class Bridge:
         if not (self.wait > 0.0 and self.answer > 0.0):
             raise UsageError("the bridge's times to wait are more than 0 s")
         self._truth = Truth()
+        self._token = os.environ.get(TOKEN, "")
+        if not self._token:
+            self._token = secrets.token_urlsafe(24)
+            print(
+                f"the bridge at {self.host}:{self.port} waits for a client with {TOKEN}={self._token}",
+                file=sys.stderr,
+                flush=True,
+            )
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Wait for a client, and greet it."""
         self.close()
         self._truth = Truth()
-        self._client = accept(self.host, self.port, self.wait, self.answer)
+        self._client = accept(self.host, self.port, self.wait, self.answer, self._token)
         limits = {name: value if math.isfinite(value) else None for name, value in ego.performance._asdict().items()}
         steering = ego.max_steering or None
         start = {"bridge": VERSION, "ego": ego.name, "timestep": timestep, "seed": seed}

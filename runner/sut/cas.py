@@ -9,11 +9,13 @@ from typing import Any
 from runner.measures.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
 from runner.participants.boxes import Outlook, gap, interval_gap, outlook, reach, spans, vertical_gap
 from runner.sut.base import Control, Observation, Participant
-from runner.sut.formulas import choose
+from runner.sut.encounters import choose
 
 _NOTHING = Control()
 _ROUNDING = 1e-6
-SYSTEM = ("cas", "CollisionAvoidance")
+SYSTEMS = {
+    "cas": ("CollisionAvoidance", "full braking where RSS distances within 10 m are violated"),
+}
 
 
 def safe_sideways(left: Any, own: Any, its: Any, p: RssParameters) -> Any:

@@ -1,15 +1,48 @@
-"""Participants ahead as the ego sees them, along and across its heading: what the reference drivers decide by."""
+"""Participants ahead as the ego sees them, along and across its heading: what the reference drivers decide by.
+
+Formulas hold for one case and, as arrays, for many, so that a decision is written once: conditions are combined by `&` and
+`|`, and both sides of a choice are worked out.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from runner.participants.boxes import Outlook, outlook, spans
 from runner.participants.declaration import BoundingBox
 from runner.sut.base import Observation, Participant
-from runner.sut.formulas import choose, greatest, ratio
+
+_OVERSHOT = 1.0
+"""Distance (m) beyond a line at which a signal forbids to go on up to which one still stops at it."""
+
+
+def choose(condition: Any, one: Any, other: Any) -> Any:
+    """One value where a condition holds, the other one elsewhere."""
+    if isinstance(condition, np.ndarray):
+        return np.where(condition, one, other)
+    return one if condition else other
+
+
+def ratio(numerator: Any, denominator: Any, otherwise: float) -> Any:
+    """A quotient where the denominator is positive, another value elsewhere."""
+    if isinstance(denominator, np.ndarray):
+        found = np.full(np.broadcast_shapes(np.shape(numerator), denominator.shape), otherwise)
+        return np.divide(numerator, denominator, out=found, where=denominator > 0.0)
+    return numerator / denominator if denominator > 0.0 else otherwise
+
+
+def least(one: Any, other: Any) -> Any:
+    """The lesser value."""
+    return choose(one < other, one, other)
+
+
+def greatest(one: Any, other: Any) -> Any:
+    """The greater value."""
+    return choose(one > other, one, other)
 
 
 class Encounter(NamedTuple):
@@ -49,6 +82,15 @@ def encounters(observation: Observation) -> Iterator[Encounter]:
         seen = outlook(ego, other)
         if seen.x > 0.0:
             yield encounter(other.name, seen, (ego.box, other.box), ego.speed, *_relative(ego, other))
+
+
+def stop_line(observation: Observation) -> Encounter | None:
+    """The line at which a signal forbids to go on, as something that stands in the way; None once the front is beyond it."""
+    line, box = observation.stop_line, observation.ego.box
+    gap = line.distance - (box.x + 0.5 * box.length) if line is not None else -math.inf
+    if line is None or gap < -_OVERSHOT:
+        return None
+    return Encounter(f"the signal {line.signal}", gap, -box.width, box.length, 0.0, observation.ego.speed, 0.0)
 
 
 def encounter(

@@ -6,15 +6,16 @@ import math
 from dataclasses import dataclass
 
 from runner.sut.base import Control, Observation, Participant
-from runner.sut.encounters import Encounter, encounters
-from runner.sut.formulas import greatest, ratio
+from runner.sut.encounters import Encounter, encounters, greatest, ratio, stop_line
 
-SYSTEM = ("idm", "IntelligentDriver")
+SYSTEMS = {
+    "idm": ("IntelligentDriver", "Intelligent Driver Model behind the participant ahead"),
+}
 
 
 @dataclass
 class IntelligentDriver:
-    """Follows whoever is in its way; its desired speed v₀ is what the scenario asks for.
+    """Follows whoever is in its way; its desired speed v₀ is what the scenario asks for. It obeys semantics of signals.
 
     a = `accelerate`·(1 − (v/v₀)⁴ − (s*/s)²), s* = `standstill` + max(0, v·`headway` + v·Δv/(2·√(`accelerate`·`comfortable`)))
 
@@ -43,6 +44,9 @@ class IntelligentDriver:
         """The model's acceleration where somebody is in the way or the speed is not the desired one; else nothing."""
         speed, target = observation.ego.speed, observation.target_speed
         ahead = [found for found in encounters(observation) if found.aside < self.clearance]
+        line = stop_line(observation)
+        if line is not None:
+            ahead.append(line)
         if speed < 0.0 or target < 0.0 or not ahead:
             return Control()
         found = min(ahead, key=lambda one: one.gap)

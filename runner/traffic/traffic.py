@@ -19,8 +19,9 @@ from runner.participants.boxes import Spot, overlap
 from runner.participants.declaration import BoundingBox, Declaration
 from runner.participants.entity import Entity
 from runner.participants.scenario_objects import read_object
-from xodr.sumo_net.uses import use_of
+from xodr.sumo_net.net import use_of
 from xosc.node import Node
+from xosc.versions import with_recent
 
 if TYPE_CHECKING:
     from runner.contracts.run import Run
@@ -35,14 +36,16 @@ _ATTEMPTS = 20
 USUAL_SPEED = 50.0 / 3.6
 """Speed (m/s) at which traffic appears where the file gives none and the road has no limit."""
 
-_BOXES = {
-    "bicycle": BoundingBox(0.6, 0.0, 0.9, 1.8, 0.6, 1.8),
-    "bus": BoundingBox(3.0, 0.0, 1.5, 12.0, 2.5, 3.0),
-    "car": BoundingBox(1.4, 0.0, 0.75, 4.5, 1.8, 1.5),
-    "motorbike": BoundingBox(0.7, 0.0, 0.75, 2.2, 0.9, 1.5),
-    "truck": BoundingBox(2.9, 0.0, 1.5, 8.0, 2.4, 3.0),
-    "van": BoundingBox(1.9, 0.0, 1.3, 6.0, 2.1, 2.6),
-}
+_BOXES = with_recent(
+    {
+        "bicycle": BoundingBox(0.6, 0.0, 0.9, 1.8, 0.6, 1.8),
+        "bus": BoundingBox(3.0, 0.0, 1.5, 12.0, 2.5, 3.0),
+        "car": BoundingBox(1.4, 0.0, 0.75, 4.5, 1.8, 1.5),
+        "motorbike": BoundingBox(0.7, 0.0, 0.75, 2.2, 0.9, 1.5),
+        "truck": BoundingBox(2.9, 0.0, 1.5, 8.0, 2.4, 3.0),
+        "van": BoundingBox(1.9, 0.0, 1.3, 6.0, 2.1, 2.6),
+    }
+)
 """Usual boxes of the vehicle categories, about the middle of the rear axle."""
 
 

@@ -2,17 +2,17 @@
 
 Participants that the scenario moves are mirrored into SUMO for its drivers to see them; nothing comes back to them. While SUMO
 drives no one, it would be stepped for nobody, so what is shown to it is kept, and SUMO begins with the first participant that
-it is to drive: it goes through all that was kept, in the same order, and is then in the state in which it would have been. A long
-run, of which too much would have to be kept, begins SUMO as well.
+it is to drive: it goes through all that was kept, in the same order, and is then in the state in which it would have been. Of a
+long run only the latest places are kept; SUMO steps without participants up to these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from operator import methodcaller
-from typing import TYPE_CHECKING, Any, ClassVar
+from array import array
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from runner.worlds.sumo_lights import link_state
+from runner.worlds.sumo_translation import link_state
 from schemas.errors import Unsupported, UsageError
 from xodr import sumo_net
 
@@ -22,9 +22,78 @@ if TYPE_CHECKING:
     from runner.worlds.sumo_simulation import SumoSimulation
     from xodr.network import RoadNetwork
 
-_STEP = methodcaller("step")
 _MOST = 300_000
-"""Places that are kept at most, about 60 MB; then SUMO begins"""
+"""Places that are kept at most, 24 bytes each; the older half of the calls is forgotten above that"""
+
+
+class _Call(NamedTuple):
+    """A call of a method of the simulation that was kept."""
+
+    method: str
+    arguments: tuple[object, ...] = ()
+
+
+_STEP = _Call("step")
+
+
+class _Places(NamedTuple):
+    """Participants at the end of a step, with x, y (m) and heading (rad) of each, one after the other."""
+
+    entities: tuple[Entity, ...]
+    numbers: array[float]
+
+
+class _Kept:
+    """What SUMO is shown before it begins, in order."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._calls: list[_Call | _Places] = []
+        self._size = 0
+        """places of participants among these"""
+        self._steps = 0
+        """steps before these"""
+        self._signals: dict[object, _Call] = {}
+        self._present: dict[object, _Call] = {}
+        """signals and participants as they were before these"""
+
+    def add(self, call: _Call) -> None:
+        """Keep a call."""
+        self._calls.append(call)
+
+    def mirror(self, entities: tuple[Entity, ...]) -> None:
+        """Keep the places of participants at the end of the coming step."""
+        self._calls.append(_Places(entities, array("d", [value for each in entities for value in (each.x, each.y, each.h)])))
+        self._size += len(entities)
+        if self._size > _MOST:
+            self._forget()
+
+    def _forget(self) -> None:
+        half = len(self._calls) // 2
+        for call in self._calls[:half]:
+            if isinstance(call, _Places):
+                self._size -= len(call.entities)
+            elif call.method == "step":
+                self._steps += 1
+            elif call.method == "remove":
+                self._present.pop(call.arguments[0], None)
+            else:
+                (self._present if call.method == "add" else self._signals)[call.arguments[0]] = call
+        del self._calls[:half]
+
+    def show(self, simulation: SumoSimulation) -> None:
+        """Show it all to SUMO."""
+        before = [*[_STEP] * self._steps, *self._signals.values(), *self._present.values()]
+        for call in (*before, *self._calls):
+            if isinstance(call, _Places):
+                x, y, h = (call.numbers[start::3] for start in range(3))
+                simulation.move(zip(call.entities, x, y, h, strict=True))
+            else:
+                getattr(simulation, call.method)(*call.arguments)
+        self.clear()
 
 
 class SumoWorld:
@@ -40,10 +109,7 @@ class SumoWorld:
 
     def __init__(self) -> None:
         self.simulation: SumoSimulation | None = None
-        self._kept: list[Callable[[Any], object]] = []
-        """what SUMO has been shown so far, in order"""
-        self._places = 0
-        """places of participants among it"""
+        self._kept = _Kept()
 
     def open(self, network: RoadNetwork | None, timestep: float, seed: int) -> str:
         """Have SUMO's network ready (nothing but the dock where there is no road).
@@ -69,9 +135,7 @@ class SumoWorld:
             from runner.worlds.sumo_simulation import SumoSimulation
 
             self.simulation = SumoSimulation(self._network, self._net, self._timestep, self._seed)
-            for show in self._kept:
-                show(self.simulation)
-            self._kept.clear()
+            self._kept.show(self.simulation)
         return self.simulation
 
     def close(self) -> None:
@@ -87,11 +151,10 @@ class SumoWorld:
 
     def _show(self, method: str, *arguments: object) -> None:
         """Call a method of the simulation, now or when it begins."""
-        call = methodcaller(method, *arguments)
         if self.simulation is None:
-            self._kept.append(call)
+            self._kept.add(_Call(method, arguments))
         else:
-            call(self.simulation)
+            getattr(self.simulation, method)(*arguments)
 
     def add(self, entity: Entity) -> None:
         """Bring a participant to the dock; the coming step moves it to its place."""
@@ -119,19 +182,15 @@ class SumoWorld:
 
     def mirror(self, entities: Iterable[Entity]) -> None:
         """Move scripted participants to where they are at the end of the coming step."""
-        places = [(entity, entity.x, entity.y, entity.h) for entity in entities]
         if self.simulation is None:
-            self._kept.append(methodcaller("move", places))
-            self._places += len(places)
-            if self._places > _MOST:
-                self.begin()
+            self._kept.mirror(tuple(entities))
         else:
-            self.simulation.move(places)
+            self.simulation.move((entity, entity.x, entity.y, entity.h) for entity in entities)
 
     def step(self) -> None:
         """Advance SUMO."""
         if self.simulation is None:
-            self._kept.append(_STEP)
+            self._kept.add(_STEP)
         else:
             self.simulation.step()
 

@@ -31,9 +31,7 @@ import libsumo
 from runner.participants.declaration import BoundingBox, Performance
 from runner.participants.entity import Entity
 from runner.worlds.base import DriverRequest, Reading
-from runner.worlds.sumo_kinds import KINDS, OBSTACLE
-from runner.worlds.sumo_lights import OFF, link_state
-from runner.worlds.sumo_routes import REACH, SumoRoutes, joined
+from runner.worlds.sumo_translation import KINDS, OBSTACLE, OFF, REACH, SumoRoutes, joined, link_state
 from schemas.errors import ToolchainError, UsageError
 from xodr.model import RoadPoint
 from xodr.network import RoadNetwork

@@ -1,7 +1,8 @@
-"""Checking files: well-formed, valid against the official XSD, and sound by every rule that concerns them."""
+"""Checking files: well-formed, valid against the official XSD, and sound by every rule that concerns them; OSI traces too."""
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
@@ -10,8 +11,14 @@ from schemas.catalogs import Folders
 from schemas.checks.document import Document
 from schemas.checks.problems import Problem
 from schemas.checks.registry import all_rules
-from schemas.errors import InvalidFile
+from schemas.errors import InvalidFile, ToolchainError, UsageError, describe
+from schemas.osi.rules import check_trace
+from schemas.osi.traces import SUFFIXES
+from schemas.security.policy import LimitReached, limited
 from schemas.xml import parse, rule_of
+
+LIMITS = "xosc.toolchain:xosc:1.0.0:limits"
+"""What a file breaks that takes more time or memory than it may; no rule of the registry"""
 
 
 def check(path: str | PathLike[str], catalog_path: Folders = (), road_path: Folders = ()) -> list[Problem]:
@@ -27,19 +34,33 @@ def check(path: str | PathLike[str], catalog_path: Folders = (), road_path: Fold
         UsageError: XOSC_SCHEMA_DIR names no folder, or an XSD in it cannot be used.
     """
     path = Path(path)
+    if path.suffix.lower() in SUFFIXES:
+        return check_trace(path)
     try:
         document = Document(parse(path), path, catalog_path, road_path)
+        found = _problems(document)
     except InvalidFile as error:
         return [Problem(rule_of(path), "error", error.message, str(path), error.line)]
-    return sorted(_problems(document), key=lambda problem: (problem.line or 0, problem.rule, problem.message))
+    except (UsageError, LimitReached):
+        raise
+    except Exception as error:  # one file never ends the check of the others
+        if not isinstance(error, ToolchainError | OSError | MemoryError):
+            traceback.print_exc()
+        return [Problem(rule_of(path), "error", f"not checked: {describe(error)[0]}", str(path))]
+    return sorted(found, key=lambda problem: (problem.line or 0, problem.rule, problem.message))
 
 
 def check_many(
     paths: Iterable[str | PathLike[str]], catalog_path: Folders = (), road_path: Folders = ()
 ) -> Iterator[tuple[Path, list[Problem]]]:
     """Each file with its problems, as they are checked; arguments as for `check`."""
-    for path in paths:
-        yield Path(path), check(path, catalog_path, road_path)
+    for path in map(Path, paths):
+        try:
+            with limited():
+                problems = check(path, catalog_path, road_path)
+        except LimitReached as error:
+            problems = [Problem(LIMITS, "error", error.message, str(path))]
+        yield path, problems
 
 
 def _problems(document: Document) -> list[Problem]:

@@ -16,6 +16,7 @@ from schemas.checks import roads
 from schemas.checks.problems import Problem
 from schemas.errors import InvalidFile, ToolchainError
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of
+from schemas.security.policy import current
 from schemas.values import operand, type_named, typed
 from schemas.xml import line_of, local_name, parse
 
@@ -189,7 +190,7 @@ class Document:
     def has_file(self, name: str) -> bool:
         """Whether a file that the document names exists."""
         try:
-            return self.file(name).is_file()
+            return current().allows(self.file(name)) and self.file(name).is_file()
         except (OSError, ValueError):
             return False
 

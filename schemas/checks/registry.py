@@ -81,6 +81,8 @@ class Rule:
 
 
 _rules: dict[str, Rule] = {}
+_PACKAGES = ("schemas.rules", "xodr.rules")
+"""Packages whose modules register rules: those of `schemas`, and those that take the exact geometry of roads."""
 
 
 def rule(
@@ -105,5 +107,6 @@ def rule(
 @cache
 def all_rules() -> tuple[Rule, ...]:
     """Every rule of this package, preconditions first, then by uid."""
-    discovery.load("schemas.rules")
+    for package in _PACKAGES:
+        discovery.load(package)
     return tuple(sorted(_rules.values(), key=lambda each: (not each.precondition, each.uid)))

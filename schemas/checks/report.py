@@ -13,13 +13,18 @@ from lxml import etree
 
 from schemas.checks.problems import LEVELS, Problem
 from schemas.checks.registry import Rule, all_rules
+from schemas.osi.rules import OsiRule, all_osi_rules
+from schemas.osi.traces import SUFFIXES
 from schemas.packages import version
+from schemas.security.text import one_line, sarif_text, xml_text
 
 TOOL = "xosc-check"
 
 Results = Sequence[tuple[Path, Sequence[Problem]]]
 """The checked files with their problems, in the order of checking."""
 
+_STANDARDS = {".xodr": "xodr", **dict.fromkeys(SUFFIXES, "osi")}
+"""Standards of files without a problem by their endings; all others are scenarios"""
 _XQAR_LEVELS = {"error": "1", "warning": "2", "info": "3"}
 _SARIF_LEVELS = {"error": "error", "warning": "warning", "info": "note"}
 _SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
@@ -35,7 +40,7 @@ def summary(results: Results) -> str:
 
 def text(results: Results) -> str:
     """One line a problem, `file:line: level: message [rule]`, then the summary."""
-    lines = [f"{problem} [{problem.rule}]" for _, problems in results for problem in problems]
+    lines = [one_line(f"{problem} [{problem.rule}]") for _, problems in results for problem in problems]
     return "\n".join([*lines, summary(results)]) + "\n"
 
 
@@ -61,15 +66,15 @@ def junit(results: Results) -> str:
     root = etree.Element("testsuites", {"name": TOOL, **totals})
     suite = etree.SubElement(root, "testsuite", {"name": TOOL, **totals, "skipped": "0"})
     for path, problems in results:
-        case = etree.SubElement(suite, "testcase", {"classname": _legal(str(path.parent)), "name": _legal(path.name)})
+        case = etree.SubElement(suite, "testcase", {"classname": xml_text(str(path.parent)), "name": xml_text(path.name)})
         errors = [problem for problem in problems if problem.level == "error"]
         if errors:
             message = errors[0].message if len(errors) == 1 else f"{len(errors)} errors"
-            failure = etree.SubElement(case, "failure", {"type": errors[0].rule, "message": _legal(message)})
-            failure.text = _legal("\n".join(map(str, errors)))
+            failure = etree.SubElement(case, "failure", {"type": errors[0].rule, "message": xml_text(message)})
+            failure.text = xml_text("\n".join(one_line(str(each)) for each in errors))
         others = [problem for problem in problems if problem.level != "error"]
         if others:
-            etree.SubElement(case, "system-out").text = _legal("\n".join(map(str, others)))
+            etree.SubElement(case, "system-out").text = xml_text("\n".join(one_line(str(each)) for each in others))
     return _serialised(root)
 
 
@@ -82,12 +87,12 @@ def xqar(results: Results) -> str:
             "version": version(),
             "description": "Official schemas and semantic rules of OpenSCENARIO and OpenDRIVE",
             "build_date": "",
-            "summary": _legal(summary([(path, problems)])),
+            "summary": xml_text(summary([(path, problems)])),
         }
         bundle = etree.SubElement(root, "CheckerBundle", attributes)
-        etree.SubElement(bundle, "Param", {"name": "InputFile", "value": _legal(str(path))})
+        etree.SubElement(bundle, "Param", {"name": "InputFile", "value": xml_text(str(path))})
         standards = {problem.rule.split(":")[1] for problem in problems}
-        standard = min(standards, default="xodr" if path.suffix.lower() == ".xodr" else "xosc")
+        standard = min(standards, default=_STANDARDS.get(path.suffix.lower(), "xosc"))
         numbers = {id(problem): str(number) for number, problem in enumerate(problems)}
         for uid, description in _rules(standard):
             _xqar_checker(bundle, uid, description, [problem for problem in problems if problem.rule == uid], numbers)
@@ -103,7 +108,7 @@ def _xqar_checker(
     checker = etree.SubElement(bundle, "Checker", attributes)
     etree.SubElement(checker, "AddressedRule", {"ruleUID": uid})
     for problem in problems:
-        message = _legal(problem.message)
+        message = xml_text(problem.message)
         attributes = {
             "issueId": numbers[id(problem)],
             "description": message,
@@ -145,19 +150,15 @@ def _sarif_result(problem: Problem, index: int) -> dict[str, Any]:
         "ruleId": problem.rule,
         "ruleIndex": index,
         "level": _SARIF_LEVELS[problem.level],
-        "message": {"text": problem.message},
+        "message": {"text": sarif_text(problem.message)},
         "locations": [location],
     }
 
 
 def _rules(standard: str | None) -> list[tuple[str, str]]:
-    """Uid and description of the rules of a standard, "xosc" or "xodr"; of all where it is None."""
-    return [(rule.uid, rule.description) for rule in all_rules() if standard in (None, rule.uid.split(":")[1])]
-
-
-def _legal(value: str) -> str:
-    """Text without the control characters that XML cannot hold; file names and messages may have any."""
-    return "".join(character if character.isprintable() or character in "\n\t" else "\ufffd" for character in value)
+    """Uid and description of the rules of a standard, "xosc", "xodr" or "osi"; of all where it is None."""
+    rules: list[Rule | OsiRule] = [*all_rules(), *all_osi_rules()]
+    return [(rule.uid, rule.description) for rule in rules if standard in (None, rule.uid.split(":")[1])]
 
 
 def _serialised(root: etree._Element) -> str:
@@ -168,6 +169,6 @@ FORMATS = {"text": text, "json": as_json, "junit": junit, "xqar": xqar, "sarif":
 """Report formats by the names that the command line knows."""
 
 
-def listing(rules: Sequence[Rule]) -> str:
+def listing(rules: Sequence[Rule | OsiRule]) -> str:
     """The rules, one line each: level, uid, description."""
     return "".join(f"{rule.level:<8}{rule.uid}\n        {rule.description}\n" for rule in rules)

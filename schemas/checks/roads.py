@@ -11,10 +11,12 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
+from typing import NamedTuple
 
 from lxml import etree
 
 from schemas.errors import InvalidFile
+from schemas.security.policy import current
 from schemas.storage import Stamp, search_path, stamp
 from schemas.xml import local_name, parse
 
@@ -23,17 +25,39 @@ VARIABLE = "XOSC_ROAD_PATH"
 _SUFFIX = ".xodr"
 
 
+class Lanes(NamedTuple):
+    """The lane ids of a section, the centre lane among them, from its start on, up to its end if it says so (m)."""
+
+    start: float
+    end: float
+    ids: frozenset[str]
+
+
 @dataclass(frozen=True)
 class Road:
-    """Length in metres, and the lane ids from each lane section's start on."""
+    """Length in metres, and the lanes from each lane section's start on: the permanent ones, and the temporary ones of 1.9."""
 
     length: float
-    sections: tuple[tuple[float, frozenset[str]], ...]
+    sections: tuple[Lanes, ...]
+    temporary: tuple[Lanes, ...] = ()
 
-    def lanes(self, s: float) -> frozenset[str]:
-        """Lane ids at a road coordinate, the centre lane among them."""
-        index = bisect_right([start for start, _ in self.sections], s) - 1
-        return self.sections[max(index, 0)][1] if self.sections else frozenset()
+    def lanes(self, s: float, layer: str | None = None) -> frozenset[str]:
+        """Lane ids at a road coordinate, the centre lane among them: of a layer, or those in force."""
+        temporary = _at(self.temporary, s)
+        if layer == "temporary" or (layer is None and temporary):
+            sides = {lane.startswith("-") for lane in temporary if lane != "0"}
+            usual = _at(self.sections, s) if layer is None else ()
+            return temporary | {lane for lane in usual if lane.startswith("-") not in sides}
+        return _at(self.sections, s, first=True)
+
+
+def _at(sections: tuple[Lanes, ...], s: float, first: bool = False) -> frozenset[str]:
+    """The lanes of the section at s; with `first` those of the first one before all of them."""
+    index = bisect_right([section.start for section in sections], s) - 1
+    if not sections or (index < 0 and not first):
+        return frozenset()
+    section = sections[max(index, 0)]
+    return section.ids if s <= section.end else frozenset()
 
 
 @dataclass(frozen=True)
@@ -69,11 +93,15 @@ def _read(path: Path, _stamp: Stamp) -> Roads:
 
 
 def _road(element: etree._Element) -> Road:
-    sections = []
-    for section in element.iterfind("{*}lanes/{*}laneSection"):
-        lanes = frozenset(lane.get("id") or "" for lane in section.iterfind("{*}*/{*}lane"))
-        sections.append((_number(section.get("s")), lanes))
-    return Road(_number(element.get("length")), tuple(sorted(sections, key=lambda section: section[0])))
+    layers: dict[bool, list[Lanes]] = {False: [], True: []}
+    for lanes in element.iterfind("{*}lanes"):
+        for section in lanes.iterfind("{*}laneSection"):
+            ids = frozenset(lane.get("id") or "" for lane in section.iterfind("{*}*/{*}lane"))
+            start, own = _number(section.get("s")), _number(section.get("length"))
+            end = math.inf if math.isnan(own) else start + own
+            layers[lanes.get("layer") == "temporary"].append(Lanes(start, end, ids))
+    permanent, temporary = (tuple(sorted(found, key=lambda section: section.start)) for found in layers.values())
+    return Road(_number(element.get("length")), permanent, temporary)
 
 
 def _number(text: str | None) -> float:
@@ -93,7 +121,7 @@ def asked_for(name: str, folders: Sequence[str | PathLike[str]] = ()) -> Path | 
 
 def first(folders: Iterable[Path], name: str) -> Path | None:
     """The first file of that name, with or without the ending .xodr, in one of the folders."""
-    return next((file for file in candidates(folders, name) if os.path.isfile(file)), None)
+    return next((file for file in candidates(folders, name) if current().allows(file) and os.path.isfile(file)), None)
 
 
 def candidates(folders: Iterable[Path], name: str) -> Iterator[Path]:

@@ -2,34 +2,132 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 import os
+import signal
 import sys
+import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import replace
+from functools import wraps
+from glob import has_magic
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TextIO
 
 import typer
 from typer.core import TyperGroup
 from typer.models import OptionInfo
 
+from schemas.commands.help import App
 from schemas.errors import ToolchainError, UsageError, describe
 from schemas.extras import missing
 from schemas.packages import version
-from schemas.storage import writing
+from schemas.security.plugins import leave_working_folder_out
+from schemas.security.policy import UNTRUSTED, Policy, in_force, of_command
+from schemas.security.text import of_service, one_line
+from schemas.storage import cache_folder, drafted, search_path, writing
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[float], None]]]
 """Shows progress: takes a description and the number of steps, gives a function to call with how many more of them are done."""
-INTERRUPTED, PIPE_CLOSED = 130, 141
-"""Exit codes that shells give to what SIGINT and SIGPIPE have ended"""
+PIPE_CLOSED = 141
+"""Exit code that shells give to what SIGPIPE has ended"""
+_ENDING = ("SIGTERM", "SIGHUP")
+"""Signals that end a command in good order, as an interrupt does"""
+_SIGNALLED = 128
+_STANDARD_ERROR = 2
 _DIGITS = 6
+
+
+_INPUTS = (
+    "paths", "path", "files", "folders", "folder", "source", "road", "road_path", "catalog_path", "against", "recorded", "model",
+    "encoders", "develop", "unseen", "cache",
+)  # fmt: skip
+_OUTPUTS = ("out", "osi", "junit", "output", "keep_model")
+"""Parameters of commands that name files and folders to read from, and to write into"""
+_LIMITS: dict[str, Any] = {
+    "untrusted": Annotated[
+        bool,
+        typer.Option(
+            "--untrusted",
+            help="Files come from anyone: read nothing outside what is named here, load no plug-in, and keep to limits of memory "
+            f"({UNTRUSTED.max_memory:g} GiB), time ({UNTRUSTED.max_seconds:g} s) and runs ({UNTRUSTED.max_runs:,}).",
+        ),
+    ],
+    "max_memory": Annotated[
+        float | None, typer.Option(min=0.1, metavar="GIB", help="Memory that each process may take; what needs more is an error.")
+    ],
+    "max_seconds": Annotated[
+        float | None, typer.Option(min=0.1, metavar="S", help="Time that each file or run may take; what needs more is an error.")
+    ],
+    "max_runs": Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Runs, or parameter sets, that one file may stand for.")
+    ],
+}
+
+
+def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command --untrusted and the limits, and let it work under the policy that they and its arguments state.
+
+    Args:
+        left_out: names of limits that make no difference to the command.
+    """
+    options = {name: option for name, option in _LIMITS.items() if name not in left_out}
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_policy(**given: Any) -> None:
+            limits = _limits({name: given.pop(name) for name in options})
+            inputs, outputs = _named(given, _INPUTS), _named(given, _OUTPUTS)
+            asked_for = [folder for variable in _FOLDERS for folder in search_path((), variable)]
+            own = [*_PACKAGES, Path(sys.prefix), cache_folder(), *asked_for]
+            with in_force(of_command(inputs, outputs, own, limits)):
+                command(**given)
+
+        parameters = [
+            *inspect.signature(command, eval_str=True).parameters.values(),
+            *(
+                inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=_NOT_GIVEN[name], annotation=option)
+                for name, option in options.items()
+            ),
+        ]
+        parameters = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in parameters]
+        with_policy.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        with_policy.__annotations__ = {each.name: each.annotation for each in parameters}
+        return with_policy
+
+    return decorate
+
+
+_NOT_GIVEN = {"untrusted": False, "max_memory": None, "max_seconds": None, "max_runs": None}
+_FOLDERS = ("XOSC_ROAD_PATH", "XOSC_CATALOG_PATH", "XOSC_SCHEMA_DIR")
+_PACKAGES = [Path(__file__).parents[2] / name for name in ("schemas", "xosc", "xodr", "runner", "recognition", "generation")]
+"""The toolchain's own files: libraries of scenarios and roads, models"""
+
+
+def _limits(given: dict[str, Any]) -> Policy:
+    """What options say of limits; the rest is that of a policy for files of strangers, or none."""
+    base = UNTRUSTED if given.pop("untrusted") else Policy()
+    return replace(base, **{name: value for name, value in given.items() if value is not None})
+
+
+def _named(given: dict[str, Any], names: Iterable[str]) -> list[str | Path]:
+    """The files and folders that arguments name; of globs the folders that they begin with."""
+    values = [given[name] for name in names if given.get(name) is not None]
+    return [_without_glob(each) for value in values for each in (value if isinstance(value, list) else [value])]
+
+
+def _without_glob(name: str | Path) -> str | Path:
+    parts = Path(name).parts
+    magic = next((number for number, part in enumerate(parts) if has_magic(part)), None)
+    return name if magic is None or os.path.exists(name) else Path(*parts[:magic], "")
 
 
 def new_app(name: str | None = None, group: type[TyperGroup] = TyperGroup) -> typer.Typer:
     """An app that leaves errors to its caller, and prints plain text; with a name and a group where it has subcommands."""
-    return typer.Typer(
+    return App(
         name=name,
         cls=group,
         add_completion=False,
@@ -63,6 +161,10 @@ CatalogPath = Annotated[
         help="Folder with catalogues that are not where the scenario says (repeatable; also XOSC_CATALOG_PATH).",
     ),
 ]
+AllowInconclusive = Annotated[
+    bool,
+    typer.Option("--allow-inconclusive", help="Exit as if runs that did not test what their file describes had passed."),
+]
 Version = Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")]
 
@@ -84,6 +186,40 @@ def out_folder(help: str) -> OptionInfo:
     return typer.Option(metavar="DIR", callback=writable_folder, help=help)
 
 
+def _begin() -> None:
+    """What comes first in every command."""
+    _open_closed_output()
+    leave_working_folder_out()
+    _listen()
+    print_anything()
+
+
+class Ended(KeyboardInterrupt):
+    """A signal asks the command to end.
+
+    Args:
+        number: of the signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+def _listen() -> None:
+    """Take signals as interrupts, the first of them; a second one ends the process at once. What is ignored (nohup) stays so."""
+    numbers = [getattr(signal, name) for name in _ENDING if hasattr(signal, name)]
+
+    def end(number: int, _frame: object) -> None:
+        for each in numbers:
+            signal.signal(each, signal.SIG_DFL)
+        raise Ended(number)
+
+    for number in numbers:
+        if threading.current_thread() is threading.main_thread() and signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, end)
+
+
 def print_anything() -> None:
     """Let output hold what the terminal's encoding has no characters for: names of files may be of any bytes."""
     for stream in (sys.stdout, sys.stderr):
@@ -91,44 +227,66 @@ def print_anything() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def guarded(name: str, app: Callable[[], object], extra: str | None = None) -> None:
+def guarded(name: str, app: Callable[[], object], extra: str | None = None, traced: bool = True) -> None:
     """Run a command's app: errors become one line and an exit code, after a traceback with -v or for an unexpected error.
+
+    A closed pipe gives `PIPE_CLOSED`, output that can't be written (a full disk) is an error as any other.
 
     Args:
         extra: the extra of the package that brings all that the command needs.
+        traced: -v adds the traceback of an error; elsewhere it asks for longer output.
     """
-    print_anything()
-    try:
-        app()
-    except Exception as raised:
-        error = missing(raised, extra) or raised
-        expected = isinstance(error, ToolchainError | OSError)
-        if not expected or "-v" in sys.argv or "--verbose" in sys.argv:
-            traceback.print_exc()
-        message, code = describe(error)
-        print(f"{name}: {message}", file=sys.stderr)
-        raise SystemExit(code) from None
+    _begin()
+    if any(variable.startswith("_XOSC") and variable.endswith("_COMPLETE") for variable in os.environ):
+        from typer.completion import completion_init  # type: ignore[attr-defined]
 
-
-def guarded_reader(name: str, app: Callable[[], object]) -> None:
-    """Run the app of a command that reads files and prints: errors become one line and an exit code, a closed pipe the code 1."""
-    print_anything()
+        completion_init()  # a shell asks for words that complete a line
     try:
         try:
             app()
         finally:
-            sys.stdout.flush()  # a pipe may close before the last of it, which at exit would be a message
-    except ToolchainError as error:
-        print(f"{name}: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+            sys.stdout.flush()  # else what can't be written would be a message of the interpreter
+    except SystemExit as ending:
+        code = PIPE_CLOSED if isinstance(ending.__context__, BrokenPipeError) else ending.code  # typer makes 1 of it
     except BrokenPipeError:
-        _close_output()  # the reader has seen enough
-        sys.exit(1)
+        code = PIPE_CLOSED
+    except Exception as raised:
+        error = missing(raised, extra) or raised
+        expected = isinstance(error, ToolchainError | OSError)
+        message, code = describe(error)
+        with suppress(OSError):
+            if not expected or (traced and ("-v" in sys.argv or "--verbose" in sys.argv)):
+                say(*traceback.format_exc().splitlines(), to=sys.stderr)
+            print(f"{name}: {message}", file=sys.stderr)
+    _settle_output()
+    raise SystemExit(code)
 
 
-def _close_output() -> None:
-    """Send what is still to be printed nowhere, or the interpreter reports an error when it ends."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _open_closed_output() -> None:
+    """Give a process that was started with closed streams ones that lead nowhere, before a file takes their numbers."""
+    while (file := os.open(os.devnull, os.O_RDWR)) <= _STANDARD_ERROR:
+        os.set_inheritable(file, True)
+    os.close(file)
+    for stream in ("stdout", "stderr"):
+        if getattr(sys, stream) is None:
+            setattr(sys, stream, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+
+
+def _settle_output() -> None:
+    """Send nowhere what could not be written, or the interpreter tries again when it ends, and reports an error."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
+
+
+def say(*lines: str, to: TextIO | None = None) -> None:
+    """Print lines that may hold names and messages from files, each escaped as one line; to standard output by default."""
+    for line in lines:
+        print(one_line(line), file=to or sys.stdout, flush=True)
 
 
 def deliver(content: str, what: str, output: Path | None) -> None:
@@ -138,23 +296,22 @@ def deliver(content: str, what: str, output: Path | None) -> None:
         UsageError: it can't be written; the message says what.
     """
     if output is None:
-        print(content, end="")
+        print(of_service(content), end="")
         return
-    with writing(what, output):
-        output.write_text(content, encoding="utf-8", newline="\n", errors="backslashreplace")
+    with writing(what, output), drafted(output) as draft:
+        draft.write_bytes(content.encode("utf-8", "backslashreplace"))
 
 
 @contextmanager
 def interruptible(name: str, hint: str = "") -> Iterator[None]:
-    """End the command in good order when it is interrupted (with a hint what to do then), or its output is no longer read."""
+    """End the command in good order when it is interrupted, with a hint what to do then."""
     try:
         yield
-    except KeyboardInterrupt:
-        print(f"\n{name}: interrupted{hint and f'; {hint}'}", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
-    except BrokenPipeError:
-        _close_output()
-        raise typer.Exit(PIPE_CLOSED) from None
+    except KeyboardInterrupt as ending:
+        number = ending.number if isinstance(ending, Ended) else signal.SIGINT
+        with suppress(OSError):
+            print(f"\n{name}: interrupted{hint and f'; {hint}'}", file=sys.stderr)
+        raise typer.Exit(_SIGNALLED + number) from None
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from typing import NamedTuple
 
-from schemas.errors import ToolchainError
+from schemas.errors import ExitCode, ToolchainError
 
 Value = float | int | bool | str
 Number = float | int
@@ -22,7 +22,7 @@ LARGEST = sys.float_info.max
 class ExpressionError(ToolchainError):
     """An expression that is malformed, or that has no value."""
 
-    exit_code = 3
+    exit_code = ExitCode.INVALID
 
 
 class Function(NamedTuple):

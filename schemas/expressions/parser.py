@@ -21,6 +21,7 @@ from schemas.expressions.language import (
     finite,
     literal,
 )
+from schemas.values import quoted
 
 Lookup = Callable[[str], Value]
 """Value of the parameter with that name (without `$`); raises KeyError, or a ToolchainError that says more."""
@@ -224,7 +225,7 @@ class _Parameter:
 
 
 def _shown(value: Value, node: Node) -> str:
-    return f"{literal(value)!r}{f', the value of ${node.name}' if isinstance(node, _Parameter) else ''}"
+    return f"{quoted(literal(value))}{f', the value of ${node.name}' if isinstance(node, _Parameter) else ''}"
 
 
 def _number(value: Value, operator: str, node: Node) -> Number:

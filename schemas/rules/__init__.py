@@ -1,1 +1,1 @@
-"""Semantic rules, one module each."""
+"""Rules of `xosc-check` by family: each is one function, entered under its uid by `schemas.checks.registry.rule`."""

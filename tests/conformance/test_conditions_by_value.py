@@ -11,7 +11,7 @@ import xodr
 import xosc
 from runner.interpreter.compiler import compile_scenario
 from runner.interpreter.simulation import Simulation
-from runner.worlds.kinematic import KinematicWorld
+from runner.worlds.base import KinematicWorld
 from schemas.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, events
 from tests.conformance.support import run as run_scenario

@@ -45,13 +45,35 @@ def test_an_entity_drives_in_the_event_that_brings_it_in(placing: tuple[str, str
     assert at(late, 5.0, "x") == pytest.approx(300.0 + 10.0 * 3.0, abs=0.2)
 
 
-def test_what_an_absent_entity_leaves_out_is_in_the_log(tmp_path: Path) -> None:
+def swapped(tmp_path: Path) -> Path:
+    """The scenario with a SpeedAction of the entity before the action that adds it, in one event."""
     path = changed(SCENARIOS / "AddEntityAction.xosc", tmp_path, LATE, (ADD[0], SPEED + '<Action name="AddAction">' + ADD[0]))
-    text = path.read_text().replace('<Action name="AddAction">\n' + SPEED, SPEED)
-    path.write_text(text)
+    path.write_text(path.read_text().replace('<Action name="AddAction">\n' + SPEED, SPEED))
+    return path
+
+
+def test_an_entity_is_added_before_actions_of_its_event_that_stand_before(tmp_path: Path) -> None:
+    late = track(runner.run(swapped(tmp_path), sut=None, timestep=0.01), "Late")
+    assert at(late, 5.0, "x") == pytest.approx(300.0 + 10.0 * 3.0, abs=0.2)
+
+
+@pytest.mark.parametrize("drives_at", [2, 1])
+def test_an_entity_is_added_before_events_of_the_same_step_that_stand_before(drives_at: int, tmp_path: Path) -> None:
+    path = swapped(tmp_path)
+    split = (
+        SPEED
+        + f"""
+              <StartTrigger><ConditionGroup><Condition name="C" delay="0" conditionEdge="none"><ByValueCondition>
+                <SimulationTimeCondition value="{drives_at}" rule="greaterOrEqual"/>
+              </ByValueCondition></Condition></ConditionGroup></StartTrigger>
+            </Event>
+            <Event name="Added" priority="parallel" maximumExecutionCount="1">"""
+    )
+    path.write_text(path.read_text().replace(SPEED, split))
     result = runner.run(path, sut=None, timestep=0.01)
-    assert [e.text for e in events(result, "entity", "Late") if "leaves it out" in e.text]
-    assert at(track(result, "Late"), 5.0, "speed") == 0.0
+    left_out = [e.text for e in events(result, "entity", "Late") if "leaves it out" in e.text]
+    assert bool(left_out) == (drives_at < 2), "an event of an earlier step finds no entity, and the log says so"
+    assert at(track(result, "Late"), 5.0, "speed") == (10.0 if drives_at == 2 else 0.0)
 
 
 def test_a_trailer_has_its_tractors_speed_from_the_beginning() -> None:

@@ -50,6 +50,10 @@ TRAJECTORY = (
 )
 
 
+SECOND_VERTEX = '<Vertex><Position><WorldPosition x="400" y="-1.75"/></Position></Vertex>'
+NAMELESS = (
+    '<GlobalAction><EnvironmentAction><Environment><Weather cloudState="free"/></Environment></EnvironmentAction></GlobalAction>'
+)
 MODE = '<TrajectoryFollowingMode followingMode="position"/>'
 VISIBLE = '<PrivateAction><VisibilityAction traffic="true" sensors="true"/></PrivateAction>'
 SIGNALS = (
@@ -265,6 +269,17 @@ FAULTS = {
     "relative position beyond the end": Fault("        </Private>\n", other('dLane="-1" ds="2000"'), LENGTH, 56, 0.0),
     "along the lane beyond its end": Fault("        </Private>\n", other('dLane="-1" dsLane="2000"'), LENGTH, 56, 0.0),
     "lane beside the road": Fault("        </Private>\n", other('dLane="-3" ds="10"'), LANE, 56),
+    "two positions": Fault(
+        "        </Private>\n", placed('<LanePosition roadId="1" laneId="-1" s="300"/><WorldPosition x="0" y="0"/>'), VALID, 56
+    ),
+    "polyline of one vertex": Fault(
+        "        </Private>\n",
+        "        " + untimed(f"<TimeReference><None/></TimeReference>{MODE}").replace(SECOND_VERTEX, "") + "</Private>\n",
+        VALID,
+        55,
+    ),
+    "environment without a name": Fault("      <Actions>\n", f"      <Actions>{NAMELESS}\n", VALID, 36),
+    "value that begins another": Fault('dynamicsShape="step"', 'dynamicsShape="ste"', VALID, 48),
     "times of no trajectory": Fault("        </Private>\n", "        " + TRAJECTORY + "</Private>\n", TIMING, 55),
     # catalogues
     "directory is a file": Fault('path="catalogs"', 'path="catalogs/vehicles.xosc"', DIRECTORY, 13),

@@ -331,3 +331,62 @@ def test_an_entity_off_its_route_is_led_to_it(arm: str, tmp_path: Path) -> None:
     path = changed(SCENARIOS / "AssignRouteAction.xosc", tmp_path, first)
     result = runner.run(path, parameters={"Exit": arm}, sut=None, world="kinematic", max_time=60.0)
     assert str(track(result, "Car")["road_id"][-1]) == arm
+
+
+def test_following_without_times_begins_at_the_start_of_the_trajectory_where_its_end_is_nearer(tmp_path: Path) -> None:
+    timing = '<Timing domainAbsoluteRelative="relative" offset="0" scale="1"/>'
+    first = ('<WorldPosition x="100" y="-1.75"/>', '<WorldPosition x="98" y="1.75"/>')
+    path = changed(SCENARIOS / "TrajectoryFollowingMode.xosc", tmp_path, (timing, "<None/>"), first)
+    given = {"Mode": "follow", "Last": "101", "Speed": "5"}
+    columns = track(runner.run(path, parameters=given, sut=None, world="kinematic"), "Car")
+    assert at(columns, 4.0, "x") == pytest.approx(120.0, abs=3.0)
+
+
+@pytest.mark.parametrize("braking", [1.5, 3.0, 8.0])
+def test_a_schedule_that_ends_in_standstill_ends_so_within_the_performance(braking: float, tmp_path: Path) -> None:
+    change = ('maxDeceleration="20"', f'maxDeceleration="{braking}"')
+    path = changed(SCENARIOS / "TrajectoryFollowingMode.xosc", tmp_path, change)
+    result = runner.run(path, parameters={"Last": 160}, sut=None, world="kinematic", timestep=0.01, max_time=60.0)
+    columns = track(result, "Car")
+    assert np.diff(columns["speed"]).min() >= -braking * 0.01 - 1e-6
+    assert np.all(columns["speed"][-100:] == 0.0)
+    assert columns["x"][-1] == pytest.approx(160.0, abs=0.1)
+
+
+def test_an_actor_that_is_too_fast_for_the_end_of_its_schedule_brakes_beyond_it(tmp_path: Path) -> None:
+    change = ('maxDeceleration="20"', 'maxDeceleration="1"')
+    path = changed(SCENARIOS / "TrajectoryFollowingMode.xosc", tmp_path, change)
+    given = {"Last": 160, "Speed": 20}
+    columns = track(runner.run(path, parameters=given, sut=None, world="kinematic", timestep=0.01, max_time=60.0), "Car")
+    assert at(columns, 13.0, "x") == pytest.approx(100.0 + 20.0 * 13.0 - 13.0**2 / 2.0, abs=0.5)
+    assert at(columns, 13.0, "speed") == pytest.approx(7.0, abs=0.05)
+    assert np.diff(columns["speed"]).min() >= -0.01 - 1e-6
+
+
+def test_back_at_the_start_of_a_trajectory_speed_and_displacement_agree(tmp_path: Path) -> None:
+    forward = """<Event name="Forward" priority="parallel"><Action name="Forward"><PrivateAction><LongitudinalAction><SpeedAction>
+      <SpeedActionDynamics dynamicsShape="linear" dynamicsDimension="rate" value="5"/>
+      <SpeedActionTarget><AbsoluteTargetSpeed value="10"/></SpeedActionTarget>
+    </SpeedAction></LongitudinalAction></PrivateAction></Action><StartTrigger><ConditionGroup>
+      <Condition name="two" delay="0" conditionEdge="none">
+        <ByValueCondition><SimulationTimeCondition value="2" rule="greaterThan"/></ByValueCondition>
+      </Condition>
+    </ConditionGroup></StartTrigger></Event></Maneuver>"""
+    path = changed(SCENARIOS / "FollowTrajectoryAction.xosc", tmp_path, ("</Maneuver>", forward))
+    given = {"Speed": -10, "Y0": -1.75}
+    columns = track(runner.run(path, parameters=given, sut=None, world="kinematic", timestep=0.01, max_time=12.0), "Car")
+    moved = np.hypot(np.diff(columns["x"]), np.diff(columns["y"])) / 0.01
+    on_it = columns["time"][1:] > 1.05
+    assert np.abs(moved - np.abs(columns["speed"][1:]))[on_it].max() < 0.06
+    assert at(columns, 12.0, "x") == pytest.approx(100.0, abs=1e-6)
+    assert at(columns, 12.0, "speed") == 0.0
+
+
+def test_of_two_vertices_at_one_time_the_second_has_none(tmp_path: Path) -> None:
+    path = changed(SCENARIOS / "TrajectoryFollowingMode.xosc", tmp_path, ('<Vertex time="4">', '<Vertex time="2">'))
+    result = runner.run(path, parameters={"Mode": "position"}, sut=None, world="kinematic", timestep=0.01, max_time=60.0)
+    assert any("the time 2 is that of another place, too; it is left out" in remark for remark in result.remarks)
+    columns = track(result, "Car")
+    assert (at(columns, 2.0, "x"), at(columns, 4.0, "x"), at(columns, 6.0, "x")) == pytest.approx((120.0, 140.0, 160.0), abs=1e-6)
+    with pytest.raises(InvalidFile, match="is that of another place"):
+        runner.run(path, sut=None, world="kinematic", strict=True)

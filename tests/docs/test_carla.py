@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from runner.criteria.declared import kinds
+from runner.criteria.criterion import kinds
 
 PAGE = (Path(__file__).parents[2] / "docs" / "carla.md").read_text(encoding="utf-8")
 

@@ -1,7 +1,8 @@
 """What the README, the tutorials and the pages on extending say can be typed is typed here, in the order of the page.
 
-A page is played in an empty folder that has the libraries where a clone has them; the pages on extending together in one copy
-of the clone, where their files are found as any other's. Blocks are
+The README and the tutorials are played one after the other in one folder that has the libraries where a clone has them, as a
+reader types them. The pages on extending are played together in one copy of the clone, where their files are found as any
+other's. Blocks are
 
 - `sh`: a command a line, which ends with 0, or with what its comment says (`# exit code 1`);
 - any language whose first line is a comment with nothing but a file's name or path: saved there;
@@ -29,8 +30,12 @@ from tests.commands import SCRIPTS, Command
 
 ROOT = Path(__file__).parents[2]
 EXTENDING = sorted((ROOT / "docs" / "extending").glob("*.md"))
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorials").glob("*.md")), *EXTENDING]
-PRODUCT = ("schemas", "xosc", "xodr", "runner", "recognition", "generation")
+TUTORIALS = ROOT / "docs" / "tutorials"
+READING = [ROOT / "README.md", TUTORIALS / "README.md"]
+READING += [TUTORIALS / page for page in re.findall(r"\]\(([\w-]+\.md)\)", (TUTORIALS / "README.md").read_text(encoding="utf-8"))]
+"""The README, and the tutorials in the order of their list."""
+PAGES = [*READING, *EXTENDING]
+PRODUCT = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "studies")
 
 NOT_RUN = {
     "make demo": "installs everything anew; its target is looked up below, and what it consists of is in the tutorials",
@@ -192,14 +197,24 @@ def require_named_files(page: Path, folder: Path) -> None:
     assert not lost
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page not in EXTENDING], ids=name)
-def test_page_does_what_it_says(page: Path, tmp_path: Path, do: Do, execute: Do, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_readme_and_tutorials_do_what_they_say_one_after_the_other(
+    tmp_path: Path, do: Do, execute: Do, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for library in ("xosc/library", "xodr/library"):
         shutil.copytree(ROOT / library, tmp_path / library)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
-    play(page, tmp_path, do, execute)
-    require_named_files(page, tmp_path)
+    for page in READING:
+        try:
+            play(page, tmp_path, do, execute)
+            require_named_files(page, tmp_path)
+        except AssertionError as error:
+            error.add_note(f"in {name(page)}")
+            raise
+
+
+def test_reading_has_every_tutorial_once() -> None:
+    assert sorted(READING) == sorted({ROOT / "README.md", *TUTORIALS.glob("*.md")})
 
 
 def test_pages_on_extending_do_what_they_say(tmp_path: Path) -> None:

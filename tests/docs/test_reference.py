@@ -60,6 +60,8 @@ def options() -> dict[str, set[str]]:
     """Names of the options of every command and subcommand; what `xosc-recognize` takes by itself is for `catalogue`."""
     found: dict[str, set[str]] = {}
     for name, app in generate.apps():
+        if name == generate.UMBRELLA:
+            continue  # has no options but those of the others
         command = typer.main.get_command(app)
         found[name] = _options(command)
         for inner, subcommand in getattr(command, "commands", {}).items():

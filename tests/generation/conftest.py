@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.models.kde import KDE
-from generation.search.problem import Problem
-from generation.search.reward import Realism, Reward
+from generation.density.models.kernels import KDE
+from generation.search.problem import Problem, Realism, Reward
 from tests.generation.kinematic import SPACE, Kinematic, driven
 
 

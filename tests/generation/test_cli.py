@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -40,7 +41,11 @@ def test_a_scenario_becomes_edge_cases(
     assert call(monkeypatch, CUT_IN, "--out", tmp_path / "out", *QUICK, *pinned) == 0
     told = capsys.readouterr().out
     assert "kde against cas, seed 0, with Ego_Speed_mps=36" in told
-    assert "15 runs" in told
+    assert "7 unguided draws of the density: " in told and "8 sought runs: " in told
+    assert "with 95 % confidence failures that were not found have a probability below 0.35" in told
+    numbers = json.loads((tmp_path / "out" / "cut_in_highway_search.json").read_text())
+    assert (numbers["draws"]["runs"], numbers["sought"]["runs"], numbers["plays_on_twin"]) == (7, 8, 0)
+    assert numbers["statement"]["unknown_below"] == pytest.approx(1.0 - 0.05 ** (1.0 / 7))
     files = sorted(path.name for path in (tmp_path / "out").glob("*.xosc"))
     assert files[0] == "cut_in_highway.xosc"
     assert {"cut_in_highway_edge_cases.xosc", "cut_in_highway_density.xosc", "cut_in_highway_edge_case_000002.xosc"} <= set(files)
@@ -51,7 +56,7 @@ def test_a_search_that_finds_nothing_says_why(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     far = ("--pin", "CutIn_Gap_m=100", "--pin", "Ego_Speed_mps=20")
-    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "out", *QUICK, *far) == 1
+    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "out", *QUICK, *far, "--budget", 30) == 1
     assert "0 edge cases: collisions: 1, foreseeable: 0" in capsys.readouterr().out
     assert call(monkeypatch, CUT_IN, "--out", tmp_path / "one", *QUICK, *far, "--budget", 1) == 1
     assert "0 edge cases: no run collides; the least distance of the ego to another one is " in capsys.readouterr().out
@@ -87,7 +92,7 @@ def test_a_version_of_which_no_run_succeeds_does_not_pass(
 ) -> None:
     broken = ("--sut", f"{Broken.__module__}:{Broken.__name__}")
     against = ("--against", old, "--fail-if", "new")
-    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "new", *QUICK, *broken, *against) == 1
+    assert call(monkeypatch, CUT_IN, "--out", tmp_path / "new", *QUICK, *broken, *against) == 5
     assert ", 0 new\n" in capsys.readouterr().out
     page = (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
     assert "failed and count for nothing, the first with: the system under test" in page
@@ -115,7 +120,7 @@ def test_the_same_call_gives_the_same_bytes(old: Path, tmp_path: Path, monkeypat
 @pytest.mark.parametrize(
     ("arguments", "code", "reason"),
     [
-        (("nothing.xosc",), 2, "no such file"),
+        (("nothing.xosc",), 3, "no such file"),
         ((CUT_IN, "--method", "magic"), 2, "methods: quality"),
         ((str(SCENARIOS / "r157_cut_in.xosc"), "--method", "magic"), 2, "methods: quality"),
         ((str(SCENARIOS / "r157_cut_in.xosc"), "--map", "Speed=ego_speed"), 2, "there is no parameter 'Speed'"),
@@ -131,7 +136,7 @@ def test_the_same_call_gives_the_same_bytes(old: Path, tmp_path: Path, monkeypat
         ((str(SCENARIOS / "cut_in_highway_variation.xosc"),), 2, "search cut_in_highway.xosc itself"),
         ((str(SCENARIOS), "--kind", "cut_in"), 2, "for single scenarios"),
         ((str(Path(__file__).parent),), 2, "no scenario with parameters to search"),
-        ((CUT_IN, "--method", "no-maneuver"), 2, "methods: quality, conscend, kde, mcsg, mcsg-published, random"),
+        ((CUT_IN, "--method", "no-maneuver"), 2, "methods: quality, conscend, cover, kde, mcsg, mcsg-published, random"),
     ],
 )
 def test_wrong_use_is_one_line_and_an_exit_code(

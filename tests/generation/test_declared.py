@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.declared import Ask, freed, mapped
+from generation.declared import asked_of, freed, mapped
 from generation.logical.library import SCENARIOS
 from generation.search.space import Space
+from generation.settings import Ask
 from schemas.errors import UsageError
 from xosc.distributions import (
     Deterministic,
@@ -39,27 +40,26 @@ def test_a_variation_file_says_what_is_searched_and_what_is_pinned(tmp_path: Pat
         DeterministicSingleParameterDistribution("CutIn_Gap_m", DistributionRange(Range(6.0, 30.0), 2.0)),
         DeterministicSingleParameterDistribution("CutIn_Speed_mps", DistributionSet(("22",))),
     )
-    asked = Ask().of(path)
+    asked = asked_of(Ask(), path)
     assert asked.scenario == SIMPLE
     space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
     assert (space.names, space.low.tolist(), space.high.tolist()) == (("CutIn_Gap_m",), [6.0], [30.0])
     assert space.pinned["CutIn_Speed_mps"] == "22"
     theta = asked.recorded(space).prior(space, "kde").sample(20, np.random.default_rng(0))
     assert ((theta >= 6.0) & (theta <= 30.0)).all()
-    pinned = Ask(pinned={"CutIn_Gap_m": "9"}, free=["CutIn_Speed_mps=15..30"]).of(path)
+    pinned = asked_of(Ask(pinned={"CutIn_Gap_m": "9"}, free=["CutIn_Speed_mps=15..30"]), path)
     assert (dict(pinned.pinned), list(pinned.marginals)) == ({"CutIn_Gap_m": "9"}, ["CutIn_Speed_mps"])
 
 
 def test_sets_of_values_have_no_density(tmp_path: Path) -> None:
     sets = DeterministicMultiParameterDistribution(({"CutIn_Gap_m": "9"}, {"CutIn_Gap_m": "8"}))
     with pytest.raises(UsageError, match="belong together"):
-        Ask().of(variation(tmp_path / "variation.xosc", sets))
+        asked_of(Ask(), variation(tmp_path / "variation.xosc", sets))
 
 
 def test_parameters_are_mapped_to_roles_with_a_factor() -> None:
-    asked = Ask(kind="cut_in", maps=["CutIn_Gap_m=gap", "CutIn_LaneChangeTime_s=duration", "Ego_Speed_mps=ego_speed*1.0"]).of(
-        SIMPLE
-    )
+    maps = ["CutIn_Gap_m=gap", "CutIn_LaneChangeTime_s=duration", "Ego_Speed_mps=ego_speed*1.0"]
+    asked = asked_of(Ask(kind="cut_in", maps=maps), SIMPLE)
     space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
     assert set(space.names) == {"CutIn_Gap_m", "CutIn_LaneChangeTime_s", "Ego_Speed_mps"}
     assert len(asked.recorded(space).theta) > 1000
@@ -69,7 +69,7 @@ def test_parameters_are_mapped_to_roles_with_a_factor() -> None:
 def test_where_all_ranges_have_roles_recordings_say_everything_within_them() -> None:
     ranges = {"CutIn_Gap_m": (10.0, 30.0), "Ego_Speed_mps": (15.0, 25.0)}
     free = [f"{name}={low}..{high}" for name, (low, high) in ranges.items()]
-    asked = Ask(kind="cut_in", maps=["CutIn_Gap_m=gap", "Ego_Speed_mps=ego_speed"], free=free).of(SIMPLE)
+    asked = asked_of(Ask(kind="cut_in", maps=["CutIn_Gap_m=gap", "Ego_Speed_mps=ego_speed"], free=free), SIMPLE)
     space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
     prior = asked.recorded(space).prior(space, "mixture")
     drawn = prior.sample(200, np.random.default_rng(0))
@@ -79,8 +79,8 @@ def test_where_all_ranges_have_roles_recordings_say_everything_within_them() -> 
 
 def test_a_scenario_of_which_nothing_is_known_is_uniform_or_refused() -> None:
     with pytest.raises(UsageError, match="--kind"):
-        Ask().of(SIMPLE)
-    asked = Ask(density="uniform").of(SIMPLE)
+        asked_of(Ask(), SIMPLE)
+    asked = asked_of(Ask(density="uniform"), SIMPLE)
     space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
     assert len(space.names) == 4
     assert asked.recorded(space).prior(space, "uniform").names == space.names

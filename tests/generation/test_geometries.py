@@ -11,7 +11,7 @@ import runner
 import schemas
 import xosc
 from generation.logical.library import SCENARIOS
-from generation.outcomes.cases import COLLISION
+from generation.outcomes.judges import COLLISION
 from tests.generation.test_cli import call
 from xosc.tags import read
 

@@ -13,12 +13,12 @@ import pytest
 import runner
 import schemas
 import xosc
-from generation.density.models.gaussian import Gaussian
+from generation.density.models.mixtures import Gaussian
 from generation.logical.library import SCENARIOS
-from generation.outcomes.cases import Cases, Choice, choose
-from generation.outcomes.evaluator import Evaluator
-from generation.outcomes.outcomes import Episodes
+from generation.outcomes.judges import Cases, choose
+from generation.outcomes.outcomes import Episodes, Evaluator
 from generation.search.space import Space
+from generation.settings import Choice
 from generation.twin.episodes import Twin
 from generation.variations import Evidence, Writer
 from runner.settings import RunSettings

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recognition.datasets.participants import participant
+from recognition.datasets.source import participant
 from recognition.labels import Event, Label, Rules, label
 from recognition.sites import Site, site_at
 from runner.recording import Recording, Track

@@ -14,7 +14,7 @@ from runner.motion.placement import wrap
 from runner.participants.declaration import BoundingBox, Declaration
 from runner.participants.entity import Entities, Entity
 from runner.positions.orientation import Orientation, on_road
-from runner.worlds.kinematic import KinematicWorld
+from runner.worlds.base import KinematicWorld
 
 ROADS = Path(__file__).parents[1] / "conformance" / "roads"
 CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)

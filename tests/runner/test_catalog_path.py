@@ -62,7 +62,7 @@ def test_what_is_where_the_scenario_says_comes_first(tmp_path: Path) -> None:
 def test_commands_look_in_their_catalogue_paths(
     asked: str, lost: Path, tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    options = ("--sut", "none", "--world", "kinematic", "--max-time", "0.2")
+    options = ("--sut", "none", "--world", "kinematic", "--max-time", "0.2", "--allow-inconclusive")
     assert command("xosc-run", lost, *options).code == 3
     assert "--catalog-path" in command("xosc-check", lost).out
     where: tuple[str, ...] = ()
@@ -84,7 +84,7 @@ def test_exports_take_catalogues_along_from_where_they_are_found(
     assert command("xosc-export", lost, *options, "--catalog-path", tmp_path / "all").code == 0
     (copy,) = (tmp_path / "out").glob("*.xosc")
     assert not [problem for problem in schemas.check(copy) if problem.level == "error"]
-    assert runner.run(copy, FAST).verdict.passed
+    assert runner.run(copy, FAST).end_time == FAST.max_time
 
 
 def test_searches_write_the_catalogues_along(lost: Path, tmp_path: Path) -> None:
@@ -92,4 +92,22 @@ def test_searches_write_the_catalogues_along(lost: Path, tmp_path: Path) -> None
     with pytest.raises(InvalidFile, match="--catalog-path"):
         Writer(lost, space, tmp_path / "refused")
     Writer(lost, space, tmp_path / "out", RunSettings(catalog_path=(str(tmp_path / "all"),)))
-    assert runner.run(tmp_path / "out" / lost.name, FAST).verdict.passed
+    assert runner.run(tmp_path / "out" / lost.name, FAST).end_time == FAST.max_time
+
+
+def test_all_folders_are_searched_and_the_first_that_has_the_name_counts(lost: Path, tmp_path: Path) -> None:
+    (vehicles,) = (tmp_path / "all" / "vehicles").glob("*.xosc")
+    text = vehicles.read_text(encoding="utf-8")
+    name = text.partition('Catalog name="')[2].partition('"')[0]
+    for folder, content in (("other", text.replace(f'Catalog name="{name}"', 'Catalog name="Other"')), ("copy", text)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "catalog.xosc").write_text(content, encoding="utf-8")
+    (tmp_path / "copy" / "catalog.xosc").write_text(text.replace('length="', 'length="1'), encoding="utf-8")
+
+    def lengths(*folders: str) -> list[str]:
+        asked = tuple(str(tmp_path / folder) for folder in folders)
+        root = xosc.resolve(xosc.load(lost), catalog_path=asked).node.element
+        return [str(each.get("length")) for each in root.iterfind(".//Vehicle/BoundingBox/Dimensions")]
+
+    assert lengths("other", "all/vehicles") == lengths("all/vehicles") == lengths("other", "all/vehicles", "copy")
+    assert lengths("copy", "all/vehicles") == [f"1{length}" for length in lengths("all/vehicles")]

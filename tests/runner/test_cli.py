@@ -55,7 +55,7 @@ def test_0_passed(xosc_run: Command, passing: Path) -> None:
 def test_1_the_ego_collides(xosc_run: Command, tmp_path: Path) -> None:
     answer = xosc_run(collision(tmp_path))
     assert answer.code == 1
-    assert "FAILED  collision" in answer.out
+    assert "FAILED       collision" in answer.out
     assert "collision with Lead at 0.00 s" in answer.out
 
 
@@ -66,8 +66,8 @@ def test_1_the_ego_collides(xosc_run: Command, tmp_path: Path) -> None:
         (["--param", "=3"], "NAME=VALUE"),
         (["--param", "Gapp=3"], "did you mean 'Gap'?"),
         (["--param", "Gap=wide"], "'wide' is not a number"),
-        (["--sut", "absent"], "there are aeb, bridge, cas, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class"),
-        (["--sut", ":Class"], "there are aeb, bridge, cas"),
+        (["--sut", "absent"], "there are adas, aeb, bridge, cas, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class"),
+        (["--sut", ":Class"], "there are adas, aeb, bridge, cas"),
         (["--sut", "absent_module:Class"], "No module named 'absent_module'"),
         (["--sut", "json:Absent"], "Absent"),
         (["--sut", "json:JSONEncoder"], "has no method reset"),
@@ -193,7 +193,8 @@ def test_constraints_can_be_left_aside(xosc_run: Command, tmp_path: Path, passin
     declared = f'name="Gap" parameterType="double" value="5">{group}</ParameterDeclaration>'
     passing.write_text(text.replace("@", declared))
     assert xosc_run(passing, "-p", "Gap=50").code == 3
-    assert xosc_run(passing, "-p", "Gap=50", "--no-constraints").code == 0
+    assert xosc_run(passing, "-p", "Gap=50", "--no-constraints").code == 6
+    assert xosc_run(passing, "-p", "Gap=50", "--no-constraints", "--allow-inconclusive").code == 0
     variation = distribution(tmp_path, "variation", {"Gap": (6, 12, 2)}, of="passing")
     assert "2 parameter sets" in xosc_run(variation, "--dry-run").out
     assert "4 parameter sets" in xosc_run(variation, "--dry-run", "--no-constraints").out
@@ -201,6 +202,33 @@ def test_constraints_can_be_left_aside(xosc_run: Command, tmp_path: Path, passin
     assert names == ["variation~000000", "variation~000001"]
     excluded = xosc_run(variation, "--only", "1,3")
     assert excluded.code == 3 and "Gap = 12" in excluded.err and "variation~000001 Gap=8" in excluded.out
+
+
+def test_sets_that_constraints_leave_out_are_told_and_none_left_is_an_error(
+    xosc_run: Command, tmp_path: Path, passing: Path
+) -> None:
+    group = '<ConstraintGroup><ValueConstraint rule="lessThan" value="10"/></ConstraintGroup>'
+    passing.write_text(passing.read_text().replace('value="50.0"/>', f'value="5">{group}</ParameterDeclaration>', 1))
+    variation = distribution(tmp_path, "variation", {"Gap": (6, 12, 2)}, of="passing")
+    told = f"remark: {variation}: 2 parameter sets left out: the values violate the scenario's constraints"
+    for options in ([], ["--dry-run"], ["--sample", "4"]):
+        assert told in xosc_run(variation, *options).out, options
+    assert "left out" not in xosc_run(variation, "--no-constraints").out
+    none = distribution(tmp_path, "none", {"Gap": (12, 18, 2)}, of="passing")
+    for options in ([], ["--dry-run"], ["--sample", "2"], ["-q"]):
+        answer = xosc_run(none, *options)
+        assert answer.code == 3, options
+        assert re.search(rf"^xosc-run: {none}:\d+: .*none of \d (parameter sets|samples) satisfies the constraints", answer.err)
+
+
+def test_files_that_break_their_standard_are_told_of_under_quiet_too(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+    assert xosc_run(passing, "-q") == (0, "", "")
+    passing.write_text(passing.read_text().replace(' mass="1500"', "").replace("<CatalogLocations/>", ""))
+    for options in (["-q"], ["-q", "--dry-run"]):
+        answer = xosc_run(passing, *options)
+        assert (answer.code, answer.out) == (0, "")
+        assert answer.err.startswith(f"xosc-run: read though it breaks its standard: {passing}:"), answer.err
+        assert answer.err.count("\n") == 1
 
 
 def test_a_dry_run_compiles_and_writes_nothing(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
@@ -216,11 +244,11 @@ def test_a_dry_run_compiles_and_writes_nothing(xosc_run: Command, tmp_path: Path
 def test_a_dry_run_begins_the_scenario(xosc_run: Command) -> None:
     """Its initial actions are done, so that what these can't do, or assume, is said."""
     path = CONFORMANCE / "RelativeLanePosition.xosc"
-    assert xosc_run(path, "--dry-run", "-p", "Lanes=0").code == 0
+    assert xosc_run(path, "--dry-run", "-p", "Lanes=0", "--sut", "none").code == 0
     refused = xosc_run(path, "--dry-run", "-p", "Lanes=5")
     assert refused.code == 3 and "dLane=5 leads from" in refused.out + refused.err
-    assumed = xosc_run(path, "--dry-run", "-p", "Lanes=0", "-p", "Ds=5000")
-    assert assumed.code == 0 and "its end is assumed" in assumed.out + assumed.err
+    assumed = xosc_run(path, "--dry-run", "-p", "Lanes=0", "-p", "Ds=5000", "--sut", "none")
+    assert assumed.code == 6 and "its end is assumed" in assumed.out + assumed.err
 
 
 def test_a_dry_run_of_a_variation_file_is_one_line(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
@@ -289,7 +317,7 @@ def test_numbers_choose_parameter_sets(xosc_run: Command, tmp_path: Path, passin
     variation = distribution(tmp_path, "variation", {"Gap": (20, 70, 10), "Ego_Speed": (10, 12, 1)}, of="passing")
     answer = xosc_run(variation, "--only", "4, 0-1,17", "--out", tmp_path / "out")
     assert answer.code == 0
-    shown = [line[8:].rpartition("0.20 s")[0].strip() for line in answer.out.splitlines() if line.startswith("PASSED")]
+    shown = [line[13:].rpartition("0.20 s")[0].strip() for line in answer.out.splitlines() if line.startswith("PASSED")]
     assert shown == [
         "variation~000000 Gap=20, Ego_Speed=10",
         "variation~000001 Gap=20, Ego_Speed=11",
@@ -347,6 +375,12 @@ def test_the_summary_names_failures_by_cause(xosc_run: Command, tmp_path: Path) 
         "    absent",
         "FAILED, 5 runs: collision with Lead at … s",
         *(f"    variation~00000{number} Gap={3 + 3 * number}" for number in range(5)),
+        "worst 5 of 5 contacts, by the risk of a death:",
+        *(
+            f"     10.0 m/s, change of velocity  5.0 m/s, risk <0.1 %  variation~00000{number} Gap={3 + 3 * number}: "
+            "the ego hit Lead with its front"
+            for number in range(5)
+        ),
         "12 runs: 1 error, 5 failed, 6 passed",
     ]
 
@@ -376,7 +410,7 @@ def test_the_terminal_shows_totals_and_names_as_wide_as_it_is(tmp_path: Path, pa
     text = shown.decode()
     assert re.search(r"\r\x1b\[K1 of 4 runs, about \d+ s left", text)
     assert "4 of 4 runs" in text
-    row = re.search(r"PASSED  \x1b\[0m(.*?)0\.20 s", text)
+    row = re.search(r"PASSED {7}\x1b\[0m(.*?)0\.20 s", text)
     assert row is not None and "variation~000000 Gap=20, Ego_Speed=10" in row[1]
     assert len(row[1]) == 120 - 60 + 5  # the column, and what "0.20 s" leaves of the next one
 

@@ -6,7 +6,6 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from lxml import etree
 
 from runner import coverage
 from runner.contracts import registry
@@ -32,8 +31,8 @@ def test_every_element_is_executed_or_refused_with_a_reason() -> None:
 
 
 def test_nothing_is_registered_that_no_version_of_the_standard_knows() -> None:
-    schemas = [schema_for("OpenSCENARIO", (1, minor)) for minor in range(4)]
-    roots = [etree.parse(schema.path).getroot() for schema in schemas if schema is not None]
+    schemas = [schema_for("OpenSCENARIO", (1, minor)) for minor in range(5)]
+    roots = [schema.tree().getroot() for schema in schemas if schema is not None]
     known = {str(element.get("name")) for root in roots for element in root.iter("{http://www.w3.org/2001/XMLSchema}element")}
     for family in FAMILIES:
         family.load()
@@ -48,6 +47,10 @@ def test_the_page_is_up_to_date() -> None:
 
 def test_esmini_is_compared_by_elements_that_exist() -> None:
     assert coverage.ESMINI.keys() <= {row.name for row in all_rows()}
+
+
+def test_every_addition_of_1_4_has_a_note() -> None:
+    assert set(coverage.NEW_IN_1_4) == set(coverage.new_parts())
 
 
 def test_other_notes_name_elements_of_the_xsd() -> None:

@@ -19,7 +19,7 @@ from runner.interpreter.departures import Departures
 from runner.outputs.report import summary
 from runner.settings import RunSettings
 from runner.sut import Control
-from runner.sut.scripted import Scripted
+from runner.sut.commanded import Scripted
 from tests.commands import Command
 from tests.conformance.support import events
 from tests.runner.files import car, place, scenario

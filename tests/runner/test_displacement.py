@@ -17,8 +17,7 @@ from runner.contracts.condition import ByEntityCondition, EntityCondition
 from runner.motion.placement import Placement
 from runner.participants.boxes import gap, plane_gap
 from runner.participants.entity import Entities, Entity
-from runner.spacing.displacement import Displacement
-from runner.spacing.separation import Separation
+from runner.spacing.displacement import Displacement, Separation
 from tests.runner.movement import Move, move, moves
 from tests.runner.scene import vehicle
 

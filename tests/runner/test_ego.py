@@ -12,7 +12,7 @@ import pytest
 import runner
 from runner.interpreter.execution import prepare
 from runner.sut import Control
-from runner.sut.scripted import Scripted
+from runner.sut.commanded import Scripted
 from schemas.errors import UsageError
 from tests.conformance.support import at, events, track
 from tests.runner.files import ROADS, car, place, scenario, speed_action, story
@@ -84,12 +84,12 @@ def test_an_ego_that_is_not_there_is_refused(tmp_path: Path) -> None:
         prepare(scenario(tmp_path)).ego("ego")
 
 
-def test_without_an_ego_nobody_is_driven_and_collisions_do_not_fail(tmp_path: Path) -> None:
+def test_without_an_ego_nobody_is_driven_and_nothing_is_tested(tmp_path: Path) -> None:
     path = scenario(
         tmp_path, entities=[car("A"), car("B")], init=place("A", 100, 20) + place("B", 102, 20), stories=" ", stop=0.1
     )
     result = drive(path, (0.0, Control(acceleration=-5.0)))
-    assert (result.ego, result.sut, result.verdict.passed) == (None, "none", True)
+    assert (result.ego, result.sut, [cause.name for cause in result.verdict.causes]) == (None, "none", ["no-ego"])
     assert at(track(result, "A"), 0.1, "speed") == 20.0
 
 
@@ -99,7 +99,7 @@ def test_without_an_ego_nobody_is_driven_and_collisions_do_not_fail(tmp_path: Pa
 def test_a_scenario_that_activates_no_controller_is_driven_from_the_beginning(tmp_path: Path) -> None:
     result = drive(alone(tmp_path), (0.0, Control(acceleration=-2.0)))
     assert at(track(result, "Ego"), 3.0, "speed") == pytest.approx(14.0)
-    assert result.sut == "runner.sut.scripted:Scripted"
+    assert result.sut == "runner.sut.commanded:Scripted"
 
 
 ASSIGN = controller_action(

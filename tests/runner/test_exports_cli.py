@@ -11,11 +11,12 @@ import pytest
 import runner
 import runner.exports
 from runner.exports import TARGETS, find_targets
-from runner.exports.exporting import export_runs
+from runner.exports.exporting import Exported, export_runs
 from runner.settings import RunSettings
 from schemas import discovery
 from tests.commands import Command
 from tests.runner.files import HEADER, distribution, place, scenario, speed_action, story
+from xosc.exports import standard
 from xosc.exports.folder import Folder
 
 BRAKES = story("Lead", [(0.2, speed_action(5))])
@@ -29,6 +30,8 @@ def export(result, name, folder):
 """
 """A target of runs, as a file of its own"""
 
+CONTROLLER = '<AssignControllerAction><Controller name="own"><Properties/></Controller></AssignControllerAction>'
+
 
 @pytest.fixture
 def xosc_export(command: Command) -> Command:
@@ -41,7 +44,11 @@ def test_a_folder_is_exported_file_by_file(xosc_export: Command, tmp_path: Path)
         scenario(tmp_path / "in", name, stories=BRAKES)
     answer = xosc_export(tmp_path / "in", "--to", "1.1", "--out", tmp_path / "out")
     assert answer.code == 0
-    assert answer.out.splitlines() == [*(f"{tmp_path}/in/{name}.xosc: exported" for name in "ab"), "2 exported, 0 not"]
+    assert answer.out.splitlines() == [
+        *(f"{tmp_path}/in/{name}.xosc: exported" for name in "ab"),
+        "2 exported, 0 not",
+        f"files: {tmp_path}/out",
+    ]
     assert sorted(path.name for path in (tmp_path / "out").rglob("*.*")) == ["a.xosc", "b.xosc", "straight.xodr"]
 
 
@@ -53,6 +60,18 @@ def test_4_something_cannot_be_said_and_the_others_are_exported(xosc_export: Com
     assert (answer.code, answer.out) == (4, "")
     assert f"{tmp_path}/in/newer.xosc:" in answer.err and "RandomRouteAction" in answer.err
     assert sorted(path.name for path in (tmp_path / "out").glob("*")) == ["roads", "sound.xosc"]
+
+
+def test_a_file_that_breaks_its_standard_is_told_of_under_quiet_too(xosc_export: Command, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=BRAKES)
+    for target in ("1.1", "parquet"):
+        assert xosc_export(path, "--to", target, "--out", tmp_path / f"sound {target}", "-q") == (0, "", "")
+    path.write_text(path.read_text().replace('conditionEdge="none"', ""))
+    for target, named in (("1.1", path), ("parquet", path.stem)):
+        answer = xosc_export(path, "--to", target, "--out", tmp_path / f"broken {target}", "-q")
+        assert (answer.code, answer.out, answer.err.count("\n")) == (0, "", 1)
+        assert answer.err.startswith(f"xosc-export: {named}: exported; read though it breaks its standard: {path}:"), answer.err
+        assert "the attribute 'conditionEdge' is missing" in answer.err
 
 
 def test_3_a_file_is_broken_and_named_once_with_the_line(xosc_export: Command, tmp_path: Path) -> None:
@@ -119,7 +138,44 @@ def test_repairs_are_told_and_strict_exports_refuse_them(xosc_export: Command, t
 def test_catalogues_alone_cannot_be_run(xosc_export: Command, tmp_path: Path) -> None:
     (tmp_path / "cars.xosc").write_text(f'<OpenSCENARIO>{HEADER}<Catalog name="cars"/></OpenSCENARIO>')
     answer = xosc_export(tmp_path / "cars.xosc", "--to", "sumo", "--out", tmp_path / "out")
-    assert answer.code == 2 and answer.err.startswith("xosc-export: nothing here can be run")
+    assert answer.code == 3 and answer.err.startswith(
+        f"xosc-export: {tmp_path}/cars.xosc: this is a catalog, nothing in it can be run"
+    )
+
+
+def test_an_internal_error_names_its_file_and_the_others_are_exported(
+    xosc_export: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in "ab":
+        scenario(tmp_path / "in", name, stories=BRAKES)
+    sound = standard.export
+
+    def export(source: Path, *arguments: object) -> object:
+        return 1 / 0 if source.stem == "a" else sound(source, *arguments)
+
+    monkeypatch.setattr(standard, "export", export)
+    answer = xosc_export(tmp_path / "in", "--to", "1.1", "--out", tmp_path / "out")
+    assert answer.code == 5 and f"{tmp_path}/in/b.xosc: exported" in answer.out
+    assert f"not exported: {tmp_path}/in/a.xosc: internal error: ZeroDivisionError" in answer.err and "Traceback" in answer.err
+
+
+def test_an_actor_that_does_not_exist_is_named_with_its_line(xosc_export: Command, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=BRAKES.replace('entityRef="Lead"', 'entityRef="Laed"'))
+    answer = xosc_export(path, "--to", "carla", "--out", tmp_path / "out")
+    line = path.read_text().split("Laed")[0].count("\n") + 1
+    assert answer.code == 3 and not (tmp_path / "out").exists()
+    assert f"{path}:{line}: EntityRef: there is no entity 'Laed'; did you mean 'Lead'?" in answer.err
+
+
+@pytest.mark.parametrize("other", ['<ActivateControllerAction longitudinal="true"/>', CONTROLLER])
+def test_of_two_controller_actions_in_one_only_those_of_autopilots_are_left_out(
+    other: str, xosc_export: Command, tmp_path: Path
+) -> None:
+    both = f'<ControllerAction><ActivateControllerAction lateral="true"/>{other}</ControllerAction>'
+    path = scenario(tmp_path, stories=story("Lead", [(0.2, f"<PrivateAction>{both}</PrivateAction>")]))
+    answer = xosc_export(path, "--to", "carla", "--out", tmp_path / "out")
+    assert answer.code == (0 if other != CONTROLLER else 4), answer.err
+    assert "Traceback" not in answer.err and ("'module'" in answer.err) == (other == CONTROLLER)
 
 
 def test_runs_are_exported_for_every_set_of_parameters(xosc_export: Command, tmp_path: Path) -> None:
@@ -127,7 +183,11 @@ def test_runs_are_exported_for_every_set_of_parameters(xosc_export: Command, tmp
     sets = distribution(tmp_path, "sets", {"Gap": (20.0, 40.0, 10.0)})
     options = ["--world", "kinematic", "--sut", "none", "--timestep", "0.1", "--param", "Ego_Speed=6"]
     answer = xosc_export(sets, "--to", "parquet", "--out", tmp_path / "out", *options)
-    assert answer.out.splitlines() == [*(f"sets~00000{number}: exported" for number in range(3)), "3 exported, 0 not"]
+    assert answer.out.splitlines() == [
+        *(f"sets~00000{number}: exported" for number in range(3)),
+        "3 exported, 0 not",
+        f"files: {tmp_path}/out",
+    ]
     assert len(list((tmp_path / "out").glob("sets~*.criticality.parquet"))) == 3
 
 
@@ -181,7 +241,7 @@ def test_a_file_in_the_folder_of_exports_is_a_target(tmp_path: Path, monkeypatch
     assert targets.keys() - TARGETS.keys() == {"plain"}
     path = scenario(tmp_path, stories=BRAKES, stop=0.5)
     settings = RunSettings(world="kinematic", sut="none")
-    assert list(export_runs([path], targets["plain"], Folder(tmp_path / "out"), settings, {})) == [("scenario", 0, [])]
+    assert list(export_runs([path], targets["plain"], Folder(tmp_path / "out"), settings, {})) == [Exported("scenario", 0, [])]
     assert (tmp_path / "out" / "scenario.txt").read_text() == "0.50 s, passed: True\n"
 
 
@@ -210,3 +270,37 @@ def test_constraints_can_be_left_aside(options: list[str], xosc_export: Command,
     assert xosc_export(limited, "--out", tmp_path / "refused", "--to", *options).code == 3
     answer = xosc_export(limited, "--out", tmp_path / "aside", "--no-constraints", "--to", *options)
     assert answer.code == 0, answer.err
+
+
+@pytest.mark.parametrize("target", ["sumo", "openlabel"])
+def test_6_an_exported_run_did_not_test_what_its_file_describes(xosc_export: Command, tmp_path: Path, target: str) -> None:
+    path = scenario(tmp_path, stories=BRAKES, stop=1.0)
+    path.write_text(path.read_text().replace("<Act ", "<Actt/><Act ", 1))
+    ask = (path, "--to", target, "--world", "kinematic", "--quiet")
+    answer = xosc_export(*ask, "--out", tmp_path / "out")
+    assert (answer.code, answer.out) == (6, "")
+    assert "exported, but inconclusive" in answer.err and "did you mean Act?" in answer.err
+    assert (tmp_path / "out").exists()
+    answer = xosc_export(*ask, "--out", tmp_path / "again", "--allow-inconclusive")
+    assert answer.code == 0 and "exported, but inconclusive" in answer.err
+
+
+@pytest.mark.parametrize("target", ["1.3", "esmini", "carla"])
+@pytest.mark.parametrize("only", [[], ["--only", "0"]])
+def test_3_a_distribution_is_not_valid(xosc_export: Command, tmp_path: Path, target: str, only: list[str]) -> None:
+    scenario(tmp_path, stories=BRAKES)
+    path = distribution(tmp_path, "sets", {"Gap": (20.0, 40.0, 10.0)})
+    path.write_text(path.read_text().replace("</ParameterValueDistribution>", "<Actt/></ParameterValueDistribution>"))
+    answer = xosc_export(path, "--to", target, "--out", tmp_path / "out", *only)
+    assert (answer.code, answer.out) == (3, "")
+    assert "not valid in its own version" in answer.err and str(path) in answer.err and "Actt" in answer.err
+
+
+@pytest.mark.parametrize("target", ["1.3", "esmini", "sumo"])
+def test_what_is_assumed_of_a_distribution_is_a_remark_of_its_exports(xosc_export: Command, tmp_path: Path, target: str) -> None:
+    scenario(tmp_path, stories=BRAKES, stop=0.5)
+    path = distribution(tmp_path, "sets", {"Gap": (20.0, 40.0, 10.0)})
+    path.write_text(path.read_text().replace('revMinor="', 'revMinor="9'))
+    world = ["--world", "kinematic"] if target == "sumo" else []
+    answer = xosc_export(path, "--to", target, "--out", tmp_path / "out", "--only", "0", *world)
+    assert answer.code == 0 and f"{path}:" in answer.out and "the header has the revision" in answer.out

@@ -16,7 +16,7 @@ from runner.settings import RunSettings
 from tests.runner.files import car, place, scenario, speed_action, story
 from tests.xosc.scenario_runner_grammar import stops_at
 from xosc.exports.folder import Folder
-from xosc.exports.on_roads.starts import actors
+from xosc.exports.starts import actors
 
 SCENARIOS = Path(__file__).parents[1] / "conformance" / "scenarios"
 LIBRARY = Path(xosc.__file__).parent / "library"

@@ -1,4 +1,4 @@
-"""What is said of runs in which no event starts, and of triggers that wait for a time that has passed."""
+"""Remarks on triggers that wait for a time that has passed."""
 
 from __future__ import annotations
 
@@ -26,16 +26,6 @@ def test_a_run_with_an_event_has_no_remark(tmp_path: Path) -> None:
     assert play(tmp_path, 0.5, 9.0) == ()
 
 
-def test_a_stop_trigger_that_is_true_before_any_event_is_a_remark(tmp_path: Path) -> None:
-    (remark,) = play(tmp_path, 0.5, stop=0.0)
-    assert remark == "no event has started: the run ended at 0.00 s, by end: simulation time = 0 s ≥ 0 s"
-
-
-def test_a_run_without_events_has_no_remark(tmp_path: Path) -> None:
-    path = scenario(tmp_path, entities=[car("Ego")], init=place("Ego", 100, 10), stop=0.0)
-    assert runner.run(path, world="kinematic", sut="none").remarks == ()
-
-
 def test_a_rise_before_the_trigger_waits_is_a_remark(tmp_path: Path) -> None:
     early = at_time(0.2, "early").replace('conditionEdge="none"', RISES)
     remarks = play(tmp_path, 0.3, 0.2, changes={at_time(0.2): early, at_time(0): at_time(0.4)})
@@ -50,9 +40,8 @@ def test_events_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
 
 
 def test_an_act_that_waits_for_the_beginning_to_come_is_a_remark(tmp_path: Path) -> None:
-    first, second = play(tmp_path, 0.3, changes={at_time(0): at_time(0).replace('conditionEdge="none"', RISES)})
+    (first,) = play(tmp_path, 0.3, changes={at_time(0): at_time(0).replace('conditionEdge="none"', RISES)})
     assert first.startswith("act 'act' can't start: time: simulation time = 1 s ≥ 0 s (rising) was true too early")
-    assert second.startswith("no event has started: the run ended at 1.00 s")
 
 
 def test_a_delayed_rise_may_still_come(tmp_path: Path) -> None:

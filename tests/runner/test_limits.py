@@ -51,7 +51,8 @@ def test_a_limit_says_why_a_run_fails(text: str, reason: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "min_ttc", "off-road<1", "min_tcc<1", "min_ttc<", "min_ttc<soon", "min_ttc<nan", "min_ttc=1", "1>2"]
+    "text",
+    ["", "min_ttc", "inconclusive", "off-road<1", "min_tcc<1", "min_ttc<", "min_ttc<soon", "min_ttc<nan", "min_ttc=1", "1>2"],
 )
 def test_what_is_no_limit_is_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--fail-if"):
@@ -98,21 +99,26 @@ def test_the_command_fails_and_says_why_everywhere(xosc_run: Command, tmp_path: 
     assert xosc_run(path, "--fail-if", "min_distanc<5")[::2] == (
         2,
         "xosc-run: --fail-if 'min_distanc<5': a measure with a limit is expected, such as min_ttc<1 (of min_ttc, min_thw, "
-        "max_drac, min_distance, pet, max_collision_probability, max_risk_field, rss_risk_ad_rss, rss_risk_r157, end_time), or "
-        "one of off-road, road-end, timeout, rss\n",
+        "max_drac, min_distance, pet, max_collision_probability, max_risk_field, rss_risk_ad_rss, rss_risk_r157, "
+        "impact_speed, delta_v, fatality_risk, end_time), or one of off-road, road-end, timeout, rss, new-failure\n",
     )
 
 
 def test_leaving_the_road_is_said_once(xosc_run: Command, tmp_path: Path) -> None:
     aside = place("Ego", 100, 20).replace('laneId="-1"', 'laneId="-1" offset="-30"')
     path = scenario(tmp_path, init=aside + place("Lead", 300, 20), stop=0.5)
-    assert xosc_run(path, "--sut", "none").code == 0
+    assert xosc_run(path, "--sut", "none").code == 6
     answer = xosc_run(path, "--sut", "none", "--fail-if", "off-road")
     assert answer.code == 1
     assert answer.out.count("has left the road") == 1
 
 
 # the end by a contact -----------------------------------------------------------------------
+
+
+def test_a_run_in_python_ends_as_the_command_does(tmp_path: Path) -> None:
+    assert runner.run(crash(tmp_path), world="kinematic").status == "collision"
+    assert runner.run(crash(tmp_path), world="kinematic", sut="none").status == "completed"
 
 
 def crash(folder: Path) -> Path:
@@ -139,8 +145,8 @@ def test_a_contact_of_the_ego_ends_a_run(options: list[str], end: float, status:
     assert result.end_time == pytest.approx(expected)
 
 
-def test_runs_from_python_play_on_unless_told(tmp_path: Path) -> None:
-    assert runner.run(crash(tmp_path), world="kinematic").end_time == 5.0
+def test_runs_from_python_end_as_those_of_the_command(tmp_path: Path) -> None:
+    assert runner.run(crash(tmp_path), world="kinematic", end_after_collision=False).end_time == 5.0
     assert runner.run(crash(tmp_path), world="kinematic", end_after_collision=True).status == "collision"
 
 

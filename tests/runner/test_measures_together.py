@@ -9,8 +9,7 @@ import pytest
 
 from runner.measures import relations as module
 from runner.measures.criticality import Criticality, criticality
-from runner.measures.encroachment import LONGEST_PET
-from runner.measures.extreme import Extreme
+from runner.measures.measure import LONGEST_PET, Extreme
 from runner.measures.relations import Motion, boxes_overlap, common
 from runner.measures.risk_field import risk_field
 from runner.participants.declaration import BoundingBox

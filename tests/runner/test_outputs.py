@@ -15,11 +15,10 @@ from lxml import etree
 
 import runner
 from runner.batch.jobs import Job, Outcome
-from runner.interpreter.event_log import LogEntry
 from runner.interpreter.result import RunResult, Verdict
 from runner.outputs import report, trajectories
 from runner.participants.declaration import BoundingBox
-from runner.recording import COLUMNS, Recording, Track
+from runner.recording import COLUMNS, LogEntry, Recording, Track
 from tests.runner.files import car, place, scenario, speed_action, story
 
 ODD = 'Tom, "Dick" & <Harry>'
@@ -141,7 +140,7 @@ def test_csv_lines_follow_who_is_there(tmp_path: Path) -> None:
     a = track("a", *({"time": time, "road_id": None} for time in (0.0, 1.0, 2.0)))
     recording = Recording([a, track("b", {"time": 1.0, "road_id": None})], 1.0, None)
     settings = {"timestep": 1.0}
-    result = RunResult(Path("x.xosc"), {}, "completed", 2.0, Verdict(True), (), None, "none", settings, [], recording)
+    result = RunResult(Path("x.xosc"), {}, "completed", 2.0, Verdict(), (), None, "none", settings, [], recording)
     trajectories.write_csv(result, tmp_path / "t.csv")
     rows = read_csv(tmp_path / "t.csv")
     assert [row["#2 Entity_Name [-]"] for row in rows] == ["", "b", ""]
@@ -240,11 +239,11 @@ def test_junit_tells_failures_from_errors(tmp_path: Path) -> None:
     assert (root.tag, root.get("name")) == ("testsuites", "xosc-run")
     suites = [dict(suite.attrib) for suite in root]
     assert suites == [
-        {"name": "a.xosc", "tests": "2", "failures": "1", "errors": "0"},
-        {"name": "folder/b.xosc", "tests": "1", "failures": "0", "errors": "1"},
+        {"name": "a.xosc", "tests": "2", "failures": "1", "errors": "0", "skipped": "0"},
+        {"name": "folder/b.xosc", "tests": "1", "failures": "0", "errors": "1", "skipped": "0"},
     ]
     cases = [dict(case.attrib) for case in root.iter("testcase")]
     assert cases[0] == {"classname": "a", "name": "a~000000", "time": "1.250"}
-    assert root.xpath("//failure/@message") == ["collision with <B> & ? co"]
+    assert root.xpath("//failure/@message") == ["collision with <B> & \ufffd co"]
     assert root.xpath("//error/@message") == ["b.xosc:3: broken"]
     assert len(root.xpath("//testcase[not(*)]")) == 1

@@ -14,11 +14,8 @@ from runner.surroundings.environment import Environment
 from runner.sut import Control, Observation, Participant, SystemUnderTest, load_system
 from runner.sut.aeb import EmergencyBraking
 from runner.sut.encounters import encounters
-from runner.sut.fsm import FuzzySafety
 from runner.sut.idm import IntelligentDriver
-from runner.sut.r157_cc import CarefulCompetent
-from runner.sut.r157_reg import Regulation157
-from runner.sut.rss import SafeDistance
+from runner.sut.reference import CarefulCompetent, FuzzySafety, Regulation157, SafeDistance
 
 CAR = BoundingBox(0.0, 0.0, 0.75, 4.0, 2.0, 1.5)
 CUT_IN = Path(__file__).parents[2] / "xosc" / "library" / "r157_cut_in.xosc"

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.replay.report import report, varied, write_report
 from runner.settings import RunSettings
-from schemas.errors import UsageError
+from schemas.errors import InvalidFile, UsageError
 from tests.runner.chromium import Browser
 from tests.runner.files import distribution, scenario
 
@@ -65,6 +67,41 @@ def test_a_folder_without_a_batch_is_refused(tmp_path: Path) -> None:
         write_report(tmp_path)
 
 
+DAMAGES: dict[str, tuple[Callable[[pa.Table], pa.Table], str]] = {
+    "column gone": (lambda table: table.drop_columns(["end_time"]), "there is no column end_time"),
+    "other type": (
+        lambda table: table.set_column(0, "name", pa.array([[1]] * len(table))),
+        r"the column name is of the type list<.*>, not string",
+    ),
+    "absent value": (
+        lambda table: table.set_column(0, "name", pa.array([None] * len(table), pa.string())),
+        "the column name has rows without a value",
+    ),
+    "other schema": (
+        lambda table: table.rename_columns(["other", *table.column_names[1:]]),
+        "there is no column name",
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_table_of_runs_is_one_line_with_its_file(damage: str, batch: Path, tmp_path: Path) -> None:
+    change, told = DAMAGES[damage]
+    for name in ("batch.json", "runs.jsonl"):
+        (tmp_path / name).write_bytes((batch / name).read_bytes())
+    pq.write_table(change(pq.read_table(batch / "runs.parquet")), tmp_path / "runs.parquet")
+    with pytest.raises(InvalidFile, match=told) as caught:
+        report(tmp_path)
+    assert caught.value.path == str(tmp_path / "runs.parquet")
+
+
+def test_damaged_settings_are_one_line_with_their_file(batch: Path, tmp_path: Path) -> None:
+    (tmp_path / "batch.json").write_bytes(b"\xac{")
+    with pytest.raises(InvalidFile, match="JSON") as caught:
+        report(tmp_path)
+    assert caught.value.path == str(tmp_path / "batch.json")
+
+
 def test_the_page_counts_sorts_and_finds_runs(browser: Browser, batch: Path) -> None:
     browser.requests.clear()
     browser.open(batch / "report.html")
@@ -74,7 +111,7 @@ def test_the_page_counts_sorts_and_finds_runs(browser: Browser, batch: Path) -> 
     failed, passed = ["gaps~000000", "gaps~000001"], ["gaps~000002", "gaps~000003"]
     assert browser.run(rows) == [*failed, "bad_b_", *passed]
     legend = browser.run("[...document.querySelectorAll('.legend li')].map(l => l.textContent)")
-    assert legend == ["2 failed", "1 error", "2 passed"]
+    assert legend == ["2 failed", "1 error", "0 inconclusive", "2 passed"]
     browser.run("[...document.querySelectorAll('.runs th button')].find(b => b.textContent === 'Gap').click()")
     browser.run("[...document.querySelectorAll('.runs th button')].find(b => b.textContent === 'Gap').click()")
     assert browser.run(rows)[:2] == ["gaps~000003", "gaps~000002"]
@@ -102,7 +139,8 @@ def test_filters_act_on_table_groups_and_plots(browser: Browser, batch: Path) ->
     assert {name: browser.run(script) for name, script in seen.items()} == {
         "rows": 2, "groups": 1, "histogram": "2", "scatter": "2",
     }  # fmt: skip
-    assert all("collision" in text for text in browser.run("[...document.querySelectorAll('td.why')].map(t => t.textContent)"))
+    reasons = browser.run("[...document.querySelectorAll('.runs td.why')].map(t => t.textContent)")
+    assert all("collision" in text for text in reasons)
     assert browser.run("document.querySelector('.runs tbody a').getAttribute('href')") == "gaps~000000/replay.html#t=0"
     choose(browser, "select[aria-label=Verdict]", "passed")
     assert browser.run(seen["rows"]) == 0
@@ -115,7 +153,7 @@ def test_a_grid_of_parameters_is_a_matrix(browser: Browser, batch: Path) -> None
     ]  # fmt: skip
     cells = browser.run("[...document.querySelectorAll('.matrix td')].map(c => [c.className, c.textContent])")
     assert [kind for kind, _ in cells] == ["failed", "failed", "passed", "passed"]
-    assert [text for _, text in cells][:2] == ["✕", "✕"]
+    assert [text for _, text in cells][:2] == ["✕ 10", "✕ 10"]
     label = browser.run("document.querySelector('.matrix td a').getAttribute('aria-label')")
     assert label.startswith("Gap 10: 1 of 1 failed, collision with ")
 
@@ -126,7 +164,7 @@ def test_an_earlier_batch_is_compared_with(browser: Browser, batch: Path, tmp_pa
     write_report(tmp_path / "later", batch)
     browser.open(tmp_path / "later" / "report.html")
     kinds = browser.run("[...document.querySelectorAll('[aria-label=History] summary')].map(s => s.textContent)")
-    assert kinds == ["1fails as before", "1is new", "3only in the earlier batch"]
+    assert kinds == ["1does not pass, as before", "1is new", "3only in the earlier batch"]
     assert browser.text("[aria-label=History] h2") == "Since out"
 
 

@@ -10,8 +10,7 @@ import pytest
 from shapely.geometry import LineString, Polygon
 
 import xodr
-from runner.replay.scene.road_objects import objects, signals
-from runner.replay.scene.roads import Area, marks, surfaces
+from runner.replay.scene.roads import Area, marks, objects, signals, surfaces
 from xodr.network import RoadNetwork
 
 EVERYWHERE = Area(-1e6, -1e6, 1e6, 1e6)
@@ -82,3 +81,19 @@ def test_objects_stand_where_and_as_they_are(tmp_path: Path) -> None:
     assert signals(network, EVERYWHERE) == [{"id": "7", "x": 40.0, "y": -4.0, "name": "light", "dynamic": True}]
     assert objects(network, Area(0, 0, 5, 5)) == {}
     assert signals(network, Area(0, 0, 5, 5)) == []
+
+
+def test_temporary_marks_are_yellow_and_lie_above_the_permanent_ones(tmp_path: Path) -> None:
+    works = (
+        '<lanes layer="temporary"><laneSection s="40" length="20">'
+        '<center><lane id="0"><roadMark sOffset="0" type="none"/></lane></center>'
+        '<right><lane id="-1" type="driving"><width sOffset="0" a="2.5" b="0" c="0" d="0"/>'
+        '<roadMark sOffset="0" type="solid" color="standard"/></lane></right></laneSection></lanes>'
+    )
+    solid = '<roadMark sOffset="0" type="solid" color="{}"/>'
+    network = road(tmp_path, solid.format("white"), solid.format("yellow"), works)
+    found = marks(network, EVERYWHERE)
+    assert [look.colour for look in found if look.pattern == "solid"] == ["white", "yellow"]
+    yellow = found[next(look for look in found if look.colour == "yellow")]
+    assert sorted((line[0, 0], line[-1, 0], line[0, 1]) for line in yellow) == [(0.0, 100.0, -3.0), (40.0, 60.0, -2.5)]
+    assert sum(Polygon(ring).area for ring in surfaces(network, EVERYWHERE)["shoulder"]) == pytest.approx(300.0)

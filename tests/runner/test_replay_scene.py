@@ -32,7 +32,7 @@ def track(name: str, ticks: np.ndarray, dt: float) -> Track:
 
 def result(tracks: list[Track], dt: float, end: float) -> RunResult:
     settings = {"timestep": dt, "seed": 0}
-    verdict, recording = Verdict(True), Recording(tracks, dt, None)
+    verdict, recording = Verdict(), Recording(tracks, dt, None)
     return RunResult(Path("r.xosc"), {}, "completed", end, verdict, (), None, "none", settings, [], recording)
 
 

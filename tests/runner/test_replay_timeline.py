@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from runner.interpreter.event_log import LogEntry
-from runner.replay.scene.road_objects import signal_states
+from runner.recording import LogEntry
+from runner.replay.scene.roads import signal_states
 from runner.replay.scene.timeline import is_shown, rows
 
 EVENT = "story::act::group::maneuver::event"

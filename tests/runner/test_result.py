@@ -33,6 +33,7 @@ def test_it_is_saved_as_the_command_saves_it(result: runner.RunResult, tmp_path:
     loaded = load_run(folder)
     assert loaded.verdict == result.verdict and loaded.trajectories.equals(result.trajectories)
     (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("not of a run")
     with pytest.raises(UsageError, match="is not of a run"):
         result.save(tmp_path / "mine")
 

@@ -13,7 +13,7 @@ from runner.settings import RunSettings
 from schemas.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.runner.files import place, scenario, speed_action, story
-from xodr.builders.assumed import RoadUse
+from xodr.builders.roads import RoadUse
 
 FAST = RunSettings(sut="none", world="kinematic")
 
@@ -96,8 +96,22 @@ def test_a_scenario_that_names_no_road_gets_none(tmp_path: Path) -> None:
     for s in ("100", "150"):
         where = where.replace(f'<LanePosition roadId="1" laneId="-1" s="{s}"/>', f'<WorldPosition x="{s}" y="0"/>')
     path = scenario(tmp_path, init=where)
-    with pytest.raises(InvalidFile, match="no position of this scenario names one"):
-        runner.run(path, FAST, road="auto")
+    assert runner.run(path, FAST, road="auto").remarks == runner.run(path, FAST).remarks  # its own road is there
+    (tmp_path / "straight.xodr").unlink()
+    with pytest.raises(InvalidFile, match="does not exist: put it there"):
+        runner.run(path, FAST)
+    result = runner.run(path, FAST, road="auto")
+    assert any("a plane without roads is assumed" in remark for remark in result.remarks)
+    assert {row["road_id"] for row in result.trajectories.to_pylist()} == {None}
+
+
+def test_a_road_file_serves_scenarios_that_have_none_and_no_others(tmp_path: Path, lost: Path) -> None:
+    (other,) = (tmp_path / "maps").glob("straight*")
+    taken = runner.run(lost, FAST, road=str(other))
+    assert any(f"{other} is taken" in remark for remark in taken.remarks)
+    expected = runner.run(scenario(tmp_path / "whole"), FAST, road=str(other))
+    assert not any("is taken" in remark for remark in expected.remarks)
+    assert (taken.recording.tracks["Ego"].columns["x"] == expected.recording.tracks["Ego"].columns["x"]).all()
 
 
 def without_roads(path: Path) -> Path:
@@ -133,7 +147,7 @@ def test_scenarios_without_roads_stay_as_they_are_and_carla_has_no_map_for_them(
 
 
 def test_another_road_is_refused() -> None:
-    with pytest.raises(UsageError, match="the road 'curved' is not one of auto"):
+    with pytest.raises(UsageError, match="the road 'curved' is neither a file nor auto"):
         RunSettings(road="curved")
 
 
@@ -161,6 +175,7 @@ def test_made_roads_have_the_lanes_that_are_used(lane: int, targets: list[str], 
     path = scenario(tmp_path, init=init, stories=story("Ego", [(0.5, change(target)) for target in targets]))
     document = xosc.resolve(xosc.load(path))
     assert road_uses(document.node) == [RoadUse("1", 1035, right, left)]
+    (tmp_path / "straight.xodr").unlink()
     assert runner.run(path, FAST, road="auto").status == "completed"
 
 

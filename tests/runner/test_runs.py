@@ -12,7 +12,7 @@ import pytest
 import runner
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
-from runner.outputs.runs import EXTREMES, SHARES
+from runner.measures.measure import measures
 from runner.settings import RunSettings
 from tests.runner.files import distribution, scenario
 
@@ -45,9 +45,10 @@ def test_a_row_says_what_ran_how_it_ended_and_how_critical_it_was(files: list[Pa
     result = runner.run(tmp_path / "scenario.xosc", parameters=dict(passed[2]["parameters"]), sut="none", world="kinematic")
     assert result.criticality is not None
     summary = result.criticality.summary
-    assert summary.keys() == {*EXTREMES, *SHARES}
-    assert {name: passed[2][name] for name in SHARES} == {name: summary[name] for name in SHARES}
-    for name in EXTREMES:
+    assert summary.keys() == measures().keys()
+    shares = [name for name, each in measures().items() if not each.is_extreme]
+    assert {name: passed[2][name] for name in shares} == {name: summary[name] for name in shares}
+    for name in measures().keys() - shares:
         found = {key: passed[2][f"{name}{end}"] for key, end in (("value", ""), ("time", "_time"), ("other", "_other"))}
         assert found == (summary[name] or dict.fromkeys(found))
 

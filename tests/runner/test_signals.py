@@ -112,6 +112,7 @@ def test_a_group_state_is_that_of_all_signals_of_the_road_network_s_controller()
         ('<TrafficSignalController name="a" delay="-1"/>', "delay"),
         ('<TrafficSignalController name="a" delay="1" reference="b"/>', "'b' is not a traffic signal controller"),
         ('<TrafficSignalController name="a" delay="1" reference="a"/>', "refers to itself"),
+        ('<TrafficSignalController name="a"/>' * 2, "another traffic signal controller is called 'a'"),
         ('<TrafficSignalController name="a"><Phase name="go" duration="-1"/></TrafficSignalController>', "duration"),
         (
             f'<TrafficSignalController name="a">{GROUP}</TrafficSignalController>',

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from runner.contracts.action import GlobalAction
-from runner.contracts.storyboard import ElementState
+from runner.contracts.run import ElementState
 from runner.interpreter.storyboard.elements import ActionElement
 from runner.interpreter.storyboard.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
 
@@ -29,6 +30,9 @@ class Script:
 
     def rests(self, sim: Board) -> float:
         return -math.inf
+
+    def dormancy(self, sim: Board) -> tuple[float, float]:
+        return -math.inf, -math.inf
 
     def rearm(self) -> None:
         self.resets += 1
@@ -78,9 +82,15 @@ class Board:
         self._next: list[Any] = []
         self.changes = 0
 
+        self.displacement = SimpleNamespace(total=0.0)
+
     @property
     def time(self) -> float:
         return 0.1 * self.step
+
+    @property
+    def step_index(self) -> int:
+        return self.step
 
     def event(self, name: str, trigger: Any, steps: Iterable[int | None], priority: str = "parallel", maximum: int = 1) -> Event:
         event = Event(name, self.maneuver, priority, maximum)
@@ -91,10 +101,11 @@ class Board:
 
     def element_changed(self, element: Any, transition: Any, reason: str) -> None:
         self.log.append((self.step, element.name, str(transition)))
-        self.board.changed()
+        self.board.changed(element)
 
     def element_rearmed(self, element: Any) -> None:
         self.rearmed.append(element.name)
+        self.board.changed(element)
 
     def call_next_step(self, call: Any) -> None:
         self._next.append(call)

@@ -21,7 +21,7 @@ from runner.participants.declaration import BoundingBox
 from runner.participants.entity import Entity
 from runner.worlds import sumo, sumo_simulation
 from runner.worlds.base import DriverRequest
-from runner.worlds.sumo_lights import link_state
+from runner.worlds.sumo_translation import link_state
 from schemas.errors import Unsupported, UsageError
 from tests.conformance.support import at, events, track
 from tests.runner.files import ROADS, car, place, scenario, speed_action, story
@@ -258,16 +258,24 @@ def test_sumo_that_begins_late_is_where_it_would_have_been(lights: xodr.RoadNetw
     assert late == handed_over(lights, steps, len(steps) // 2)
 
 
-def test_a_run_that_is_long_begins_sumo_for_all_that_it_has_shown(monkeypatch: pytest.MonkeyPatch, world: sumo.SumoWorld) -> None:
-    monkeypatch.setattr(sumo, "_MOST", 3)
-    participant = entity(50.0, 0.0, speed=10.0)
+def test_a_long_run_shows_sumo_its_latest_places_at_their_time(monkeypatch: pytest.MonkeyPatch, world: sumo.SumoWorld) -> None:
+    monkeypatch.setattr(sumo, "_MOST", 8)
+    participant, gone = entity(50.0, 0.0, speed=10.0), entity(80.0, 0.0, speed=10.0)
     world.add(participant)
-    for number in range(6):
-        assert (world.simulation is not None) == (number > 3)
+    world.add(gone)
+    for number in range(60):
         participant.x += 1.0
-        world.mirror([participant])
+        if number == 5:
+            world.remove(gone)
+        world.mirror([participant, gone] if number < 5 else [participant])
         world.step()
-    assert seen(world, participant)[1] == pytest.approx(56.0 + participant.box.x + participant.box.length / 2, abs=0.1)
+        assert world.simulation is None
+    world.begin()
+    import libsumo
+
+    assert libsumo.simulation.getTime() == pytest.approx(60 * libsumo.simulation.getDeltaT())
+    assert len(libsumo.vehicle.getIDList()) == 1
+    assert seen(world, participant)[1] == pytest.approx(110.0 + participant.box.x + participant.box.length / 2, abs=0.1)
 
 
 def test_a_light_that_turned_before_sumo_began_counts(lights: xodr.RoadNetwork) -> None:

@@ -21,7 +21,7 @@ from runner.surroundings.environment import Environment
 from runner.sut import Control, Observation, Participant, find_system, load_system, system_name
 from runner.sut.base import seen
 from runner.sut.cas import CollisionAvoidance
-from runner.sut.scripted import Scripted
+from runner.sut.commanded import Scripted
 from schemas.errors import ToolchainError, UsageError
 from tests.conformance.support import at, track
 from tests.runner.files import scenario
@@ -69,7 +69,7 @@ def test_an_entry_point_of_another_package(monkeypatch: pytest.MonkeyPatch) -> N
     entry = EntryPoint("half-speed", f"{__name__}:HalfSpeed", "xosc.sut")
     monkeypatch.setattr("runner.sut._installed", lambda: {entry.name: entry})
     assert isinstance(load_system("half-speed"), HalfSpeed)
-    with pytest.raises(UsageError, match=r"there are aeb, bridge, cas, .*half-speed, .*none, .*and module:Class"):
+    with pytest.raises(UsageError, match=r"there are adas, aeb, bridge, cas, .*half-speed, .*none, .*and module:Class"):
         load_system("full-speed")
 
 
@@ -86,7 +86,7 @@ def test_an_instance(tmp_path: Path) -> None:
         (
             "absent",
             "no system under test is called 'absent'; "
-            "there are aeb, bridge, cas, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class",
+            "there are adas, aeb, bridge, cas, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class",
         ),
         ("", "no system"),
         (":", "no system"),

@@ -20,7 +20,7 @@ ROAD = """<?xml version="1.0" encoding="UTF-8"?>
     </link>
     <planView>
       <geometry s="0" x="0" y="0" hdg="0" length="60"><line/></geometry>
-      <geometry s="60" x="60" y="0" hdg="0" length="40"><line/></geometry>
+      <geometry s="60" x="60" y="0" hdg="0" length="40"><spiral curvStart="0" curvEnd="0"/></geometry>
     </planView>
     <lanes>
       <laneSection s="0">
@@ -36,7 +36,8 @@ ROAD = """<?xml version="1.0" encoding="UTF-8"?>
       <laneSection s="50">
         <center><lane id="0" type="none" level="false"/></center>
         <right>
-          <lane id="-1" type="driving" level="false"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>
+          <lane id="-1" type="driving" level="false"><link><predecessor id="-1"/></link>
+            <width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>
         </right>
       </laneSection>
     </lanes>

@@ -84,7 +84,7 @@ def test_globs_folders_and_files_count_once(project):
 
 def test_missing_file_is_a_problem(project):
     code, output = run(project.folder / "none.xosc")
-    assert code == 1
+    assert code == 3
     assert "none.xosc: error: no such file" in output
 
 

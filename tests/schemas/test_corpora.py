@@ -10,6 +10,19 @@ BROKEN = {
 }
 """Rules that some of them break, as ASAM's checker says too"""
 
+FAULTY_ROADS = {
+    "multi_intersections": {"id_unique_in_class", "lanes_across_lane_sections"},
+    "parking_demo": {"zero_width_at_end", "zero_width_at_start", "new_lane_appear", "one_connection_element"},
+    "soderleden": {
+        *("contact_point_no_horizontal_gaps", "zero_width_at_end", "lanes_across_lane_sections", "contact_point"),
+        *("is_junction_needed", "new_lane_appear"),
+    },
+    "straight_500m_signs": {"id_unique_in_class"},
+    "X-Intersection_NCAP": {"one_link_to_incoming"},
+    "X-Intersection_NCAP_noRoadmarks": {"one_link_to_incoming"},
+}
+"""Rules that some road networks break"""
+
 
 def test_every_public_scenario_is_accepted_but_for_undeclared_parameters_and_double_names(corpora):
     files = sorted(corpora.rglob("*.xosc"))
@@ -22,4 +35,5 @@ def test_every_public_road_is_accepted_or_has_a_clear_reason(corpora):
     for file in sorted(corpora.rglob("*.xodr")):
         for problem in check(file):
             assert problem.line is not None
-            assert problem.level == "warning" or problem.rule == "asam.net:xodr:1.4.0:ids.id_unique_in_class"
+            known = problem.rule.rpartition(".")[2] in FAULTY_ROADS.get(file.stem, ())
+            assert problem.level == "warning" or known, f"{problem}"

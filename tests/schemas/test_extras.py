@@ -12,13 +12,14 @@ from types import ModuleType
 import pytest
 
 from schemas.commands.options import guarded
-from schemas.extras import _EXTRAS, MissingExtra, missing, optional
+from schemas.extras import _EXTRAS, _WITHOUT, MissingExtra, missing, optional
 from tests.commands import Command
 from tests.runner.files import scenario
 
+LIBRARY = Path(__file__).parents[2] / "xosc" / "library"
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 DISTRIBUTIONS = {"sklearn": "scikit-learn", "osi3": "osi-python", "osi_utilities": "asam-osi-utilities"}
-BROUGHT_ALONG = {"google", "threadpoolctl"}
+BROUGHT_ALONG = {"google", "lz4", "mcap", "threadpoolctl", "zstandard"}
 """what these need themselves"""
 
 
@@ -29,8 +30,38 @@ def test_a_module_that_is_there() -> None:
 @pytest.mark.parametrize("library", _EXTRAS)
 def test_a_missing_library_is_named_with_its_extra(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(MissingExtra, match=rf'{library} is missing; type: pip install "xosc-toolchain\[{_EXTRAS[library]}\]"'):
+    with pytest.raises(MissingExtra, match=rf'{library} is missing; type: pip install "xosc-toolchain\[\w+\]"; ') as found:
         optional(f"{library}.part")
+    assert f"[{_EXTRAS[library]}]" in str(found.value)
+    assert str(found.value).partition("; without it: ")[2] == _WITHOUT[_EXTRAS[library]]
+
+
+BLOCKED = """
+import importlib.abc, sys
+
+class Blocked(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {blocked}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Blocked())
+from recognition.cli import main
+main()
+"""
+
+
+def test_rules_label_without_the_extra_that_models_need(tmp_path: Path, command: Command) -> None:
+    assert command("xosc-run", LIBRARY / "simple_cut_in.xosc", "--world", "kinematic", "--out", tmp_path / "runs").code == 0
+    program = BLOCKED.format(blocked={library for library, extra in _EXTRAS.items() if extra == "recognition"})
+
+    def recognized(*options: str) -> tuple[int, str]:
+        call = [sys.executable, "-c", program, str(tmp_path / "runs"), *options]
+        ended = subprocess.run(call, capture_output=True, text=True, check=False, cwd=tmp_path)
+        return ended.returncode, ended.stderr.strip()
+
+    code, said = recognized("--out", "by_model")
+    assert (code, said.endswith("without it: --labels rules labels by rules")) == (2, True), said
+    assert recognized("--labels", "rules", "--out", "by_rules")[0] == 0
 
 
 @pytest.mark.parametrize(("module", "library"), [("runner.outside.environment", "gymnasium"), ("recognition.TRFE", "torch")])
@@ -87,4 +118,5 @@ def test_a_command_that_needs_a_whole_extra_names_that(capsys: pytest.CaptureFix
     with pytest.raises(SystemExit) as end:
         guarded("xosc-generate", app, extra="search")
     assert end.value.code == 2
-    assert capsys.readouterr().err == 'xosc-generate: torch is missing; type: pip install "xosc-toolchain[search]"\n'
+    said = capsys.readouterr().err
+    assert said.startswith('xosc-generate: torch is missing; type: pip install "xosc-toolchain[search]"; without it: ')

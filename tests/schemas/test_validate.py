@@ -44,6 +44,15 @@ def test_version_without_schema_is_said_and_never_passed_in_silence(project):
     assert SCHEMA_DIR in problem.message
 
 
+def test_a_road_in_the_namespace_of_asam_is_validated_without_it(project):
+    project.edit("road", ("<OpenDRIVE", '<OpenDRIVE xmlns="http://code.asam.net/simulation/standard/opendrive_schema"'))
+    (problem,) = project.check("road")
+    assert (problem.level, problem.line) == ("warning", 2)
+    assert "namespace" in problem.message
+    project.edit("road", ("<planView>", "<planVieww/><planView>"))
+    assert any(problem.level == "error" and "planVieww" in problem.message for problem in project.check("road"))
+
+
 def test_rules_run_without_a_schema(project):
     project.edit("road", ('revMinor="7"', 'revMinor="2"'), ('elementId="2"', 'elementId="3"'))
     assert [problem.level for problem in project.check("road")] == ["warning", "error"]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import pytest
+from lxml import etree
 
 from schemas import storage
 from schemas.errors import InvalidFile
@@ -38,7 +40,7 @@ REFUSED = {
     "deep nesting": (b"<a>" * 100_000, "depth"),
     "unknown encoding": (b'<?xml version="1.0" encoding="klingon"?><a/>', "encoding"),
     "wrong encoding": (b'<?xml version="1.0" encoding="utf-8"?>\n<a b="\xff\xfe"/>', "not well-formed"),
-    "huge attribute": (b'<a b="' + b"x" * 11_000_000 + b'"/>', "not well-formed"),
+    "huge attribute": (b'<a b="' + b"x" * 11_000_000 + b'"/>', "a tag of more than the 1048576 bytes"),
 }
 
 
@@ -92,3 +94,14 @@ def test_many_comments_before_the_root_are_no_burden(tmp_path):
     file = tmp_path / "comments.xosc"
     file.write_bytes(b"<!-- - -->\n" * 50_000 + b"<a/>")
     assert parse(file).getroot().tag == "a"
+
+
+def test_a_shortage_of_memory_of_the_parser_is_no_invalid_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def short(*_: object, **__: object) -> None:
+        raise etree.XMLSyntaxError("Memory allocation failed", etree.ErrorTypes.ERR_NO_MEMORY, 1, 1)
+
+    path = tmp_path / "a.xml"
+    path.write_text("<a/>")
+    monkeypatch.setattr(etree, "parse", short)
+    with pytest.raises(MemoryError):
+        parse(path)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 from lxml import etree
 
-from runner.criteria.declared import kinds
+from runner.criteria.criterion import kinds
 
 _STORY = {
     "TeleportAction", "SpeedAction", "LongitudinalDistanceAction", "LaneChangeAction", "LaneOffsetAction",

@@ -38,10 +38,10 @@ from xosc.distributions import (
     UserDefinedDistribution,
     sample,
     space,
-    user,
     variations,
     write_distribution,
 )
+from xosc.distributions import values as shared
 from xosc.document import load
 from xosc.files import Header
 from xosc.node import Node
@@ -243,6 +243,20 @@ def test_a_search_for_samples_inside_impossible_constraints_ends(written) -> Non
         next(sample(path, 1))
 
 
+def test_names_of_sets_fit_into_file_names_whatever_their_number(written) -> None:
+    wide = f"<Deterministic>{single('Speed', steps('0', '1e308', '1'))}</Deterministic>"
+    number = ParameterSpace(written(wide)).size - 1
+    assert space.numbered("a", 7) == "a~000007"
+    assert len(space.numbered("a", number)) < 20 and space.numbered("a", number) != space.numbered("a", number - 1)
+
+
+def test_an_error_in_the_scenario_names_the_file_that_refers_to_it(written) -> None:
+    path = written(f"<Deterministic>{single('Speed', values('1'))}</Deterministic>")
+    (path.parent / "scenario.xosc").write_text("no XML")
+    with pytest.raises(InvalidFile, match=rf"scenario\.xosc:1: not well-formed.*; {path}:\d+ refers to this file"):
+        ParameterSpace(path)
+
+
 def test_an_enumeration_without_end_inside_impossible_constraints_ends(written, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(space, "MAX_EXCLUDED", 100)
     path = written(f"<Deterministic>{single('Speed', steps('99', '1e12', '1'))}</Deterministic>")
@@ -394,8 +408,8 @@ def plugin(monkeypatch: pytest.MonkeyPatch) -> None:
         def load(self) -> type[Twice]:
             return Twice
 
-    monkeypatch.setattr(user, "entry_points", lambda group, name: [Entry()] if name == "twice" else [])
-    user._plugin.cache_clear()
+    monkeypatch.setattr(shared, "installed", lambda group: {"twice": Entry()})
+    shared._plugin.cache_clear()
 
 
 @pytest.mark.parametrize("definition", EVERYTHING, ids=["Deterministic", "Stochastic"])
@@ -437,7 +451,7 @@ def test_content_that_a_plugin_cannot_use_is_refused_at_its_line(written, plugin
 
 
 def test_a_user_defined_distribution_without_plugin_is_refused_by_name(written) -> None:
-    user._plugin.cache_clear()
+    shared._plugin.cache_clear()
     content = '<UserDefinedDistribution type="mine"/>'
     with pytest.raises(Unsupported, match=r"variation\.xosc:3: UserDefinedDistribution: .*'mine'"):
         variations(written(f"<Deterministic>{single('Lane', content)}</Deterministic>"))

@@ -154,6 +154,18 @@ def test_errors_are_one_line(command: Command, arguments: list[str], code: int, 
     assert (done.code, done.out, done.err) == (code, "", message)
 
 
+def test_a_bad_file_is_named_and_the_others_are_listed(command: Command, folder: Path) -> None:
+    (folder / "bad.xosc").write_text("<other/>")
+    lost = folder / "lost.xosc"
+    lost.write_text(VARIATION.replace("../scenario.xosc", "nowhere.xosc"))
+    named = [f"xosc-list: {folder}/bad.xosc:1: ", f"xosc-list: {lost}:4: "]
+    for arguments in ([], ["--format", "json"], ["--format", "csv"]):
+        answer = command("xosc-list", folder, *arguments)
+        assert answer.code == 3 and "scenario" in answer.out
+        assert [any(line.startswith(name) for line in answer.err.splitlines()) for name in named] == [True, True]
+        assert len(answer.err.splitlines()) == 2
+
+
 def test_what_is_no_openscenario_is_refused(tmp_path: Path) -> None:
     (tmp_path / "note.xosc").write_text("<note/>")
     with pytest.raises(InvalidFile, match=r"note\.xosc"):

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from lxml import etree
 
 from schemas.registry import available_schemas
 
@@ -34,7 +33,7 @@ class Standard(NamedTuple):
 def standard() -> Standard:
     found = Standard(defaultdict(set), defaultdict(set))
     for schema in available_schemas():
-        tree = etree.parse(schema.path)
+        tree = schema.tree()
         types = {each.get("name"): each for each in tree.iter("{*}complexType") if each.get("name")}
         for element in tree.iter("{*}element"):
             body = types.get(element.get("type") or "", element)

@@ -14,7 +14,7 @@ from schemas.registry import OPENSCENARIO, schema_for
 from schemas.validate import violations
 from xosc.versions import RULES, convert
 
-VERSIONS = [(1, 0), (1, 1), (1, 2), (1, 3)]
+VERSIONS = [(1, 0), (1, 1), (1, 2), (1, 3), (1, 4)]
 TRIGGER = '<{}><ConditionGroup><Condition name="c" delay="0" conditionEdge="none">{}</Condition></ConditionGroup></{}>'
 LATER = '<ByValueCondition><SimulationTimeCondition value="1" rule="greaterThan"/></ByValueCondition>'
 AT_ONCE = (
@@ -333,6 +333,25 @@ def test_wrong_versions_and_invalid_documents_are_refused(tmp_path: Path) -> Non
         convert(document(scenario((1, 1)), tmp_path), (2, 0))
     with pytest.raises(InvalidFile, match="SpeedActionDynamics: not valid in its own version"):
         convert(document(scenario((1, 1), event(action(SPEED.format('followingMode="maybe"')))), tmp_path), (1, 3))
+
+
+def test_categories_and_roles_have_their_new_names_in_1_4_and_their_old_ones_before(tmp_path: Path) -> None:
+    vehicle = (
+        '<ScenarioObject name="{0}"><Vehicle name="v" vehicleCategory="{0}" role="{1}"><BoundingBox><Center x="0" y="0" z="0"/>'
+        '<Dimensions width="1" length="1" height="1"/></BoundingBox><Performance maxSpeed="1" maxAcceleration="1" '
+        'maxDeceleration="1"/><Axles>'
+        '<FrontAxle maxSteering="0" wheelDiameter="1" trackWidth="1" positionX="1" positionZ="0"/>'
+        '<RearAxle maxSteering="0" wheelDiameter="1" trackWidth="1" positionX="0" positionZ="0"/>'
+        "</Axles></Vehicle></ScenarioObject>"
+    )
+    entities = vehicle.format("motorbike", "fire") + vehicle.format("truck", "roadAssistance")
+    old = document(scenario((1, 3), entities=entities), tmp_path)
+    new = convert(old, (1, 4))
+    assert is_valid(new)
+    found = [(each.get("vehicleCategory"), each.get("role")) for each in new.root.iter("Vehicle")]
+    assert found == [("motorcycle", "fireBrigade"), ("truck", "roadsideAssistance")]
+    assert content(convert(new, (1, 3)).root) == content(old.root)
+    assert {each.get("role") for each in convert(new, (1, 2)).root.iter("Vehicle")} == {"fire", "roadAssistance"}
 
 
 def test_rules_are_listed_in_the_order_of_the_steps() -> None:

@@ -1,4 +1,4 @@
-"""The OpenDRIVE elements that the map builders put together, and their XML (OpenDRIVE 1.7).
+"""The OpenDRIVE elements that the map builders put together, and their XML (OpenDRIVE 1.7, or 1.9 with temporary lanes).
 
 Plain frozen records, named after the standard's elements. Coordinates are those of the file: x, y in
 metres, headings in radians, s along the reference line, t to the left, lane ids negative on the right.
@@ -8,18 +8,18 @@ The same records always give the same bytes.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
 from lxml import etree
 
-from xodr.builders.curves import Pose, Segment, advance
-from xodr.builders.parametric import ParamPoly3
+from xodr.builders.curves import ParamPoly3, Pose, Segment, advance
+from xodr.model import PERMANENT, TEMPORARY
 
-REVISION = (1, 7)
-"""Version of the standard that is written."""
+REVISION, REVISION_OF_LAYERS = (1, 7), (1, 9)
+"""Version of the standard that is written, and that of maps with temporary lanes."""
 
 
 RoadId = int | str
@@ -41,7 +41,7 @@ class Cubic:
 class Lane:
     """One lane of a section: type of the standard, width, the mark on its outer border, its links, and its own speed limit.
 
-    speed_limit: in m/s; None where that of the road holds.
+    speed_limit: in m/s; None where that of the road holds. other_predecessor, other_successor: links to lanes of the other layer.
     """
 
     type: str
@@ -50,15 +50,18 @@ class Lane:
     predecessor: int | None = None
     successor: int | None = None
     speed_limit: float | None = None
+    other_predecessor: int | None = None
+    other_successor: int | None = None
 
 
 @dataclass(frozen=True)
 class Section:
-    """Lane section from `s` on; lane 0 is implied and carries `centre_mark`."""
+    """Lane section from `s` on; lane 0 is implied and carries `centre_mark`. length: of a section of temporary lanes, m."""
 
     s: float
     lanes: Mapping[int, Lane]
     centre_mark: str = "none"
+    length: float | None = None
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ class Object:
 class Road:
     """A road: plan view as pieces from a start pose, lane sections and links. Speed limit in m/s, infinite for none.
 
-    offset: t of lane 0, along the whole road.
+    offset: t of lane 0, along the whole road. temporary, temporary_offset: the same of the temporary layer of lanes.
     """
 
     id: RoadId
@@ -114,6 +117,8 @@ class Road:
     signals: tuple[Signal, ...] = ()
     offset: tuple[Cubic, ...] = ()
     objects: tuple[Object, ...] = ()
+    temporary: tuple[Section, ...] = ()
+    temporary_offset: tuple[Cubic, ...] = ()
 
     @property
     def length(self) -> float:
@@ -207,9 +212,8 @@ class RoadMap:
     def to_xml(self) -> bytes:
         """The map as an OpenDRIVE file, UTF-8."""
         root = etree.Element("OpenDRIVE")
-        header = _add(
-            root, "header", revMajor=REVISION[0], revMinor=REVISION[1], name=self.name, version="1.00", vendor="xosc-toolchain"
-        )
+        major, minor = REVISION_OF_LAYERS if any(road.temporary for road in self.roads) else REVISION
+        header = _add(root, "header", revMajor=major, revMinor=minor, name=self.name, version="1.00", vendor="xosc-toolchain")
         if self.geo:
             _add(header, "geoReference").text = etree.CDATA(self.geo.projection)
             _add(header, "offset", x=self.geo.origin[0], y=self.geo.origin[1], z=0, hdg=0)
@@ -237,11 +241,17 @@ class RoadMap:
 def _mirrored_road(road: Road) -> Road:
     start = Pose(road.start.x, -road.start.y, -road.start.heading)
     plan = tuple(_mirrored_piece(piece) for piece in road.plan)
-    sections = tuple(replace(s, lanes={-key: _mirrored_lane(lane) for key, lane in s.lanes.items()}) for s in road.sections)
+    sections, temporary = (
+        tuple(replace(s, lanes={-key: _mirrored_lane(lane) for key, lane in s.lanes.items()}) for s in layer)
+        for layer in (road.sections, road.temporary)
+    )
     signals = tuple(replace(s, t=-s.t, lanes=(-s.lanes[1], -s.lanes[0])) for s in road.signals)
-    offset = tuple(Cubic(c.s, -c.a, -c.b, -c.c, -c.d) for c in road.offset)
+    offset, moved = (tuple(Cubic(c.s, -c.a, -c.b, -c.c, -c.d) for c in each) for each in (road.offset, road.temporary_offset))
     objects = tuple(replace(o, t=-o.t, outline=tuple((u, -v) for u, v in o.outline)) for o in road.objects)
-    return replace(road, start=start, plan=plan, sections=sections, signals=signals, offset=offset, objects=objects)
+    return replace(
+        road, start=start, plan=plan, sections=sections, signals=signals, offset=offset, objects=objects,
+        temporary=temporary, temporary_offset=moved,
+    )  # fmt: skip
 
 
 def _mirrored_piece(piece: Segment | ParamPoly3) -> Segment | ParamPoly3:
@@ -249,11 +259,9 @@ def _mirrored_piece(piece: Segment | ParamPoly3) -> Segment | ParamPoly3:
 
 
 def _mirrored_lane(lane: Lane) -> Lane:
-    return replace(
-        lane,
-        predecessor=None if lane.predecessor is None else -lane.predecessor,
-        successor=None if lane.successor is None else -lane.successor,
-    )
+    links = ("predecessor", "successor", "other_predecessor", "other_successor")
+    mirrored = {name: -lane_id for name in links if (lane_id := getattr(lane, name)) is not None}
+    return replace(lane, **mirrored)
 
 
 # XML --------------------------------------------------------------------------------------------
@@ -279,11 +287,12 @@ def _road(root: etree._Element, road: Road, rule: str) -> None:
     kind = _add(element, "type", s=0, type=road.type)
     _add(kind, "speed", **_speed(road.speed_limit))
     _plan_view(_add(element, "planView"), road)
-    lanes = _add(element, "lanes")
-    for cubic in road.offset:
-        _add(lanes, "laneOffset", s=cubic.s, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
-    for section in road.sections:
-        _section(lanes, section)
+    for layer, offset, sections in (
+        (PERMANENT if road.temporary else None, road.offset, road.sections),
+        (TEMPORARY, road.temporary_offset, road.temporary),
+    ):
+        if sections:
+            _layer(_add(element, "lanes", layer=layer), layer, offset, sections)
     if road.objects:
         objects = _add(element, "objects")
         for item in road.objects:
@@ -313,34 +322,49 @@ def _plan_view(parent: etree._Element, road: Road) -> None:
         s += piece.length
 
 
-def _section(parent: etree._Element, section: Section) -> None:
-    element = _add(parent, "laneSection", s=section.s)
+def _layer(lanes: etree._Element, layer: str | None, offset: Sequence[Cubic], sections: Sequence[Section]) -> None:
+    for cubic in offset:
+        _add(lanes, "laneOffset", s=cubic.s, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
+    for section in sections:
+        _section(lanes, section, layer)
+
+
+def _section(parent: etree._Element, section: Section, layer: str | None) -> None:
+    element = _add(parent, "laneSection", s=section.s, length=section.length)
     left = sorted((key for key in section.lanes if key > 0), reverse=True)
     right = sorted((key for key in section.lanes if key < 0), reverse=True)
     if left:
         side = _add(element, "left")
         for key in left:
-            _lane(side, key, section.lanes[key])
+            _lane(side, key, section.lanes[key], layer)
     centre = _add(_add(element, "center"), "lane", id="0", type="none", level="false")
-    _mark(centre, section.centre_mark)
+    _mark(centre, section.centre_mark, layer)
     if right:
         side = _add(element, "right")
         for key in right:
-            _lane(side, key, section.lanes[key])
+            _lane(side, key, section.lanes[key], layer)
 
 
-def _lane(side: etree._Element, key: int, lane: Lane) -> None:
+def _lane(side: etree._Element, key: int, lane: Lane, layer: str | None) -> None:
     element = _add(side, "lane", id=str(key), type=lane.type, level="false")
+    other = PERMANENT if layer == TEMPORARY else TEMPORARY
     links = [
-        (name, link) for name, link in (("predecessor", lane.predecessor), ("successor", lane.successor)) if link is not None
+        (name, link, where)
+        for name, link, where in (
+            ("predecessor", lane.predecessor, layer),
+            ("predecessor", lane.other_predecessor, other),
+            ("successor", lane.successor, layer),
+            ("successor", lane.other_successor, other),
+        )
+        if link is not None
     ]
     if links:
         link_element = _add(element, "link")
-        for name, link in links:
-            _add(link_element, name, id=str(link))
+        for name, link, where in links:
+            _add(link_element, name, id=str(link), layer=where)
     for cubic in lane.width:
         _add(element, "width", sOffset=cubic.s, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
-    _mark(element, lane.mark)
+    _mark(element, lane.mark, layer)
     if lane.speed_limit is not None:
         _add(element, "speed", sOffset=0, **_speed(lane.speed_limit))
 
@@ -349,10 +373,11 @@ def _speed(limit: float) -> dict[str, str | float]:
     return {"max": limit * 3.6 if math.isfinite(limit) else "no limit", "unit": "km/h"}
 
 
-def _mark(parent: etree._Element, kind: str) -> None:
+def _mark(parent: etree._Element, kind: str, layer: str | None) -> None:
     change = "both" if kind == "broken" else "none"
     width = 0.12 if kind != "none" else None
-    _add(parent, "roadMark", sOffset=0, type=kind, weight="standard", color="standard", width=width, laneChange=change)
+    color = "yellow" if layer == TEMPORARY else "standard"
+    _add(parent, "roadMark", sOffset=0, type=kind, weight="standard", color=color, width=width, laneChange=change)
 
 
 def _object(parent: etree._Element, item: Object) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from xodr.builders.curves import Pose, line
 from xodr.builders.elements import Connection, Controller, Junction, Link, Road, RoadId, RoadMap, Signal
-from xodr.builders.lanes import connecting_road, for_traffic, require, two_way
+from xodr.builders.roads import connecting_road, for_traffic, require, two_way
 
 JUNCTION = 100
 EAST, NORTH, WEST, SOUTH = 1, 2, 3, 4

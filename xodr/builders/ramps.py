@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from xodr.builders.curves import Pose, arc, line
 from xodr.builders.elements import Connection, Cubic, Junction, Lane, Link, Road, RoadMap, Section
-from xodr.builders.lanes import carriageway, closing, constant, for_traffic, linked, opening, require
+from xodr.builders.roads import carriageway, closing, constant, for_traffic, linked, opening, require
 
 GORE = 1.0
 """Distance between the shoulder of the carriageway and the ramp where the junction ends, in m."""

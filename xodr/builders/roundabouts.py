@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from xodr.builders.curves import Pose, arc, line
 from xodr.builders.elements import Connection, Junction, Link, Road, RoadMap, Section
-from xodr.builders.lanes import carriageway, connecting_road, for_traffic, require, two_way
+from xodr.builders.roads import carriageway, connecting_road, for_traffic, require, two_way
 
 ARM, RING, JUNCTION = 1, 11, 100
 """First ids of the arms (1, 2, …), ring segments (11, 12, …) and junctions (100, 200, …; their roads follow)."""

@@ -1,16 +1,19 @@
-"""Which lanes meet at the ends of roads: road links, lane links and junction connections made into one table.
+"""Links between lanes: at the ends of roads, by road and junction links, and along a main road, by virtual junctions.
 
 Every meeting is kept in both directions, so that a way can be followed backwards too and a link that only one of the two
-roads declares is still a link.
-"""
+roads declares is still a link. A road that begins or ends at a virtual junction names the place by `elementS` of its link. The
+main road gets a border of lane sections there, at which a movement looks for ways off it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import NamedTuple
 
-from xodr.model import Connection, Junction, Lane, LaneLink, LaneSection, RoadLink
-from xodr.road import Road
+from xodr.layers import NEAR, cut, has
+from xodr.model import PERMANENT, Connection, Junction, Lane, LaneLink, LaneRef, LaneSection, RoadLink
+from xodr.road import Road, lane_in
 
 LinkTable = dict[tuple[str, int, bool], list[LaneLink]]
 """Lanes reached from (road id, lane id, leaving at the end (True) or the start (False) of the road)."""
@@ -51,40 +54,69 @@ def _joints(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> Ite
 def _road_joints(roads: Mapping[str, Road], road: Road, at_start: bool, link: RoadLink) -> Iterator[_Joint]:
     other = roads[link.element_id]
     other_at_start = link.contact == "start" if link.contact else _nearer_start(other, road, at_start)
-    pairs = [(lane, linked) for lane, linked in _lane_links(road, at_start).items() if linked]
-    if not pairs and not any(_lane_links(other, other_at_start).values()):
-        pairs = _same_lanes(road, at_start, other_at_start)
-    yield from _pairs(road, at_start, other, other_at_start, pairs)
+    here, there = _End(road, at_start), _End(other, other_at_start)
+    pairs = [(lane, target) for lane, links in here.links().items() for target in there.reached(links)]
+    if not any(here.links().values()) and not any(there.links().values()):
+        pairs = _same_lanes(here, there)
+    yield from _pairs(here, there, pairs)
 
 
 def _connection_joints(roads: Mapping[str, Road], junction: Junction, connection: Connection) -> Iterator[_Joint]:
     incoming, connecting = roads[connection.incoming_road], roads[connection.connecting_road]
     contact_start = connection.contact == "start"
     incoming_start = _incoming_start(incoming, connecting, contact_start, junction.id)
-    pairs = list(connection.lane_links)
-    if not pairs and not any(_lane_links(connecting, contact_start).values()):
-        pairs = _same_lanes(incoming, incoming_start, contact_start)
-    yield from _pairs(incoming, incoming_start, connecting, contact_start, pairs)
+    here, there = _End(incoming, incoming_start), _End(connecting, contact_start)
+    pairs = [(a, b) for one, other in connection.lane_links for a in here.reached([one]) for b in there.reached([other])]
+    if not connection.lane_links and not any(there.links().values()):
+        pairs = _same_lanes(here, there)
+    yield from _pairs(here, there, pairs)
 
 
-def _lane_links(road: Road, at_start: bool) -> dict[int, int | None]:
-    """What each lane at one end of a road links to beyond it."""
-    lanes = road.sections[0 if at_start else -1].lanes
-    return {lane.id: lane.predecessor if at_start else lane.successor for lane in lanes.values() if lane.id}
+class _End(NamedTuple):
+    """One end of a road."""
+
+    road: Road
+    at_start: bool
+
+    @property
+    def section(self) -> LaneSection:
+        """The lanes in force there."""
+        return self.road.sections[0 if self.at_start else -1]
+
+    def links(self) -> dict[int, tuple[LaneRef, ...]]:
+        """What each lane links to beyond the end."""
+        lanes = [lane for lane in self.section.lanes.values() if lane.id]
+        return {lane.id: lane.predecessors if self.at_start else lane.successors for lane in lanes}
+
+    def reached(self, links: Iterable[LaneRef]) -> list[int]:
+        """The lanes that links name. Where these are of the other layer only, the lanes at their place."""
+        links = list(links)
+        found = [link.id for link in links if has(self.section, link)]
+        return found or [lane for link in links if (lane := self._beside(link))]
+
+    def _beside(self, link: LaneRef) -> int | None:
+        """The lane at the place of a lane of the other layer that a link names."""
+        other = self.road.in_force or self.road.on(PERMANENT)
+        section = other.sections[0 if self.at_start else -1]
+        if other is self.road or not link.id or not has(section, link):
+            return None
+        s = 0.0 if self.at_start else other.length
+        t = section.lanes[link.id].center(s)
+        lane = self.section.lanes[lane_in(self.section, s, t)]
+        return lane.id if min(lane.inner(s), lane.outer(s)) <= t <= max(lane.inner(s), lane.outer(s)) else None
 
 
-def _same_lanes(road: Road, at_start: bool, other_at_start: bool) -> list[tuple[int, int]]:
+def _same_lanes(here: _End, there: _End) -> list[tuple[int, int]]:
     """Where a file links roads but none of their lanes, each lane goes on in the one at the same place."""
-    sign = -1 if at_start == other_at_start else 1
-    return [(lane, sign * lane) for lane in _lane_links(road, at_start)]
+    sign = -1 if here.at_start == there.at_start else 1
+    return [(lane, sign * lane) for lane in here.links()]
 
 
-def _pairs(road: Road, at_start: bool, other: Road, other_at_start: bool, pairs: Iterable[tuple[int, int]]) -> Iterator[_Joint]:
+def _pairs(here: _End, there: _End, pairs: Iterable[tuple[int, int]]) -> Iterator[_Joint]:
     """Joints of the lane pairs that exist."""
-    here, there = _lane_links(road, at_start), _lane_links(other, other_at_start)
     for lane, target in pairs:
-        if lane in here and target in there:
-            yield LaneLink(road.id, lane, at_start), LaneLink(other.id, target, other_at_start)
+        if lane and target and lane in here.section.lanes and target in there.section.lanes:
+            yield LaneLink(here.road.id, lane, here.at_start), LaneLink(there.road.id, target, there.at_start)
 
 
 def _incoming_start(incoming: Road, connecting: Road, contact_start: bool, junction_id: str) -> bool:
@@ -105,3 +137,75 @@ def _nearer_start(road: Road, other: Road, other_at_start: bool) -> bool:
     x, y, _ = other.line.at(0.0 if other_at_start else other.length)
     gaps = [math.hypot(x - end[0], y - end[1]) for end in (road.line.at(0.0), road.line.at(road.length))]
     return gaps[0] <= gaps[1]
+
+
+SideTable = dict[tuple[str, int, bool, float], list[LaneLink]]
+"""Lanes reached from (road id, lane id, moving towards +s, s) where a road is left, or another one entered, between its ends."""
+
+
+class _Side(NamedTuple):
+    """The end of a road that touches another one, `main`, inside it."""
+
+    road: Road
+    at_start: bool
+    main: Road
+    s: float
+
+
+def divided(roads: Mapping[str, Road]) -> dict[str, Road]:
+    """The roads, with a border of lane sections wherever another road joins one between its ends."""
+    found = dict(roads)
+    for side in _sides(roads):
+        found[side.main.id] = _with_border(found[side.main.id], side.s)
+    return found
+
+
+def side_table(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> SideTable:
+    """All ways off and onto roads between their ends, in both directions, as the traffic of the linked lanes goes."""
+    connected = {
+        (connection.connecting_road, connection.incoming_road): [(lane.id, other.id) for other, lane in connection.lane_links]
+        for junction in junctions
+        for connection in junction.connections
+    }
+    table: SideTable = {}
+    for road, at_start, main, near in _sides(roads):
+        s = min((section.s for section in main.sections), key=lambda border: abs(border - near))
+        end = 0.0 if at_start else road.length
+        for lane, other in _lane_pairs(road, at_start) or connected.get((road.id, main.id), []):
+            if lane not in road.sections[0 if at_start else -1].lanes or other not in main.section(s).lanes:
+                continue
+            off = (road.direction(lane, end) > 0) == at_start
+            forward = (main.direction(other, s) > 0) == off
+            table.setdefault((main.id, other, forward, s), []).append(LaneLink(road.id, lane, at_start))
+            table.setdefault((road.id, lane, not at_start, end), []).append(LaneLink(main.id, other, not forward, s))
+    return table
+
+
+def _sides(roads: Mapping[str, Road]) -> Iterator[_Side]:
+    for road in roads.values():
+        for at_start, link in ((True, road.predecessor), (False, road.successor)):
+            if link is not None and link.s is not None and NEAR < link.s < roads[link.element_id].length - NEAR:
+                yield _Side(road, at_start, roads[link.element_id], link.s)
+
+
+def _lane_pairs(road: Road, at_start: bool) -> list[tuple[int, int]]:
+    """Lanes at an end of a road, each with the lane of the main road that it links."""
+    lanes = road.sections[0 if at_start else -1].lanes.values()
+    linked = ((lane.id, lane.predecessor if at_start else lane.successor) for lane in lanes)
+    return [(lane, other) for lane, other in linked if lane and other]
+
+
+def _with_border(road: Road, s: float) -> Road:
+    permanent = None if road.permanent is None else _bordered(road.permanent, s)
+    return replace(road, sections=_bordered(road.sections, s), permanent=permanent)
+
+
+def _bordered(sections: list[LaneSection], s: float) -> list[LaneSection]:
+    index = next((number for number, section in enumerate(sections) if section.s + NEAR <= s <= section.end - NEAR), None)
+    if index is None:
+        return sections
+    section = sections[index]
+    before = {lane.id: replace(cut(lane, section.s, s), successor=lane.id) for lane in section.lanes.values()}
+    after = {lane.id: replace(cut(lane, s, section.end), predecessor=lane.id) for lane in section.lanes.values()}
+    parts = [LaneSection(section.s, s, before), LaneSection(s, section.end, after)]
+    return [*sections[:index], *parts, *sections[index + 1 :]]

@@ -6,11 +6,10 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from xodr.graph.links import LinkTable
-from xodr.graph.side_links import SideTable
+from xodr.graph.links import LinkTable, SideTable
 from xodr.graph.ways import DRIVABLE
-from xodr.model import Lane, LaneLink, LaneSection, RoadError, RoadPoint
-from xodr.road import NO_WIDTH, Road
+from xodr.model import NO_WIDTH, Lane, LaneLink, LaneSection, RoadError, RoadPoint
+from xodr.road import Road
 
 Choose = Callable[[RoadPoint, bool, Sequence[LaneLink]], LaneLink | None]
 """Picks the way on: (point at the road's end, leaving towards +s, lanes reached) → one of them, None to stay there.
@@ -48,7 +47,7 @@ class Traveller:
 
     def travel(self, point: RoadPoint, distance: float, forward: bool, choose: Choose) -> Travel:
         """Move `distance` [m ≥ 0] along the point's lane, measured on the way of the point itself."""
-        road_id, s, _, lane_id, offset = point
+        road_id, s, _, lane_id, offset, layer = point
         road = self._roads[road_id]
         section = road.section(s)
         lane = section.lanes.get(lane_id) or road.lane(s, lane_id)
@@ -56,7 +55,7 @@ class Traveller:
         if center is not None and road.line.straight:  # the common case: ds is the distance
             reached = s + distance if forward else s - distance
             if section.s <= reached < section.end:
-                return Travel(RoadPoint(road_id, reached, center + offset, lane_id, offset), forward, 0.0)
+                return Travel(RoadPoint(road_id, reached, center + offset, lane_id, offset, layer), forward, 0.0)
         return self._walk(point, distance, forward, choose)
 
     def _walk(self, point: RoadPoint, distance: float, forward: bool, choose: Choose) -> Travel:
@@ -73,7 +72,7 @@ class Traveller:
             stop = _nearer(border, lane.closes if forward else lane.opens, s, forward)
             s, distance = _along(road, lane, offset, s, stop, step, distance)
             inside = s < stop if forward else distance <= 0.0
-            here = RoadPoint(road.id, s, lane.center(s) + offset, lane_id, offset)
+            here = RoadPoint(road.id, s, lane.center(s) + offset, lane_id, offset, point.layer)
             if inside:
                 return Travel(here, forward, 0.0)
             if stop != border:

@@ -11,8 +11,7 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import NamedTuple, TypeVar
 
-from xodr.graph.links import LinkTable
-from xodr.graph.side_links import SideTable
+from xodr.graph.links import LinkTable, SideTable
 from xodr.model import LaneLink
 from xodr.road import Road
 
@@ -134,7 +133,11 @@ class Ways:
         """Whether the lane is one of traffic in the way's direction at s."""
         road = self.roads[way.road_id]
         lane = road.lane(s, lane_id)
-        return lane.type in DRIVABLE and (lane.direction == "both" or (road.direction(lane_id, s) > 0) == way.forward)
+        return (
+            lane.type in DRIVABLE
+            and not lane.road_works
+            and (lane.direction == "both" or (road.direction(lane_id, s) > 0) == way.forward)
+        )
 
     def lanes_towards(self, way: Way, step: Step) -> tuple[int, ...]:
         """Lanes on a way that lead on by a step: those of its traffic, or any where there are none."""

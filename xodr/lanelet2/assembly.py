@@ -1,21 +1,62 @@
-"""From lanelets to a road map."""
+"""Road maps of lanelets: roads, junctions, traffic lights with their controllers, and crosswalks."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 
-from xodr.builders.elements import Cubic, Geo, Lane, Link, Road, RoadMap, Section
-from xodr.lanelet2.bundles import Layout
-from xodr.lanelet2.graph import Graph
-from xodr.lanelet2.junctions import junction_ids, junctions
+from xodr.builders.curves import Pose
+from xodr.builders.elements import Controller, Cubic, Geo, Lane, Link, Object, Road, RoadMap, Section, Signal
+from xodr.lanelet2.graph import Graph, Layout
+from xodr.lanelet2.junctions import junction_ids, junctions, layout
 from xodr.lanelet2.lanelet import Lanelet
-from xodr.lanelet2.lines.insides import layout
-from xodr.lanelet2.lines.mouths import Borders, mouths
-from xodr.lanelet2.lines.shapes import Shape, shape
-from xodr.lanelet2.signals import controllers, signals
+from xodr.lanelet2.reader import Area
+from xodr.lanelet2.shapes import Borders, Shape, mouths, shape
+
+_BESIDE = 1.0
+"""How far a light stands from the road's right edge, m."""
+
+
+def signals(graph: Graph, plan: Layout, shapes: list[Shape]) -> dict[int, tuple[Signal, ...]]:
+    """The lights at the end of each bundle that has some: one for all neighbouring lanes that it holds."""
+    found: dict[int, tuple[Signal, ...]] = {}
+    count = 0
+    for number, bundle in enumerate(plan.bundles):
+        here = []
+        for light, lanes in _held(graph, bundle.last):
+            count += 1
+            edge = shapes[number].end[-1]
+            here.append(Signal(count, light, shapes[number].length, edge - _BESIDE, "+", (-lanes[-1] - 1, -lanes[0] - 1)))
+        if here:
+            found[number] = tuple(here)
+    return found
+
+
+def _held(graph: Graph, names: tuple[str, ...]) -> list[tuple[str, list[int]]]:
+    """Each light with the lanes that it holds; a light for lanes that are apart comes once for each group of them."""
+    runs: dict[str, list[list[int]]] = defaultdict(list)
+    for lane, name in enumerate(names):
+        for light in graph.lanelets[name].lights:
+            if runs[light] and runs[light][-1][-1] == lane - 1:
+                runs[light][-1].append(lane)
+            else:
+                runs[light].append([lane])
+    return [(light, run) for light, groups in runs.items() for run in groups]
+
+
+def controllers(lights: dict[int, tuple[Signal, ...]]) -> tuple[Controller, ...]:
+    """One controller for each light, which may stand at the ends of several roads."""
+    groups: dict[str, list[int]] = defaultdict(list)
+    for here in lights.values():
+        for signal in here:
+            groups[signal.name].append(signal.id)
+    return tuple(Controller(place, name, tuple(ids)) for place, (name, ids) in enumerate(groups.items(), 1))
 
 
 class Built(NamedTuple):
@@ -118,3 +159,27 @@ class _Builder:
 
 def _cubics(form: Shape, coefficients: np.ndarray) -> tuple[Cubic, ...]:
     return tuple(Cubic(float(s), *map(float, row)) for s, row in zip(form.s, coefficients, strict=True))
+
+
+def with_crosswalks(roads: Sequence[Road], crosswalks: Sequence[Area]) -> tuple[Road, ...]:
+    """The roads with each crosswalk on the one whose piece begins nearest to it. Only its place matters, not its road."""
+    poses = [(number, s, pose) for number, road in enumerate(roads) for s, pose in _poses(road)]
+    places = np.array([(pose.x, pose.y) for _, _, pose in poses])
+    found: dict[int, list[Object]] = defaultdict(list)
+    for identity, area in enumerate(crosswalks, 1):
+        centre = area.outline.mean(axis=0)
+        number, s, pose = poses[int(np.argmin(np.hypot(*(places - centre).T)))]
+        outline = tuple(_local(pose, point) for point in area.outline.tolist())
+        found[number].append(Object(identity, area.id, "crosswalk", s, 0.0, outline))
+    return tuple(replace(road, objects=tuple(found[number])) for number, road in enumerate(roads))
+
+
+def _poses(road: Road) -> Iterator[tuple[float, Pose]]:
+    """Where the pieces of the reference line begin and end."""
+    return zip(accumulate((piece.length for piece in road.plan), initial=0.0), road.poses, strict=True)
+
+
+def _local(pose: Pose, point: Sequence[float]) -> tuple[float, float]:
+    dx, dy = point[0] - pose.x, point[1] - pose.y
+    cos, sin = math.cos(pose.heading), math.sin(pose.heading)
+    return cos * dx + sin * dy, cos * dy - sin * dx

@@ -1,18 +1,78 @@
-"""From a Lanelet2 file to an OpenDRIVE file."""
+"""Conversion of a Lanelet2 file to an OpenDRIVE file, and how far its lanes are from the lanelets."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
-from xodr.lanelet2.assembly import build
-from xodr.lanelet2.crosswalks import with_crosswalks
-from xodr.lanelet2.deviation import deviation
-from xodr.lanelet2.reading.completion import completed
-from xodr.lanelet2.reading.reader import read_lanelets
+import numpy as np
+
+from xodr.lanelet2.assembly import build, with_crosswalks
+from xodr.lanelet2.borders import completed
+from xodr.lanelet2.lanelet import Lanelet, Points, across, lengths, places, points_at
+from xodr.lanelet2.reader import read_lanelets
+from xodr.network import RoadNetwork
 from xodr.reader import load
+from xodr.road import Road
+
+STEP = 0.5
+"""Distance between the places that are compared, m."""
+
+
+def deviation(lanelets: Sequence[Lanelet], where: Mapping[str, tuple[str, int]], network: RoadNetwork) -> dict[str, float]:
+    """Largest distance [m] of each lanelet's bounds from the borders of its lane, and of the lane's centre from theirs.
+
+    Bounds may also lie on lanes that lead on from it or to it: lanes begin a bit earlier or later than their lanelets.
+    `where` gives the road and lane of each lanelet.
+    """
+    lines = {lane: _lines(network.roads[lane[0]], lane[1]) for lane in set(where.values())}
+    found = {}
+    for lanelet in lanelets:
+        own = where[lanelet.id]
+        links = chain(network.links(*own, True), network.links(*own, False))
+        around = [lines[lane] for lane in (own, *((link.road_id, link.lane_id) for link in links)) if lane in lines]
+        borders = (
+            _farthest(lanelet.left, [lane.left for lane in around]),
+            _farthest(lanelet.right, [lane.right for lane in around]),
+        )
+        found[lanelet.id] = max(*borders, _off_centre(lanelet, lines[own]))
+    return found
+
+
+class _Lines(NamedTuple):
+    """Borders and centre of a lane, as seen in the direction of +s."""
+
+    left: Points
+    right: Points
+    centre: Points
+
+
+def _lines(road: Road, lane_id: int) -> _Lines:
+    grid = np.linspace(0.0, road.length, places(road.length, STEP)).tolist()
+    lane = road.lane(0.0, lane_id)
+    return _Lines(*(np.array([road.pose(s, at(s))[:2] for s in grid]) for at in (lane.inner, lane.outer, lane.center)))
+
+
+def _farthest(bound: Points, borders: list[Points]) -> float:
+    from shapely import LineString, MultiLineString, distance, points
+
+    total = lengths(bound)[-1]
+    dense = np.concatenate([bound, points_at(bound, np.linspace(0.0, total, places(total, STEP)))])
+    return float(distance(points(dense), MultiLineString([LineString(border) for border in borders])).max())
+
+
+def _off_centre(lanelet: Lanelet, lane: _Lines) -> float:
+    """How far a lane's centre is from half-way between the bounds, across the road, where there is one on both sides."""
+    sideways = lane.left - lane.right
+    onward = np.column_stack([sideways[:, 1], -sideways[:, 0]])
+    wide = np.hypot(*sideways.T) > STEP
+    left, right = (across(lane.centre[wide], onward[wide], bound) for bound in (lanelet.left, lanelet.right))
+    return float(np.nanmax(np.abs(left + right) / 2, initial=0.0))
+
 
 _ASTRAY = 0.5
 """Lanes farther away than this from their lanelets are named, m."""

@@ -1,7 +1,6 @@
-"""Reference lines, profiles and lanes evaluated at many places at once, in numpy.
+"""Reference lines, profiles and lanes evaluated at many places at once, and roads sampled as arrays, in numpy.
 
-Reference lines become cubics between knots so close together that they are exact to a micrometre.
-"""
+Reference lines become cubics between knots so close together that they are exact to a micrometre."""
 
 from __future__ import annotations
 
@@ -10,11 +9,12 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from xodr.array_types import BoolArray, FloatArray, IntArray
-from xodr.model import LaneSection
+from xodr.model import NO_WIDTH, LaneSection
 from xodr.profiles import Profile
-from xodr.road import NO_WIDTH, Road
+from xodr.road import Road
 
 _FINE = 0.02
 """Most that the heading changes from knot to knot, rad: a cubic then misses an arc of 1 km radius by less than 1e-6 m."""
@@ -214,3 +214,34 @@ def _lanes_of_side(
     for lane_id in beyond:
         found[(found == 0) & (values(section.lanes[lane_id].width, s) > NO_WIDTH)] = lane_id
     return found
+
+
+Points = FloatArray
+"""World coordinates: one row x, y, z [m] for each place."""
+
+
+def sample(road: Road, s: ArrayLike, t: ArrayLike = 0.0) -> Points:
+    """World coordinates of many (s, t); the two are broadcast against each other."""
+    at_s, at_t = (values.ravel().tolist() for values in np.broadcast_arrays(np.asarray(s, float), np.asarray(t, float)))
+    return np.array([road.pose(*place)[:3] for place in zip(at_s, at_t, strict=True)], float).reshape(-1, 3)
+
+
+def stations(road: Road, longest: float = 5.0) -> FloatArray:
+    """s [m] from 0 to the road's length: denser where the line bends, never further apart than `longest`."""
+    knots = {0.0, road.length, *(section.s for section in road.sections), *road.line.knots()}
+    inside = sorted(s for s in knots if 0.0 <= s <= road.length)
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / longest)), endpoint=False) for a, b in pairwise(inside)]
+    return np.append(np.concatenate(pieces), road.length)
+
+
+def lane_borders(road: Road, longest: float = 5.0) -> list[tuple[int, Points, Points]]:
+    """For every lane of every section its id and its inner and outer border as polylines."""
+    everywhere = stations(road, longest)
+    borders = []
+    for section in road.sections:
+        inside = [section.s, *(s for s in everywhere.tolist() if section.s < s < section.end), section.end]
+        for lane_id in (*section.left, *section.right):
+            lane = section.lanes[lane_id]
+            inner, outer = (sample(road, inside, [side(s) for s in inside]) for side in (lane.inner, lane.outer))
+            borders.append((lane_id, inner, outer))
+    return borders

@@ -6,6 +6,8 @@ OpenDRIVE 1.8 §8.5: the header's offset turns and shifts local coordinates into
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 from typing import NamedTuple
 
 from schemas.errors import InvalidFile, Unsupported
@@ -18,6 +20,37 @@ class Geodetic(NamedTuple):
     latitude: float
     longitude: float
     altitude: float
+
+
+_OF_HEIGHTS = ("geoidgrids", "vunits", "vto_meter")
+"""Parameters of PROJ that concern heights, which are taken as they are"""
+_NUMBERED = re.compile(r"\+?init=(epsg|esri):(\d+)(?:\s+\+?(?:no_defs|type=crs|wktext))*", re.IGNORECASE)
+_READS_FILES = re.compile(r"grids|init\s*=|file|pipeline|\bstep\b|shift|catalog|deformation|defmodel|tinshift", re.IGNORECASE)
+"""What a projection holds that names files, in any of the languages that PROJ reads"""
+
+
+def without_files(projection: str, path: Path) -> str:
+    """A projection that lets PROJ read no file that it names: grids and definitions may be any file.
+
+    Grids of heights are left out, since heights are taken as they are; `init=epsg:N` is the code EPSG:N.
+
+    Args:
+        path: the road network's file, for errors.
+
+    Raises:
+        Unsupported: the projection needs a file.
+    """
+    numbered = _NUMBERED.fullmatch(projection.strip())
+    if numbered:
+        return f"{numbered[1].upper()}:{numbered[2]}"
+    if projection.lstrip().startswith("+"):
+        names = {each: each.lstrip("+").partition("=")[0] for each in projection.split()}
+        projection = " ".join(each for each in names if names[each] not in _OF_HEIGHTS and each != "+nadgrids=@null")
+    named = _READS_FILES.search(projection)
+    if named:
+        reason = f"the geoReference reads files ({named[0]}), which is refused: state the projection by numbers or a code"
+        raise Unsupported(reason, path=path, element="geoReference")
+    return projection
 
 
 class GeoReference:
@@ -35,7 +68,7 @@ class GeoReference:
         if projection is None:
             raise Unsupported("geographic positions need a geoReference in the road network", path=network.path, element="header")
         try:
-            crs = pyproj.CRS.from_user_input(projection)
+            crs = pyproj.CRS.from_user_input(without_files(projection, network.path))
             self._transformer = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
         except pyproj.exceptions.ProjError as error:
             message = f"geoReference {projection!r} is not understood: {error}"

@@ -18,7 +18,7 @@ from xodr.array_types import BoolArray, FloatArray, IntArray
 from xodr.lookup import arrays
 from xodr.lookup.arrays import OnChord, Part
 from xodr.lookup.locate import CONVERGED, ON_SURFACE, OTHER_LEVEL
-from xodr.model import RoadError
+from xodr.model import PERMANENT, RoadError
 from xodr.network import RoadNetwork
 from xodr.road import Road
 
@@ -182,7 +182,7 @@ def _beside(road: Road, s: FloatArray, t: FloatArray) -> FloatArray:
         rows = section_of == index
         right, left = arrays.edges(section, s[rows])
         outside[rows] = np.maximum(right - t[rows], t[rows] - left)
-    return outside
+    return outside if road.permanent is None else np.minimum(outside, _beside(road.on(PERMANENT), s, t))
 
 
 def _lanes(road: Road, s: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:

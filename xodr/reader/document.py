@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
@@ -10,10 +10,12 @@ from typing import TypeVar
 
 from lxml import etree
 
-from schemas.errors import InvalidFile, ToolchainError
-from schemas.remarks import Remark
+from schemas.checks.road_elements import Unknown, unknown
+from schemas.errors import InvalidFile, ToolchainError, nearest
+from schemas.remarks import Remark, Remarks
 from schemas.storage import Stamp, stamp
-from schemas.xml import local_name, parse
+from schemas.values import quoted
+from schemas.xml import line_of, local_name, parse
 from xodr.model import Header, Junction
 from xodr.network import RoadNetwork
 from xodr.reader.elements import integer, invalid, number, text
@@ -22,6 +24,8 @@ from xodr.reader.roads import read_road
 from xodr.road import Road
 
 _CACHED_FILES = 64
+_VALID = "asam.net:xodr:1.0.0:xml.valid_schema"
+_UNIQUE = "asam.net:xodr:1.4.0:ids.id_unique_in_class"
 
 T = TypeVar("T")
 
@@ -45,8 +49,12 @@ def _load(path: Path, _stamp: Stamp, strict: bool) -> RoadNetwork:
     root = parse(path, None if strict else outside).getroot()
     try:
         _plain_names(root)
+        faults = (*_not_read(root, path), *_doubled_signals(root, path))
+        outside += faults
         try:
-            return _network(path, root, tuple(outside))
+            network = _network(path, root, tuple(outside))
+            Remarks(strict).add(*faults)
+            return network
         except InvalidFile:
             remarks = () if strict else _repaired(root, path)
             if not remarks:
@@ -61,6 +69,35 @@ def _repaired(root: etree._Element, path: Path) -> tuple[Remark, ...]:
     from xodr.reader.repairs import repair  # which most files do not need
 
     return repair(root, path)
+
+
+def _not_read(root: etree._Element, path: Path) -> Iterator[Remark]:
+    """A remark for each kind of place with elements that no version has there; inconclusive where they may decide shapes."""
+    by_place: dict[str, list[Unknown]] = {}
+    for each in unknown(root):
+        by_place.setdefault(each.parent, []).append(each)
+    for found in by_place.values():
+        first, name = found[0].element, local_name(found[0].element)
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        hint = f"; {nearest(name, sorted(found[0].expected))}" if found[0].expected else ""
+        message = f"the element {quoted(name)} is in no version of the standard here{more}; it is NOT read{hint}"
+        cause = "ignored" if found[0].decides else ""
+        yield Remark(_VALID, message, str(path), line_of(first), cause, local_name(first))
+
+
+def _doubled_signals(root: etree._Element, path: Path) -> Iterator[Remark]:
+    """A remark where several signals have one id: scenarios that name it mean the first of them."""
+    seen: set[str] = set()
+    doubled = list[etree._Element]()
+    for signal in root.iterfind("road/signals/signal"):
+        name = signal.get("id", "")
+        if name in seen:
+            doubled.append(signal)
+        seen.add(name)
+    if doubled:
+        more = f" (and {len(doubled) - 1} more ids used again)" if len(doubled) > 1 else ""
+        message = f"the id {quoted(doubled[0].get('id', ''))} is that of another signal, too{more}; the first with an id is meant"
+        yield Remark(_UNIQUE, message, str(path), line_of(doubled[0]), element="signal")
 
 
 def _plain_names(root: etree._Element) -> None:

@@ -11,6 +11,7 @@ from lxml import etree
 
 from schemas.errors import InvalidFile, Unsupported
 from schemas.xml import line_of
+from xodr.model import PERMANENT, TEMPORARY
 from xodr.profiles import ZERO, Cubic, Profile
 
 LARGEST = 1e12
@@ -113,6 +114,14 @@ def profile(elements: list[etree._Element]) -> Profile:
 def validity(element: etree._Element) -> tuple[tuple[int, int], ...]:
     """Lane ranges (from, to) that a signal or object applies to."""
     return tuple((integer(item, "fromLane"), integer(item, "toLane")) for item in element.iterfind("validity"))
+
+
+def lane_layer(element: etree._Element, name: str = "layer") -> str:
+    """A layer of lanes: the permanent one where the file does not say."""
+    layer = element.get(name) or PERMANENT
+    if layer not in (PERMANENT, TEMPORARY):
+        raise invalid(element, f"{name}={layer!r} is neither {PERMANENT} nor {TEMPORARY}")
+    return layer
 
 
 def contact_point(element: etree._Element) -> str | None:

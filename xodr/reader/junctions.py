@@ -9,8 +9,8 @@ from lxml import etree
 
 from schemas.remarks import Remark
 from schemas.xml import line_of
-from xodr.model import Connection, Controller, Junction
-from xodr.reader.elements import contact_point, integer, invalid, number, text
+from xodr.model import Connection, Controller, Junction, LaneRef
+from xodr.reader.elements import contact_point, integer, invalid, lane_layer, number, text
 
 _FOLLOWED = "xosc.toolchain:xodr:1.5.0:junction.connections_are_followed"
 _KINDS = ("default", "direct", "virtual", "crossing")
@@ -65,8 +65,12 @@ def _connection(element: etree._Element) -> Connection:
         incoming_road=text(element, "incomingRoad"),
         connecting_road=text(element, "linkedRoad" if element.get("linkedRoad") else "connectingRoad"),
         contact=contact_point(element) or "start",
-        lane_links=tuple((integer(item, "from"), integer(item, "to")) for item in element.iterfind("laneLink")),
+        lane_links=tuple((_lane(item, "from"), _lane(item, "to")) for item in element.iterfind("laneLink")),
     )
+
+
+def _lane(element: etree._Element, name: str) -> LaneRef:
+    return LaneRef(integer(element, name), lane_layer(element, f"{name}Layer"))
 
 
 def read_controller(element: etree._Element) -> Controller:

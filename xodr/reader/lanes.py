@@ -2,20 +2,70 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from operator import attrgetter
+from typing import NamedTuple
 
 from lxml import etree
 
-from xodr.model import Lane, LaneSection, RoadMark
+from xodr.layers import Stretch, in_force
+from xodr.model import NO_WIDTH, PERMANENT, TEMPORARY, Lane, LaneRef, LaneSection, RoadMark
 from xodr.profiles import ZERO, Cubic, Profile, exceeding
-from xodr.reader.elements import ascending, coefficients, integer, invalid, number, optional, profile, speed
-from xodr.road import NO_WIDTH
+from xodr.reader.elements import ascending, coefficients, integer, invalid, lane_layer, number, optional, profile, speed
+
+
+class Layers(NamedTuple):
+    """Lane sections in force, and the permanent ones where a road has temporary lanes, too."""
+
+    in_force: list[LaneSection]
+    permanent: list[LaneSection] | None
+
+
+def read_layers(road: etree._Element, length: float) -> Layers:
+    """The lane sections of a `road` element of that length [m]."""
+    layers: dict[str, etree._Element] = {}
+    for lanes in road.iterfind("lanes"):
+        if layers.setdefault(lane_layer(lanes), lanes) is not lanes:
+            raise invalid(lanes, f"the road has another {lane_layer(lanes)} layer of lanes; one is allowed")
+    if PERMANENT not in layers:
+        raise invalid(road, "the element lanes is missing")
+    permanent = read_sections(layers[PERMANENT], length)
+    if TEMPORARY not in layers:
+        return Layers(permanent, None)
+    return Layers(in_force(permanent, _temporary(layers[TEMPORARY], length)), permanent)
+
+
+def _temporary(lanes: etree._Element, length: float) -> list[Stretch]:
+    """Sections of the temporary layer. Each holds for its `length`, or up to the next one of its side."""
+    elements = lanes.findall("laneSection")
+    starts = ascending(elements, "s")
+    offset = profile(lanes.findall("laneOffset"))
+    found = []
+    for index, (element, start) in enumerate(zip(elements, starts, strict=True)):
+        until = min(start + number(element, "length", math.inf) if element.get("length") else math.inf, length)
+        following = list(zip(elements, starts, strict=True))[index + 1 :]
+        ends = [
+            min([until, *(s for other, s in following if _covers(other, side))]) if _covers(element, side) else start
+            for side in ("left", "right")
+        ]
+        if max(ends) > start:
+            found.append(Stretch(_section(element, start, max(ends), offset, TEMPORARY), *ends))
+    return found
+
+
+def _covers(section: etree._Element, side: str) -> bool:
+    """Whether a lane section says which lanes there are on a side."""
+    return not _single_sided(section) or section.find(side) is not None
+
+
+def _single_sided(section: etree._Element) -> bool:
+    return section.get("singleSide") in ("true", "1")
 
 
 def read_sections(lanes: etree._Element, length: float) -> list[LaneSection]:
-    """The lane sections of a road of that length [m], from its `lanes` element."""
+    """The lane sections of one layer along a road of that length [m], from its `lanes` element."""
     elements = lanes.findall("laneSection")
     if not elements:
         raise invalid(lanes, "a road has at least one laneSection")
@@ -29,24 +79,27 @@ def read_sections(lanes: etree._Element, length: float) -> list[LaneSection]:
                 raise invalid(element, f"the section starts at s={start:g}, but the road is only {length:g} m long")
             continue  # a section of no length, as some editors leave behind
         section = _section(element, start, end, offset)
-        if element.get("singleSide") in ("true", "1") and sections:
+        if _single_sided(element) and sections:
             _continue_other_side(sections[-1], section)
         sections.append(section)
     return sections
 
 
-def _section(element: etree._Element, start: float, end: float, offset: Profile) -> LaneSection:
+def _section(element: etree._Element, start: float, end: float, offset: Profile, layer: str = PERMANENT) -> LaneSection:
     center = offset.within(start, end)
     middle = element.find("center/lane")
     marks = _marks(middle, start) if middle is not None else ()
-    lanes = {0: Lane(0, "none", False, None, None, ZERO, center, center, center, marks=marks)}
+    lanes = {0: Lane(0, "none", False, None, None, ZERO, center, center, center, marks=marks, layer=layer)}
     for side, sign in (("left", 1), ("right", -1)):
-        items = {integer(item, "id"): item for item in element.iterfind(f"{side}/lane")}
+        items: dict[int, etree._Element] = {}
+        for item in element.iterfind(f"{side}/lane"):
+            if items.setdefault(integer(item, "id"), item) is not item:
+                raise invalid(item, f"the lane id {item.get('id')} is there twice in one lane section")
         inner = center
         for lane_id in sorted(items, key=abs):
             if lane_id * sign <= 0:
                 raise invalid(items[lane_id], f"the lane id {lane_id} does not belong on the {side} side")
-            lane = _lane(items[lane_id], lane_id, (start, end), inner, center)
+            lane = replace(_lane(items[lane_id], lane_id, (start, end), inner, center), layer=layer)
             lanes[lane_id] = lane
             inner = lane.outer
     return LaneSection(start, end, lanes)
@@ -65,12 +118,13 @@ def _lane(element: etree._Element, lane_id: int, ends: tuple[float, float], inne
         outer = center.plus(border, 1.0 if border(start) * sign >= 0.0 else -1.0)
         width = outer.plus(inner, -1.0) if sign > 0.0 else inner.plus(outer, -1.0)
     opens, closes = exceeding(width, NO_WIDTH, *ends)
+    predecessors, successors = _linked(element, "predecessor"), _linked(element, "successor")
     return Lane(
         id=lane_id,
         type=element.get("type", "none"),
         level=element.get("level") in ("true", "1"),
-        predecessor=_linked(element, "predecessor"),
-        successor=_linked(element, "successor"),
+        predecessor=_continuing(predecessors),
+        successor=_continuing(successors),
         width=width,
         inner=inner,
         outer=outer,
@@ -80,6 +134,9 @@ def _lane(element: etree._Element, lane_id: int, ends: tuple[float, float], inne
         closes=closes,
         speeds=_speeds(element, start),
         marks=_marks(element, start),
+        predecessors=predecessors,
+        successors=successors,
+        road_works=element.get("roadWorks") in ("true", "1"),
     )
 
 
@@ -94,10 +151,13 @@ def _relative(elements: list[etree._Element], start: float) -> Profile:
     return Profile(pieces.values())
 
 
-def _linked(element: etree._Element, name: str) -> int | None:
-    """Id of the linked lane. A lane may link several in 1.8; the first is the one that continues it."""
-    link = element.find(f"link/{name}")
-    return integer(link, "id") if link is not None else None
+def _linked(element: etree._Element, name: str) -> tuple[LaneRef, ...]:
+    return tuple(LaneRef(integer(link, "id"), lane_layer(link)) for link in element.iterfind(f"link/{name}"))
+
+
+def _continuing(links: tuple[LaneRef, ...]) -> int | None:
+    """Id of the permanent lane that continues a lane. It may link several since 1.8: the first of them."""
+    return next((link.id for link in links if link.layer == PERMANENT), None)
 
 
 def _direction(element: etree._Element) -> str:

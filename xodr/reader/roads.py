@@ -11,7 +11,7 @@ from xodr.geometry import Arc, Line, ParamPoly3, ReferenceLine, Segment, Spiral,
 from xodr.model import RoadLink, RoadType
 from xodr.profiles import Cubic, Profile
 from xodr.reader.elements import ascending, coefficients, contact_point, invalid, number, optional, profile, speed, text
-from xodr.reader.lanes import read_sections
+from xodr.reader.lanes import read_layers
 from xodr.reader.road_objects import read_object, read_signal, read_signal_reference
 from xodr.road import Road, Surface
 
@@ -26,9 +26,7 @@ def read_road(path: Path, element: etree._Element) -> Road:
     junction, rule = element.get("junction", "-1"), element.get("rule") or "RHT"
     if rule not in ("RHT", "LHT"):
         raise invalid(element, f"rule={rule!r} is neither RHT nor LHT")
-    lanes = element.find("lanes")
-    if lanes is None:
-        raise invalid(element, "the element lanes is missing")
+    layers = read_layers(element, length)
     return Road(
         path=str(path),
         id=road_id,
@@ -37,7 +35,8 @@ def read_road(path: Path, element: etree._Element) -> Road:
         junction_id=None if junction in ("-1", "") else junction,
         rule=rule,
         line=_reference_line(element),
-        sections=read_sections(lanes, length),
+        sections=layers.in_force,
+        permanent=layers.permanent,
         elevation=profile(element.findall("elevationProfile/elevation")),
         superelevation=profile(element.findall("lateralProfile/superelevation")),
         surface=_surface(element),

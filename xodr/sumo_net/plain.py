@@ -1,16 +1,16 @@
 """A road network in SUMO's plain XML, from which netconvert builds the network that SUMO runs on.
 
 netconvert also reads OpenDRIVE itself, but it gives every lane one width and a displaced centre line where widths change,
-ignores the traffic rule, shortens roads at every lane section and refuses files for small faults. Here the exact lane
-centre lines are handed to it instead:
+ignores the traffic rule, shortens roads at every lane section and refuses files for small faults. Here it gets the exact lane
+centre lines instead:
 
 - A road becomes a chain of edges, cut at lane sections and at traffic lights; for each direction of travel one edge.
 - A connecting road becomes the shape of SUMO's own lanes inside a junction.
 - Lanes are numbered from the kerb inwards: from the right in right-hand traffic, from the left in left-hand traffic.
+- Traffic lights are the OpenDRIVE signals that hold traffic, at the place where they hold it.
 - Elevation is left out: SUMO moves in the plane, heights come from the road itself.
 
-Source: SUMO documentation, "PlainXML" (nodes, edges, connections, custom lane shapes).
-"""
+Source: SUMO documentation, "PlainXML" (nodes, edges, connections, custom lane shapes)."""
 
 from __future__ import annotations
 
@@ -24,15 +24,82 @@ from urllib.parse import quote
 from lxml import etree
 
 from xodr.graph.links import next_lane
-from xodr.model import Lane, LaneLink, LaneSection
+from xodr.model import Lane, LaneLink, LaneSection, Signal, SignalReference
 from xodr.network import RoadNetwork
 from xodr.road import Road
-from xodr.sumo_net.connections import LaneConnection, lane_connections, stretches
-from xodr.sumo_net.lights import lights
-from xodr.sumo_net.net import DOCK, Track
-from xodr.sumo_net.nodes import Nodes
-from xodr.sumo_net.shapes import Point, centre_line, middle, mouth, outline, text
-from xodr.sumo_net.uses import CLOSED, SPEED_LIMITS, USUAL_SPEED_LIMIT, use_of
+from xodr.sumo_net.net import CLOSED, DOCK, SPEED_LIMITS, USUAL_SPEED_LIMIT, Track, Use, use_of
+from xodr.sumo_net.nodes import (
+    LaneConnection,
+    Nodes,
+    Point,
+    centre_line,
+    lane_connections,
+    middle,
+    mouth,
+    outline,
+    stretches,
+    text,
+)
+
+APPROACH = 30.0
+"""A light at most this far before a junction holds traffic at the junction, otherwise where it stands, in m."""
+
+_FOR_OTHERS = ("1000002", "1000007", "1000013")
+"""Signal types of country OpenDRIVE: lights for pedestrians and cyclists only."""
+
+
+class Light(NamedTuple):
+    """One light for one direction of travel on one road.
+
+    direction: +1 for traffic towards +s, -1 for traffic towards -s.
+    s: where traffic waits; None at the end of the road, before the junction.
+    """
+
+    signal_id: str
+    direction: int
+    s: float | None
+    validity: tuple[tuple[int, int], ...]
+
+    def holds(self, lane_id: int, direction: int) -> bool:
+        """Whether traffic in that lane and direction has to obey."""
+        valid = not self.validity or any(min(pair) <= lane_id <= max(pair) for pair in self.validity)
+        return valid and direction == self.direction
+
+
+def lights(network: RoadNetwork) -> dict[str, list[Light]]:
+    """All traffic lights by the road for whose traffic they are, signal references included."""
+    controlled = frozenset(signal for controller in network.controllers.values() for signal in controller.signals)
+    signals = {signal.id: signal for road in network.roads.values() for signal in road.signals}
+    ids = {signal.id for signal in signals.values() if _is_light(signal, controlled)}
+    found: dict[str, list[Light]] = {}
+    for road in network.roads.values():
+        own = [light for signal in road.signals if signal.id in ids for light in _directions(road, signal.id, signal)]
+        others = [
+            light
+            for other in road.signal_references
+            if other.signal_id in ids
+            for light in _directions(road, other.signal_id, other)
+        ]
+        found[road.id] = own + others
+    return found
+
+
+def _is_light(signal: Signal, controlled: frozenset[str]) -> bool:
+    known = signal.type.startswith("10000") or signal.id in controlled
+    return signal.dynamic and known and signal.type not in _FOR_OTHERS
+
+
+def _directions(road: Road, signal_id: str, signal: Signal | SignalReference) -> list[Light]:
+    directions = {"+": (1,), "-": (-1,)}.get(signal.orientation, (1, -1))
+    return [Light(signal_id, direction, _stop(road, signal.s, direction), signal.validity) for direction in directions]
+
+
+def _stop(road: Road, s: float, direction: int) -> float | None:
+    """Where traffic waits for a light at s: None for the junction ahead, where it is near or the light stands behind the road."""
+    link, left = (road.successor, road.length - s) if direction > 0 else (road.predecessor, s)
+    at_junction = link is not None and link.element_type == "junction" and left <= APPROACH
+    return None if at_junction or not 0.5 < s < road.length - 0.5 else s
+
 
 LONGEST_BEND = 200.0
 """Longest edge of a road that is not straight, in m."""
@@ -171,7 +238,7 @@ class _Writer:
     def _edge(self, road: Road, piece: _Piece, edge: str, direction: int, nodes: tuple[str, str]) -> _Row:
         """The edge with all lanes of one direction, none where nobody may use any of them; says where each lane is in SUMO."""
         lanes = self._from_the_kerb(road, piece, direction)
-        if all(use_of(lane.type) is CLOSED for lane in lanes):
+        if all(_use(lane) is CLOSED for lane in lanes):
             return {}
         start, end = (piece.start, piece.end) if direction > 0 else (piece.end, piece.start)
         attributes = {"id": edge, "from": nodes[0], "to": nodes[1], "numLanes": str(len(lanes)), "spreadType": "center"}
@@ -197,7 +264,7 @@ class _Writer:
         for lane_id, place in rows[0].items():
             lane = before.section.lanes[lane_id]
             following = lane_id if before.section is after.section else next_lane(lane, after.section, True)
-            if following not in rows[1] or use_of(lane.type).kind != use_of(after.section.lanes[following].type).kind:
+            if following not in rows[1] or _use(lane).kind != _use(after.section.lanes[following]).kind:
                 continue
             direction = road.direction(lane_id, before.middle)
             if direction != road.direction(following, after.middle):
@@ -270,7 +337,7 @@ def _element(parent: etree._Element, tag: str, **attributes: str) -> etree._Elem
 def _add_lane(edge: etree._Element, index: int, road: Road, lane: Lane, piece: _Piece, shape: str) -> None:
     usual = SPEED_LIMITS.get(road.road_type(piece.middle), USUAL_SPEED_LIMIT)
     speed = road.speed_limit(piece.middle, lane.id) or usual
-    use = use_of(lane.type)
+    use = _use(lane)
     element = _element(
         edge,
         "lane",
@@ -282,6 +349,10 @@ def _add_lane(edge: etree._Element, index: int, road: Road, lane: Lane, piece: _
     )
     element.set(use.attribute, use.classes)
     _element(element, "param", key="origId", value=f"{road.id}_{lane.id}")
+
+
+def _use(lane: Lane) -> Use:
+    return CLOSED if lane.road_works else use_of(lane.type)
 
 
 def _width(road: Road, lane: Lane, piece: _Piece) -> float:

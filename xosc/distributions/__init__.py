@@ -8,20 +8,19 @@ from xosc.distributions.deterministic import (
     DistributionSet,
 )
 from xosc.distributions.file import ParameterValueDistribution, write_distribution
-from xosc.distributions.probability import (
+from xosc.distributions.space import ParameterSpace, Selection, Variations, sample, variations
+from xosc.distributions.stochastic import (
     Histogram,
     HistogramBin,
     LogNormalDistribution,
     NormalDistribution,
     PoissonDistribution,
     ProbabilityDistributionSet,
+    Stochastic,
+    StochasticDistribution,
     UniformDistribution,
 )
-from xosc.distributions.selection import Selection
-from xosc.distributions.space import ParameterSpace, Variations, sample, variations
-from xosc.distributions.stochastic import Stochastic, StochasticDistribution
-from xosc.distributions.user import UserDefinedDistribution, UserDistribution
-from xosc.distributions.values import Range
+from xosc.distributions.values import Range, UserDefinedDistribution, UserDistribution
 
 __all__ = [
     "Deterministic",

@@ -16,8 +16,7 @@ from typing import get_args
 from lxml import etree
 
 from schemas.errors import UsageError
-from xosc.distributions.user import UserDefinedDistribution
-from xosc.distributions.values import Range, element, finite, located, text
+from xosc.distributions.values import Range, UserDefinedDistribution, element, finite, located, text
 from xosc.node import Node
 
 

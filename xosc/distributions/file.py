@@ -1,8 +1,9 @@
-"""ParameterValueDistribution files: reading and writing."""
+"""ParameterValueDistribution files: reading and writing, and values in the spelling of other tools."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 
@@ -10,10 +11,13 @@ from lxml import etree
 
 from schemas.errors import UsageError
 from schemas.expressions import ExpressionError, substitute
+from schemas.remarks import Remark
+from schemas.rules.values import DECLARED_TYPE_UID
+from schemas.values import meant, quoted, type_named
 from xosc.distributions.deterministic import Deterministic
 from xosc.distributions.stochastic import Stochastic
 from xosc.distributions.values import element
-from xosc.document import write
+from xosc.document import Document, write
 from xosc.files import Header, new_document
 from xosc.node import Node
 from xosc.versions import Version
@@ -85,3 +89,34 @@ def _evaluated(node: Node) -> Node:
 
 def _no_parameter(name: str) -> str:
     raise KeyError(name)
+
+
+def respelled(distribution: Document, scenario: Document, values: Mapping[str, str]) -> Iterator[Remark]:
+    """A remark on each value that is not spelled as its parameter's type is, where it is given.
+
+    Args:
+        distribution: what gives the values.
+        scenario: what declares the parameters.
+        values: one set of values; those that it does not give count for nothing.
+    """
+    for declaration in scenario.root.iterfind("ParameterDeclarations/ParameterDeclaration"):
+        name = declaration.get("name", "")
+        text = values.get(name)
+        try:
+            kind = type_named(declaration.get("parameterType", ""))
+            spelled = meant(kind, text) if text is not None else None
+        except ValueError:
+            continue  # whoever uses them refuses them
+        if text is not None and spelled != text:
+            message = f"the value of the parameter {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
+            yield from (place.remark(DECLARED_TYPE_UID, message) for place in _places(distribution.node, name, text))
+
+
+def _places(top: Node, name: str, value: str) -> list[Node]:
+    """The first element that gives a parameter a value; none where that is computed, or given otherwise."""
+    for holder in top.iter("DeterministicSingleParameterDistribution", "StochasticDistribution"):
+        found = [each for each in holder.iter("Element") if each.get("value", "") == value]
+        if holder.get("parameterName", "") == name and found:
+            return found[:1]
+    assignments = top.iter("ParameterAssignment")
+    return [each for each in assignments if (each.get("parameterRef", ""), each.get("value", "")) == (name, value)][:1]

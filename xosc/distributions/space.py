@@ -1,22 +1,25 @@
-"""The parameter space that a distribution file spans over its scenario: counted, reached into, walked and sampled.
+"""The parameter space that a distribution file spans over its scenario: counted, reached into, walked, sampled and chosen from.
 
 Nothing here enumerates a space in order to reach into it: a place in a deterministic space is a number in mixed
-radix, and a stochastic test run depends on its number alone.
-"""
+radix, and a stochastic test run depends on its number alone."""
 
 from __future__ import annotations
 
 import math
 import os
 import random
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 
 from schemas.catalogs import referred
-from schemas.errors import UsageError, nearest
+from schemas.commands.wording import many
+from schemas.errors import InvalidFile, UsageError, nearest
 from schemas.expressions import ExpressionError, references
+from schemas.storage import digest
 from schemas.values import meant, quoted, type_named
 from xosc.distributions.deterministic import Deterministic
 from xosc.distributions.file import ParameterValueDistribution
@@ -72,7 +75,11 @@ class ParameterSpace:
         self.scenario = Path(os.path.normpath(referred(document.path, self.distribution.scenario_file)))
         if not os.path.isfile(self.scenario):  # unlike Path.is_file it takes names of any length
             raise node.need("ScenarioFile").invalid(f"the scenario {self.scenario} does not exist")
-        scenario = load(self.scenario)
+        try:
+            scenario = load(self.scenario)
+        except InvalidFile as error:
+            error.message += f"; {node.need('ScenarioFile').where} refers to this file"
+            raise
         if scenario.kind != "scenario":
             raise node.need("ScenarioFile").invalid(f"{self.scenario} is a {scenario.kind}, a scenario is expected")
         self._declarations = {each.get("name"): each for each in _declarations(scenario)}
@@ -277,3 +284,116 @@ def _groups(constrained: dict[str, Node]) -> list[dict[str, Node]]:
         apart = [group for group in groups if group.isdisjoint(joined)]
         groups = [*apart, joined.union(*(group for group in groups if group not in apart))]
     return [{name: node for name, node in constrained.items() if name in group} for group in groups]
+
+
+_MOST_NUMBERED = 10**18
+_SPAN = re.compile(r"(\d+)(?:-(\d+))?")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Parameter sets of each variation file: by default every one. A scenario, which is no variation file, is always chosen.
+
+    Args:
+        only: numbers of parameter sets as first and last, from 0; empty for all.
+        sample: how many sets are drawn; None for all. Where a file has fewer, it is all of them.
+        seed: of the draws.
+
+    Raises:
+        UsageError: both are given.
+    """
+
+    only: tuple[tuple[int, int], ...] = ()
+    sample: int | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.only and self.sample is not None:
+            raise UsageError("--only and --sample exclude each other")
+
+    @property
+    def chooses(self) -> bool:
+        """Whether sets are left out."""
+        return bool(self.only) or self.sample is not None
+
+    def count(self, space: ParameterSpace) -> int:
+        """How many sets are chosen of a space, at most: those that constraints exclude are counted."""
+        if self.only and space.distribution is not None:
+            return sum(max(0, min(last, space.size - 1) - first + 1) for first, last in self.only)
+        return space.size if self.sample is None else min(self.sample, space.size)
+
+    def sets(
+        self, space: ParameterSpace, enforce_constraints: bool, tell: Callable[[int], None] = lambda count: None
+    ) -> Iterator[tuple[int, dict[str, str]]]:
+        """Number and values of each set, in ascending order; those that violate constraints are left out, unless they were
+        named.
+
+        Args:
+            tell: called at the end with the number of sets that violate constraints, if there are any.
+
+        Raises:
+            UsageError: a number is beyond the last one.
+            InvalidFile: no set, or practically none, keeps the constraints.
+        """
+        if self.only and space.distribution is not None:
+            for index in dict.fromkeys(index for first, last in sorted(self.only) for index in range(first, last + 1)):
+                yield index, space.variation(index)[1]
+            return
+        if self.sample is not None and self.sample < space.size:
+            for index in self._drawn(space, enforce_constraints):
+                yield index, space.variation(index)[1]
+            return
+        every = Variations(space, enforce_constraints)
+        for _, values in every:
+            yield every.index, values
+        if every.excluded and every.excluded == space.size:
+            raise _none_kept(space, f"none of {many(space.size, 'parameter set')}")
+        if every.excluded:
+            tell(every.excluded)
+
+    def _drawn(self, space: ParameterSpace, enforce_constraints: bool) -> list[int]:
+        """Numbers of different sets; the space, of any size, is not enumerated."""
+        assert self.sample is not None
+        draws, found, rejected = random.Random(self.seed), set[int](), set[int]()
+        tries = 0
+        while len(found) < self.sample and len(found) + len(rejected) < space.size and tries < MAX_REJECTIONS:
+            index = draws.randrange(space.size)
+            tries += 1
+            if index in found or index in rejected:
+                continue
+            if enforce_constraints and not space.admits(space.variation(index)[1]):
+                rejected.add(index)
+            else:
+                found.add(index)
+                tries = 0
+        if not found:
+            raise _none_kept(space, f"none of {many(len(rejected), 'sample')}")
+        return sorted(found)
+
+
+def _none_kept(space: ParameterSpace, subject: str) -> InvalidFile:
+    return space.node.invalid(
+        f"{subject} satisfies the constraints of {space.scenario}: nothing is left to run; "
+        "mend the values or the constraints, or give --no-constraints"
+    )
+
+
+def numbered(name: str, index: int) -> str:
+    """Return the name of a parameter set: that of its file, and its number, or the digest of one too long for a file name."""
+    return f"{name}~{index:06d}" if index < _MOST_NUMBERED else f"{name}~{digest(str(index).encode())}"
+
+
+def spans(text: str) -> tuple[tuple[int, int], ...]:
+    """Numbers of parameter sets as first and last, from a text such as `3,7-9`.
+
+    Raises:
+        UsageError: it is of another form.
+    """
+    found = []
+    for part in text.split(","):
+        match = _SPAN.fullmatch(part.strip())
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+        if last < first:
+            raise UsageError(f"--only {text!r}: numbers of parameter sets are expected, such as 3,7-9")
+        found.append((first, last))
+    return tuple(found)

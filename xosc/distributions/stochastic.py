@@ -2,29 +2,267 @@
 
 Every draw is the distribution's quantile at a uniform number that depends on the seed, the parameter's name and the
 number of the run alone. So each parameter has its own stream, a run is the same whether reached one by one or at
-once, another parameter added to the file changes nothing, and truncation to a Range is exact and never rejects.
-"""
+once, another parameter added to the file changes nothing, and truncation to a Range is exact and never rejects."""
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_left
 from dataclasses import dataclass
+from functools import cached_property
 from hashlib import blake2b
-from typing import get_args
+from itertools import accumulate
+from statistics import NormalDist
+from typing import Self, get_args
 
 from lxml import etree
 
 from schemas.errors import UsageError
-from xosc.distributions.probability import (
-    Histogram,
-    LogNormalDistribution,
-    NormalDistribution,
-    PoissonDistribution,
-    ProbabilityDistributionSet,
-    UniformDistribution,
-)
-from xosc.distributions.user import UserDefinedDistribution
-from xosc.distributions.values import element, finite, located, text
+from xosc.distributions.values import Range, UserDefinedDistribution, element, finite, located, text, weights
 from xosc.node import Node
+
+_STANDARD = NormalDist()
+_TINY = 5e-324
+_LARGEST_EXPONENT = 709.78
+
+
+@dataclass(frozen=True)
+class NormalDistribution:
+    """`NormalDistribution`: Gaussian, truncated to a Range where one is given."""
+
+    expected_value: float
+    variance: float
+    range: Range | None = None
+
+    def __post_init__(self) -> None:
+        finite("expectedValue", self.expected_value)
+        finite("variance", self.variance)
+        if self.variance < 0:
+            raise UsageError(f"variance={self.variance:g} must not be negative")
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse a Range without probability here rather than at the first draw."""
+        if self.range is None or self.range.lower_limit == self.expected_value == self.range.upper_limit:
+            return
+        low, high, _ = self._probabilities
+        if low >= high and (not self.variance or self.range.lower_limit < self.range.upper_limit):
+            raise UsageError("the Range holds no probability of this distribution")
+
+    def quantile(self, probability: float) -> float:
+        """The value at a cumulative probability."""
+        if not self.variance:
+            return self.expected_value
+        low, high, mirrored = self._probabilities
+        aim = high - probability * (high - low) if mirrored else low + probability * (high - low)
+        deviation = _STANDARD.inv_cdf(min(max(aim, _TINY), 1 - 2**-53))
+        return _clamped(self.expected_value + math.sqrt(self.variance) * (-deviation if mirrored else deviation), self.range)
+
+    @cached_property
+    def _probabilities(self) -> tuple[float, float, bool]:
+        """Cumulative probabilities of the limits; mirrored above the mean, where they would all round to 1."""
+        if self.range is None:
+            return 0.0, 1.0, False
+        if not self.variance:
+            return 0.0, float(self.expected_value in self.range), False
+        mirrored = self.range.lower_limit > self.expected_value
+        scale = math.sqrt(2 * self.variance) * (-1 if mirrored else 1)
+        limits = ((limit - self.expected_value) / scale for limit in (self.range.lower_limit, self.range.upper_limit))
+        low, high = sorted(0.5 * math.erfc(-limit) for limit in limits)
+        return low, high, mirrored
+
+    @classmethod
+    def read(cls, node: Node) -> Self:
+        """From its element."""
+        with located(node):
+            return cls(node.finite("expectedValue"), node.finite("variance"), _optional_range(node))
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        moments = {"expectedValue": text(self.expected_value), "variance": text(self.variance)}
+        return element(type(self).__name__, *_written(self.range), **moments)
+
+
+@dataclass(frozen=True)
+class LogNormalDistribution(NormalDistribution):
+    """`LogNormalDistribution`: its logarithm is normal; expectedValue and variance are those of the values themselves."""
+
+    def _check(self) -> None:
+        if self.expected_value <= 0:
+            raise UsageError(f"expectedValue={self.expected_value:g} of a log-normal distribution must be positive")
+        if self.range is not None and self.range.upper_limit <= 0:
+            raise UsageError("the Range holds no probability of this distribution, whose values are positive")
+        self._logarithm  # noqa: B018 - its own checks
+
+    def quantile(self, probability: float) -> float:
+        """The value at a cumulative probability."""
+        return _clamped(math.exp(min(self._logarithm.quantile(probability), _LARGEST_EXPONENT)), self.range)
+
+    @cached_property
+    def _logarithm(self) -> NormalDistribution:
+        variance = math.log1p(self.variance / self.expected_value / self.expected_value)
+        mean = math.log(self.expected_value) - variance / 2
+        if self.range is None:
+            return NormalDistribution(mean, variance)
+        lower, upper = (math.log(max(limit, _TINY)) for limit in (self.range.lower_limit, self.range.upper_limit))
+        return NormalDistribution(mean, variance, Range(lower, upper))
+
+
+@dataclass(frozen=True)
+class UniformDistribution:
+    """`UniformDistribution`: every value of a Range is as likely."""
+
+    range: Range
+
+    def quantile(self, probability: float) -> float:
+        """The value at a cumulative probability."""
+        return _between(self.range, probability)
+
+    @classmethod
+    def read(cls, node: Node) -> UniformDistribution:
+        """From its element."""
+        return cls(Range.read(node.need("Range")))
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        return element("UniformDistribution", self.range.write())
+
+
+@dataclass(frozen=True)
+class PoissonDistribution:
+    """`PoissonDistribution`: numbers of events, truncated to a Range where one is given."""
+
+    expected_value: float
+    range: Range | None = None
+
+    def __post_init__(self) -> None:
+        finite("expectedValue", self.expected_value)
+        if not 0 < self.expected_value <= 1e9:
+            raise UsageError(f"expectedValue={self.expected_value:g} of a Poisson distribution must lie between 0 and 1e9")
+        self._probabilities  # noqa: B018 - a Range without probability is refused here, not at the first draw
+
+    def quantile(self, probability: float) -> float:
+        """The value at a cumulative probability."""
+        from scipy.special import pdtr, pdtrik
+
+        low, high = self._probabilities
+        aim = low + probability * (high - low)
+        count = math.ceil(max(float(pdtrik(aim, self.expected_value)), 0.0)) if aim > math.exp(-self.expected_value) else 0
+        if count and pdtr(count - 1, self.expected_value) >= aim:  # the inverse is not exact at the steps
+            count -= 1
+        return (
+            count
+            if self.range is None
+            else min(max(count, math.ceil(self.range.lower_limit)), math.floor(self.range.upper_limit))
+        )
+
+    @cached_property
+    def _probabilities(self) -> tuple[float, float]:
+        from scipy.special import pdtr
+
+        if self.range is None:
+            return 0.0, 1.0
+        lower, upper = math.ceil(self.range.lower_limit), math.floor(self.range.upper_limit)
+        low = float(pdtr(lower - 1, self.expected_value)) if lower > 0 else 0.0
+        high = float(pdtr(upper, self.expected_value)) if upper >= 0 else 0.0
+        if high <= low:
+            raise UsageError("the Range holds no probability of this distribution")
+        return low, high
+
+    @classmethod
+    def read(cls, node: Node) -> PoissonDistribution:
+        """From its element."""
+        with located(node):
+            return cls(node.finite("expectedValue"), _optional_range(node))
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        return element("PoissonDistribution", *_written(self.range), expectedValue=text(self.expected_value))
+
+
+@dataclass(frozen=True)
+class HistogramBin:
+    """`HistogramBin`: a Range and its weight."""
+
+    range: Range
+    weight: float
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """`Histogram`: a bin is chosen by its weight, within a bin every value is as likely."""
+
+    bins: tuple[HistogramBin, ...]
+
+    def __post_init__(self) -> None:
+        weights([each.weight for each in self.bins])
+
+    def quantile(self, probability: float) -> float:
+        """The value at a cumulative probability."""
+        index, rest = _choose([each.weight for each in self.bins], probability)
+        return _between(self.bins[index].range, rest)
+
+    @classmethod
+    def read(cls, node: Node) -> Histogram:
+        """From its element."""
+        with located(node):
+            return cls(tuple(HistogramBin(Range.read(n.need("Range")), n.finite("weight")) for n in node.children("Bin")))
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        return element("Histogram", *(element("Bin", each.range.write(), weight=text(each.weight)) for each in self.bins))
+
+
+@dataclass(frozen=True)
+class ProbabilityDistributionSet:
+    """`ProbabilityDistributionSet`: listed values, each with a weight."""
+
+    elements: tuple[tuple[str, float], ...]
+
+    def __post_init__(self) -> None:
+        weights([weight for _, weight in self.elements])
+
+    def quantile(self, probability: float) -> str:
+        """The value at a cumulative probability."""
+        return self.elements[_choose([weight for _, weight in self.elements], probability)[0]][0]
+
+    @classmethod
+    def read(cls, node: Node) -> ProbabilityDistributionSet:
+        """From its element."""
+        with located(node):
+            return cls(tuple((child.get("value"), child.finite("weight")) for child in node.children("Element")))
+
+    def write(self) -> etree._Element:
+        """As its element."""
+        listed = (element("Element", value=value, weight=text(weight)) for value, weight in self.elements)
+        return element("ProbabilityDistributionSet", *listed)
+
+
+def _clamped(value: float, limits: Range | None) -> float:
+    return value if limits is None else min(max(value, limits.lower_limit), limits.upper_limit)
+
+
+def _between(limits: Range, probability: float) -> float:
+    """Linear in the probability; the two products cannot overflow where a difference of the limits could."""
+    return _clamped(limits.lower_limit * (1 - probability) + limits.upper_limit * probability, limits)
+
+
+def _choose(shares: list[float], probability: float) -> tuple[int, float]:
+    """The index chosen by weight, and the place within its share, between 0 and 1."""
+    sums = list(accumulate(shares))
+    aim = probability * sums[-1]
+    index = bisect_left(sums, aim)
+    return index, min(max((aim - (sums[index] - shares[index])) / shares[index], 0.0), 1.0)
+
+
+def _optional_range(node: Node) -> Range | None:
+    limits = node.find("Range")
+    return Range.read(limits) if limits is not None else None
+
+
+def _written(limits: Range | None) -> list[etree._Element]:
+    return [limits.write()] if limits is not None else []
+
 
 Distribution = (
     ProbabilityDistributionSet

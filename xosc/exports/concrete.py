@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from lxml import etree
 
 from schemas.catalogs import Folders
+from schemas.security.policy import current
 from xosc.distributions import ParameterSpace
+from xosc.distributions.space import numbered
 from xosc.document import Document, load
 from xosc.exports.draft import ExportSettings
 from xosc.node import SOURCE, Node
 from xosc.resolve import Argument, resolve
-from xosc.versions import LEFT_OPEN, SAID_SINCE, Version, say_left_open
+from xosc.versions import LEFT_OPEN, SAID_SINCE, Version, checked, say_left_open
 
 MAX_SETS = 1000
 """Most scenarios that one distribution may become."""
@@ -83,25 +86,29 @@ def concrete_scenarios(path: Path, settings: ExportSettings) -> Iterator[tuple[s
     """Name (without ending) and worked-out document of each scenario that a file stands for.
 
     A scenario stands for itself, a distribution for its scenario with every chosen set of parameters, numbered as by `xosc-run`.
+    What was assumed to read the distribution is among the remarks of each.
 
     Raises:
         Unsupported: there are more than `MAX_SETS` sets.
-        UsageError, InvalidFile: as in `Selection.sets` and `xosc.resolve`.
+        UsageError, InvalidFile: as in `Selection.sets` and `xosc.resolve`; the distribution is not valid.
     """
     document = load(path)
     work_out = partial(concrete, **settings.resolving)
     if document.kind == "scenario":
         yield path.stem, work_out(document)
         return
+    checked(document)
     space = ParameterSpace(path)
     count = settings.selection.count(space)
+    current().admit_runs(count, path)
     if count > MAX_SETS:
         raise document.node.unsupported(
             f"{count} sets of parameters would be {count} files, and at most {MAX_SETS} are written: "
             "choose some of them with --sample N or --only NUMBERS"
         )
     for number, parameters in settings.selection.sets(space, settings.enforce_constraints):
-        yield f"{path.stem}~{number:06d}", work_out(load(space.scenario), parameters)
+        scenario = work_out(load(space.scenario), parameters)
+        yield numbered(path.stem, number), replace(scenario, remarks=(*document.remarks, *scenario.remarks))
 
 
 def copied(document: Document) -> Document:

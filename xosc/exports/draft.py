@@ -9,10 +9,10 @@ from typing import TypedDict
 
 from schemas.catalogs import Folders
 from schemas.remarks import Remark, Remarks
-from xosc.distributions.selection import Selection
+from xosc.distributions.space import Selection
 from xosc.document import Document
 from xosc.exports.folder import Folder
-from xosc.exports.on_roads.geometry import Geometry
+from xosc.exports.starts import Geometry
 from xosc.node import Node
 from xosc.roads import RoadFile, find_roads, logic_file
 

@@ -1,4 +1,4 @@
-"""Target `esmini`: scenarios that esmini plays as they are meant, in their own version, with parameters and catalogues.
+"""Target `esmini`: scenarios that esmini plays as they are meant, in their own version up to 1.3, with parameters and catalogues.
 
 Source: esmini 3.6.0, its documents and probe runs. What it would stop at, leave out or read otherwise is refused (`_REFUSED`);
 what it does not read, and no motion depends on, stays and is reported as a remark (`_IGNORED`).
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load, to_bytes
+from xosc.exports.conversion import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
 from xosc.exports.references import catalog_name
@@ -70,6 +71,8 @@ _IGNORED = (
     Rule("//Event[@priority='skip']", "a skipped event stays in standby in esmini, and is not counted"),
     Rule("/OpenSCENARIO/Storyboard[not(StopTrigger/ConditionGroup)]", "without a StopTrigger esmini goes on for ever"),
 )
+_NEWEST = (1, 3)
+"""Version that esmini reads."""
 _SETS = "a scenario is written for each set of parameters: esmini has no stochastic distributions"
 
 
@@ -86,15 +89,16 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
     document, draft = load(source, strict=settings.strict), Draft(folder, settings)
     if document.kind == "catalog":
         draft.note(*document.remarks)
-        draft.add(catalog_name(source, folder), to_bytes(document))
+        draft.add(catalog_name(source, folder), to_bytes(in_version(document, min(document.version, _NEWEST), draft)))
         return draft.write()
+    version = min(document.version, _NEWEST)
     if document.kind == "scenario":
         _check(document, draft)
-        return scenario(document, None, draft)
+        return scenario(document, version, draft)
     _check(load(ParameterSpace(source).scenario, strict=settings.strict), draft)
     if document.node.find("ParameterValueDistribution", "Deterministic") is not None:
-        return distribution(document, None, draft)
-    return write_sets(document, None, draft, _SETS)
+        return distribution(document, version, draft)
+    return write_sets(document, version, draft, _SETS)
 
 
 def _check(document: Document, draft: Draft) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 from schemas.errors import UsageError
-from schemas.storage import read_bytes
+from schemas.storage import keep, read_bytes
 
 
 class Folder:
@@ -40,19 +40,18 @@ class Folder:
         return self._names[key]
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a file under a name that is relative to the folder.
+        """Write a file, whole or not at all, under a name that is relative to the folder.
 
         Raises:
             UsageError: another file is in the way, or the file can't be written.
         """
         path = self.path / name
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("xb") as file:
-                file.write(content)
-        except FileExistsError:
-            if not path.is_file() or path.read_bytes() != content:
-                raise UsageError("this is in the way of an export, which overwrites nothing", path=path) from None
+            if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.path)):
+                raise UsageError("a symbolic link leads out of the output folder", path=path)
+            if os.path.lexists(path) and not (path.is_file() and path.read_bytes() == content):
+                raise UsageError("this is in the way of an export, which overwrites nothing", path=path)
+            keep(content, path)
         except OSError as error:
             raise UsageError(f"the file can't be written: {error.strerror or error}", path=path) from None
 

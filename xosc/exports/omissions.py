@@ -12,12 +12,12 @@ from typing import NamedTuple, cast
 
 from lxml import etree
 
-from schemas.rules.empty_elements import CHOICES
+from schemas.rules.storyboard import CHOICES
 from schemas.values import number
 from xosc.document import Document
 from xosc.exports.refusals import located
 from xosc.node import Node
-from xosc.versions import Version
+from xosc.versions import EARLIER_CATEGORY, Version
 
 _CLOUDS = {
     "zeroOktas": "free", **{f"{n}Oktas": "cloudy" for n in ("two", "three", "four", "five", "six")}, "oneOktas": "cloudy",
@@ -74,12 +74,13 @@ def _at(document: Document, where: str) -> list[etree._Element]:
 
 
 def leave_out(action: Node, scenario: Node) -> None:
-    """Take an action away; where its event has no other one, it does nothing instead."""
-    holder = action.element
-    while holder.tag not in ("Action", "PrivateAction") or holder.getparent().tag == "Action":  # type: ignore[union-attr]
-        holder = holder.getparent()  # type: ignore[assignment]
-    parent = holder.getparent()
-    assert parent is not None
+    """Take an action away, no other one of its ControllerAction; where its event has no other one, it does nothing instead."""
+    holder, parent = action.element, _parent(action.element)
+    while holder.tag not in ("Action", "PrivateAction") or parent.tag == "Action":
+        if parent.tag == "ControllerAction" and len(parent.findall("*")) > 1:
+            parent.remove(holder)
+            return
+        holder, parent = parent, _parent(parent)
     if holder.tag == "PrivateAction" or len(parent.findall("Action")) > 1:
         parent.remove(holder)
         if parent.tag == "Private" and len(parent) == 0 and (around := parent.getparent()) is not None:
@@ -106,9 +107,13 @@ def _declare(scenario: Node) -> None:
 
 
 def _remove(element: etree._Element) -> None:
+    _parent(element).remove(element)
+
+
+def _parent(element: etree._Element) -> etree._Element:
     parent = element.getparent()
-    assert parent is not None, "the root is at no place of the table"
-    parent.remove(element)
+    assert parent is not None, "actions, and the places of the table, are below the root"
+    return parent
 
 
 def _keep(_: etree._Element) -> None:
@@ -142,6 +147,20 @@ def _renamed(old: str, new: str) -> Callable[[etree._Element], None]:
 
 def _called(tag: str) -> Callable[[etree._Element], None]:
     return lambda element: setattr(element, "tag", tag)
+
+
+def _category(new: str, old: str) -> Callable[[etree._Element], None]:
+    def change(element: etree._Element) -> None:
+        for attribute in ("vehicleCategory", "category"):
+            if element.get(attribute) == new:
+                element.set(attribute, old)
+
+    return change
+
+
+def _role(element: etree._Element) -> None:
+    """No role; the entry of a distribution keeps its weight."""
+    element.set("role", "none")
 
 
 def _cloud_state(weather: etree._Element) -> None:
@@ -229,10 +248,54 @@ _COUNTED = "TimeOfDayCondition"
 _ALONG = "[@coordinateSystem='road' and @relativeDistanceType='longitudinal']"
 _AHEAD = "[(@coordinateSystem='entity' or not(@coordinateSystem)) and @relativeDistanceType='longitudinal']"
 
+_MOTION = " | ".join(
+    f"//{place}"
+    for place in (
+        "Vertex/Motion",
+        "Clothoid/MotionStart",
+        "Clothoid/MotionEnd",
+        "ClothoidSpline/*/MotionStart",
+        "ClothoidSpline/MotionEnd",
+    )
+)
+_NEW_ROLES = (
+    "agriculture", "construction", "dangerousGoodsTransport", "freightTransport", "garbageCollection", "other",
+    "specialTransport", "trafficControl",
+)  # fmt: skip
+
 OMISSIONS: tuple[Omission, ...] = (
     # all
     Omission(_NO_VERSION, "//Trailer[*/@entityRef='']", _remove, "it tows nothing"),
     Omission(_NO_VERSION, "//Trailer/EntityRef", _called("TrailerRef"), "older catalogues call so what is written as TrailerRef"),
+    # 1.4
+    Omission(
+        (1, 4), "//AbsoluteTargetLane/@layer/.. | //RelativeTargetLane/@layer/..", _without("layer"),
+        "this version knows no lane layers; the lane is that of the layer which the player takes",
+    ),
+    Omission((1, 4), "//PreferredLaneLayerAction", _idle, "this version knows no lane layers"),
+    Omission((1, 4), "//Phase/@semantics/..", _without("semantics"), "this version has the states of the signals alone"),
+    Omission((1, 4), _MOTION, _remove, "this version has speeds along a trajectory by its times alone; they are lost"),
+    Omission((1, 4), "//Polyline/Interpolation", _remove, "this version joins vertices by straight lines"),
+    *(
+        Omission(
+            (1, 4), f"//Vehicle[@vehicleCategory='{new}'] | //VehicleCategoryDistributionEntry[@category='{new}']",
+            _category(new, old), f"its category {new} is written as {old}, the nearest of this version",
+        )
+        for new, old in EARLIER_CATEGORY.items() if new != "motorcycle"
+    ),
+    *(
+        Omission((1, 4), f"//*[@role='{role}']", _role, f"the role {role} is not in this version, and no motion depends on it")
+        for role in _NEW_ROLES
+    ),
+    Omission((1, 4), "//LightStateAction[.//VehicleLight/@vehicleLightType='tailLights']", _idle, _NOT_SHOWN),
+    Omission(
+        (1, 4), "//CatalogLocations[not(//CatalogReferences)]/TrafficDistributionEntryCatalog", _remove, "nothing refers to it"
+    ),
+    Omission((1, 4), "//TrafficDistribution/TrafficDistributionEntry[@name]", _without("name"), _NOT_SHOWN),
+    Omission(
+        (1, 4), "//TrafficDistributionEntry[not(.//@*[starts-with(., '$')])]/ParameterDeclarations", _remove,
+        "its parameters are worked out",
+    ),
     # 1.3
     Omission(
         (1, 3), f"/OpenSCENARIO/Entities[{_TOWS_NOTHING}]//Vehicle/*[self::TrailerHitch or self::TrailerCoupler]",

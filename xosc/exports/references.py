@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,12 +10,15 @@ from lxml import etree
 
 from schemas.catalogs import locate, missing
 from schemas.errors import InvalidFile
+from schemas.security.content import MODELS as MODEL_FORMATS
+from schemas.security.content import is_model, need_roads
+from schemas.security.policy import current
 from schemas.storage import read_bytes
 from xosc.document import Document, load
 from xosc.exports.draft import Draft
 from xosc.exports.folder import Folder
 from xosc.node import Node
-from xosc.roads import logic_file
+from xosc.roads import RULE, logic_file
 
 ROADS, MODELS, CATALOGS = "roads", "models", "catalogs"
 """Folders of the output."""
@@ -42,20 +46,52 @@ def take_roads(document: Document, draft: Draft) -> Path | None:
     if found is not None:
         draft.note(*filter(None, [found.remark]))
         _take(logic or _new_logic_file(document.node), found.path, ROADS, draft)
-    if scene is not None and scene.get("filepath").strip() and _literal(scene, "filepath").is_file():
-        _take(scene, _literal(scene, "filepath"), MODELS, draft)
+    if scene is not None and scene.get("filepath").strip():
+        _take_model(scene, draft)
     return found.path if found is not None else None
 
 
+def _take_model(node: Node, draft: Draft) -> None:
+    """Take a 3-D model along, where it is one: anything can be named."""
+    source = _literal(node, "filepath")
+    if not current().allows(source):
+        raise node.invalid(f"the model {source} {current().outside}, which --untrusted refuses")
+    if not os.path.isfile(source):  # unlike that of Path it takes names of any length
+        return
+    content = _content(node, source)
+    if is_model(content):
+        _add(node, source, content, MODELS, draft)
+    else:
+        draft.note(node.remark(RULE, f"{source} is no 3-D model of a known format ({MODEL_FORMATS}); it is not taken along"))
+
+
 def _take(node: Node, source: Path, folder: str, draft: Draft) -> None:
-    """Take a file along, to which an element then refers."""
+    """Take a road network along, to which an element then refers."""
+    content = _content(node, source)
     try:
-        content = read_bytes(source)
+        draft.note(*need_roads(content, source))
     except InvalidFile as error:
         raise node.invalid(f"{source} can't be taken along: {error.message}") from None
+    _add(node, source, content, folder, draft)
+
+
+def _content(node: Node, source: Path) -> bytes:
+    try:
+        return read_bytes(source)
+    except InvalidFile as error:
+        raise node.invalid(f"{source} can't be taken along: {error.message}") from None
+
+
+def _add(node: Node, source: Path, content: bytes, folder: str, draft: Draft) -> None:
     name = draft.folder.name(source, f"{folder}/{source.name}")
     node.element.set("filepath", name)
     draft.add(name, content)
+    _note_outside(source, draft)
+
+
+def _note_outside(source: Path, draft: Draft) -> None:
+    if not current().holds(source):
+        draft.note(f"{source} {current().outside}; it is taken along")
 
 
 def _new_logic_file(scenario: Node) -> Node:
@@ -82,10 +118,13 @@ def take_catalogs(document: Document, draft: Draft, convert: Convert) -> None:
             files = [Path(file) for file in locate(source, document.path, draft.settings.catalog_path).files]
         except (OSError, ValueError):
             raise node.invalid(missing(source)) from None
+        taken: dict[str, Path] = {}
         for catalog in [load(file, strict=draft.settings.strict) for file in files]:
-            if catalog.kind == "catalog":
+            name = catalog.node.need("Catalog").get("name", "") if catalog.kind == "catalog" else None
+            if name is not None and taken.setdefault(name, catalog.path.parent) == catalog.path.parent:
                 draft.note(*catalog.remarks)
-                draft.add(catalog_name(catalog.path, draft.folder), convert(catalog))
+                _note_outside(catalog.path, draft)
+                draft.add(_beside(catalog.path, files[0], draft.folder), convert(catalog))
         node.element.set("path", _directory(files[0].parent if files else source, draft.folder))
 
 
@@ -101,6 +140,13 @@ def _literal(node: Node, attribute: str) -> Path:
 def catalog_name(source: Path, folder: Folder) -> str:
     """The name that a catalogue gets in the output."""
     return f"{_directory(source.parent, folder)}/{source.name}"
+
+
+def _beside(catalog: Path, first: Path, folder: Folder) -> str:
+    """The name of a catalogue in the directory of the first one, where several folders serve one location."""
+    if catalog.parent == first.parent:
+        return catalog_name(catalog, folder)
+    return f"{_directory(first.parent, folder)}/{catalog.parent.name}-{catalog.name}"
 
 
 def _directory(source: Path, folder: Folder) -> str:

@@ -1,4 +1,4 @@
-"""Targets `1.0` to `1.3`: the same scenarios, catalogues and distributions in another version of the standard.
+"""Targets `1.0` to `1.4`: the same scenarios, catalogues and distributions in another version of the standard.
 
 Where a version has no expressions, or not the functions that a scenario uses, its parameters are worked out; its
 distributions then become a scenario for each set of parameters, as for 1.0, which has no distributions.
@@ -16,11 +16,9 @@ from xosc.exports.concrete import concrete, concrete_scenarios, copied
 from xosc.exports.conversion import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
-from xosc.exports.on_roads.arrivals import earlier
-from xosc.exports.on_roads.distances import first_distances, to_init
-from xosc.exports.on_roads.geometry import Geometry
-from xosc.exports.on_roads.shapes import in_world, polylines
 from xosc.exports.references import catalog_name, take_catalogs, take_roads
+from xosc.exports.shapes import earlier, first_distances, in_world, polylines, to_init
+from xosc.exports.starts import Geometry
 from xosc.versions import Version
 
 TARGETS = {
@@ -28,6 +26,7 @@ TARGETS = {
     "1.1": "OpenSCENARIO XML 1.1",
     "1.2": "OpenSCENARIO XML 1.2",
     "1.3": "OpenSCENARIO XML 1.3",
+    "1.4": "OpenSCENARIO XML 1.4",
 }
 _CLOSED_SINCE = (1, 2)
 """Before, the entries of catalogues also saw the parameters at the place of the reference."""
@@ -38,7 +37,7 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
 
     Args:
         source: a scenario, catalogue or distribution.
-        target: `1.0`, `1.1`, `1.2` or `1.3`.
+        target: `1.0`, `1.1`, `1.2`, `1.3` or `1.4`.
 
     Returns:
         Remarks on what is not as it was.
@@ -109,7 +108,10 @@ def add_worked_out(document: Document, version: Version | None, draft: Draft, na
 
 def _located(document: Document, geometry: Geometry, version: Version) -> Iterator[str]:
     """Change what needs the roads to be said in a version, in place; remarks."""
-    yield from polylines(document, geometry, ("ClothoidSpline",), offsets=version < (1, 1), during=None)
+    if version < (1, 4):
+        yield from in_world(document, geometry, lambda position: position.has("layer"))
+    if version < (1, 3):
+        yield from polylines(document, geometry, ("ClothoidSpline",), offsets=version < (1, 1), during=None)
     if version < (1, 1):
         yield from earlier(document, geometry)
         yield from in_world(document, geometry, lambda position: position.tag in ("TrajectoryPosition", "GeoPosition"))

@@ -7,11 +7,16 @@ They return scenariogeneration's objects (`Any`: it carries no types), so that w
 from xosc.files import Header
 from xosc.maneuvers.actions import (
     STEP,
+    Condition,
+    Conditions,
     Dynamics,
     Reaction,
     add_entity,
     assign_route,
+    collision,
     delete_entity,
+    distance,
+    element_state,
     event,
     follow_path,
     follow_trajectory,
@@ -19,30 +24,22 @@ from xosc.maneuvers.actions import (
     lane_change,
     lane_position,
     maneuver,
+    relative_distance,
     relative_lane_position,
     route,
+    simulation_time,
     speed,
     speed_profile,
     teleport,
+    time_headway,
+    time_to_collision,
     trajectory,
     trajectory_position,
     world_position,
 )
 from xosc.maneuvers.base import Number
 from xosc.maneuvers.entities import controller, obstacle, parameter, pedestrian, reference, vehicle
-from xosc.maneuvers.files import CATALOG_KINDS, catalog, scenario, storyboard, trajectory_catalog
-from xosc.maneuvers.forms import Form, extended
-from xosc.maneuvers.triggers import (
-    Condition,
-    Conditions,
-    collision,
-    distance,
-    element_state,
-    relative_distance,
-    simulation_time,
-    time_headway,
-    time_to_collision,
-)
+from xosc.maneuvers.files import CATALOG_KINDS, Form, catalog, extended, scenario, storyboard, trajectory_catalog
 
 __all__ = [
     "CATALOG_KINDS",

@@ -1,11 +1,14 @@
-"""Complete files: scenarios, and catalogues of all eight kinds."""
+"""Complete files: scenarios, catalogues of all eight kinds, and documents in which elements of some forms repeat."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
+from string import Template
 from typing import Any
+from xml.sax.saxutils import escape
 
 from lxml import etree
 from scenariogeneration import xosc as sg
@@ -13,9 +16,9 @@ from scenariogeneration import xosc as sg
 from schemas.errors import UsageError
 from xosc.document import Document, to_bytes
 from xosc.files import Header, new_document
-from xosc.maneuvers.base import Polyline, rendered
+from xosc.maneuvers.actions import Conditions, trigger
+from xosc.maneuvers.base import ESCAPED, Number, Polyline, number, rendered
 from xosc.maneuvers.entities import declarations
-from xosc.maneuvers.triggers import Conditions, trigger
 from xosc.versions import Version
 
 CATALOG_KINDS = ("Vehicle", "Pedestrian", "MiscObject", "Controller", "Environment", "Maneuver", "Trajectory", "Route")
@@ -26,7 +29,7 @@ def scenario(
     path: str | os.PathLike[str],
     header: Header,
     *,
-    road: str,
+    road: str | None,
     entities: Mapping[str, Any],
     init: Mapping[str, Sequence[Any]],
     maneuvers: Sequence[tuple[str, Any]] = (),
@@ -42,7 +45,7 @@ def scenario(
     Args:
         path: the file that it is to become.
         header: what the file says about itself.
-        road: the OpenDRIVE file, relative to `path`.
+        road: the OpenDRIVE file, relative to `path`; None for a scenario without roads.
         entities: participants by name: a `vehicle`, `pedestrian`, `obstacle`, or a `reference` to one of a catalogue.
         init: actions at the beginning, by participant.
         maneuvers: a participant and its `maneuver` (or a `reference` to one) each; they all may start at once.
@@ -157,3 +160,41 @@ def storyboard(
         story.add_act(act)
         built.add_story(story)
     return rendered(built)
+
+
+class Form:
+    """The elements of some tags of a document, with references `$name` for values.
+
+    Args:
+        document: in the version that is written; each tag is there once or not at all.
+        tags: of the elements.
+    """
+
+    def __init__(self, document: Document, tags: Sequence[str]) -> None:
+        text = to_bytes(document).decode()
+        found = {tag: re.search(rf" *<{tag} .*?</{tag}>\n", text, re.DOTALL) for tag in tags}
+        self._texts = {tag: Template(match[0]) for tag, match in found.items() if match is not None}
+
+    def filled(self, names: Mapping[str, str], numbers: Mapping[str, Number]) -> dict[str, str]:
+        """The elements by their tags, indented as they stand in the document, with values in place of references.
+
+        Raises:
+            UsageError: a number is not finite.
+        """
+        values = {key: escape(name, ESCAPED) for key, name in names.items()}
+        values |= {key: str(number(value)) for key, value in numbers.items()}
+        return {tag: text.substitute(values) for tag, text in self._texts.items()}
+
+
+def extended(document: Document, more: Iterable[Mapping[str, str]]) -> bytes:
+    """The content of the file of a document, with more elements.
+
+    Args:
+        document: has one element of each tag.
+        more: elements by their tags (`Form.filled`), which follow those of the document in this order.
+    """
+    text, more = to_bytes(document).decode(), list(more)
+    for tag in dict.fromkeys(tag for elements in more for tag in elements):
+        before, end, after = text.partition(f"</{tag}>\n")
+        text = "".join([before, end, *(elements[tag] for elements in more if tag in elements), after])
+    return text.encode()

@@ -1,20 +1,39 @@
 """Repairs of documents as they are loaded.
 
-The kinds of repairs are the modules of `xosc.repairs.kinds` (see `schemas.discovery`): each has a function
-`repair(root, version)` that changes the tree where something has one sensible meaning, and yields a remark on each change, and
-a constant `BREAKS_SCHEMA` that says whether only documents have its fault that are not valid against the XSD.
-What has no such meaning is left to those who refuse it; where they do not need it, a remark says that it was there.
+Each repair is a function of a root and its version that changes the tree where something has one sensible meaning, and yields a
+remark on each change. What has no such meaning is left to those who refuse it; where they do not need it, a remark says that
+it was there.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import Counter
 from dataclasses import replace
 
-from schemas import discovery
 from schemas.remarks import Remark
 from xosc.node import Node
-from xosc.repairs import leftovers, revision
+from xosc.repairs import attributes, elements, names, revision
+
+_REPAIRS = (
+    attributes.leave_out_absent_values,
+    attributes.correct_attribute_names,
+    names.correct_declared_names,
+    elements.join_doubled_elements,
+    elements.keep_first_positions,
+    elements.double_lone_vertices,
+    names.keep_last_declarations,
+    elements.correct_element_names,
+    elements.order_elements,
+    attributes.add_missing_attributes,
+    elements.add_missing_boxes,
+    elements.add_missing_elements,
+    names.tell_repeated_names,
+    attributes.correct_spellings,
+)
+"""In the order in which they are made."""
+_OF_VALID_DOCUMENTS = (names.correct_declared_names, names.keep_last_declarations, names.tell_repeated_names)
+"""Those of faults that no XSD forbids."""
 
 
 def repair(root: Node, versions: tuple[revision.Version, ...]) -> list[Remark]:
@@ -30,17 +49,19 @@ def repair(root: Node, versions: tuple[revision.Version, ...]) -> list[Remark]:
     version = revision.claimed(root)
     if version not in versions:
         return remarks
-    kinds = [kind for kind in discovery.load("xosc.repairs.kinds") if not (valid and kind.BREAKS_SCHEMA)]
-    remarks += [remark for kind in kinds for remark in kind.repair(root, version)]
-    return _once(remarks if valid else [*remarks, *leftovers.remarks(root, version)])
+    repairs = _OF_VALID_DOCUMENTS if valid else _REPAIRS
+    remarks += [remark for make in repairs for remark in make(root, version)]
+    return _once(root, remarks if valid else [*remarks, *elements.remarks_on_violations(root, version)])
 
 
-def _once(remarks: list[Remark]) -> list[Remark]:
-    """Remarks that say the same of several lines as one, on the first of them."""
-    count = Counter((remark.rule, remark.message) for remark in remarks)
-    first: dict[tuple[str, str], Remark] = {}
-    for remark in remarks:
-        first.setdefault((remark.rule, remark.message), remark)
+def _once(root: Node, remarks: list[Remark]) -> list[Remark]:
+    """Remarks that say the same of several lines as one, on the first of them; those with a cause once a catalogue entry."""
+    entries = [entry.line or 0 for catalog in root.children("Catalog") for entry in catalog.children()]
+    keys = [(remark.rule, remark.message, bisect_right(entries, remark.line or 0) if remark.cause else 0) for remark in remarks]
+    count = Counter(keys)
+    first: dict[tuple[str, str, int], Remark] = {}
+    for key, remark in zip(keys, remarks, strict=True):
+        first.setdefault(key, remark)
     return [
         replace(remark, message=f"{remark.message} (and {count[key] - 1} more)") if count[key] > 1 else remark
         for key, remark in first.items()

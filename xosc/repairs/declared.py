@@ -10,7 +10,6 @@ from typing import NamedTuple, TypeVar
 from lxml import etree
 
 from schemas.registry import OPENSCENARIO, available_schemas, schema_for
-from schemas.xml import parse
 
 _KINDS = {
     "Boolean": "boolean",
@@ -25,6 +24,9 @@ _KINDS = {
 
 _CLOSE = 0.9
 """Share of letters that two spellings of a name have in common: nine of ten."""
+
+_LONGEST = 100
+"""Characters of a name that are compared"""
 
 T = TypeVar("T")
 
@@ -74,11 +76,17 @@ def names(read: Callable[[tuple[int, int]], Mapping[str, Iterable[str]]]) -> dic
     return found
 
 
-def meant(name: str, known: Iterable[str]) -> str:
+def similar(name: str, known: Iterable[str]) -> str:
     """The name that differs in capitals or a letter only; "" where there is none."""
     by_lower = {each.lower(): each for each in known}
     close = get_close_matches(name.lower(), by_lower, 1, _CLOSE)
     return by_lower[close[0]] if close else ""
+
+
+def suggested(name: str, known: Iterable[str]) -> str:
+    """What a remark adds on an unknown name: the most similar one, if any."""
+    close = get_close_matches(name.lower()[:_LONGEST], by_lower := {each.lower(): each for each in known}, 1)
+    return f"; did you mean {by_lower[close[0]]}?" if close else ""
 
 
 @cache
@@ -87,18 +95,30 @@ def children(version: tuple[int, int]) -> dict[str, dict[str, Child]]:
     tree = _tree(version)
     if tree is None:
         return {}
+    return _by_element(tree, _content(tree, ("sequence", "all")))
+
+
+@cache
+def content(version: tuple[int, int]) -> dict[str, dict[str, Child]]:
+    """Child elements as `children`, for all parents: a choice is only one model more."""
+    tree = _tree(version)
+    return {} if tree is None else _by_element(tree, _content(tree, ("sequence", "all", "choice", "group")))
+
+
+def _content(tree: etree._ElementTree, models: tuple[str, ...]) -> Callable[[etree._Element], dict[str, Child]]:
+    """Reads the child elements of a type, of these content models."""
     groups = {each.get("name"): each for each in tree.iter("{*}group") if each.get("name")}
 
     def declared(body: etree._Element) -> dict[str, Child]:
-        models = [each for each in body if etree.QName(each).localname in ("sequence", "all")]
-        return {name: child for model in models for name, child in _children(model, groups, 0)[0].items()}
+        found = [groups.get(each.get("ref"), each) for each in body if etree.QName(each).localname in models]
+        return {name: child for model in found for name, child in _children(model, groups, 0)[0].items()}
 
-    return _by_element(tree, declared)
+    return declared
 
 
 def _tree(version: tuple[int, int]) -> etree._ElementTree | None:
     schema = schema_for(OPENSCENARIO, version)
-    return parse(schema.path) if schema is not None else None
+    return schema.tree() if schema is not None else None
 
 
 def _by_element(tree: etree._ElementTree, read: Callable[[etree._Element], dict[str, T]]) -> dict[str, dict[str, T]]:

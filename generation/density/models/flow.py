@@ -11,11 +11,11 @@ import torch
 from torch import Tensor, nn
 
 from generation.density.base import Density, Whitening, folds
-from recognition.training.seeding import seeded
+from recognition.training.data import seeded
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray, IntArray
 
-DENSITY = {"class": "Flow", "title": "normalizing flow (RealNVP)"}
+DENSITIES = {"flow": {"class": "Flow", "title": "normalizing flow (RealNVP)"}}
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,16 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from generation.loop.findings import Against, EdgeCase, LoopResult, Ran, Round, Run, Searched
 from generation.loop.loop import CATALOGUE, RECOGNISED, chosen
-from generation.loop.stages.findings import Against, EdgeCase, LoopResult, Ran, Round, Run, Searched
 from generation.pages import PARTS_CSS, PARTS_JS
 from generation.report.regression import Fate
-from recognition.catalogue.writing.index import rows_of
+from recognition.catalogue.index import rows_of
 from recognition.labels.classes import Label
 from runner.outputs.stored import load_run
-from runner.replay.names import REPORT
 from runner.replay.page import page, write_page
-from runner.replay.scene.preview import preview
+from runner.replay.player import REPORT
+from runner.replay.scene.scene import preview
 
 PAGE = "index.html"
 """Name of the page in the output folder"""

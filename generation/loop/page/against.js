@@ -5,12 +5,14 @@ const FATES = {
   "still-there": ["failed", "still there"],
   unknown: ["error", "unknown"],
   new: ["failed", "new"],
+  "missed-before": ["plain", "missed before"],
+  unlike: ["plain", "unlike"],
 };
 const NEITHER_FAILS = "Neither of the two fails in it.",
   NOTHING_KNOWN = "No failure is known of it.";
 const counted = counts =>
   Object.entries(FATES)
-    .filter(([fate]) => fate !== "unknown" || counts[fate])
+    .filter(([fate]) => ["fixed", "still-there", "new"].includes(fate) || counts[fate])
     .flatMap(([fate, [kind, text]]) => [badge(counts[fate] ? kind : "plain", `${counts[fate]} ${text}`), " "]);
 
 function against() {
@@ -31,8 +33,8 @@ function against() {
       "p",
       { class: "muted" },
       "Failures among the edge cases of that loop are replayed on this system. One is fixed where it is survived and no edge " +
-        "case found now is a failure like it; new are failures unlike all of before: these may be older than they look, where " +
-        "the searches before did not come by.",
+        "case found now is a failure like it. Failures unlike all of before are played with the former system: new where it " +
+        "survives, missed before where it fails too, unlike where it cannot be played any more.",
     ),
     ...found.compared.map(each => compared(each)),
   );
@@ -43,6 +45,9 @@ function compared(each) {
   const now = new Map(cases.map(found => [found.files.scenario, found]));
   const rows = [
     ...each.before.map(({ values, fate }) => failure(fate, "–", values)),
+    ...Object.entries(each.others).map(([file, fate]) =>
+      failure(fate, play(now.get(file).play, now.get(file).name), now.get(file).theta),
+    ),
     ...each.new.map(file => failure("new", play(now.get(file).play, now.get(file).name), now.get(file).theta)),
   ];
   const columns = [

@@ -16,7 +16,7 @@ function flow() {
       step(
         "Runs of your scenarios",
         data.scenarios.length,
-        `${runs("failed")} failed, ${runs("error")} with errors`,
+        `${runs("failed")} failed, ${runs("error")} with errors or inconclusive`,
       ),
     );
   steps.push(
@@ -24,7 +24,7 @@ function flow() {
       "Runs searched",
       total(done, "calls"),
       `${many(new Set(done.map(search => search.target)).size, "logical scenario")}, ${many(last, "round")}` +
-        (total(done, "failed_runs") ? `, ${many(total(done, "failed_runs"), "run")} with errors` : ""),
+        (total(done, "failed_runs") ? `, ${many(total(done, "failed_runs"), "run")} with errors or inconclusive` : ""),
     ),
   );
   steps.push(step("Collisions", total(done, "collisions"), `${total(done, "new")} of them unlike each other`));

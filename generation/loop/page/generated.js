@@ -63,7 +63,9 @@ function searched(search) {
           search.cases.map(each => edge(each)),
         )
       : el("p", { class: "muted" }, search.calls > search.failed_runs ? "No run was critical." : "No run succeeded."),
-    search.run_error ? el("p", null, badge("error", `${search.failed_runs} with errors`), ` Mostly: ${search.run_error}`) : null,
+    search.run_error
+      ? el("p", null, badge("error", `${search.failed_runs} with errors or inconclusive`), ` Mostly: ${search.run_error}`)
+      : null,
     el(
       "p",
       { class: "muted" },

@@ -7,6 +7,8 @@ const FATES = {
   "still-there": ["failed", "still there"],
   unknown: ["unknown", "run failed"],
   fixed: ["passed", "fixed"],
+  "missed-before": ["plain", "missed before"],
+  unlike: ["plain", "unlike"],
 };
 const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
 

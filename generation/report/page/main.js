@@ -9,6 +9,7 @@ document.body.append(
       el("section", { class: "panel headline" }, ...data.headline.map(text => el("p", null, text))),
       often(),
       against(),
+      regions(),
       slices(),
       examples(),
       drivers(),

@@ -14,16 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets.participants import Participant, participant
-from recognition.datasets.roads.highway import Highway
-from recognition.datasets.smoothing.smoothing import smoothed
-from recognition.datasets.source import Report, Source
-from recognition.datasets.tables.companions import beside, is_tracks, matched, number, other_sizes, recording_of
-from recognition.datasets.tables.constants import changes, check_sizes
-from recognition.datasets.tables.rows import Clock, Rows, in_order
-from recognition.datasets.tables.table import Table, read_table
-from recognition.datasets.tables.tracks import Columns, columns_of, cut
-from recognition.datasets.tables.values import GREATEST, Kind
+from recognition.datasets.companions import beside, changes, check_sizes, is_tracks, matched, number, other_sizes, recording_of
+from recognition.datasets.roads import Highway
+from recognition.datasets.rows import Clock, Columns, Rows, columns_of, cut, in_order
+from recognition.datasets.smoothing import smoothed
+from recognition.datasets.source import Participant, Report, Source, participant
+from recognition.datasets.table import GREATEST, Kind, Table, read_table
 from runner.recording import Recording
 from xodr.array_types import FloatArray, IntArray
 from xodr.reader import load

@@ -16,20 +16,26 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets.participants import Participant, participant
-from recognition.datasets.roads.files import converted
-from recognition.datasets.smoothing.smoothing import smoothed
-from recognition.datasets.source import Report, Source
-from recognition.datasets.tables.companions import beside, is_tracks, matched, number, other_sizes, recording_of
-from recognition.datasets.tables.constants import categories, changes, check_sizes
-from recognition.datasets.tables.rows import Clock, in_order
-from recognition.datasets.tables.table import Table, read_table
-from recognition.datasets.tables.tracks import columns_of, cut
-from recognition.datasets.tables.values import Kind
+from recognition.datasets.companions import (
+    beside,
+    categories,
+    changes,
+    check_sizes,
+    is_tracks,
+    matched,
+    number,
+    other_sizes,
+    recording_of,
+)
+from recognition.datasets.roads import converted
+from recognition.datasets.rows import Clock, columns_of, cut, in_order
+from recognition.datasets.smoothing import smoothed
+from recognition.datasets.source import Participant, Report, Source, participant
+from recognition.datasets.table import Kind, Table, read_table
 from runner.recording import Recording
 from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray
-from xodr.lanelet2.reading.projection import utm_zone
+from xodr.lanelet2.osm import utm_zone
 
 FORMAT = "inD"
 TITLE = "inD, rounD, exiD, uniD"

@@ -21,16 +21,12 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets.participants import Participant, participant
-from recognition.datasets.roads.files import converted
-from recognition.datasets.smoothing.smoothing import smoothed
-from recognition.datasets.source import Report, SiteRoad, Source
-from recognition.datasets.tables.constants import categories, changes, check_sizes
-from recognition.datasets.tables.rates import believable, facing, heading_of_motion, rate
-from recognition.datasets.tables.rows import Clock, Rows, in_order
-from recognition.datasets.tables.table import Table, column_names, read_table
-from recognition.datasets.tables.tracks import Columns, columns_of, cut
-from recognition.datasets.tables.values import Kind
+from recognition.datasets.companions import categories, changes, check_sizes
+from recognition.datasets.roads import converted
+from recognition.datasets.rows import Clock, Columns, Rows, believable, columns_of, cut, facing, heading_of_motion, in_order, rate
+from recognition.datasets.smoothing import smoothed
+from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant
+from recognition.datasets.table import Kind, Table, column_names, read_table
 from runner.recording import Recording, Track
 from xodr.array_types import BoolArray, FloatArray
 

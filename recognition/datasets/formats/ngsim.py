@@ -21,17 +21,12 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets.participants import Participant, participant
-from recognition.datasets.roads.files import keep_road
-from recognition.datasets.roads.straight import straight_road
-from recognition.datasets.smoothing.smoothing import smoothed
-from recognition.datasets.source import Report, SiteRoad, Source
-from recognition.datasets.tables.constants import changes, check_sizes
-from recognition.datasets.tables.rates import crowded, heading_of_motion, rate
-from recognition.datasets.tables.rows import Clock, Rows, in_order
-from recognition.datasets.tables.table import HEADLESS, PARQUET, Table, column_names, first_numbers, read_table
-from recognition.datasets.tables.tracks import Columns, columns_of, cut
-from recognition.datasets.tables.values import Kind
+from recognition.datasets.companions import changes, check_sizes
+from recognition.datasets.roads import keep_road, straight_road
+from recognition.datasets.rows import Clock, Columns, Rows, columns_of, crowded, cut, heading_of_motion, in_order, rate
+from recognition.datasets.smoothing import smoothed
+from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant
+from recognition.datasets.table import HEADLESS, PARQUET, Kind, Table, column_names, first_numbers, read_table
 from runner.recording import Recording
 from schemas.errors import InvalidFile
 from xodr.array_types import FloatArray, IntArray

@@ -11,13 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets.participants import Participant
-from recognition.datasets.source import Report, SiteRoad, Source
-from recognition.datasets.tables.rows import Clock, in_order
-from recognition.datasets.tables.table import read_table
-from recognition.datasets.tables.tracks import cut
-from recognition.datasets.tables.values import Kind
-from runner.outputs.stored import RESULT, TRAJECTORIES, read_setup
+from recognition.datasets.rows import Clock, cut, in_order
+from recognition.datasets.source import Participant, Report, SiteRoad, Source
+from recognition.datasets.table import Kind, read_table
+from runner.outputs.folder import RESULT
+from runner.outputs.stored import TRAJECTORIES, read_setup
 from runner.recording import COLUMNS, Recording
 from schemas.errors import InvalidFile
 from xodr.network import RoadNetwork
@@ -41,7 +39,13 @@ def sources(path: Path, roads: Path) -> list[Source]:
     name = path.parent.name
     return [
         Source(
-            name, name.partition("~")[0], FORMAT, path, partial(_read, path), road=lambda recording, folder: SiteRoad(road(path))
+            name,
+            name.partition("~")[0],
+            FORMAT,
+            path,
+            partial(_read, path),
+            road=lambda recording, folder: SiteRoad(road(path)),
+            ego=partial(ego, path),
         )
     ]
 
@@ -88,7 +92,7 @@ def _read(path: Path) -> tuple[Recording, Report]:
     track = np.fromiter((number[name] for name in table["entity"]), np.int64, len(table))
     clock = Clock("time", np.round(table["time"] * _PER_SECOND).astype(np.int64), _PER_SECOND, setup.timestep)
     rows = in_order(table, track, clock, names=names)
-    who = [Participant(name, *setup.entities[name]) for name in names]
+    who = [Participant(name, *setup.entities[name][:3]) for name in names]
     columns = {name: table[name][rows.order] for name in COLUMNS}
     report = rows.report(names)
     return Recording(cut(rows, who, columns), setup.timestep, _network(setup.road, report)), report

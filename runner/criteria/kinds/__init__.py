@@ -1,12 +1,4 @@
-"""The criteria, one module each: adding a module adds a criterion.
+"""The criteria: functions of a drive that `@criterion` registers, in a file for each family.
 
-A module says in `CRITERION` what it judges, a literal with
-
-- `name`: the name after `criteria_`,
-- `unit`: of the value that it measures,
-- `summary`: what has to hold,
-- `parameters`: their defaults by name, in the order in which a scenario gives them; None where there is no default,
-- `on_roads`: whether it needs a road network,
-
-and holds `evaluate(drive, **parameters) -> Finding`.
+Adding one takes a function in the file of its family, or in a file of its own.
 """

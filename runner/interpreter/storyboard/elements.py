@@ -6,9 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from runner.contracts.action import Action, GlobalAction, PrivateAction
-from runner.contracts.run import Run
-from runner.contracts.running import Running
-from runner.contracts.storyboard import ElementState, Transition
+from runner.contracts.run import ElementState, Run, Running, Transition
 
 if TYPE_CHECKING:
     from runner.participants.entity import Entity
@@ -167,6 +165,12 @@ class ActionElement(Element):
         self.whole = whole
         """Whether the actors are one EntitySelection: a conflict for one is a conflict for all (standard 7.5.1)."""
         self._processes: list[Process] = []
+
+    @property
+    def adds(self) -> list[Entity]:
+        """Entities that it adds and that are absent now."""
+        placed = [entity for action in self.actions if isinstance(action, GlobalAction) for entity, _ in action.puts()]
+        return [entity for entity in placed if not entity.active]
 
     def execute(self, run: StoryboardRun, actors: Sequence[Entity], reason: str = "") -> None:
         """Start for those of these actors that are there; complete at once when nothing is left to run.

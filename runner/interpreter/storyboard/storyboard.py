@@ -1,19 +1,19 @@
 """The storyboard: element states and transitions at run time (OpenSCENARIO XML 1.3, 8.3 and 8.4).
 
 Within one step all triggers are evaluated first, then events start in document order; conditions on element states see
-the states as they were when the step began, so the order of elements in the file does not matter to them.
+the states as they were when the step began, so the order of elements in the file does not matter to them. An entity is added
+before the actions of the same step that act on it, whatever their order in the file.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from runner.contracts.action import Action, PrivateAction
-from runner.contracts.storyboard import ElementState, Transition
+from runner.contracts.run import ElementState, Transition
 from runner.interpreter.storyboard.elements import ActionElement, Element, StoryboardRun
-from runner.interpreter.storyboard.triggers import Trigger
+from runner.interpreter.storyboard.triggers import Trigger, Watch
 
 if TYPE_CHECKING:
     from runner.participants.entity import Entity
@@ -24,8 +24,10 @@ class Event(Element):
 
     kind = "event"
 
-    def __init__(self, name: str, parent: Maneuver, priority: str, maximum: int) -> None:
+    def __init__(self, name: str, parent: Maneuver, priority: str, maximum: int, where: str = "") -> None:
         super().__init__(name, parent)
+        self.where = where
+        """file and line of the element"""
         self.priority = priority
         self.maximum = maximum
         self.trigger: Trigger | None = None
@@ -39,6 +41,11 @@ class Event(Element):
         return maneuver.parent
 
     @property
+    def actions(self) -> list[ActionElement]:
+        """Its actions in document order."""
+        return [child for child in self.children if isinstance(child, ActionElement)]
+
+    @property
     def waits(self) -> bool:
         """Whether the trigger may start it now."""
         return self.state is ElementState.STANDBY and self.parent is not None and self.parent.state is ElementState.RUNNING
@@ -48,10 +55,6 @@ class Event(Element):
         self.executions = 0
         if self.trigger is not None:
             self.trigger.rearm()
-
-    def due(self, run: StoryboardRun) -> bool:
-        """In standby: whether the trigger fires now."""
-        return self.trigger is None or self.trigger.fires(run)
 
     def begin(self, run: StoryboardRun) -> None:
         """Start, or be skipped, because the trigger has fired."""
@@ -79,8 +82,8 @@ class Event(Element):
         self.change(run, ElementState.RUNNING, Transition.START, reason)
         for action in self.children:
             action.rearm(run)
-        for action in self.children:
-            if self.state is ElementState.RUNNING and isinstance(action, ActionElement):
+        for action in sorted(self.actions, key=lambda action: not action.adds):
+            if self.state is ElementState.RUNNING:
                 action.execute(run, actors)
         self.child_completed(run)
 
@@ -198,25 +201,19 @@ class Act(Element):
         """Wait for the start trigger."""
 
     @property
-    def looks(self) -> bool:
-        """Whether it has a trigger to look at, or starts now."""
+    def waits(self) -> bool:
+        """Whether it waits for its start trigger or, once it runs, for its stop trigger."""
         running = self.state is ElementState.RUNNING
         return self.stop_trigger is not None if running else self.state is ElementState.STANDBY
 
-    def waiting(self) -> Iterator[Event]:
-        """Events that wait for their triggers."""
-        if self.state is ElementState.RUNNING:
-            for event in self.events:
-                if event.state is ElementState.STANDBY and event.waits:
-                    yield event
-
-    def evaluate(self, run: StoryboardRun) -> None:
-        """One step: start or stop."""
-        if self.state is ElementState.STANDBY and (self.trigger is None or self.trigger.fires(run)):
+    def fire(self, run: StoryboardRun) -> None:
+        """Start because the start trigger has fired, or stop because the stop trigger has, which is looked at in either case."""
+        stops = self.state is ElementState.RUNNING
+        if not stops:
             self.start(run, self.trigger.reason if self.trigger is not None else "with its story")
-        if self.state is not ElementState.RUNNING:
+        if self.state is not ElementState.RUNNING or self.stop_trigger is None:
             return
-        if self.stop_trigger is not None and self.stop_trigger.fires(run):
+        if stops or self.stop_trigger.fires(run):
             self.stop(run, self.stop_trigger.reason)
             if self.parent is not None:
                 self.parent.child_completed(run)
@@ -240,12 +237,12 @@ class Storyboard:
         self.stories: list[Story] = []
         self.stop_trigger: Trigger | None = None
         self.ends_with_stories = False
-        self._looking: list[Act] = []
-        """acts whose triggers are to be looked at"""
-        self._waiting: list[Event] | None = None
-        """events that wait for their triggers; None where elements have changed since these were found"""
-        self._triggers: list[Trigger] = []
-        """all triggers that are to be looked at"""
+        self._acts: Watch[Act] = Watch()
+        self._events: Watch[Event] = Watch()
+        self._places: dict[Element, int] = {}
+        """places of acts and events in the document"""
+        self._arming: list[Event] = []
+        """events that may have begun to wait since the last step of triggers"""
         self._until, self._changes = -math.inf, 0
         """the time until which all triggers rest while `Run.changes` is this"""
 
@@ -274,6 +271,9 @@ class Storyboard:
         """As before a run."""
         for element in (*(element for _, element in self.init), *self.elements()):
             element.reset()
+        self._acts.clear()
+        self._events.clear()
+        self._arming.clear()
         if self.stop_trigger is not None:
             self.stop_trigger.reset()
 
@@ -281,14 +281,20 @@ class Storyboard:
         """Run the initial actions, then start the stories."""
         for actor, element in ordered_init(self.init):
             element.execute(run, [actor] if actor is not None else [])
+        acts = self.acts
+        self._places = {element: place for place, element in enumerate((*acts, *(event for act in acts for event in act.events)))}
         for story in self.stories:
             story.start(run)
-        self.changed()
+        for act in acts:
+            self._acts.add(self._places[act], act, act.trigger)
 
-    def changed(self) -> None:
-        """To be called when an element has changed its state: others may have triggers to look at."""
-        self._waiting = None
+    def changed(self, element: Element) -> None:
+        """To be called when an element has changed its state: it may wait for a trigger from now on."""
         self._until = -math.inf
+        if isinstance(element, Event):
+            self._arming.append(element)
+        elif isinstance(element, Maneuver):
+            self._arming += [child for child in element.children if isinstance(child, Event)]
 
     def evaluate(self, run: StoryboardRun) -> bool:
         """One step of triggers; true when the storyboard's stop trigger ends the run.
@@ -301,34 +307,21 @@ class Storyboard:
             for story in self.stories:
                 story.stop(run, self.stop_trigger.reason)
             return True
-        if self._waiting is None:
-            self._looking = [act for act in self.acts if act.looks]
-        for act in self._looking:
-            act.evaluate(run)
-        if self._waiting is None:
-            self._waiting = [event for act in self.acts for event in act.waiting()]
-            self._triggers = [*self._looked_at()]
-        due = [event for event in self._waiting if event.due(run)]
-        for event in due:
+        for act in self._acts.due(run):
+            act.fire(run)
+            self._acts.add(self._places[act], act, act.stop_trigger)
+        for event in self._arming:
+            if event.waits:
+                self._events.add(self._places[event], event, event.trigger)
+        self._arming = []
+        due = list(self._events.due(run))
+        for event in _adding_first(due) if len(due) > 1 else due:
             if event.waits:
                 event.begin(run)
-        self._changes, self._until = run.changes, self._rest(run)
+        if not self._arming:
+            stop = self.stop_trigger.rests(run) if self.stop_trigger is not None else math.inf
+            self._changes, self._until = run.changes, min(stop, self._acts.quiet, self._events.quiet)
         return self.ends_with_stories and all(story.state is ElementState.COMPLETE for story in self.stories)
-
-    def _looked_at(self) -> Iterator[Trigger]:
-        running = [act.stop_trigger if act.state is ElementState.RUNNING else act.trigger for act in self._looking]
-        for trigger in (self.stop_trigger, *running, *(event.trigger for event in self._waiting or ())):
-            if trigger is not None:
-                yield trigger
-
-    def _rest(self, run: StoryboardRun) -> float:
-        """Time (s) until which all triggers rest while `run.changes` stays; in the past where one of them does not."""
-        until = -math.inf if self._waiting is None else math.inf
-        for trigger in self._triggers:
-            until = min(until, trigger.rests(run))
-            if until <= run.time:
-                break
-        return until
 
 
 def ordered_init(init: list[tuple[Entity | None, ActionElement]]) -> list[tuple[Entity | None, ActionElement]]:
@@ -364,3 +357,14 @@ def _prepares(earlier: Action, later: PrivateAction) -> bool:
     if not isinstance(earlier, PrivateAction):
         return False
     return earlier.places or not set(earlier.claims()).isdisjoint(later.claims())
+
+
+def _adding_first(due: list[Event]) -> list[Event]:
+    """Events that start in one step: those that add an absent entity before the first one that acts on it, else as they are."""
+    adding = {event: added for event in due if (added := {entity for action in event.actions for entity in action.adds})}
+    order: dict[Event, None] = {}
+    for event in due:
+        actors = event.group.actors
+        order |= dict.fromkeys(other for other, added in adding.items() if other is not event and not added.isdisjoint(actors))
+        order[event] = None
+    return list(order)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol, Self
+from collections.abc import Callable, Iterator
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING, Generic, Protocol, Self, TypeVar
 
 from runner.contracts.condition import Condition
-from schemas.rules.empty_elements import UID as EMPTY
+from schemas.rules.storyboard import EMPTY_ELEMENTS_UID
 from xosc.dialects.carla import is_criterion
 from xosc.node import Node
 
@@ -20,6 +21,8 @@ EDGES = ("none", "rising", "falling", "risingOrFalling")
 _EPSILON = 1e-6
 _SLEEPLESS = 16
 """Steps from one try to leave conditions alone to the next; twice as many after each try in vain."""
+_RETRY = 8
+"""Steps from one try to find a trigger dormant to the next"""
 _LONGEST = 128
 """Steps after which conditions that could not be left alone may have become such that can."""
 
@@ -109,6 +112,14 @@ class TimedCondition:
         waits = value and (len(history) == 2 or served > time - _EPSILON)
         return (False, min(until, served)) if waits else (value, until)
 
+    def dormancy(self, run: Instant) -> tuple[float, float]:
+        """The time (s) and the total displacement (m) before either of which it is false and remembers nothing new."""
+        history = self._history
+        remembers = len(history) != 1 or history[0][1]
+        if (self.edge != "none" and self._previous is not False) or (self.delay > 0.0 and remembers):
+            return -math.inf, -math.inf
+        return self.condition.false_until(run), self.condition.false_within(run)
+
     @property
     def missed(self) -> bool:
         """Whether it waits for a rise that has been, and that there can be only one of."""
@@ -150,7 +161,9 @@ class Trigger:
         for group in node.children("ConditionGroup"):
             conditions = group.children("Condition")
             if not conditions:
-                context.repair(group, EMPTY, "an element Condition is expected inside; without one the group is left out")
+                context.repair(
+                    group, EMPTY_ELEMENTS_UID, "an element Condition is expected inside; without one the group is left out"
+                )
             groups.append([context.timed_condition(each) for each in conditions if not (stop and is_criterion(each))])
         groups = [group for group in groups if group]
         return cls(groups) if groups else None
@@ -181,6 +194,15 @@ class Trigger:
         vain = [[condition for condition in group if condition.missed][:1] for group in self.groups]
         return " and ".join(condition.describe(run) for (condition,) in vain) if all(vain) else ""
 
+    @property
+    def awaits_mishap(self) -> bool:
+        """Whether each group waits for a contact, or for the ego off the road: a sound run does not have it."""
+        return all(any(timed.condition.mishap for timed in group) for group in self.groups)
+
+    def describe(self, run: Instant) -> str:
+        """What it waits for, with the values of now."""
+        return " or ".join(" and ".join(condition.describe(run) for condition in group) for group in self.groups)
+
     def fires(self, run: Instant) -> bool:
         """Evaluate at the current time. Conditions with memory are evaluated each step, whatever the others say.
 
@@ -209,6 +231,23 @@ class Trigger:
         known = self._resting and not self._looking and self._changes == run.changes
         return self._until if known else -math.inf
 
+    def dormancy(self, run: Instant) -> tuple[float, float]:
+        """The time (s) and the total displacement (m, see `Displacement`) before both of which it does not fire.
+
+        Whatever happens until then, its conditions need not be evaluated. Both are in the past where that is not known.
+        """
+        until = within = math.inf
+        now, here = run.time, run.displacement.total
+        for group in self.groups:
+            remembering = [condition for condition in group if condition.keeps_memory]
+            bounds = [condition.dormancy(run) for condition in remembering or group]
+            false = [(time > now, time if time > now else math.inf, way) for time, way in bounds if time > now or way > here]
+            if not false or (remembering and len(false) < len(bounds)):
+                return -math.inf, -math.inf
+            for timed, time, way in false if remembering else [max(false)]:
+                until, within = min(until, time), within if timed else min(within, way)
+        return until, within
+
     def _look_at_all(self) -> None:
         """Evaluate all conditions from now on."""
         self._next, self._pause = 0, _SLEEPLESS
@@ -233,3 +272,137 @@ class Trigger:
             self._resting = self._resting or false or len(awake) < len(group)
         self._pause = _SLEEPLESS if self._resting else 2 * self._pause
         self._next = run.step_index + self._pause
+
+
+class Triggered(Protocol):
+    """A storyboard element that may wait for a trigger."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether it waits for its trigger now."""
+        ...
+
+
+Waiting = TypeVar("Waiting", bound=Triggered)
+
+
+class Watch(Generic[Waiting]):
+    """Elements in document order with the triggers that they wait for, of which those are evaluated that may fire now.
+
+    The others are dormant until a time or a total displacement (`Trigger.dormancy`), or rest until something happens
+    (`Trigger.rests`); they cost nothing in a step.
+    """
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Watch nothing."""
+        self._watched: dict[int, tuple[Waiting, Trigger | None]] = {}
+        self._awake: dict[int, bool] = {}
+        """places of those to be evaluated, and whether they have not been so far"""
+        self._by_time: list[tuple[float, int]] = []
+        self._by_way: list[tuple[float, int]] = []
+        self._resting: list[int] = []
+        self._until, self._changes = math.inf, 0
+        """the time (s) until which `_resting` rest while `Run.changes` is this"""
+
+    def add(self, place: int, element: Waiting, trigger: Trigger | None) -> None:
+        """Watch the trigger of an element from now on, in its place of the document."""
+        self._watched[place] = (element, trigger)
+        self._awake[place] = True
+
+    def due(self, run: Instant) -> Iterator[Waiting]:
+        """Evaluate once a step: elements that wait and whose triggers fire, in document order."""
+        self._wake(run)
+        for place in sorted(self._awake):
+            element, trigger = self._watched[place]
+            if not element.waits:
+                del self._awake[place]
+            elif trigger is None or trigger.fires(run):
+                yield element
+            else:
+                self._settle(run, place, trigger)
+
+    def _wake(self, run: Instant) -> None:
+        while self._by_time and self._by_time[0][0] <= run.time:
+            self._awake[heappop(self._by_time)[1]] = True
+        while self._by_way and self._by_way[0][0] <= run.displacement.total:
+            self._awake[heappop(self._by_way)[1]] = True
+        if self._resting and (run.changes != self._changes or run.time >= self._until):
+            self._awake |= dict.fromkeys(self._resting, True)
+            self._resting, self._until = [], math.inf
+
+    def _settle(self, run: Instant, place: int, trigger: Trigger) -> None:
+        """Evaluate no more what can't fire for a while."""
+        if self._awake[place] or run.step_index % _RETRY == 0:
+            self._awake[place] = False
+            time, way = trigger.dormancy(run)
+            if time > run.time and way > run.displacement.total:
+                if time < math.inf:
+                    heappush(self._by_time, (time, place))
+                if way < math.inf:
+                    heappush(self._by_way, (way, place))
+                del self._awake[place]
+                return
+        until = trigger.rests(run)
+        if until > run.time:
+            if not self._resting:
+                self._changes = run.changes
+            self._resting.append(place)
+            self._until = min(self._until, until)
+            del self._awake[place]
+
+    @property
+    def quiet(self) -> float:
+        """Time (s) until which nothing is to be evaluated while `Run.changes` stays; in the past where that is not known."""
+        if self._awake or self._by_way:
+            return -math.inf
+        return min(self._until, self._by_time[0][0] if self._by_time else math.inf)
+
+
+class OneShotCondition(TimedCondition):
+    """A condition that stays true once it has been.
+
+    It is looked at from `delay` seconds on after its trigger has begun to wait, without regard to its edge; times and distances
+    count from there.
+    """
+
+    __slots__ = ("_begun", "_measuring", "_reason")
+
+    def __init__(self, name: str, condition: Condition, edge: str, delay: float) -> None:
+        super().__init__(name, condition, "none", delay)
+        self.keeps_memory = True
+        self.evaluate = self._lasting
+
+    def rearm(self) -> None:
+        """Forget that it has been true."""
+        super().rearm()
+        self._begun: float | None = None
+        self._measuring = False
+        self._reason = ""
+
+    def outlook(self, run: Instant) -> tuple[bool, float]:
+        """Nothing for certain."""
+        return False, -math.inf
+
+    def dormancy(self, run: Instant) -> tuple[float, float]:
+        """Nothing for certain."""
+        return -math.inf, -math.inf
+
+    def _lasting(self, run: Instant) -> bool:
+        """Whether it has been true since its trigger waits; to be called once each step."""
+        if self._begun is None:
+            self._begun = run.time
+        if self._reason or run.time < self._begun + self.delay:
+            return bool(self._reason)
+        if not self._measuring:
+            self._measuring = True
+            self.condition.measure_from(run)
+        if self.condition.evaluate(run):
+            self._reason = f"{super().describe(run)} at {run.time:.2f} s"
+        return bool(self._reason)
+
+    def describe(self, run: Instant) -> str:
+        """Why and when it has become true; the expression with the values of now before that."""
+        return self._reason or super().describe(run)

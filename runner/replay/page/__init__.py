@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from schemas.storage import keep
+
 _FOLDER = Path(__file__).parent
 _UNSAFE = {ord(c): f"\\u{ord(c):04x}" for c in "<>&\u2028\u2029"}
 """Characters that could end a script element; JSON knows another spelling of each"""
@@ -50,8 +52,8 @@ def page(title: str, styles: Sequence[str], scripts: Sequence[str], data: Mappin
 
 
 def write_page(path: Path, text: str) -> None:
-    """Write a page as UTF-8; characters that are none (of file names) are replaced."""
-    path.write_text(text, encoding="utf-8", errors="replace", newline="\n")
+    """Write a page as UTF-8, whole or not at all; characters that are none (of file names) are replaced."""
+    keep(text.encode("utf-8", errors="replace"), path)  # a link that bears its name is replaced, not followed
 
 
 def _joined(files: Sequence[str]) -> str:

@@ -1,19 +1,74 @@
-"""A run in a few sentences: who hit whom, when, how fast, when braking began, and what would have been needed."""
+"""Account of a run: the entity that the ego interacts with most at each instant, and the run in a few sentences."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from runner.measures.braking import FULL, GREATEST, Conflict
+from runner.measures.braking import FULL, Conflict
+from runner.measures.impact import sentence
+from runner.measures.measure import GREATEST_DECELERATION
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
     from runner.measures.criticality import Criticality
     from runner.measures.impact import Impact
     from runner.recording import Track
+
+_FAR = 100.0
+"""Others farther away than this do not matter, m"""
+_SHORT = 1.0
+"""Whoever is nearest for less than this is passed over, s"""
+
+Stretches = list[tuple[int, str]]
+"""Numbers of samples from which on something holds, and what"""
+
+
+def main_partner(measures: Criticality) -> str | None:
+    """The other one of the whole run: of the contact, else of the least time to collision, else of the least distance."""
+    if measures.impact is not None:
+        return measures.impact.other
+    extremes = [measures.summary[name] for name in ("min_ttc", "min_distance")]
+    return next((str(extreme["other"]) for extreme in extremes if extreme is not None), None)
+
+
+def partners(measures: Criticality, dt: float, stride: int) -> Stretches:
+    """The partner over time: the main one while it is near, else whoever is nearest, if near; empty for nobody."""
+    near = measures.distance.valid & (measures.distance.value <= _FAR)
+    found = np.where(near, measures.nearest, "").astype(object)
+    main = main_partner(measures)
+    if main is not None:
+        other = measures.other(main)
+        rows, theirs = (np.rint(time / dt).astype(np.int64) for time in (measures.time, other.time))
+        _, mine, its = np.intersect1d(rows, theirs, return_indices=True)
+        away = np.hypot(measures.ego.x[mine] - other.x[its], measures.ego.y[mine] - other.y[its])
+        found[mine[away <= _FAR]] = main
+    return _steady(stretches(measures.time, found, dt, stride), round(_SHORT / (dt * stride)))
+
+
+def stretches(time: NDArray[np.float64], values: Sequence[str] | NDArray[np.object_], dt: float, stride: int) -> Stretches:
+    """Names over time as stretches of samples."""
+    ticks = np.rint(time / dt).astype(np.int64)
+    found: Stretches = []
+    for tick, name in zip(ticks.tolist(), values, strict=True):
+        if tick % stride == 0 and (not found or found[-1][1] != name):
+            found.append((tick // stride, str(name)))
+    return found
+
+
+def _steady(found: Stretches, shortest: int) -> Stretches:
+    """Without stretches that are too short to look at: whoever was there before stays."""
+    kept: Stretches = []
+    ends = [start for start, _ in found[1:]]
+    for index, (start, name) in enumerate(found):
+        lasting = index == len(ends) or ends[index] - start >= shortest
+        if (not kept or lasting) and not (kept and kept[-1][1] == name):
+            kept.append((start, name))
+    return kept
+
 
 _BRAKES = -1.0
 """Accelerations below this (m/s²) are braking"""
@@ -54,10 +109,7 @@ def _contacts(result: RunResult) -> Iterator[Sentence]:
 
 
 def _contact(ego: Track, measures: Criticality, impact: Impact) -> Iterator[Sentence]:
-    if impact.striking:
-        who = f"{ego.name} hit {impact.other} with its {_side(impact.side)}"
-    else:
-        who = f"{impact.other} hit {ego.name} {'in the' if impact.side in ('front', 'rear') else 'on its'} {_side(impact.side)}"
+    who = sentence(ego.name, impact.other, impact.side, impact.striking)
     speed = f"relative speed {impact.speed:.1f} m/s ({impact.speed * _KMH:.0f} km/h)"
     yield Sentence(f"{who} at {impact.time:.2f} s, {speed}.", impact.time)
     row = int(np.searchsorted(measures.time, impact.time - 1e-6))
@@ -65,10 +117,6 @@ def _contact(ego: Track, measures: Criticality, impact: Impact) -> Iterator[Sent
     began = _braking(ego, row)
     yield _began(ego, measures, began, row)
     yield from _needed(conflict, began, impact.time)
-
-
-def _side(side: str) -> str:
-    return side if side in ("front", "rear") else f"{side} side"
 
 
 def _braking(ego: Track, row: int) -> int | None:
@@ -95,7 +143,7 @@ def _needed(conflict: Conflict, began: int | None, impact: float) -> Iterator[Se
     if began is not None:
         least = conflict.least(float(conflict.ego.time[began]))
         if least is None:
-            yield Sentence(f"By then no braking avoided it any more (more than {GREATEST:.1f} m/s² was needed).")
+            yield Sentence(f"By then no braking avoided it any more (more than {GREATEST_DECELERATION:.1f} m/s² was needed).")
         else:
             yield Sentence(f"From then on, {least:.1f} m/s² would have avoided it.")
     latest = conflict.latest(FULL)

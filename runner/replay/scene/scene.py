@@ -1,20 +1,21 @@
-"""What a page needs to play runs, as JSON-able values: roads, participants, timeline, curves.
+"""Data of replay pages, as JSON-able values: roads, participants, timeline, curves, and previews of a run's worst moment.
 
-Places are counted from an origin near the runs, in cm; times in samples of a fixed length.
-"""
+Positions are counted from an origin near the runs, in cm; times in samples of a fixed length. Arrays are packed as text
+(differences of quantised neighbours, variable-length integers, base64), which `page/play/data.js` reads."""
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from runner.measures.braking import GREATEST
-from runner.replay.scene import road_objects, timeline
-from runner.replay.scene.account import account
-from runner.replay.scene.packing import pack, pack_lines
-from runner.replay.scene.partner import Stretches, partners, stretches
+from runner.measures.measure import GREATEST_DECELERATION
+from runner.replay.scene import roads, timeline
+from runner.replay.scene.account import Stretches, account, main_partner, partners, stretches
 from runner.replay.scene.roads import Area, marks, surfaces
 
 if TYPE_CHECKING:
@@ -24,6 +25,42 @@ if TYPE_CHECKING:
     from runner.measures.criticality import Criticality
     from runner.recording import Track
     from xodr.network import RoadNetwork
+
+_GROUP = 7
+"""Bits of a number in each byte; the eighth says that more follow."""
+
+
+def pack(values: ArrayLike, step: float, order: int = 1) -> str:
+    """A series of numbers as text.
+
+    Args:
+        values: finite numbers.
+        step: what they are rounded to a multiple of.
+        order: how often differences of neighbours are taken: 1 suits values that change little, 2 those that change steadily.
+    """
+    numbers = np.rint(np.asarray(values, np.float64) / step).astype(np.int64)
+    for _ in range(order):
+        numbers = np.diff(numbers, prepend=0)
+    return base64.b64encode(_varints(np.where(numbers < 0, -2 * numbers - 1, 2 * numbers))).decode()
+
+
+def _varints(numbers: NDArray[np.int64]) -> bytes:
+    """Natural numbers in groups of 7 bits, the lowest first."""
+    count = max(1, -(-int(numbers.max(initial=0)).bit_length() // _GROUP))
+    groups = numbers[:, None] >> (_GROUP * np.arange(count))
+    used = groups > 0
+    used[:, 0] = True
+    groups &= 127
+    groups[:, :-1] |= np.where(used[:, 1:], 128, 0)
+    return groups[used].astype(np.uint8).tobytes()
+
+
+def pack_lines(lines: Sequence[NDArray[np.float64]], step: float) -> list[str]:
+    """Polylines (rows x, y) as three texts: their numbers of points, and x and y of all points."""
+    points = np.concatenate(lines) if lines else np.zeros((0, 2))
+    lengths = [len(line) for line in lines]
+    return [pack(lengths, 1.0, 0), pack(points[:, 0], step), pack(points[:, 1], step)]
+
 
 LENGTH_STEP, ANGLE_STEP, SPEED_STEP = 0.01, 0.002, 0.01
 """What positions (m), headings (rad) and speeds (m/s) are rounded to"""
@@ -53,7 +90,7 @@ def scene(results: Sequence[RunResult]) -> dict[str, Any]:
 
 def steps() -> dict[str, float]:
     """What numbers are rounded to, and the deceleration (m/s²) beyond which nobody brakes."""
-    return {"length": LENGTH_STEP, "angle": ANGLE_STEP, "speed": SPEED_STEP, "braking": GREATEST}
+    return {"length": LENGTH_STEP, "angle": ANGLE_STEP, "speed": SPEED_STEP, "braking": GREATEST_DECELERATION}
 
 
 def extent(tracks: Iterable[Track]) -> Area:
@@ -84,11 +121,11 @@ def road_of(network: RoadNetwork, area: Area, origin: tuple[int, int]) -> dict[s
         ],
         "objects": [
             {"look": look, "lines": pack_lines([ring - origin for ring in rings], LENGTH_STEP)}
-            for look, rings in road_objects.objects(network, area).items()
+            for look, rings in roads.objects(network, area).items()
         ],
         "signals": [
             signal | {"x": round(signal["x"] - origin[0], 2), "y": round(signal["y"] - origin[1], 2)}
-            for signal in road_objects.signals(network, area)
+            for signal in roads.signals(network, area)
         ],
     }
 
@@ -100,7 +137,7 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
     return {
         "name": result.name,
         "account": account(result),
-        "passed": result.verdict.passed,
+        "verdict": result.verdict.outcome,
         "reasons": _reasons(result),
         "remarks": list(result.remarks),
         "status": result.status,
@@ -117,14 +154,14 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
         ],
         "actors": result.actors,
         "events": [list(entry) for entry in result.events if timeline.is_shown(entry)],
-        "signals": road_objects.signal_states(result.events),
+        "signals": roads.signal_states(result.events),
         "curves": [] if ego is None else _curves(ego, result.criticality, dt, stride),
         **_pairs(result.criticality, dt, stride),
     }
 
 
 def _reasons(result: RunResult) -> list[str]:
-    """Why the run failed, without the contact that the account begins with."""
+    """Why the run failed or is inconclusive, without the contact that the account begins with."""
     impact = result.criticality.impact if result.criticality is not None else None
     first = f"collision with {impact.other} at {impact.time:.2f} s" if impact is not None else ""
     return [reason for reason in result.verdict.reasons if reason != first]
@@ -204,3 +241,49 @@ def _curves(ego: Track, criticality: Criticality | None, dt: float, stride: int)
         }
         for name, label, unit, values, valid in found
     ]
+
+
+_BEFORE, _AFTER = 3.5, 1.0
+"""How long before and after the worst moment it plays, s"""
+_AROUND = 30.0
+"""How far around the ego and the other one roads and participants are drawn, m"""
+_PREVIEW_STEP = 0.1
+"""Least time between samples, s"""
+
+
+def preview(result: RunResult) -> dict[str, Any] | None:
+    """What `page/play/preview.js` plays; None for runs in which the ego met nobody."""
+    measures = result.criticality
+    if measures is None or measures.conflict is None or result.ego is None:
+        return None
+    begin, end = max(0.0, measures.conflict - _BEFORE), min(result.end_time, measures.conflict + _AFTER)
+    tracks = {name: _during(track, begin, end) for name, track in result.recording.tracks.items()}
+    pair = [name for name in (result.ego, main_partner(measures)) if name in tracks and len(tracks[name].columns["time"])]
+    area = union(extent([tracks[name]]) for name in pair).wider(_AROUND)
+    origin = (round((area.west + area.east) / 2), round((area.south + area.north) / 2))
+    dt = result.settings["timestep"]
+    stride = max(1, round(_PREVIEW_STEP / dt))
+    network = result.recording.network
+    return {
+        "steps": steps(),
+        "road": road_of(network, area, origin) if network is not None else None,
+        "sample": stride * dt,
+        "from": begin,
+        "to": end,
+        "ego": result.ego,
+        "pair": pair,
+        "told": account(result)[0].text,
+        "tracks": [
+            track_of(track, dt, stride, origin)
+            for track in tracks.values()
+            if len(track.columns["time"]) and area.meets(extent([track]))
+        ],
+    }
+
+
+def _during(track: Track, begin: float, end: float) -> Track:
+    """A participant from one instant to another (s)."""
+    time = track.columns["time"]
+    rows = (time >= begin - 1e-6) & (time <= end + 1e-6)
+    columns = {name: values[rows] for name, values in track.columns.items()}
+    return replace(track, read=lambda: columns)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from runner.interpreter.event_log import LogEntry
+from runner.recording import LogEntry
 
 _LEVELS = {2: "act", 5: "event", 6: "action"}
 """Storyboard elements that are shown, by their depth: story, act, maneuver group, maneuver, event, action"""

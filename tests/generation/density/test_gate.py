@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.gate import Gate, Share, measured
+from generation.density.gate import TESTABLE, Gate, Share, Statement, replay_share
 from generation.logical.library import SCENARIOS
-from generation.outcomes.evaluator import Evaluator
+from generation.outcomes.outcomes import Evaluator, Outcomes
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
 
@@ -19,7 +19,9 @@ def test_recorded_cut_ins_do_not_collide_with_their_own_values_and_neither_do_dr
     recorded = of_samples(of_recordings(None, "cut_in"), space)
     own, replays = recorded.replays(space)
     with Evaluator(CUT_IN, own) as run:
-        found = measured(recorded.prior(space, "gaussian"), run, replays, run, 60)
+        generator = np.random.default_rng(0)
+        draws = run(recorded.prior(space, "gaussian").sample(60, generator))
+        found = Gate(replay_share(replays, run, 60, generator), Share.of(draws))
     assert found.replayed == Share(0, 60)
     assert found.drawn.runs == 60 and found.drawn.collisions <= 2
     assert found.refusal is None
@@ -56,3 +58,41 @@ def test_intervals_are_exact() -> None:
     assert Share(0, 1000).interval == pytest.approx((0.0, 1 - 0.025 ** (1 / 1000)))
     assert Share(0, 0).interval == (0.0, 1.0)
     assert str(Share(6, 2000)) == "6 of 2000 (0.11% to 0.65%)"
+
+
+def test_few_replays_do_not_pass_a_density() -> None:
+    few, many = Gate(Share(0, 30), Share(0, 30)), Gate(Share(0, 300), Share(0, 30))
+    assert not few.testable and "not testable" in str(few)
+    assert many.testable and "testable" not in str(many)
+    assert few.replayed is not None and few.replayed.interval[1] > TESTABLE
+
+
+def test_draws_without_a_failure_bound_what_is_unknown_by_the_rule_of_three() -> None:
+    found = Statement.of(Outcomes.of(1000), np.ones(1000, bool))
+    assert found.unknown == found.total == pytest.approx(1.0 - 0.05 ** (1.0 / 1000))
+    assert "0 of 1,000 unguided draws fail: with 95 % confidence" in str(found) and "below 0.003" in str(found)
+
+
+def test_draws_that_fail_near_known_failures_leave_the_bound_on_unknown_ones() -> None:
+    outcomes = Outcomes.of(400, collision=[True] * 8 + [False] * 392, status=["completed"] * 399 + ["error"])
+    unlike = np.ones(400, bool)
+    known = Statement.of(outcomes, ~unlike)
+    assert (known.draws, known.failing, known.outside) == (399, 8, 0)
+    assert known.unknown == pytest.approx(1.0 - 0.05 ** (1.0 / 399))
+    assert known.unknown < known.total
+    assert Statement.of(outcomes, unlike).unknown == known.total
+
+
+def test_no_draw_bounds_nothing() -> None:
+    lost = Outcomes.of(3, status=["error"] * 3)
+    assert Statement.of(lost, np.ones(3, bool)).unknown == 1.0
+    assert "nothing bounds" in str(Statement.of(lost, np.ones(3, bool)))
+
+
+def test_the_bound_covers_in_at_least_95_of_100_repetitions() -> None:
+    """Unknown failures of probability 1 %: bounds from 300 draws lie above it."""
+    generator, covered = np.random.default_rng(5), 0
+    for _ in range(400):
+        hits = generator.random(300) < 0.01
+        covered += Statement.of(Outcomes.of(300, collision=hits.tolist()), np.ones(300, bool)).unknown >= 0.01
+    assert covered >= 0.93 * 400

@@ -13,14 +13,11 @@ from hypothesis import strategies as st
 from scipy.stats import gaussian_kde, multivariate_normal
 
 from generation.density.base import Density, Whitening, folds
-from generation.density.fitting import fitted, held_out, others
-from generation.density.model import JUDGE, judge, model, models
+from generation.density.models import JUDGE, judge, model, models
 from generation.density.models.flow import Couplings, Flow
-from generation.density.models.gaussian import Gaussian
-from generation.density.models.independent import Independent
-from generation.density.models.kde import KDE, scott
-from generation.density.models.mixture import Mixture
-from generation.density.models.student import Student
+from generation.density.models.kernels import KDE, Independent, scott
+from generation.density.models.mixtures import Gaussian, Mixture, Student
+from generation.density.prior import fitted, held_out, others
 from schemas.errors import UsageError
 from xodr.array_types import FloatArray
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.declared_prior import DeclaredPrior
-from generation.density.marginals import uniform
-from generation.estimation.estimate import FAILURE, PREVENTABLE, EstimateSettings, Known, estimate
-from generation.estimation.proposal import Proposal, Stage, Stages
+from generation.density.marginals import DeclaredPrior, uniform
+from generation.estimation.estimate import FAILURE, PREVENTABLE, EstimateSettings, Known, Proposal, Stage, Stages, estimate
 from generation.outcomes.outcomes import Outcomes
 from xodr.array_types import FloatArray
 

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from generation.density.roles import Role
-from generation.estimation.probability import Probability, probability
-from generation.estimation.rates import PER_DISTANCE, PER_HOUR, Driving, driving
+from generation.estimation.probability import PER_DISTANCE, PER_HOUR, Driving, Probability, driving, probability
 from generation.logical.library import SCENARIOS
-from generation.logical.pairs.table import PAIRS
-from generation.logical.pairs.units import PairUnits, pair_units
+from generation.logical.pairs import PAIRS, PairUnits, pair_units
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
 from recognition.maneuvers.units import OWN, Exposure, Samples, extract

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from generation.logical.library import SCENARIOS
-from generation.pipeline import SearchSettings, generate
+from generation.pipeline import generate
 from generation.recorded import Recorded
 from generation.search.space import Space
+from generation.settings import SearchSettings
 from runner.settings import RunSettings
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"

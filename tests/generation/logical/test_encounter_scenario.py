@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import runner
-from generation.logical.encounter_scenario import EncounterScenario
+from generation.logical.encounters import EncounterScenario
 from generation.logical.library import SCENARIOS, encounter_scenarios
 from generation.search.space import Space
 from runner.recording import Track

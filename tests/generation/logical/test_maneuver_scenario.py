@@ -10,7 +10,7 @@ import pytest
 
 import runner
 from generation.logical.library import SCENARIOS, maneuver_scenarios
-from generation.logical.maneuver_scenario import ManeuverScenario
+from generation.logical.maneuvers import ManeuverScenario
 from recognition.maneuvers.parameters import JERK, PARAMETERS, declared_name
 from runner.measures.relations import Motion, relations
 from runner.recording import Track

@@ -10,17 +10,15 @@ import pytest
 import runner
 import schemas
 from generation.logical.library import SCENARIOS, pair_scenarios
-from generation.logical.pairs.scenario import LEAD_IN
-from generation.logical.pairs.units import PairUnits
-from generation.outcomes.evaluator import Evaluator
+from generation.logical.pairs import LEAD_IN, PairUnits
+from generation.outcomes.outcomes import Evaluator
 from generation.recorded import kind_of, of_recordings, of_samples
 from generation.search.space import Space
-from generation.study.pairs import Coordinated, acting_alone
 from generation.twin.episodes import Twin
-from recognition.maneuvers.units import OWN, Samples
-from recognition.maneuvers.units.pairs import MOST_LAG, followed, pairs
+from recognition.maneuvers.units import MOST_LAG, OWN, Samples, followed, pairs
 from runner.settings import RunSettings
 from schemas.errors import UsageError
+from studies.generation.pairs import Coordinated, acting_alone
 
 NAMES = [name for name, _ in pair_scenarios()]
 TAIL_GATED = "merge_beside_tail_gater_highway"

@@ -7,9 +7,8 @@ from math import hypot
 import pytest
 
 import xodr
-from generation.logical.courses import Course, Crossing, Lane
 from generation.logical.library import ROADS
-from generation.logical.ways import meeting
+from generation.logical.roads import Course, Crossing, Lane, meeting
 from schemas.errors import UsageError
 
 CROSSING = xodr.load(ROADS / "intersection_four_way_two_lanes.xodr")

@@ -11,15 +11,13 @@ from urllib.parse import unquote
 
 import pytest
 
-from generation.declared import Ask
 from generation.logical.library import SCENARIOS
 from generation.loop.cli import app
+from generation.loop.findings import Against, Checked, Compared, KnownFailure, LoopResult, Ran, Recognised, closing
 from generation.loop.loop import run_loop
-from generation.loop.messages import closing
 from generation.loop.page import PAGE, write
-from generation.loop.settings import LoopSettings
-from generation.loop.stages.findings import Against, Checked, Compared, KnownFailure, LoopResult, Ran, Recognised
 from generation.report.regression import Fate
+from generation.settings import Ask, LoopSettings
 from runner.settings import RunSettings
 from runner.sut import Control, Observation, Participant
 from schemas.commands.options import progress_bar
@@ -147,7 +145,7 @@ def test_a_version_of_which_no_run_succeeds_never_passes(less: Path, old: Path, 
     found = looped(less, tmp_path / "mended", WEAK, tmp_path / "first").against
     assert found is not None and not any(each.blind for each in found.compared)
     assert found.compared[0].reason == "no run of the earlier loop succeeded: what is new here may be older"
-    assert found.counts[Fate.NEW] == len(found.compared[0].new) > 0
+    assert found.counts[Fate.UNLIKE] == len(found.compared[0].others) > 0, "the former system can't be played"
 
 
 def test_a_folder_without_a_loop_is_refused_before_anything_is_done(folder: Path, old: Path, tmp_path: Path) -> None:
@@ -181,8 +179,9 @@ def test_exit_codes_say_whether_a_failure_counts(
 
     for each, options, expected in (
         (Fate.FIXED, (), 0),
-        (Fate.STILL_THERE, (), 1),
-        (Fate.STILL_THERE, ("--fail-if", "new"), 0),
+        (Fate.STILL_THERE, (), 0),
+        (Fate.STILL_THERE, ("--fail-if", "still-there"), 1),
+        (Fate.STILL_THERE, ("--fail-if", "new", "--fail-if", "still-there"), 1),
         (Fate.UNKNOWN, ("--fail-if", "still-there"), 1),
         (Fate.NEW, ("--fail-if", "still-there"), 0),
     ):

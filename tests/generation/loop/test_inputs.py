@@ -10,10 +10,10 @@ import pytest
 
 from generation.logical.library import SCENARIOS
 from generation.loop.cli import main
+from generation.loop.findings import closing
 from generation.loop.inputs import Inputs
 from generation.loop.loop import run_loop
-from generation.loop.messages import closing
-from generation.loop.settings import LoopSettings
+from generation.settings import LoopSettings
 from runner.settings import RunSettings
 from schemas.commands.options import progress_bar
 from schemas.errors import InvalidFile, UsageError

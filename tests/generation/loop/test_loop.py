@@ -12,13 +12,11 @@ from urllib.parse import unquote
 
 import pytest
 
-from generation.declared import Ask
 from generation.logical.library import SCENARIOS
+from generation.loop.findings import Finding, Stage
 from generation.loop.loop import chosen, run_loop
 from generation.loop.page import PAGE, write
-from generation.loop.settings import LoopSettings
-from generation.loop.stages.findings import Finding
-from generation.loop.stages.finished import Stage
+from generation.settings import Ask, LoopSettings
 from runner.settings import RunSettings
 from schemas import check_many
 from schemas.commands.files import expand

@@ -9,16 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from generation.declared import Ask
 from generation.logical.library import SCENARIOS
+from generation.loop.findings import Finding, Stage
 from generation.loop.loop import run_loop
-from generation.loop.settings import LoopSettings
-from generation.loop.stages.findings import Finding
-from generation.loop.stages.finished import Stage
+from generation.settings import Ask, LoopSettings
 from runner.settings import RunSettings
 from schemas.commands.options import progress_bar
 from schemas.errors import UsageError
-from tests.generation.outcomes.test_inputs import SYSTEM
+from tests.runner.batch.test_inputs import SYSTEM
 from xosc.exports import standard
 from xosc.exports.folder import Folder
 

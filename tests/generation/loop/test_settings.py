@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from generation.declared import Ask
-from generation.loop.settings import LoopSettings
+from generation.settings import Ask, LoopSettings
 from runner.settings import RunSettings
 
 

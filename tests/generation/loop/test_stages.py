@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from generation.loop.messages import closing, summary
-from generation.loop.stages.findings import (
+from generation.loop.findings import (
     CarefulDriver,
     CaseVerdict,
     Checked,
@@ -28,9 +27,12 @@ from generation.loop.stages.findings import (
     Refused,
     Run,
     Searched,
+    Stage,
+    closing,
+    summary,
 )
-from generation.loop.stages.finished import FinishedStages, Stage
-from schemas.errors import InvalidFile, UsageError
+from generation.loop.runs import FinishedStages
+from schemas.errors import UsageError
 
 COUNT = Stage("count")
 CASE = EdgeCase("a.xosc", None, {"Gap": 5.0}, CaseVerdict.COLLISION, CarefulDriver.AVOIDS, -1.5, 0.25)
@@ -44,17 +46,18 @@ FINDINGS: list[tuple[Finding, str]] = [
             parameters=[Range("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20, failed_runs=1, run_error="no lane",
             collisions=5, distinct=4, new=3, cases=[CASE], failed=[[5.0]], real=[[4.0]], tried=[[5.0]],
         ),
-        "highway cut in: 20 runs (1 with errors, mostly: no lane), 5 collisions, 4 of them unlike each other (3 new), 1 edge "
+        "highway cut in: 20 runs (1 with errors or inconclusive, mostly: no lane), "
+        "5 collisions, 4 of them unlike each other (3 new), 1 edge "
         "case written; density of 40 manoeuvres of these recordings",
     ),
     (
         Searched(round=1, target="x", title="x", scenario="x", prior=Prior(40, own=False), error="no box"),
         "x was not searched: no box",
     ),
-    (Ran(files={"a.xosc": [RUN]}), "1 run: 0 passed, 1 failed, 0 with errors"),
+    (Ran(files={"a.xosc": [RUN]}), "1 run: 0 passed, 1 failed, 0 inconclusive, 0 with errors"),
     (
         Ran(files={"a.xosc": [RUN]}, sampled={"a.xosc": 12}),
-        "1 run: 0 passed, 1 failed, 0 with errors; 11 parameter sets of 1 variation file left out (--sample)",
+        "1 run: 0 passed, 1 failed, 0 inconclusive, 0 with errors; 11 parameter sets of 1 variation file left out (--sample)",
     ),
     (
         Labelled(runs={"a": [LabelledScenario("highway cut in", "cut_in/one.xosc")]}),
@@ -141,11 +144,54 @@ def damaged() -> list[str]:
 
 
 @pytest.mark.parametrize("text", damaged())
-def test_a_damaged_stage_is_named(tmp_path: Path, text: str) -> None:
-    stages(tmp_path, []).once(COUNT, Searched, lambda: FINDINGS[2][0])  # type: ignore[arg-type,return-value]
-    (tmp_path / "stages" / "count.json").write_text(text)
-    with pytest.raises(InvalidFile, match=r"count\.json:.* remove it"):
-        stages(tmp_path, []).once(COUNT, Searched, lambda: pytest.fail("it was done"))
+def test_a_damaged_stage_is_named_and_done_again(tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    found = FINDINGS[2][0]
+    assert isinstance(found, Searched)
+    stages(tmp_path, []).once(COUNT, Searched, lambda: found)
+    path = tmp_path / "stages" / "count.json"
+    path.write_text(text)
+    told: list[tuple[str, bool]] = []
+    assert not stages(tmp_path, []).has(COUNT)
+    assert stages(tmp_path, told).once(COUNT, Searched, lambda: found) == found
+    assert told == [("count", True)]
+    assert capsys.readouterr().err == f"{path}: damaged: count is done again\n"
+    stages(tmp_path, []).once(COUNT, Searched, lambda: pytest.fail("it was done"))
+
+
+def test_an_edited_finding_is_found_out(tmp_path: Path) -> None:
+    stages(tmp_path, []).once(COUNT, Measured, lambda: Measured(kinds={"a": 1}))
+    path = tmp_path / "stages" / "count.json"
+    path.write_text(path.read_text().replace('"a": 1', '"a": 2'))
+    assert stages(tmp_path, []).once(COUNT, Measured, lambda: Measured(kinds={"a": 1})).kinds == {"a": 1}
+
+
+@pytest.mark.parametrize("editable", [False, True])
+def test_a_stage_whose_files_are_damaged_or_missing_is_done_again(
+    tmp_path: Path, editable: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, made, done = tmp_path, (tmp_path / "made", tmp_path / "table.txt"), []
+
+    def work() -> Measured:
+        done.append(None)
+        (out / "made").mkdir(exist_ok=True)
+        for path in (out / "made" / "a", out / "made" / "b", out / "made" / ".lock", out / "table.txt"):
+            path.write_text("sound")
+        return Measured(kinds={})
+
+    def again() -> tuple[int, str]:
+        before = len(done)
+        stages(out, []).once(COUNT, Measured, work, "x", made, editable)
+        return len(done) - before, capsys.readouterr().err
+
+    assert again() == (1, "") and again() == (0, "")
+    (out / "made" / ".lock").write_text("another")
+    assert again() == (0, "")
+    (out / "made" / "b").unlink()
+    word = "missing" if editable else "changed or missing"
+    assert again() == (1, f"{out}/made/b: {word}: count is done again\n")
+    (out / "made" / "a").write_text("edited")
+    (out / "table.txt").write_text("edited")
+    assert again() == ((0, "") if editable else (1, f"{out}/made/a (and 1 more): {word}: count is done again\n"))
 
 
 def test_reasons_of_one_kind_are_told_in_one_line() -> None:

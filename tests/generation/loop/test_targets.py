@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.declared import Ask
 from generation.logical.library import SCENARIOS
-from generation.loop.stages.findings import Refused
-from generation.loop.tasks.targets import LIBRARY, Target, of_classes, of_inputs, of_scenario
+from generation.loop.findings import Refused
+from generation.loop.inputs import LIBRARY, Target, of_classes, of_inputs, of_scenario
 from generation.pipeline import LEAST
 from generation.search.space import Space
+from generation.settings import Ask
 from recognition.maneuvers.units import OWN, Samples
 from tests.runner.files import distribution, scenario
 

@@ -8,10 +8,20 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from generation.outcomes.cases import Cases, Choice, choose
+from generation.outcomes.judges import (
+    FULL_BRAKING,
+    JUDGES,
+    NEVER_BRAKED,
+    REFERENCES,
+    Cases,
+    choose,
+    matrix,
+    remembering,
+    survivors,
+)
 from generation.outcomes.outcomes import Episodes, Outcomes
-from generation.outcomes.references import FULL_BRAKING, JUDGES, NEVER_BRAKED, REFERENCES, matrix, remembering, survivors
 from generation.search.space import Space
+from generation.settings import Choice
 from recognition.maneuvers.parameters import Parameter
 from xodr.array_types import FloatArray
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import runner
-from generation.outcomes.evaluator import Evaluator
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes.outcomes import Evaluator, Outcomes
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from runner.settings import RunSettings
@@ -37,7 +36,8 @@ def test_an_episode_is_a_run_of_the_file(evaluator: Evaluator) -> None:
     assert SPACE.names == ("CutIn_Speed_mps", "CutIn_Gap_m", "CutIn_LaneChangeTime_s")
     found = evaluator(np.array([HARD, MILD]))
     for row, theta in enumerate((HARD, MILD)):
-        result = runner.run(CUT_IN, parameters={"Ego_Speed_mps": "30", **SPACE.values(theta)}, timestep=0.1)
+        parameters = {"Ego_Speed_mps": "30", **SPACE.values(theta)}
+        result = runner.run(CUT_IN, parameters=parameters, timestep=0.1, end_after_collision=False)
         assert result.criticality is not None
         assert found.collision[row] == (not result.verdict.passed)
         assert found.r_risk[row] == result.criticality.risk("ad-rss")

@@ -8,20 +8,19 @@ import numpy as np
 
 from generation.density.gate import Gate, Share
 from generation.estimation.estimate import Estimate
-from generation.estimation.probability import Probability
-from generation.estimation.rates import Driving
+from generation.estimation.probability import Driving, Probability
 from generation.logical.library import SCENARIOS
-from generation.outcomes.cases import Cases
-from generation.outcomes.evaluator import Evaluator
-from generation.outcomes.outcomes import Episodes
-from generation.outcomes.references import REFERENCES
-from generation.pipeline import Generated, SearchSettings, evidence
+from generation.outcomes.judges import REFERENCES, Cases
+from generation.outcomes.outcomes import Episodes, Evaluator
+from generation.pipeline import Generated, evidence, summary, summary_file
 from generation.recorded import Recorded, of_recordings, of_samples
 from generation.search.problem import History
 from generation.search.space import Space
+from generation.settings import SearchSettings
 from generation.variations import Writer, Written
 from recognition.maneuvers.units import Exposure
 from runner.settings import RunSettings
+from schemas.storage import write_object
 from xodr.array_types import FloatArray
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -69,5 +68,6 @@ def written(generated: Generated, sut: str, folder: Path) -> Path:
     """The files of such a search."""
     writer = Writer(CUT_IN, SPACE, folder)
     writer.cases(generated.cases, evidence(settings(sut)))
+    write_object(summary(CUT_IN, generated, settings(sut)), folder / summary_file(CUT_IN))
     Written(folder, CUT_IN.stem).note()
     return folder

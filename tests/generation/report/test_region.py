@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from generation.density.roles import Role, roles_of
-from generation.report.measures import Measure, measures, unit_of
-from generation.report.region import Region, region
+from generation.report.counterexamples import Measure, Region, measures, region, unit_of
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 

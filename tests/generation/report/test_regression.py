@@ -26,16 +26,34 @@ def test_failures_are_fixed_or_still_there(before: Before) -> None:
     assert (before.sut, len(before.values)) == (OLD, 2)
     found = regression(before, CUT_IN, Tried.of(searched(NEW, np.array([HARD]))), settings(NEW))
     assert list(found.fates) == [Fate.STILL_THERE, Fate.FIXED]
-    assert not found.new.any(), "the failure that was known is not new"
+    assert list(found.found) == [None], "the failure that was known is not new"
     assert found.counts.fails(Fate.STILL_THERE) and not found.counts.fails(Fate.NEW)
     assert str(found).endswith(": 1 fixed, 1 still-there, 0 new")
 
 
-def test_what_is_unlike_all_of_before_is_new(before: Before) -> None:
-    other = [60.0, 12.0, 1.0, 12.0, 3.0, 12.0, 8.0, 38.0]
-    found = regression(before, CUT_IN, Tried.of(searched(OLD, np.array([other]))), settings(NEW))
-    assert found.new.tolist() == [True]
+OTHER = [60.0, 12.0, 1.0, 12.0, 3.0, 12.0, 8.0, 38.0]
+"""A failure of the weak system that is unlike the two that its search found"""
+
+
+def test_a_failure_that_the_former_version_has_too_is_not_new(before: Before) -> None:
+    found = regression(before, CUT_IN, Tried.of(searched(OLD, np.array([OTHER]))), settings(OLD))
+    assert list(found.found) == [Fate.MISSED]
+    assert not found.counts.fails(Fate.NEW)
+    assert str(found).endswith("0 new, 1 missed-before")
+
+
+def test_a_failure_that_the_former_version_survives_is_new(tmp_path: Path) -> None:
+    strong = Before.of(written(searched(NEW, np.array([HARD, EASY])), NEW, tmp_path), CUT_IN)
+    found = regression(strong, CUT_IN, Tried.of(searched(OLD, np.array([WEAK]))), settings(OLD))
+    assert list(found.found) == [Fate.NEW]
     assert found.counts.fails(Fate.NEW)
+
+
+def test_without_the_former_version_a_failure_is_unlike_and_no_alarm(before: Before) -> None:
+    changed = Before(before.folder, before.sut, before.values, system="another code")
+    found = regression(changed, CUT_IN, Tried.of(searched(OLD, np.array([OTHER]))), settings(NEW))
+    assert list(found.found) == [Fate.UNLIKE]
+    assert not found.counts.fails(Fate.NEW)
 
 
 def test_a_failure_that_is_survived_is_not_fixed_where_its_neighbour_fails(before: Before) -> None:

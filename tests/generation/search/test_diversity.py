@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from generation.search.diversity import apart, diverse
+from generation.search.space import apart, diverse
 
 
 @settings(max_examples=50)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.outcomes.outcomes import Outcomes
-from generation.search.nearness import nearness
-from generation.search.surrogate import Surrogate
+from generation.search.screen import Surrogate, nearness
 
 
 def test_points_near_failures_come_first() -> None:

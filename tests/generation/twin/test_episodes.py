@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.outcomes.evaluator import Evaluator
-from generation.outcomes.references import REFERENCES
+from generation.outcomes.judges import REFERENCES
+from generation.outcomes.outcomes import Evaluator
 from generation.search.space import Space
 from generation.twin.episodes import Twin
 from runner.settings import RunSettings

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from generation.twin.profile import plan, speeds
+from generation.twin.motion import plan, speeds
 from runner.actions.speed_profile import Entry
 from runner.actions.speed_profile import plan as planned
 from runner.motion.dynamics import EPSILON, tighter

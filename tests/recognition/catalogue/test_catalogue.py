@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from functools import partial
 from pathlib import Path
 from shutil import copytree
@@ -14,14 +15,12 @@ import pytest
 
 import runner
 import xosc
-from recognition.catalogue import pipeline, stages
+from recognition.catalogue import index, pipeline
+from recognition.catalogue.cut import SceneCutter, Scope
+from recognition.catalogue.detect import EgoRequirements, passage, vehicles
 from recognition.catalogue.pipeline import ByRules, Summary
-from recognition.catalogue.scenes.scenes import SceneCutter, Scope
-from recognition.catalogue.stages import CatalogueSettings
-from recognition.catalogue.usable import Usable, passage, vehicles
-from recognition.catalogue.writing import index
-from recognition.catalogue.writing.annotation import measures
-from recognition.catalogue.writing.chapter import CatalogueConfig
+from recognition.catalogue.recordings import VEHICLES, CatalogueSettings
+from recognition.catalogue.write import CatalogueConfig, criticality_of
 from recognition.datasets import open as open_recordings
 from runner.recording import Recording
 from schemas import check_many
@@ -76,6 +75,12 @@ def test_each_class_has_its_folder_with_catalogues_that_its_scenarios_refer_to(m
         assert xosc.resolve(xosc.load(path)).node.need("Entities").find("ScenarioObject"), "its references are resolved"
 
 
+def test_catalogues_have_the_names_of_their_files(made: Path) -> None:
+    files = list(made.rglob("catalogs/**/*.xosc"))
+    assert len(files) > 3
+    assert [re.findall('<Catalog name="(.*?)"', path.read_text()) for path in files] == [[path.stem] for path in files]
+
+
 def test_scenarios_run_and_cut_in(made: Path) -> None:
     row = next(row for row in rows(made) if row["class"] == "highway cut in" and row["vehicle"] == motorway.EGO)
     for name in (row["file"], row["maneuver"]):
@@ -98,6 +103,19 @@ def test_the_index_tells_the_same_in_all_its_formats(made: Path) -> None:
     assert all((made / row[name]).is_file() for row in told for name in ("file", "openlabel", "road"))
     assert all((row["maneuver"] is None) == bool(row["no_maneuver"]) for row in told)
     assert all((made / row["maneuver"]).is_file() for row in told if row["maneuver"])
+
+
+def test_the_index_says_why_and_measures_the_pair_within_the_event(made: Path) -> None:
+    told = rows(made)
+    assert {row["trust"] for row in told} == {"rules alone"}
+    (cut_in,) = [row for row in told if row["class"] == "highway cut in"][:1]
+    assert re.search(
+        r"becomes the lead within 80 m; gap [\d.]+.*; ego on road .*; partner from road .* lane .* to road", cut_in["why"]
+    )
+    assert (cut_in["road_kind"], cut_in["partial"], cut_in["pair_touches"]) == ("main", False, False)
+    assert cut_in["gap"] == pytest.approx(cut_in["tags"]["gap"], abs=0.5)
+    assert cut_in["closing_speed"] == pytest.approx(cut_in["ego_speed"] - cut_in["partner_speed"], abs=0.1)
+    assert cut_in["pair_ttc"] is None or cut_in["pair_ttc"] >= cut_in["min_ttc"] - 0.002
 
 
 def test_tags_are_openlabel_beside_the_scenario_and_properties_in_it(made: Path) -> None:
@@ -154,7 +172,7 @@ def test_a_persons_own_file_is_not_overwritten(recordings: Path, made: Path, tmp
 def test_files_that_are_no_longer_part_of_it_go_unless_edited(recordings: Path, catalogue: Path) -> None:
     kept, *others = [row["file"] for row in rows(catalogue)]
     (catalogue / kept).write_text("mine")
-    summary = build(recordings, catalogue, scenes=stages.VEHICLES)
+    summary = build(recordings, catalogue, scenes=VEHICLES)
     assert kept in summary.edited and set(others) <= set(summary.removed)
     assert (catalogue / kept).read_text() == "mine" and not any((catalogue / name).exists() for name in others)
     assert {path.parent.name for path in catalogue.glob("*/*.xosc")} == {"vehicles", Path(kept).parent.name}
@@ -205,7 +223,7 @@ def test_recordings_of_one_name_are_refused(recordings: Path, tmp_path: Path) ->
 
 
 def test_every_usable_vehicle_has_a_scene_and_the_others_a_reason(recordings: Path, tmp_path: Path) -> None:
-    summary = build(recordings, tmp_path, scenes=stages.VEHICLES)
+    summary = build(recordings, tmp_path, scenes=VEHICLES)
     told = rows(tmp_path)
     assert {row["vehicle"] for row in told} == {"1", "2", "3", "4", "5", "6"}
     assert [(each["what"], each["reason"]) for each in summary.exclusions] == [("7", "moves within 2.0 m only")]
@@ -222,7 +240,7 @@ def test_a_scene_that_begins_with_a_contact_is_reported(tmp_path: Path) -> None:
     ]
     recording = driven(tmp_path, all=rows_of_all)
     cutter = SceneCutter(recording, Scope())
-    found = {name: measures(cutter.cut(name, 0.0, 9.0))["collision_time"] for name in recording.tracks}
+    found = {name: criticality_of(cutter.cut(name, 0.0, 9.0))["collision_time"] for name in recording.tracks}
     assert found == {"1": 0.0, "2": 0.0, "3": None}
 
 
@@ -250,7 +268,7 @@ def test_reasons_against_a_vehicle(recordings: Path) -> None:
     (source,) = open_recordings(recordings).sources
     recording = source.load()
     assert recording.network is not None
-    strict = Usable(duration=5.0, extent=200.0, gap=0.03, speed=25.0, on_road=1.1)
+    strict = EgoRequirements(duration=5.0, extent=200.0, gap=0.03, speed=25.0, on_road=1.1)
     names, exclusions = vehicles(recording, recording.network, strict)
     reasons = {each.what: each.reason for each in exclusions}
     assert names == []

@@ -11,17 +11,16 @@ import pytest
 from safetensors import numpy as safetensors
 
 from recognition import datasets
-from recognition.catalogue.recognisers.findings import DISCOVERED, KNOWN, RULES, UNKNOWN, Moment, joined
-from recognition.catalogue.recognisers.model import ByModel, title_of
-from recognition.catalogue.recognisers.trust import objection, unseen_sites
+from recognition.catalogue.detect import DISCOVERED, KNOWN, RULES, UNKNOWN, Moment, joined
+from recognition.catalogue.model import ByModel, objection, title_of, unseen_sites
 from recognition.encoder.config import Architecture
-from recognition.encoder.grids import GridEncoder
+from recognition.encoder.model import GridEncoder
 from recognition.grids import Grid
 from recognition.labels import Event, Label
 from recognition.sites import site_at
+from recognition.trfe.candidates import Buffer
 from recognition.trfe.config import Config
-from recognition.trfe.discovery.buffer import Buffer
-from recognition.trfe.discovery.discovery import FIRST_DISCOVERED
+from recognition.trfe.known import FIRST_DISCOVERED
 from recognition.trfe.storage import load
 from recognition.trfe.trfe import TRFE
 from runner.recording import Recording
@@ -98,7 +97,7 @@ class Oracle:
         self.buffer.remove(found.labels > 0)
 
 
-def look(folder: Path, oracle: Oracle, *, sorts: bool = True) -> ByModel:
+def look(folder: Path, oracle: Oracle, *, sorts: bool = True, discover: bool = True) -> ByModel:
     """A motorway seen through an oracle, with a vehicle parked on it."""
     (source,) = datasets.open(motorway.write_motorway(folder), roads=folder).sources
     recording = source.load()
@@ -108,7 +107,7 @@ def look(folder: Path, oracle: Oracle, *, sorts: bool = True) -> ByModel:
         Event("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
         Event("01", "1", 0.1, Label.CUT_OUT, None, {}),
     ]
-    recogniser = ByModel(oracle, sorts=sorts, stride=1.0)
+    recogniser = ByModel(oracle, sorts=sorts, discover=discover, stride=1.0)
     shares: list[float] = []
     recogniser.look("01", recording, site_at(Path(recording.network.path)), events, shares.append)
     assert sum(shares) == pytest.approx(1.0)
@@ -150,6 +149,14 @@ def test_rules_sort_their_events_and_leave_the_rest_to_the_model_where_it_is_unk
     rest = [each for each in moments if not each.rule]
     assert {each.state for each in rest} == {UNKNOWN, DISCOVERED} and {each.labels_agree for each in rest} == {None}
     assert recogniser.sorted_by == RULES
+    assert event.trust == "differ" and {each.trust for each in rest} == {"model alone"}
+
+
+@pytest.mark.parametrize("sorts", [True, False])
+def test_unknown_and_discovered_moments_are_given_on_request_only(tmp_path: Path, sorts: bool) -> None:
+    moments = look(tmp_path, Oracle(), sorts=sorts, discover=False).moments("01")
+    assert {each.state for each in moments} <= {KNOWN}
+    assert [each.rule for each in moments if each.rule] == [Label.CUT_IN]
 
 
 def stating(folder: Path, unseen: object) -> Path:

@@ -13,7 +13,7 @@ import pytest
 import xosc
 from recognition.catalogue.labelling import Labelled, label_runs
 from recognition.catalogue.pipeline import ByRules
-from recognition.catalogue.stages import CatalogueSettings
+from recognition.catalogue.recordings import CatalogueSettings
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
 from runner.settings import RunSettings

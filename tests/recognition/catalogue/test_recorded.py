@@ -10,17 +10,17 @@ from pathlib import Path
 import pytest
 
 from recognition import datasets
-from recognition.catalogue import pipeline, stages
+from recognition.catalogue import pipeline, recordings
 from recognition.catalogue.pipeline import ByRules, Summary
-from recognition.catalogue.stages import CatalogueSettings
+from recognition.catalogue.recordings import CatalogueSettings
 from recognition.labels import Rules
-from recognition.study import fidelity
 from schemas import check_many
 from schemas.commands.files import expand
 from schemas.commands.options import progress_bar
+from studies.recognition import fidelity
 
 TRACKS = "taf_bw/recorded_trackfiles"
-SETTINGS = CatalogueSettings(scenes=stages.VEHICLES, rules=Rules(signalised=True))
+SETTINGS = CatalogueSettings(scenes=recordings.VEHICLES, rules=Rules(signalised=True))
 
 
 def build(path: Path, out: Path) -> Summary:
@@ -31,7 +31,8 @@ def test_scenes_of_real_vehicles_are_sound_and_repeat_the_recording(recordings: 
     path = recordings / TRACKS / "k729_2022-03-16" / "vehicle_tracks_004.csv"
     summary = build(path, tmp_path)
     assert summary.passages.total() == 17
-    assert [problem for _, problems in check_many(expand([str(tmp_path)])) for problem in problems] == []
+    rules = {problem.rule.rpartition(".")[2] for _, problems in check_many(expand([str(tmp_path)])) for problem in problems}
+    assert rules <= {"avoid_redundant_info"}, "a warning about roads of converted maps"
     runs = dict(fidelity.of_catalogue(tmp_path, datasets.open(path).sources, SETTINGS.config.scope, "kinematic"))
     assert len(runs) == 17
     everyone = [each for run in runs.values() for each in run.deviations]

@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 
 import xosc
 from recognition import datasets
-from recognition.catalogue.scenes import replay
-from recognition.catalogue.scenes.entities import entry
-from recognition.catalogue.scenes.scenes import Scene, SceneCutter, Scope
-from recognition.catalogue.scenes.vertices import needed
-from recognition.study.fidelity import replayed
+from recognition.catalogue import replay
+from recognition.catalogue.cut import Scene, SceneCutter, Scope, needed
+from recognition.catalogue.replay import entry
 from runner.recording import Recording
 from schemas import check
+from studies.recognition.fidelity import replayed
 from tests.recognition import motorway
 from xosc import maneuvers
 from xosc.versions import Version

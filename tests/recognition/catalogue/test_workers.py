@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from recognition.catalogue.beside import Workers
-from recognition.catalogue.pipeline import ByRules, Summary, build
-from recognition.catalogue.stages import CatalogueSettings, opened
+from recognition.catalogue.pipeline import ByRules, Summary, Workers, build
+from recognition.catalogue.recordings import CatalogueSettings, opened
 from recognition.datasets import Source
 from schemas.commands.options import progress_bar
 from schemas.errors import InvalidFile

@@ -286,6 +286,7 @@ def test_fault_in_an_archive_names_the_file_in_it_and_the_line(tmp_path: Path) -
         ("<point><x>0.0</x><y>0.0</y></point>", RECTANGLE, Unsupported, "3: position: an uncertain position"),
         (RECTANGLE, "<star/>", Unsupported, "3: star: this shape"),
         ('timeStepSize="0.1"', 'timeStepSize="0"', InvalidFile, "2: commonRoad: timeStepSize 0 s is no time step"),
+        ('timeStepSize="0.1"', 'timeStepSize="1e-320"', InvalidFile, "time: frames are .* s apart, at least 0.0001 s"),
         ('timeStepSize="0.1"', "", InvalidFile, "2: commonRoad: '' is no measured value"),
         ("2018b", "2017a", Unsupported, "2: commonRoad: version '2017a' is none of 2018b, 2020a"),
         ("</commonRoad>", "", InvalidFile, "not well-formed XML"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from recognition import datasets
+from recognition.datasets import motion_models
 from recognition.sites import site_of
 from schemas.errors import InvalidFile, UsageError
 from tests.recognition.traffic import ind_rows, interaction_rows, read, write_csv, write_ind
@@ -42,6 +43,15 @@ def test_time_counts_from_frame_0(tmp_path: Path) -> None:
 def test_classes_of_all_the_data_sets_are_known(tmp_path: Path, kind: str, category: str, length: float) -> None:
     track = read(write_ind(tmp_path, CAR, {1: kind}))[0].tracks["1"]
     assert (track.category, track.box.length) == (category, length)
+
+
+def test_tracks_without_a_smooth_motion_are_named_with_their_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def solve(*_: object, **__: object) -> None:
+        raise np.linalg.LinAlgError("27th leading minor not positive definite")
+
+    monkeypatch.setattr(motion_models, "solveh_banded", solve)
+    with pytest.raises(InvalidFile, match=r"00_tracks\.csv: the tracks 1 to 1 have no smooth motion: a step is 0\.1 s"):
+        read(write_ind(tmp_path, CAR))
 
 
 @pytest.mark.parametrize("size", [0.0, None])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from recognition import datasets
-from recognition.datasets.smoothing.limits import LIMITS
+from recognition.datasets.observations import LIMITS
 from runner.recording import Recording
 from tests.recognition.traffic import interaction_rows, read, write_csv
 from xodr.array_types import FloatArray

@@ -11,20 +11,15 @@ import numpy as np
 import pytest
 import torch
 
-from recognition.encoder.augmentation import augmented
 from recognition.encoder.config import PRESETS, Architecture, Preset, Schedule, preset
-from recognition.encoder.finetuning import finetune
-from recognition.encoder.grids import GridEncoder
-from recognition.encoder.inference import features, logits
-from recognition.encoder.model import Encoder
-from recognition.encoder.pretraining import FrameOrder, pretrain
-from recognition.encoder.storage import load, save
-from recognition.encoder.training import deterministic
+from recognition.encoder.model import Encoder, GridEncoder, augmented
+from recognition.encoder.storage import features, load, logits, save
+from recognition.encoder.training import FrameOrder, deterministic, finetune, pretrain
 from recognition.grids import Grid
-from recognition.study.experiments.probe import probe, speed_code
-from recognition.study.protocol.presets import RowTokens
 from recognition.training.windows import Windows
 from schemas.errors import InvalidFile, UsageError
+from studies.recognition.experiments.probe import probe, speed_code
+from studies.recognition.protocol.presets import RowTokens
 
 GRID = Grid(24.0, 12.0, 2.0, 1.0, channels=("others", "ego"))
 TINY = Architecture(dim=16, depth=1, heads=2, patch=(4, 4, 4))

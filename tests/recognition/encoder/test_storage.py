@@ -12,7 +12,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from recognition.encoder.config import Architecture
-from recognition.encoder.kinds import untrained
+from recognition.encoder.model import untrained
 from recognition.encoder.storage import load, save
 from recognition.grids import Grid
 from schemas.errors import InvalidFile

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from recognition.labels import Label, Rules
+from recognition.labels.scene import prepare
 from recognition.sites import Site
+from recognition.sites.lanes import NOWHERE
+from runner.recording import Recording
 from tests.recognition.driving import STEP, ahead, labels, of, sideways, site, track
 from xodr.builders import straight_highway
 
@@ -239,3 +242,20 @@ def test_who_leaves_the_lane_far_ahead_does_not_cut_out(motorway: Site) -> None:
 def test_somebody_further_ahead_who_leaves_is_not_the_lead(motorway: Site) -> None:
     between = track("between", ahead(115, 30, SECONDS), MIDDLE)
     assert Label.CUT_OUT not in of(labels(motorway, *leaving(), between), "ego")
+
+
+def test_rows_beside_the_road_or_beyond_its_end_are_no_place(motorway: Site) -> None:
+    far, off = track("far", ahead(9_000, 30, 6), MIDDLE), track("off", ahead(0, 30, 6), -40.0)
+    assert labels(motorway, far) == labels(motorway, off) == []
+    scene = prepare(Recording([far, off], STEP, None), motorway, Rules())
+    assert (scene.strip == NOWHERE).all()
+
+
+@pytest.mark.parametrize(("aside", "lead"), [(1.2, False), (0.0, True)])
+def test_a_still_vehicle_is_a_lead_in_the_middle_of_a_lane_and_parked_beside_it(motorway: Site, aside: float, lead: bool) -> None:
+    ego = track("ego", ahead(0, 10, 6), MIDDLE)
+    jitter = 150.0 + 0.3 * (-1.0) ** np.arange(61)
+    still = track("still", jitter, np.full(61, MIDDLE + aside), heading=0.0)
+    scene = prepare(Recording([ego, still], STEP, None), motorway, Rules())
+    assert scene.egos.tolist() == [True, False]
+    assert bool((scene.leads.row[scene.track == 0] >= 0).any()) is lead

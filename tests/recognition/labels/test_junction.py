@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from recognition.labels import Event, Label, Rules
-from recognition.labels.scene.passages import passages
-from recognition.labels.scene.scene import prepare
+from recognition.labels.changes import passages
+from recognition.labels.scene import prepare
 from recognition.sites import Site
 from runner.recording import Recording, Track
 from tests.recognition.driving import STEP, labels, of, route, site, track

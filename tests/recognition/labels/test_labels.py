@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import recognition.labels.hits as hits
+import recognition.labels.scene as hits
 from recognition.labels import Event, Label, Rules, counts, label
-from recognition.labels.hits import Hits, alone
-from recognition.labels.scene.scene import prepare
+from recognition.labels.scene import Hits, alone, prepare
 from recognition.sites import Site
 from runner.recording import Recording
 from tests.recognition.driving import STEP, ahead, labels, of, route, sideways, site, track

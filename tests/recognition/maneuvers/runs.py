@@ -6,8 +6,8 @@ from pathlib import Path
 
 import runner
 from generation.logical.library import ROADS, SCENARIOS
-from recognition.labels.rules import Rules
-from recognition.labels.scene.scene import prepare
+from recognition.labels.classes import Rules
+from recognition.labels.scene import prepare
 from recognition.maneuvers.estimation import LaneMotion, lane_motion
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
 from recognition.sites import site_at

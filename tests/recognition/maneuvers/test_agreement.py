@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 
 import xosc
+from recognition.catalogue.cut import Scope
+from recognition.catalogue.detect import Moment
+from recognition.catalogue.index import rows_of
 from recognition.catalogue.pipeline import ByRules, build
-from recognition.catalogue.recognisers.findings import Moment
-from recognition.catalogue.scenes.scenes import Scope
-from recognition.catalogue.stages import CatalogueSettings
-from recognition.catalogue.writing.chapter import CatalogueConfig
-from recognition.catalogue.writing.index import rows_of
+from recognition.catalogue.recordings import CatalogueSettings
+from recognition.catalogue.write import CatalogueConfig
 from recognition.labels.classes import Label
-from recognition.maneuvers.parameters import PARAMETERS
-from recognition.maneuvers.units import CUT_IN, CUT_OUT, LANE_CHANGE, Samples, extract
+from recognition.maneuvers.parameters import CUT_IN, CUT_OUT, LANE_CHANGE, PARAMETERS
+from recognition.maneuvers.units import Samples, extract
 from schemas.commands.options import progress_bar
 from tests.recognition.motorway import write_motorway
 

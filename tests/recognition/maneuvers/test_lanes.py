@@ -12,12 +12,13 @@ import pytest
 import runner
 import xosc
 from recognition import datasets
-from recognition.catalogue.scenes.entities import entry
+from recognition.catalogue.replay import entry
 from recognition.labels.classes import Label
-from recognition.maneuvers.estimation.speeds import distance_model
-from recognition.maneuvers.events import Maneuver, Maneuvers, Span
-from recognition.maneuvers.scenario import document as variation
-from recognition.maneuvers.scenario.start import paths
+from recognition.maneuvers import storyboard
+from recognition.maneuvers.estimation import distance_model
+from recognition.maneuvers.events import Maneuvers
+from recognition.maneuvers.maneuver import Maneuver, Span
+from recognition.maneuvers.storyboard import paths
 from recognition.sites import site_at
 from runner.measures.relations import Motion, relations
 from runner.recording import Recording, Track
@@ -47,8 +48,8 @@ def write(folder: Path, recording: Recording, found: Maneuver, version: tuple[in
     vehicles = {each.name: each.built for each in (entry(track) for track in (found.ego, found.other) if track is not None)}
     catalogs = {
         "Vehicle": list(vehicles.values()),
-        "Maneuver": variation.catalogue_entries(found),
-        "Controller": [variation.CONTROLLER],
+        "Maneuver": storyboard.catalogue_entries(found),
+        "Controller": [storyboard.CONTROLLER],
     }
     for kind, entries in catalogs.items():
         path = folder / kind / "catalog.xosc"
@@ -56,8 +57,8 @@ def write(folder: Path, recording: Recording, found: Maneuver, version: tuple[in
         xosc.write(maneuvers.catalog(path, HEADER, f"{kind}Catalog", entries), path)
     (folder / "road.xodr").write_bytes(Path(recording.network.path).read_bytes())
     followed = paths(found, recording.network, "route", "Other")
-    stage = variation.Stage(folder / "scenario.xosc", "road.xodr", {kind: kind for kind in catalogs})
-    document = variation.scenario(stage, HEADER, found, recording.network, "Other", followed, version)
+    stage = storyboard.Stage(folder / "scenario.xosc", "road.xodr", {kind: kind for kind in catalogs})
+    document = storyboard.scenario(stage, HEADER, found, recording.network, "Other", followed, version)
     xosc.write(document, stage.path)
     return stage.path
 

@@ -10,14 +10,15 @@ import pytest
 
 import runner
 import xosc
-from recognition.catalogue.scenes.entities import entry
-from recognition.catalogue.scenes.scenes import EGO
+from recognition.catalogue.cut import EGO
+from recognition.catalogue.replay import entry
 from recognition.labels.classes import Label
-from recognition.maneuvers.events import Maneuver, Maneuvers, Span
-from recognition.maneuvers.scenario import document as variation
-from recognition.maneuvers.scenario.start import paths
+from recognition.maneuvers import storyboard
+from recognition.maneuvers.events import Maneuvers
+from recognition.maneuvers.maneuver import Maneuver, Span
+from recognition.maneuvers.storyboard import paths
 from recognition.sites import Site
-from recognition.sites.placing import place
+from recognition.sites.lanes import place
 from runner.recording import Recording, Track
 from schemas import check
 from schemas.errors import Unsupported
@@ -59,8 +60,8 @@ def write(folder: Path, crossing: Site, found: Maneuver, version: tuple[int, int
     vehicles = {each.name: each.built for each in (entry(track) for track in (found.ego, found.other) if track is not None)}
     catalogs = {
         "Vehicle": list(vehicles.values()),
-        "Maneuver": variation.catalogue_entries(found),
-        "Controller": [variation.CONTROLLER],
+        "Maneuver": storyboard.catalogue_entries(found),
+        "Controller": [storyboard.CONTROLLER],
         "Trajectory": list(followed.trajectories.values()),
     }
     for kind, entries in catalogs.items():
@@ -68,8 +69,8 @@ def write(folder: Path, crossing: Site, found: Maneuver, version: tuple[int, int
         path.parent.mkdir()
         xosc.write(maneuvers.catalog(path, HEADER, f"{kind}Catalog", entries, version), path)
     (folder / "road.xodr").write_bytes(crossing.path.read_bytes())
-    stage = variation.Stage(folder / "scenario.xosc", "road.xodr", {kind: kind for kind in catalogs})
-    xosc.write(variation.scenario(stage, HEADER, found, crossing.network, "Other", followed, version), stage.path)
+    stage = storyboard.Stage(folder / "scenario.xosc", "road.xodr", {kind: kind for kind in catalogs})
+    xosc.write(storyboard.scenario(stage, HEADER, found, crossing.network, "Other", followed, version), stage.path)
     return stage.path
 
 

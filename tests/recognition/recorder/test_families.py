@@ -9,9 +9,8 @@ import pytest
 
 from recognition.datasets import open as open_data_set
 from recognition.recorder import record
-from recognition.recorder.families import KINDS, family
-from recognition.recorder.motion import VehicleMotion
-from recognition.recorder.sensor import EXACT, Sensor
+from recognition.recorder.simulation import EXACT, Sensor, VehicleMotion
+from recognition.recorder.sites import KINDS, family
 from schemas import check
 
 

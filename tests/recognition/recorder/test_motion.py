@@ -8,10 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import affinity, box
 
-from recognition.recorder.formats.neighbours import ABSENT, Traffic
-from recognition.recorder.motion import VehicleMotion, motion
-from recognition.recorder.overlaps import overlaps
-from recognition.recorder.simulation import STEPS, Fronts
+from recognition.recorder.formats import ABSENT, Traffic
+from recognition.recorder.simulation import STEPS, Fronts, VehicleMotion, motion, overlaps
 
 LENGTH = 5.0
 

@@ -11,10 +11,11 @@ import typer
 from shapely import Polygon
 from typer.testing import CliRunner
 
+from recognition import cli
 from recognition.datasets import Source
 from recognition.datasets import open as open_data_set
-from recognition.datasets.tables.table import read_table
-from recognition.recorder import SITES, command, record
+from recognition.datasets.table import read_table
+from recognition.recorder import SITES, record
 from recognition.sites import site_of
 from runner.recording import Recording, Track
 from schemas import check
@@ -215,7 +216,7 @@ def test_folders_with_recordings_are_left_alone(recorded: Path) -> None:
 
 def test_the_command_records_and_says_what(tmp_path: Path) -> None:
     app = typer.Typer()
-    app.command()(command.record)
+    app.command()(cli.record)
     result = CliRunner().invoke(app, [str(tmp_path), "--scale", str(LEAST), "--site", "roundabout", "--jobs", "2"])
     assert result.exit_code == 0
     assert result.stdout == f"3 recordings in {tmp_path}\n"

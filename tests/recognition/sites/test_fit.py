@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import recognition.datasets as datasets
-from recognition.sites import site_of
-from recognition.sites.fit import share_astray, share_on_road
+from recognition.sites import share_astray, share_on_road, site_of
 from runner.recording import Recording
 from schemas.errors import InvalidFile
 from tests.recognition.driving import STEP, ahead, site, track

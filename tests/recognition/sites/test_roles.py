@@ -19,7 +19,7 @@ from schemas.errors import InvalidFile
 from tests.recognition.driving import site
 from xodr import builders
 from xodr.builders import RoadMap
-from xodr.builders.curves import Pose, line
+from xodr.builders.curves import Pose, arc, line
 from xodr.builders.elements import Connection, Cubic, Junction, Lane, Link, Road, Section
 
 
@@ -212,3 +212,37 @@ def test_a_folder_for_reading_only_is_no_obstacle(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr("recognition.sites.roles.keep", refuse)
     place = site(builders.on_ramp(), tmp_path)
     assert place.roles.entries and not roles_file(place).exists()
+
+
+def block(straight: float, radius: float) -> RoadMap:
+    """A one-way street about a block, with rounded corners, and a street that leads in and one that leads out at two corners."""
+    linked = {-1: Lane("driving", (Cubic(0.0, 3.5),), predecessor=-1, successor=-1)}
+    side = straight + 2.0 * radius
+    corners = [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)]
+    roads = []
+    for number, (x, y) in enumerate(corners):
+        h = number * math.pi / 2
+        begin = Pose(x + radius * math.cos(h), y + radius * math.sin(h), h)
+        parts = (line(straight), arc(radius * math.pi / 2, 1.0 / radius))
+        ends = {"predecessor": Link("junction", 20 + (number - 1) % 4), "successor": Link("junction", 20 + number)}
+        roads.append(Road(number + 1, f"side {number}", begin, parts, (Section(0.0, linked),), "town", 13.0, **ends))
+    junctions = []
+    for number, road in enumerate(roads[:4]):
+        after = roads[(number + 1) % 4]
+        link = Link("junction", 20 + number)
+        way, h = after.start, (number + 1) * math.pi / 2
+        back = Pose(way.x - 30.0 * math.cos(h), way.y - 30.0 * math.sin(h), h)
+        into = Road(10 + number, "in", back, (line(30.0),), (Section(0.0, linked),), "town", 13.0, successor=link)
+        out = Road(15 + number, "out", way, (line(30.0),), (Section(0.0, linked),), "town", 13.0, predecessor=link)
+        roads += [into, out] if number % 2 else []
+        links = [Connection(road.id, after.id, ((-1, -1),))]
+        if number % 2:
+            links += [Connection(into.id, after.id, ((-1, -1),)), Connection(road.id, out.id, ((-1, -1),))]
+        junctions.append(Junction(20 + number, f"corner {number}", tuple(links), direct=True))
+    return RoadMap("block", tuple(roads), tuple(junctions))
+
+
+@pytest.mark.parametrize(("straight", "radius", "ring"), [(1.0, 12.0, True), (30.0, 8.0, False)])
+def test_a_block_with_rounded_corners_is_no_roundabout(tmp_path: Path, straight: float, radius: float, ring: bool) -> None:
+    found = roles_of(block(straight, radius), tmp_path)
+    assert [Role.RING in found[str(number), -1] for number in range(1, 5)] == [ring] * 4

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recognition.tokens.changes import CHANGES, changes
-from recognition.tokens.config import FEATURES, Tokens
+from recognition.tokens import CHANGES, FEATURES, Tokens, changes
 
 WINDOW = Tokens()
 

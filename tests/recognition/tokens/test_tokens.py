@@ -9,14 +9,11 @@ import pytest
 import torch
 
 from recognition.encoder.config import TokenArchitecture
-from recognition.encoder.tokens import TokenEncoder
+from recognition.encoder.model import TokenEncoder
 from recognition.labels import Rules
 from recognition.sites import Site
-from recognition.tokens.config import FEATURES, SCALES, Tokens
-from recognition.tokens.features import tokenise
-from recognition.tokens.ways import relations
-from recognition.training.moments import events_and_background
-from recognition.training.views import visible
+from recognition.tokens import FEATURES, SCALES, Tokens, relations, tokenise
+from recognition.training.windows import events_and_background, visible
 from recognition.trfe.samples import BACKGROUND
 from runner.recording import Recording
 from schemas.errors import UsageError

@@ -7,8 +7,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from recognition.tokens.config import Tokens
-from recognition.training.agreement import SiteWindows, accept, agreement, table
+from recognition.tokens import Tokens
+from recognition.training.card import SiteWindows, accept, agreement, table
 from recognition.training.windows import Windows
 from recognition.trfe.samples import BACKGROUND, UNKNOWN
 from recognition.trfe.trfe import TRFE

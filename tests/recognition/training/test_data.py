@@ -9,9 +9,9 @@ import pytest
 
 from recognition.grids import Grid
 from recognition.labels import Label
-from recognition.study.protocol.pixels import pixel_features
 from recognition.training.data import fingerprint, source_of, windows_at
 from schemas.errors import InvalidFile, UsageError
+from studies.recognition.protocol.pixels import pixel_features
 from tests.recognition.traffic import Car, write_highd
 
 GRID = Grid(length=20.0, width=8.0, channels=("others", "speed"))

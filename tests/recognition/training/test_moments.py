@@ -6,7 +6,7 @@ import pytest
 
 from recognition.labels import Rules, passing
 from recognition.sites import Site
-from recognition.training.moments import events_and_background
+from recognition.training.windows import events_and_background
 from recognition.trfe.samples import BACKGROUND
 from runner.recording import Recording
 from tests.recognition.driving import STEP, route, site, track

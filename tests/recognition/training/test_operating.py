@@ -7,8 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from recognition.training.agreement import SiteWindows
-from recognition.training.operating import least_shares
+from recognition.training.card import SiteWindows, least_shares
 from recognition.trfe.samples import BACKGROUND, UNKNOWN
 from recognition.trfe.trfe import TRFE
 from tests.recognition.training.test_agreement import windows

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.study.protocol.rounds import rounds
-from recognition.training.splits import SHARES, Split, Unit, split
+from recognition.training.data import SHARES, Split, Unit, split
 from recognition.training.windows import Windows
 from schemas.errors import UsageError
+from studies.recognition.protocol.rounds import rounds
 
 
 def windows(labels: list[int], recordings: list[str], egos: list[str]) -> Windows:

@@ -45,6 +45,14 @@ def test_windows_are_read_as_they_were_saved_and_their_inputs_only_when_asked_fo
         assert getattr(read, name).dtype.kind == getattr(windows, name).dtype.kind
 
 
+def test_an_archive_in_the_place_of_the_inputs_is_refused(windows, tmp_path):
+    windows.save(tmp_path / "set")
+    with (tmp_path / "set" / "inputs.npy").open("wb") as file:
+        np.savez(file, windows.inputs)
+    with pytest.raises(InvalidFile, match=r"inputs\.npy is an archive, an array is expected"):
+        Windows.load(tmp_path / "set")
+
+
 def test_selection_keeps_all_columns_together(windows):
     for chosen in (windows.labels == 17, [2], slice(2, 3), np.array([2])):
         one = windows.select(chosen)

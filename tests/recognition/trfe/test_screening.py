@@ -10,22 +10,18 @@ import pytest
 from scipy.stats import genpareto, weibull_min
 from sklearn.ensemble import RandomForestClassifier
 
-from recognition.study.recalibrated import Recalibrated
-from recognition.study.screenings.pooled import EvtPooled
-from recognition.study.screenings.reading_a import EvtDeficit
-from recognition.study.screenings.reading_b import WeibullVotes, weibull
-from recognition.study.screenings.vote_threshold import VoteThreshold
-from recognition.study.strategies import grow_plain
-from recognition.trfe.config import Config
-from recognition.trfe.forest.votes import forest, votes
-from recognition.trfe.forest.voting import VotingForest, grow
-from recognition.trfe.known import Labelled, learn
+from recognition.trfe.config import Config, Steps
+from recognition.trfe.forest import VotingForest, forest, grow, votes
+from recognition.trfe.known import Labelled, choose_delta, learn
 from recognition.trfe.samples import Features
-from recognition.trfe.screening import EvtJoint, Screening
-from recognition.trfe.screening.evt import tail
-from recognition.trfe.screening.selection import choose_delta
-from recognition.trfe.steps import Steps
+from recognition.trfe.screening import EvtJoint, Screening, tail
 from schemas.errors import UsageError
+from studies.recognition.recalibrated import Recalibrated
+from studies.recognition.screenings.pooled import EvtPooled
+from studies.recognition.screenings.reading_a import EvtDeficit
+from studies.recognition.screenings.reading_b import WeibullVotes, weibull
+from studies.recognition.screenings.vote_threshold import VoteThreshold
+from studies.recognition.strategies import grow_plain
 from tests.recognition.clouds import clouds
 from xodr.array_types import IntArray
 

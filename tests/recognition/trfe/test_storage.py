@@ -19,15 +19,14 @@ from sklearn.ensemble import RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
 
 from recognition.encoder.config import Architecture
-from recognition.encoder.grids import GridEncoder
+from recognition.encoder.model import GridEncoder
 from recognition.grids import Grid
-from recognition.study.strategies import average_linkage
-from recognition.trfe.config import Config
-from recognition.trfe.discovery.clustering import Clustering
-from recognition.trfe.steps import Steps
+from recognition.trfe.clustering import Clustering
+from recognition.trfe.config import Config, Steps
 from recognition.trfe.storage import load, save
 from recognition.trfe.trfe import TRFE
 from schemas.errors import InvalidFile, UsageError
+from studies.recognition.strategies import average_linkage
 from tests.recognition.clouds import clouds
 
 CONFIG = Config(trees=40, delta=0.03, clustering=Clustering(epochs=5, ramp=5))

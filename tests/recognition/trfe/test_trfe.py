@@ -10,17 +10,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from recognition.study.ablations import VARIANTS
-from recognition.trfe.config import Config
-from recognition.trfe.discovery.buffer import Buffer
-from recognition.trfe.discovery.clustering import Clustering
-from recognition.trfe.discovery.discovery import FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
+from recognition.trfe.candidates import Buffer
+from recognition.trfe.clustering import Clustering
+from recognition.trfe.config import Config, Steps
+from recognition.trfe.known import DELTAS, FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
 from recognition.trfe.samples import BACKGROUND, Features
 from recognition.trfe.screening import EvtJoint
-from recognition.trfe.screening.selection import DELTAS
-from recognition.trfe.steps import Steps
 from recognition.trfe.trfe import TRFE
 from schemas.errors import UsageError
+from studies.recognition.ablations import VARIANTS
 from tests.recognition.clouds import clouds
 from xodr.array_types import IntArray
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,7 @@ import pytest
 from lxml import etree
 
 import xodr
-from runner.criteria.criterion import Contact, Drive, Finding
-from runner.criteria.declared import KINDS, kinds
+from runner.criteria.criterion import Contact, Drive, Finding, kinds
 from runner.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
 
@@ -53,8 +51,7 @@ def ahead(start: float, end: float, y: float = -1.75, step: float = 1.0) -> list
 def judge(name: str, driven: Drive, **parameters: float) -> Finding:
     """What a criterion finds."""
     kind = kinds()[name.casefold()]
-    finding: Finding = import_module(f"{KINDS}.{kind.module}").evaluate(driven, **kind.parameters | parameters)
-    return finding
+    return kind.evaluate(driven, **kind.parameters | parameters)
 
 
 def test_driven_distance() -> None:

@@ -19,16 +19,25 @@ import pytest
 import runner
 from runner.sut import Control
 from runner.sut.bridge import Bridge, control_of
-from runner.sut.scripted import Scripted
+from runner.sut.commanded import Scripted
 from schemas.errors import ToolchainError, UsageError
+from schemas.osi.rules import breaches
+from schemas.osi.traces import Frame
 from tests.commands import Command
 from tests.runner.files import scenario
-from tests.runner.osi_rules import broken
 from xosc.listing import LIBRARY
 
 osi = pytest.importorskip("osi3.osi_groundtruth_pb2")
 CLIENT = Path(__file__).parents[3] / "docs" / "examples" / "bridge_client.py"
 Answer = Callable[[socket.socket, dict[str, Any], Any], None]
+
+
+TOKEN = "a token of the tests"
+
+
+@pytest.fixture(autouse=True)
+def token(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XOSC_BRIDGE_TOKEN", TOKEN)
 
 
 @pytest.fixture
@@ -47,6 +56,10 @@ def connected(port: int) -> socket.socket:
 
 def frame(body: bytes) -> bytes:
     return struct.pack(">I", len(body)) + body
+
+
+def hello(token: object) -> bytes:
+    return frame(json.dumps({"token": token}).encode())
 
 
 def received(connection: socket.socket) -> bytes:
@@ -69,6 +82,7 @@ def client(port: int, answer: Answer) -> Iterator[list[Any]]:
 
     def drive() -> None:
         with connected(port) as connection, suppress(EOFError, OSError):
+            connection.sendall(hello(TOKEN))
             seen.append(json.loads(received(connection)))
             while True:
                 step, truth = json.loads(received(connection)), osi.GroundTruth.FromString(received(connection))
@@ -98,7 +112,7 @@ def test_a_client_drives_as_the_same_system_in_this_process(tmp_path: Path, worl
     same = runner.run(file, world=world, sut=Scripted([(0.5, Control(acceleration=-2.0, reason="braking"))]))
     assert result.trajectories.equals(same.trajectories) and result.events == same.events
     assert len(seen) == 1 + 30
-    assert (seen[0]["bridge"], seen[0]["ego"], seen[0]["timestep"], seen[0]["limits"]["max_speed"]) == (1, "Ego", 0.05, 70.0)
+    assert (seen[0]["bridge"], seen[0]["ego"], seen[0]["timestep"], seen[0]["limits"]["max_speed"]) == (2, "Ego", 0.05, 70.0)
     assert [step["time"] for step, _ in seen[1:]] == [round(0.05 * number, 9) for number in range(30)]
     assert {step["target_speed"] for step, _ in seen[1:]} == {20.0}
 
@@ -109,7 +123,7 @@ def test_messages_are_ground_truth(tmp_path: Path, port: int) -> None:
     with client(port, braking) as seen:
         result = runner.run(scenario(tmp_path, stop=1.0), world="kinematic", sut=Bridge(port))
     messages = [truth for _, truth in seen[1:]]
-    assert broken(messages[:1]) == []
+    assert list(breaches([Frame(1, messages[0], messages[0])])) == []
     assert not messages[1].lane
     for message, exported in zip(messages, ground_truths(result), strict=False):
         assert message.timestamp == exported.timestamp
@@ -123,7 +137,7 @@ def test_messages_are_ground_truth(tmp_path: Path, port: int) -> None:
 
 
 def test_the_example_drives_a_run_of_the_command(port: int, command: Command) -> None:
-    assert len(CLIENT.read_text(encoding="utf-8").splitlines()) <= 50
+    assert len(CLIENT.read_text(encoding="utf-8").splitlines()) <= 60
     process = subprocess.Popen([sys.executable, str(CLIENT), str(port)], stdout=subprocess.PIPE)
     try:
         answer = command("xosc-run", "--sut", f"bridge:port={port}", "--world", "kinematic", LIBRARY / "highway_lead_brake.xosc")
@@ -140,6 +154,89 @@ def test_each_run_of_a_batch_takes_a_client(tmp_path: Path, port: int) -> None:
         with client(port, braking) as seen:
             runner.run(file, world="kinematic", sut=bridge)
         assert len(seen) == 1 + 4
+
+
+# strangers ----------------------------------------------------------------------------------
+
+
+STRANGERS = {
+    "port probe": b"",
+    "HTTP": b"GET / HTTP/1.1\r\n\r\n",
+    "garbage": b"\x00\x00\x00\x04\xff\xfe\xfd\xfc",
+    "no JSON": frame(b"{"),
+    "deep JSON": frame(b"[" * 1000),
+    "oversize": struct.pack(">I", 2**32 - 1) + b"x" * 100_000,
+    "longer than a hello": frame(b" " * 1025),
+    "no token": frame(b"{}"),
+    "wrong token": hello("another"),
+    "longer token": hello(TOKEN + "x"),
+    "token of another type": hello([TOKEN]),
+    "lone surrogate": frame(b'{"token": "\\ud800"}'),
+}
+
+
+@pytest.mark.parametrize("stranger", STRANGERS)
+def test_a_stranger_ends_no_run_and_drives_nothing(stranger: str, tmp_path: Path, port: int) -> None:
+    answers: list[bytes] = []
+
+    def intrude() -> None:
+        with connected(port) as connection, suppress(OSError):
+            connection.sendall(STRANGERS[stranger])
+            connection.shutdown(socket.SHUT_WR)
+            answers.append(connection.recv(100))
+        with client(port, braking):
+            pass
+
+    thread = Thread(target=intrude, daemon=True)
+    thread.start()
+    result = runner.run(scenario(tmp_path, stop=1.0), world="kinematic", sut=Bridge(port))
+    thread.join(10)
+    assert "braking" in str(result.events)
+    assert answers in ([b""], [])
+
+
+def test_who_sends_slowly_or_nothing_is_in_no_ones_way(tmp_path: Path, port: int) -> None:
+    slow: list[socket.socket] = []
+
+    def crowd() -> None:
+        for _ in range(40):  # more than are kept open
+            slow.append(connected(port))
+            slow[-1].sendall(hello(TOKEN)[:9])
+
+    def drive() -> None:
+        crowd()
+        with client(port, braking):
+            pass
+
+    thread, begun = Thread(target=drive, daemon=True), time.monotonic()
+    thread.start()
+    runner.run(scenario(tmp_path, stop=0.2), world="kinematic", sut=Bridge(port))
+    thread.join(10)
+    assert time.monotonic() - begun < 10.0
+    for each in slow:
+        each.close()
+
+
+def test_a_run_with_strangers_only_waits_until_its_time_and_counts_them(tmp_path: Path, port: int) -> None:
+    def probe() -> None:
+        for _ in range(3):
+            connected(port).close()
+
+    thread = Thread(target=probe, daemon=True)
+    thread.start()
+    with pytest.raises(ToolchainError, match=r"within 1 s; 3 without its token were turned away"):
+        runner.run(scenario(tmp_path), world="kinematic", sut=Bridge(port, wait=1.0))
+    thread.join(10)
+
+
+def test_without_the_variable_a_token_is_made_up_and_printed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], port: int
+) -> None:
+    monkeypatch.delenv("XOSC_BRIDGE_TOKEN")
+    made = [Bridge(port) for _ in range(2)]
+    told = capsys.readouterr().err
+    assert len({each._token for each in made}) == 2
+    assert all(f"XOSC_BRIDGE_TOKEN={each._token}\n" in told and each._token not in repr(each) for each in made)
 
 
 # clients that do not play along -------------------------------------------------------------

@@ -11,10 +11,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from runner.outside.environment import ACTIONS, EgoEnv
-from runner.outside.reward import Reward, Transition
-from runner.outside.view import EGO, PARTICIPANT, STATE
-from schemas.errors import UsageError
-from tests.runner.files import distribution, place, scenario
+from runner.outside.learner import EGO, PARTICIPANT, STATE, EgoStep, Reward
+from schemas.errors import InvalidFile, UsageError
+from tests.runner.files import distribution, place, scenario, speed_action, story
 from xosc.listing import LIBRARY
 
 LEAD_BRAKE = LIBRARY / "highway_lead_brake.xosc"
@@ -77,6 +76,28 @@ def test_actions_are_shares_of_what_the_ego_can_do(tmp_path: Path) -> None:
     assert after("target_speed", 1.0)["speed"] > 24.0
 
 
+def test_an_episode_that_tested_nothing_says_so_at_its_end(tmp_path: Path) -> None:
+    late = story("Lead", [(50.0, speed_action(5))])
+    for name, stories, causes in (("late", late, ("no-event",)), ("bare", "", ())):
+        env = EgoEnv(scenario(tmp_path, name, stories=stories, stop=0.2), world="kinematic", actions="acceleration")
+        _, info = env.reset(seed=0)
+        infos = [info]
+        while True:
+            *_, terminated, truncated, info = env.step(np.array([0.0], np.float32))
+            infos.append(info)
+            if terminated or truncated:
+                break
+        assert [each.get("inconclusive") for each in infos] == [*[None] * (len(infos) - 1), causes]
+
+
+def test_a_variation_file_of_which_constraints_leave_nothing_is_refused(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    group = '<ConstraintGroup><ValueConstraint rule="lessThan" value="10"/></ConstraintGroup>'
+    path.write_text(path.read_text().replace('value="50.0"/>', f'value="5">{group}</ParameterDeclaration>', 1))
+    with pytest.raises(InvalidFile, match="no parameter set satisfies the constraints"):
+        EgoEnv(distribution(tmp_path, "none", {"Gap": (12, 18, 2)}))
+
+
 def test_an_episode_ends_by_contact_departure_or_the_scenario(tmp_path: Path) -> None:
     file = scenario(tmp_path, stop=12.0)
 
@@ -92,6 +113,7 @@ def test_an_episode_ends_by_contact_departure_or_the_scenario(tmp_path: Path) ->
         return terminated, truncated, info, reward
 
     terminated, truncated, info, reward = end("acceleration", 0.2)
+    assert info["inconclusive"] == ()
     assert (terminated, truncated, info["touched"], reward < -19.0) == (True, False, ("Lead",), True)
     terminated, truncated, info, reward = end("acceleration_and_steering", -0.1, 0.2)
     assert (terminated, truncated, info["touched"], info["departed"], reward < -19.0) == (True, False, (), True, True)
@@ -114,7 +136,7 @@ def test_reward_is_what_its_formula_says(tmp_path: Path) -> None:
     assert ego.tracks.keys() == {"Ego", "Lead"}
     seen = env._seen
     assert seen is not None
-    step = Transition(seen.ego._replace(speed=10.0, acceleration=-4.0), 20.0, 0.1, collided=False, departed=False)
+    step = EgoStep(seen.ego._replace(speed=10.0, acceleration=-4.0), 20.0, 0.1, collided=False, departed=False)
     assert Reward()(step) == pytest.approx(0.1 * (0.5 - 0.5 * 0.25))
     assert Reward()(step._replace(collided=True)) == pytest.approx(0.0375 - 20.0)
     assert Reward(progress=0.0, effort=0.0)(step._replace(departed=True)) == -20.0
@@ -187,3 +209,41 @@ def test_a_stock_learner_learns_to_brake() -> None:
             break
     assert (collides, still_collides) == (True, False)
     assert trained > untrained + 10.0
+
+
+def test_gymnasium_makes_it_by_name_and_renders_it(tmp_path: Path) -> None:
+    import gymnasium
+
+    from runner.outside import ENVIRONMENT, register
+
+    register()
+    register()  # again changes nothing
+    assert ENVIRONMENT == "xosc/Scenario-v0"
+    env = gymnasium.make(ENVIRONMENT, scenario=LEAD_BRAKE, world="kinematic", render_mode="rgb_array")
+    env.reset(seed=1)
+    first = env.render()
+    for _ in range(20):
+        env.step(np.zeros(2, np.float32))
+    later = env.render()
+    env.close()
+    assert isinstance(first, np.ndarray) and isinstance(later, np.ndarray)
+    assert first.dtype == np.uint8 and first.ndim == 3 and first.shape[2] == 3
+    assert first.shape == later.shape and (first != later).any()
+
+
+def test_without_a_render_mode_there_are_no_pictures_and_an_unknown_one_is_refused(tmp_path: Path) -> None:
+    env = EgoEnv(LEAD_BRAKE, world="kinematic")
+    env.reset(seed=1)
+    assert env.render() is None
+    env.close()
+    with pytest.raises(UsageError, match="'human' is not one of rgb_array"):
+        EgoEnv(LEAD_BRAKE, render_mode="human")
+
+
+def test_the_entry_point_names_the_registration() -> None:
+    import tomllib
+    from importlib import import_module
+
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
+    module, _, function = project["entry-points"]["gymnasium.envs"]["__root__"].partition(":")
+    assert callable(getattr(import_module(module), function))

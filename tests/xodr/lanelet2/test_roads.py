@@ -18,8 +18,8 @@ from schemas.errors import UsageError
 from tests.xodr.lanelet2.lanelet_maps import WIDTH, LaneletMap, fork, four_way, merge, ring, straight, turn, two_lanes
 from xodr import sumo_net
 from xodr.lanelet2 import Conversion, Lanelet, Neighbour, build, convert
-from xodr.lanelet2.deviation import deviation
-from xodr.lanelet2.reading.reader import read_lanelets
+from xodr.lanelet2.conversion import deviation
+from xodr.lanelet2.reader import read_lanelets
 
 MAPS: dict[str, Callable[[], LaneletMap]] = {
     "two lanes": two_lanes,

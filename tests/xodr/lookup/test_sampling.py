@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from xodr.lookup.sampling import lane_borders, sample, stations
+from xodr.lookup.arrays import lane_borders, sample, stations
 
 
 def test_samples_are_poses(files) -> None:

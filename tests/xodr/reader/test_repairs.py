@@ -11,7 +11,7 @@ import schemas
 import xodr
 from schemas.errors import InvalidFile
 from schemas.remarks import Remark
-from schemas.rules import xodr_numbers
+from schemas.rules import roads
 from xodr.reader.elements import LARGEST
 from xodr.road import Road
 
@@ -68,6 +68,12 @@ CASES = [
     Case("lane_offset_doubled", RECORDS, 10, "laneOffset: two records begin at s=0; the last of them is read"),
     Case("lane_offset_out_of_order", RECORDS, 10, "laneOffset: s=0 follows s=60; the records are read in ascending order"),
     Case(
+        "lanes_doubled",
+        "asam.net:xodr:1.9.0:road.lane.layer.layer_limits",
+        16,
+        "lanes: the road '1' has another permanent layer of lanes; the first is read",
+    ),
+    Case(
         "lanes_on_the_wrong_side",
         SECTIONS,
         12,
@@ -89,6 +95,7 @@ CASES = [
     ),
     Case("object_unreadable", SCHEMA, 16, "object: s='fifty' is not a number; the object is left out"),
     Case("parametric_curve_empty", SCHEMA, 6, "paramPoly3: the curve has no coefficients; read as a line"),
+    Case("road_of_no_length", LINE, 17, "road: the road '2' has no geometry with a length; the road is left out"),
     Case("road_without_geometry", LINE, 17, "road: the road '2' has no geometry with a length; the road is left out"),
     Case("road_without_lanes", SECTIONS, 17, "road: the road '2' has no lane section; it is read as a road without lanes"),
     Case("road_without_length", LINE, 4, "road: length='0' is no length; the length of its geometries is read"),
@@ -202,7 +209,7 @@ def test_what_has_no_meaning_is_refused_although_repairs_are_allowed(tmp_path: P
 
 
 def test_checks_and_the_reader_refuse_the_same_numbers() -> None:
-    assert xodr_numbers.LARGEST == LARGEST
+    assert roads.LARGEST == LARGEST
 
 
 @pytest.mark.parametrize(

@@ -19,11 +19,9 @@ from schemas.errors import InvalidFile, UsageError
 from tests.conftest import SHARED
 from xodr import builders, sumo_net
 from xodr.builders import RoadMap
-from xodr.sumo_net import SumoNet, Track, convert
-from xodr.sumo_net.building import _build
-from xodr.sumo_net.cache import Entry
-from xodr.sumo_net.netconvert import NetconvertFailed
-from xodr.sumo_net.uses import use_of
+from xodr.sumo_net import SumoNet, Track, building
+from xodr.sumo_net.building import CacheEntry, NetconvertFailed, _build
+from xodr.sumo_net.net import use_of
 
 EXACT = 0.006
 """Largest distance of a SUMO lane from the exact centre line, in m: the polylines' 5 mm, and rounding."""
@@ -217,14 +215,14 @@ def test_there_is_a_plain_without_roads() -> None:
 
 
 def test_refused_roads_leave_the_dock_and_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = convert.netconvert
+    real = building.netconvert
 
     def refusing(plain, folder):
         if plain.lanes:
             raise NetconvertFailed("SUMO's netconvert cannot build a network: no reason")
         return real(plain, folder)
 
-    monkeypatch.setattr(convert, "netconvert", refusing)
+    monkeypatch.setattr(building, "netconvert", refusing)
     net = sumo_net.build(written(road("1"), tmp_path))
     assert net.fallback == "SUMO's netconvert cannot build a network: no reason"
     assert not net.sumo_lanes
@@ -293,7 +291,7 @@ def test_the_second_time_nothing_is_converted(tmp_path: Path, monkeypatch: pytes
     path = builders.roundabout().write(tmp_path / "map.xodr")
     first = sumo_net.build(path)
     _build.cache_clear()
-    monkeypatch.setattr(convert, "convert", None)
+    monkeypatch.setattr(building, "convert", None)
     second = sumo_net.build(path)
     assert second.path == first.path
     assert second.sumo_lanes == first.sumo_lanes
@@ -335,7 +333,7 @@ def test_the_same_roads_give_the_same_bytes(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_other_content_is_another_entry() -> None:
-    assert Entry(b"a").network != Entry(b"b").network
+    assert CacheEntry(b"a").network != CacheEntry(b"b").network
 
 
 def test_bad_files_and_folders_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,27 +11,19 @@ from pathlib import Path
 
 from xosc.dialects.carla import is_for_carla
 from xosc.document import Document, load, to_bytes
-from xosc.exports.carla.beginning import begin
-from xosc.exports.carla.changes import change
-from xosc.exports.carla.delays import no_delays
-from xosc.exports.carla.dialect import IGNORED, REFUSED
-from xosc.exports.carla.driven import kept_distances, profiles, teleports, trajectories
-from xosc.exports.carla.lane_changes import change_lanes
-from xosc.exports.carla.routes import routes
-from xosc.exports.carla.town import need_map, settle
-from xosc.exports.carla.ways import steer, times
+from xosc.exports.carla.beginning import begin, no_delays
+from xosc.exports.carla.changes import change, change_lanes
+from xosc.exports.carla.dialect import IGNORED, REFUSED, need_entities, need_map, settle
+from xosc.exports.carla.ways import kept_distances, profiles, routes, steer, teleports, times, trajectories
 from xosc.exports.concrete import concrete_scenarios
 from xosc.exports.conversion import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
 from xosc.exports.omissions import leave_out, omit
-from xosc.exports.on_roads.arrivals import earlier
-from xosc.exports.on_roads.distances import to_init
-from xosc.exports.on_roads.geometry import Geometry
-from xosc.exports.on_roads.shapes import in_world, polylines
-from xosc.exports.on_roads.starts import Start, as_expected, as_started, starts
 from xosc.exports.references import take_roads
 from xosc.exports.refusals import refuse, remarks
+from xosc.exports.shapes import earlier, in_world, polylines, to_init
+from xosc.exports.starts import Geometry, Start, as_expected, as_started, starts
 from xosc.node import Node
 
 TARGETS = {"carla": "the part of 1.0 that CARLA's scenario_runner reads"}
@@ -56,6 +48,7 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
     for name, scenario in concrete_scenarios(source, settings):
         draft.note(*scenario.remarks)
         need_map(scenario, settings.roads(scenario.node))
+        need_entities(scenario)
         if not settings.strict:
             draft.note(*omit(scenario, (1, 0)))
         if settings.locate:
@@ -96,12 +89,12 @@ def prepare(scenario: Document, geometry: Geometry, draft: Draft) -> Mapping[str
 
 
 def _is_read_otherwise(position: Node) -> bool:
-    """Whether a position is none of scenario_runner's, or has an offset or an orientation, which it reads its own way."""
+    """Whether a position is none of scenario_runner's, or has an offset, orientation or layer, which it reads its own way."""
     if position.tag not in ("LanePosition", "RoadPosition"):
         return position.tag in _POSITIONS
     orientation = position.find("Orientation")
     turned = orientation is not None and orientation.get("type", "absolute") != "relative"
-    return turned or bool(position.float("offset", 0.0))
+    return turned or position.has("layer") or bool(position.float("offset", 0.0))
 
 
 def _controllers(scenario: Document) -> Iterator[str]:

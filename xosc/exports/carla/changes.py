@@ -1,23 +1,79 @@
-"""What scenario_runner says differently, or not without what is known from the beginning of the scenario.
+"""Actions and lateral values as scenario_runner reads them.
 
-Each change is made in place, in a worked-out document of version 1.1 or later; what can't be said is refused.
-"""
+Each change is made in place, in a worked-out document of version 1.1 or later; what scenario_runner cannot express is refused.
+Lateral values are positive to the right of the lane's traffic, or of the actor; values of `xosc.dialects.carla`, marked with
+`TO_RIGHT`, are so already. A lane change counts lanes to the left of the actor itself, over a distance; others become the
+trajectory of their actor in a run."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 
 from lxml import etree
 
+from schemas.errors import Unsupported
 from schemas.xml import parse
 from xosc.dialects.carla import FLAG
 from xosc.document import Document
-from xosc.exports.carla.sides import change_sides
-from xosc.exports.on_roads.starts import Start, State, actors, target_speed
+from xosc.exports.carla.dialect import ASIDE
+from xosc.exports.carla.ways import follow_on
+from xosc.exports.omissions import leave_out
+from xosc.exports.starts import Geometry, Start, State, actors, beside, target_speed
 from xosc.names import EGO_NAME
 from xosc.node import TO_RIGHT, Node
+
+_UNKNOWN = "scenario_runner's value is to the right of the traffic, and which side that is is known only when it runs"
+
+
+def change_sides(scenario: Node, known: Mapping[str, Start]) -> None:
+    """Change signs and attributes, in place.
+
+    Args:
+        scenario: root of a worked-out document.
+        known: how the entities start.
+
+    Raises:
+        Unsupported: the side is not known before the scenario runs.
+    """
+    for position in scenario.iter("LanePosition"):
+        if position.int("laneId") < 0:
+            _negate(position, "offset")
+    for position in scenario.iter("RelativeLanePosition", "RelativeRoadPosition"):
+        if position.has(TO_RIGHT) and position.has("dsLane"):
+            position.element.set("ds", str(position.element.attrib.pop("dsLane")))
+        elif not position.has(TO_RIGHT) and (position.float("offset", 0.0) or position.float("dt", 0.0)):
+            raise position.unsupported(_UNKNOWN)
+    for target in scenario.iter("AbsoluteTargetLaneOffset", "RelativeTargetLaneOffset"):
+        if not target.has(TO_RIGHT) and target.float("value") and _faces_s(target, known):
+            _negate(target, "value")
+    for action in scenario.iter("LateralDistanceAction"):
+        _lateral_distance(action)
+
+
+def _negate(node: Node, name: str) -> None:
+    if node.float(name, 0.0):
+        node.element.set(name, repr(-node.float(name)))
+
+
+def _faces_s(target: Node, known: Mapping[str, Start]) -> bool:
+    """Whether the entities of an action drive on lanes towards +s, as far as where they start says it."""
+    sides = {known[name].lane < 0 for name in actors(target) if name in known and known[name].road is not None}
+    if len(sides) != 1:
+        raise target.unsupported(_UNKNOWN)
+    return sides.pop()
+
+
+def _lateral_distance(action: Node) -> None:
+    """A side by the sign of the distance, positive to the right."""
+    side = action.element.attrib.pop("displacement", "any")
+    if side == "any":
+        raise action.unsupported("scenario_runner keeps distances to one side: displacement must say to which")
+    if side == "leftToReferencedEntity":
+        _negate(action, "distance")
+
 
 HERO = "hero"
 """Name that CARLA's agents look for."""
@@ -133,3 +189,86 @@ def _hero(document: Document) -> str:
             if element.get(attribute) == old:
                 element.set(attribute, HERO)
     return ""
+
+
+def change_lanes(document: Document, state: State, network: Path | None, geometry: Geometry | None) -> Iterator[str]:
+    """Make the changes, in place; remarks on those that are approximations.
+
+    Args:
+        state: how entities are when an action begins.
+        network: the file of the roads; None where there are none.
+        geometry: the scenario on its roads; None refuses what only a run tells.
+
+    Raises:
+        Unsupported: something can't be said, named with file and line.
+    """
+    left_hand = network is not None and any(road.get("rule") == "LHT" for road in parse(network).getroot().iter("road"))
+    for action in reversed(list(document.node.iter("LaneChangeAction"))):
+        try:
+            yield from _change(action, document.node, state, left_hand, geometry)
+        except Unsupported as error:
+            if geometry is None:
+                raise
+            yield follow_on(action, document.node, geometry, error)
+
+
+def _change(action: Node, scenario: Node, state: State, left_hand: bool, geometry: Geometry | None) -> Iterator[str]:
+    doing = actors(action)
+    if len(doing) != 1:
+        raise action.unsupported("scenario_runner changes lanes of one entity, which Init places")
+    if abs(action.float("targetLaneOffset", 0.0)) > ASIDE:
+        raise action.unsupported("scenario_runner has no offset here")
+    now, target = state(action, doing[0]) or Start(), action.need("LaneChangeTarget").only()
+    steps = target.int("value")
+    if target.get("entityRef", None) != doing[0]:
+        steps = _steps(target, now, state(action, target.get("entityRef", "")), left_hand)
+        if not steps:
+            leave_out(action, scenario)
+            yield f"{action.where}: LaneChangeAction: left out, its actor is on that lane"
+            return
+    yield from _over_distance(action, doing[0], now, geometry)
+    target.element.tag = "RelativeTargetLane"
+    target.element.attrib.update({"entityRef": doing[0], "value": str(steps)})
+
+
+def _steps(target: Node, now: Start, other: Start | None, left_hand: bool) -> int:
+    """How many lanes to its own left an entity changes that is on a known lane, as is the one that the target may name."""
+    unknown = "scenario_runner counts lanes from the actor's own, which is known only when it runs"
+    if now.road is None or (target.tag != "AbsoluteTargetLane" and (other is None or other.road != now.road)):
+        raise target.unsupported(unknown)
+    facing = 1 if (now.lane < 0) != left_hand else -1
+    if target.tag == "AbsoluteTargetLane" or other is None:
+        lane = target.int("value")
+    else:
+        lane = beside(other.lane, facing * target.int("value")) if target.int("value") else other.lane
+    if lane * now.lane <= 0:
+        raise target.unsupported("scenario_runner changes to other lanes of the same direction only")
+    return facing * (lane - now.lane)
+
+
+def _over_distance(action: Node, actor: str, now: Start, geometry: Geometry | None) -> Iterator[str]:
+    """A time as the distance that the speed makes of it, a rate as the one that the change takes in a run."""
+    dynamics = action.need("LaneChangeActionDynamics")
+    dimension, value = dynamics.get("dynamicsDimension"), dynamics.float("value")
+    if dimension == "distance":
+        return
+    if dimension == "time" and now.speed:
+        distance = value * now.speed
+        yield f"{dynamics.where}: {dynamics.tag}: the time is written as the {distance:g} m that {now.speed:g} m/s make of it"
+    else:
+        driven = _driven(action, actor, geometry) if geometry is not None else 0.0
+        if not driven:
+            raise dynamics.unsupported("scenario_runner changes lanes over a distance, which is not known here")
+        distance = driven
+        yield (
+            f"{dynamics.where}: {dynamics.tag}: the {dimension} is written as the {distance:g} m that it takes in a run "
+            "without a system under test"
+        )
+    dynamics.element.attrib.update({"dynamicsDimension": "distance", "value": repr(distance)})
+
+
+def _driven(action: Node, actor: str, geometry: Geometry) -> float:
+    """How far (m) the actor drives along the road while an action goes on to its end in a run; 0 where it doesn't."""
+    begin, end = geometry.begins(action), geometry.ends(action)
+    places = geometry.driven(actor, begin, end) if begin is not None and end is not None else []
+    return sum(math.dist(a[:3], b[:3]) for a, b in pairwise(places))

@@ -1,21 +1,25 @@
-"""Routes and trajectories as scenario_runner follows them: waypoints in a line, with times if they count.
+"""Routes and trajectories for scenario_runner: waypoints in a line, with times where they count.
 
-scenario_runner 0.9.16 stops at routes: it compares their number of waypoints with times that they do not have. Its default
-controller drives by the times of a trajectory whenever there are vertices, so what has no Timing is given to the controller
-that does not look at them.
-"""
+scenario_runner 0.9.16 stops at routes: it compares their number of waypoints with times that they do not have. They become
+trajectories along the lanes. Motion that it has no element for becomes the trajectory of the actor in a run without a system
+under test; speeds are then left to the other actions. Its default controller drives by the times of a trajectory whenever there
+are vertices, so a trajectory without Timing is given to the controller that ignores times."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 
 from lxml import etree
 
+from schemas.errors import Unsupported
+from xosc.dialects.carla import is_for_carla
 from xosc.document import Document
-from xosc.exports.carla.beginning import STORY
-from xosc.exports.on_roads.geometry import Place
-from xosc.exports.on_roads.shapes import polyline
-from xosc.exports.on_roads.starts import actors
+from xosc.exports.carla.beginning import STORY, to_story
+from xosc.exports.omissions import leave_out
+from xosc.exports.shapes import polyline, world_position
+from xosc.exports.starts import Geometry, Place, actors
+from xosc.names import EGO_NAME, meant
 from xosc.node import Node
 
 _CONTROLLER = "simple_vehicle_control"
@@ -84,4 +88,212 @@ def _assign_controller() -> etree._Element:
     override = etree.SubElement(both, "OverrideControllerValueAction")
     for tag, value in _OVERRIDES.items():
         etree.SubElement(override, tag, {"active": "false", value: "0"})
+    return action
+
+
+_CURVES = ("Clothoid", "ClothoidSpline", "Nurbs")
+_MOVING = ("RelativeLanePosition", "RelativeRoadPosition", "RelativeObjectPosition", "RoutePosition", "TrajectoryPosition")
+"""Positions that depend on what happens, where they are not in the world by now."""
+_ENDS = ("LateralAction", "RoutingAction", "TeleportAction", "SynchronizeAction")
+"""Actions that end the way of one who follows a trajectory."""
+_KINDS = ("LongitudinalAction", "LateralAction", "RoutingAction")
+_DISTANCE = "LongitudinalDistanceAction"
+_APART = 0.5
+"""m between two vertices at least, where times don't count."""
+_JUMP = 2.0
+"""How many times as far as in the next step one goes who is put somewhere."""
+
+
+def trajectories(document: Document, geometry: Geometry) -> Iterator[str]:
+    """Say trajectories that depend on what happens, or begin inside, by the way that their actor takes, in place; remarks."""
+    relative = () if is_for_carla(document.node) else _MOVING
+    for action in list(document.node.iter("FollowTrajectoryAction")):
+        timing = action.find("TimeReference", "Timing")
+        late = timing is not None and timing.get("domainAbsoluteRelative") == "absolute" and not starts_with_scenario(action)
+        if late or action.float("initialDistanceOffset", 0.0) or any(True for _ in action.iter(*_CURVES, *relative)):
+            yield from _as_driven(action, geometry, timed=timing is not None)
+
+
+def profiles(document: Document, geometry: Geometry) -> Iterator[str]:
+    """Say profiles of speeds that depend on nobody else, while nothing else leads their actor, by its way and times; remarks."""
+    stories = document.node.need("Storyboard").children("Story")
+    for action in [each for story in stories for each in story.iter("SpeedProfileAction")]:
+        begin, end, doing = geometry.begins(action), geometry.ends(action), set(actors(action))
+        others = [geometry.begins(each) for story in stories for each in story.iter(*_ENDS) if doing & set(actors(each))]
+        alone = not any(time is not None and (end is None or time < end) for time in others)
+        if begin is not None and alone and not action.get("entityRef", ""):
+            yield from _as_driven(action, geometry, timed=True)
+
+
+def kept_distances(document: Document, geometry: Geometry) -> Iterator[str]:
+    """Say distances that 1.0 has no word for, kept among others than the ego, by ways and times, in place; remarks."""
+    scenario = document.node
+    for action in [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(_DISTANCE)]:
+        begin, doing = _begin(action, geometry), actors(action)
+        newer = action.has("timeGap") or action.get("coordinateSystem", "entity") != "entity"
+        others = len(doing) == 1 and not any(map(EGO_NAME.fullmatch, (doing[0], action.get("entityRef"))))
+        if begin is None or not newer or not others:
+            continue
+        end = geometry.ends(action)
+        until = min(_led(doing[0], begin, scenario, geometry, ("LongitudinalAction", *_ENDS)), math.inf if end is None else end)
+        yield from _written(action, doing[0], geometry.driven(doing[0], begin, until), timed=True)
+
+
+def _begin(action: Node, geometry: Geometry) -> float | None:
+    """When (s) an action begins in a run; None where it doesn't."""
+    first = starts_with_scenario(action) or any(True for _ in action.element.iterancestors("Init"))
+    return 0.0 if first else geometry.begins(action)
+
+
+def _led(entity: str, since: float, scenario: Node, geometry: Geometry, kinds: Sequence[str]) -> float:
+    """When (s), after a time, the next of some kinds of actions leads an entity in a run; infinity where none does."""
+    others = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(*kinds)]
+    later = (geometry.begins(each) for each in others if entity in actors(each))
+    return min((time for time in later if time is not None and time > since), default=math.inf)
+
+
+def _as_driven(action: Node, geometry: Geometry, *, timed: bool) -> Iterator[str]:
+    """Say an action of one actor by its way from the action's begin to its end, where it begins in a run; the remark."""
+    begin, end, doing = geometry.begins(action), geometry.ends(action), actors(action)
+    if begin is None or len(doing) != 1:
+        return
+    yield from _written(action, doing[0], geometry.driven(doing[0], begin, end if end is not None else math.inf), timed=timed)
+
+
+def _written(action: Node, entity: str, driven: Sequence[Place], *, timed: bool) -> Iterator[str]:
+    """Say an action by the way of its actor, where there is one; the remark."""
+    places, where = _from_its_start(driven), action.where
+    if len(places) > 1:
+        _replace(action, places if timed else _apart(places), timed=timed)
+        yield f"{where}: {action.tag}: written as the way that {entity} takes in a run without a system under test"
+
+
+def teleports(document: Document, geometry: Geometry) -> Iterator[str]:
+    """Say positions to which stories put an actor, and which depend on what happens, by where they are, in place; remarks."""
+    if is_for_carla(document.node):
+        return
+    for story in document.node.need("Storyboard").children("Story"):
+        for action in story.iter("TeleportAction"):
+            position, doing = action.need("Position").only(), actors(action)
+            place = geometry.put(action, doing[0]) if position.tag in _MOVING and len(doing) == 1 else None
+            if place is not None:
+                action.need("Position").element.replace(position.element, world_position(place))
+                yield f"{position.where}: {position.tag}: written as the place where it is in a run without a system under test"
+
+
+def follow_on(action: Node, scenario: Node, geometry: Geometry, refusal: Unsupported) -> str:
+    """Say a lateral action or a route by the way that its actor takes from there until another action leads it; the remark.
+
+    Raises:
+        Unsupported: `refusal`, as it does not begin in the run, jumps, or something waits for its end.
+    """
+    begin, doing = _begin(action, geometry), actors(action)
+    jumps = any(each.get("dynamicsShape", "") == "step" for each in action.children())
+    if begin is None or len(doing) != 1 or jumps or _is_awaited(action, scenario):
+        raise refusal
+    places = _apart(geometry.driven(doing[0], begin, _led(doing[0], begin, scenario, geometry, _ENDS)))
+    if len(places) < 2:
+        raise refusal
+    where = action.where
+    _replace(action, places, timed=False)
+    return (
+        f"{where}: {action.tag}: written as the way that {doing[0]} takes in a run without a system under test, until its next "
+        f"one: {refusal.message}"
+    )
+
+
+def _from_its_start(places: Sequence[Place]) -> Sequence[Place]:
+    """The way of one who is put on a trajectory: it begins there, as far before the next place as that is before the next."""
+    if len(places) < 3 or math.dist(places[0][:3], places[1][:3]) < _JUMP * math.dist(places[1][:3], places[2][:3]) + _APART:
+        return places
+    x, y, z = (2.0 * a - b for a, b in zip(places[1][:3], places[2][:3], strict=True))
+    return [Place(x, y, z, None, places[0].time), *places[1:]]
+
+
+def _is_awaited(action: Node, scenario: Node) -> bool:
+    """Whether a condition asks for the end of an action, or of something that it is part of."""
+    around = set(action.element.iterancestors())
+    states = [each for each in scenario.iter("StoryboardElementStateCondition") if not each.get("state").startswith("st")]
+    return any(each.element in around for state in states for each in meant(state, scenario))
+
+
+def _apart(places: Sequence[Place]) -> list[Place]:
+    """Places at some distance from each other, the last one among them."""
+    chosen = list(places[:1])
+    for place in places[1:]:
+        if math.dist(place[:3], chosen[-1][:3]) >= _APART:
+            chosen.append(place)
+    if len(chosen) > 1:
+        chosen[-1] = places[-1]
+    return [place._replace(time=0.0) for place in chosen]
+
+
+def _replace(action: Node, places: Sequence[Place], *, timed: bool) -> None:
+    holder = next(action.element.iterancestors(*_KINDS))
+    parent = holder.getparent()
+    assert parent is not None, "it is part of a PrivateAction"
+    parent.replace(holder, follow(places, timed=timed))
+
+
+ROUTES = ("AssignRouteAction", "AcquirePositionAction")
+_STOPS = "scenario_runner stops at routes"
+
+
+def routes(document: Document, geometry: Geometry) -> Iterator[str]:
+    """Make trajectories of routes, in place; remarks.
+
+    Raises:
+        Unsupported: the way is not known before the scenario runs.
+    """
+    scenario = document.node
+    for action in [each for tag in ROUTES for each in scenario.iter(tag)]:
+        try:
+            yield _from_the_beginning(action, scenario, geometry)
+        except Unsupported as error:
+            if _is_left_aside(action, scenario):
+                raise
+            yield follow_on(action, scenario, geometry, error)
+
+
+def _is_left_aside(action: Node, scenario: Node) -> bool:
+    """Whether its actors go beside their route, or change lanes on it: that leaves a route as it is, and ends a trajectory."""
+    doing = set(actors(action))
+    return any(doing & set(actors(each)) and not _is_first(each) for each in scenario.iter("LateralAction"))
+
+
+def _from_the_beginning(action: Node, scenario: Node, geometry: Geometry) -> str:
+    """Make a trajectory of a route that leads its actors from the beginning on; the remark."""
+    ways = {entity: places for entity in actors(action) if (places := geometry.way(action, entity))}
+    for entity in ways:
+        _only_way(action, entity, scenario)
+    for entity, places in ways.items():
+        to_story(Node(_private_action(places), action.path), entity, scenario)
+    leave_out(action, scenario)
+    said = f"written as a trajectory from the beginning on, {_STOPS}" if ways else "left out, the lanes lead that way"
+    return f"{action.where}: {action.tag}: {said}"
+
+
+def _only_way(action: Node, entity: str, scenario: Node) -> None:
+    others = [*scenario.iter(*ROUTES, "FollowTrajectoryAction", "LateralAction"), *_teleports(scenario)]
+    for other in others:
+        if other.element is not action.element and entity in actors(other):
+            if other.tag == "LateralAction" and _is_first(other):
+                continue
+            raise action.unsupported(
+                f"scenario_runner gets the route as a trajectory, which {other.tag} in line {other.line} ends"
+            )
+
+
+def _teleports(scenario: Node) -> list[Node]:
+    return [each for story in scenario.need("Storyboard").children("Story") for each in story.iter("TeleportAction")]
+
+
+def _is_first(action: Node) -> bool:
+    return any(each.tag == "Init" for each in action.element.iterancestors())
+
+
+def _private_action(places: Sequence[Place]) -> etree._Element:
+    """An action that follows a trajectory without times."""
+    action = etree.Element("PrivateAction")
+    action.append(follow(places, timed=False))
     return action

@@ -34,7 +34,7 @@ function headline(runs, i, seek) {
       { class: "title" },
       sign(runs, i),
       el(runs.length > 1 ? "h2" : "h1", null, run.name),
-      el("span", { class: `badge ${run.passed ? "passed" : "failed"}` }, run.passed ? "passed" : "failed"),
+      el("span", { class: `badge ${run.verdict}` }, run.verdict),
       el("span", { class: "muted" }, `${seconds(run.end)}, ended by ${ENDS[run.status]}`),
     ),
     sentences(run, seek),
@@ -73,7 +73,7 @@ function comparison(runs, plots, seek) {
   const [a, b] = runs.map(given);
   const names = [...new Set([...Object.keys(a), ...Object.keys(b)])].filter(name => a[name] !== b[name]);
   const differing = names.map(name => [name, [a, b].map(values => values[name] ?? "as declared")]);
-  const verdicts = ["verdict", runs.map(run => `${run.passed ? "passed" : "failed"} at ${seconds(run.end)}`)];
+  const verdicts = ["verdict", runs.map(run => `${run.verdict} at ${seconds(run.end)}`)];
   const extremes = plots.map(plot => [plot.label, plot.extremes.map(extreme => (extreme ? plot.told(extreme) : "–"))]);
   const head = el("tr", null, el("td"), ...runs.map((_, i) => el("th", { scope: "col" }, sign(runs, i))));
   const row = ([name, values]) =>

@@ -2,6 +2,7 @@
 
 const WIDEST = 24, // columns of a matrix
   TALLEST = 40,
+  HARD = 20, // impact speed (m/s) of the deepest shade
   LISTED = 12; // failures that are listed at most
 const cells = { column: columns[0] }; // the measure that cells show
 
@@ -58,21 +59,23 @@ function matrix(runs, { across, down }) {
   );
 }
 
-/** A cell of a matrix: how many of its runs failed, and the worst value of one that passed. */
+/** A cell of a matrix: how many of its runs have not passed, and the worst value of one that passed. */
 function filled(runs, where) {
-  const bad = runs.filter(run => run.state !== "passed"),
+  const bad = runs.filter(run => run.state !== "passed").sort(bySeverity),
     first = bad[0] ?? runs[0],
+    speed = first.measures.impact_speed,
     kind = bad.length ? (bad.length < runs.length ? "mixed" : first.state) : "passed";
-  const text = bad.length ? (runs.length > 1 ? `✕ ${bad.length}/${runs.length}` : "✕") : shown(cells.column, first, 3);
-  const label = `${where}: ${bad.length ? `${bad.length} of ${runs.length} failed, ${reason(first)}` : "passed"}`;
+  const text = bad.length ? (runs.length > 1 ? `✕ ${bad.length}/${runs.length}` : typeof speed === "number" ? `✕ ${speed.toFixed(0)}` : "✕") : shown(cells.column, first, 3);
+  const label = `${where}: ${bad.length ? `${bad.length} of ${runs.length} ${called(bad)}, ${reason(first)}` : "passed"}`;
   const inner = first.replay
     ? el("a", { href: link(first), "aria-label": label }, text)
     : el("span", { role: "img", "aria-label": label }, text);
-  return el("td", { class: kind, title: label }, inner);
+  const shade = typeof speed === "number" && bad.length ? Math.round(100 * Math.min(1, speed / HARD)) : null;
+  return el("td", { class: kind, title: label, style: shade === null ? null : `--shade:${shade}%` }, inner);
 }
 
 function failures(runs) {
-  const bad = runs.filter(run => run.state !== "passed");
+  const bad = runs.filter(run => run.state !== "passed").sort(bySeverity);
   return el(
     "ul",
     { class: "failures" },
@@ -82,7 +85,8 @@ function failures(runs) {
 }
 
 function group(name, runs, open) {
-  const bad = runs.filter(run => run.state !== "passed").length,
+  const others = runs.filter(run => run.state !== "passed"),
+    bad = others.length,
     square = grid(runs);
   const node = el(
     "details",
@@ -92,8 +96,8 @@ function group(name, runs, open) {
       null,
       el(
         "span",
-        { class: `count ${bad ? "failed" : "passed"}` },
-        bad ? `${bad} of ${runs.length} failed` : `${runs.length} passed`,
+        { class: `count ${bad ? (others.every(run => run.state === "inconclusive") ? "inconclusive" : "failed") : "passed"}` },
+        bad ? `${bad} of ${runs.length} ${called(others)}` : `${runs.length} passed`,
       ),
       el("h3", null, name),
     ),
@@ -124,7 +128,7 @@ function groups() {
     el(
       "div",
       { class: "choices" },
-      el("span", { class: "muted" }, "A cross is a failure; runs that passed show"),
+      el("span", { class: "muted" }, "A cross is a failure, with its impact speed (m/s), the deeper the harder, or an inconclusive run; runs that passed show"),
       choice(
         "Measure",
         measures.map(column => [column.id, column.title]),

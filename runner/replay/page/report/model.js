@@ -1,7 +1,7 @@
 // The runs of a batch, what they are placed, sorted and counted by, and which of them are looked at.
 
 const data = JSON.parse(document.getElementById("data").textContent);
-const STATES = ["failed", "error", "passed"];
+const STATES = ["failed", "error", "inconclusive", "passed"]; // the gravest first
 const link = run => `${run.replay.split("/").map(encodeURIComponent).join("/")}#t=${run.moment}`;
 const many = (count, one, several = `${one}s`) => `${count.toLocaleString("en")} ${count === 1 ? one : several}`;
 
@@ -10,6 +10,7 @@ const columns = [
   ...Object.entries(data.measures).map(([name, { label, unit, most, beyond }]) => ({
     id: name,
     title: unit ? `${label} (${unit})` : label,
+    unit,
     most,
     beyond,
     of: run => run.measures[name],
@@ -20,12 +21,30 @@ const columns = [
 for (const column of columns) column.numbers = data.runs.filter(run => typeof column.of(run) === "number").length;
 const numeric = columns.filter(column => column.numbers).sort((a, b) => !a.parameter - !b.parameter || b.numbers - a.numbers);
 
+const percent = share => (share && share < 0.001 ? "<0.1 %" : `${(100 * share).toFixed(share && share < 0.1 ? 1 : 0)} %`);
+
 /** A run's value in a column as text, with so many significant digits. */
 function shown(column, run, digits = 4) {
   const value = column.of(run);
   if (typeof value !== "number") return String(short(value));
+  if (column.id === "fatality_risk") return percent(value);
   return column.beyond && value > column.most ? column.beyond : String(short(Number(value.toPrecision(digits))));
 }
+
+/** Runs by severity: failures first, those with the greatest risk of a death first among them, then the nearest misses. */
+function bySeverity(a, b) {
+  const state = STATES.indexOf(a.state) - STATES.indexOf(b.state);
+  if (state) return state;
+  const of = (run, name, absent) => run.measures[name] ?? absent;
+  return (
+    of(b, "fatality_risk", -1) - of(a, "fatality_risk", -1) ||
+    of(b, "impact_speed", -1) - of(a, "impact_speed", -1) ||
+    of(a, "min_distance", Infinity) - of(b, "min_distance", Infinity)
+  );
+}
+
+/** What runs that have not passed are called together. */
+const called = bad => (bad.some(run => run.state === "inconclusive") ? "not passed" : "failed");
 
 /** Why a run ended as it did. */
 const reason = run => run.message || (ENDS[run.status] ?? run.status);

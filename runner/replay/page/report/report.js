@@ -7,6 +7,7 @@ document.body.append(
     ...[
       el("h1", null, data.title),
       verdicts(),
+      worst(),
       history(),
       filters(),
       groups(),

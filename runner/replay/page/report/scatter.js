@@ -48,7 +48,7 @@ function scatter() {
     const beyond = there.filter(run => axis.x.of(run) > us.most || axis.y.of(run) > vs.most).length;
     canvas.setAttribute("aria-label", `${many(there.length, "run")}, ${axis.y.title} over ${axis.x.title}`);
     told.textContent =
-      `${many(there.length, "run")}; squares failed, a number counts runs in one place. ` +
+      `${many(there.length, "run")}; squares have not passed, a number counts runs in one place. ` +
       (beyond ? `${beyond} beyond the edge, drawn at it. ` : "") +
       "Point at one to see which it is, click to play it.";
   }

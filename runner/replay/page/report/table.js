@@ -52,7 +52,7 @@ function table() {
   }
 
   function fill() {
-    const found = [...runs].sort(order.by ? compare : (a, b) => STATES.indexOf(a.state) - STATES.indexOf(b.state));
+    const found = [...runs].sort(order.by ? compare : bySeverity);
     body.replaceChildren(...found.slice(0, count).map(row));
     more.hidden = found.length <= count;
     told.textContent = found.length > count ? `${count} of ${found.length} runs` : "";

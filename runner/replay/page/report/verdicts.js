@@ -2,10 +2,11 @@
 
 function verdicts() {
   const counts = STATES.map(state => data.runs.filter(run => run.state === state).length),
-    [failed, broken] = counts;
+    [failed, broken, untested] = counts;
   const told = [
     failed ? `${failed} of ${many(data.runs.length, "run")} failed` : "No run failed",
     broken ? `${many(broken, "file")} could not be run` : null,
+    untested ? `${many(untested, "run")} inconclusive` : null,
   ];
   return el(
     "section",
@@ -38,6 +39,65 @@ function legend(counts) {
   );
 }
 
+// severity ------------------------------------------------------------------------------------
+
+const WORST = 5;
+const size = (column, run) => {
+  const value = column.of(run);
+  return column.unit && typeof value === "number" ? value.toFixed(value < 1 ? 2 : 1) : shown(column, run, 3);
+};
+
+/** The hardest contacts, or the nearest misses where there is none. */
+function worst() {
+  const hit = data.runs.filter(run => typeof run.measures.impact_speed === "number" && run.state !== "passed"),
+    near = data.runs.filter(run => run.state === "passed" && typeof run.measures.min_distance === "number");
+  const runs = (hit.length ? hit : near).sort(bySeverity).slice(0, WORST);
+  if (data.runs.length < 2 || !runs.length) return null;
+  const names = hit.length ? ["impact_speed", "delta_v", "fatality_risk"] : ["min_distance", "min_ttc"],
+    shownColumns = names.map(id => columns.find(column => column.id === id));
+  const title = hit.length ? `Worst ${runs.length} of ${many(hit.length, "contact")}` : `Nearest ${runs.length} misses`;
+  return el(
+    "section",
+    { class: "panel" },
+    el("h2", null, title),
+    el(
+      "div",
+      { class: "wide", tabindex: 0, role: "region", "aria-label": title },
+      el(
+        "table",
+        null,
+        el(
+          "thead",
+          null,
+          el(
+            "tr",
+            null,
+            el("th", { scope: "col" }, "run"),
+            ...shownColumns.map(column => el("th", { scope: "col", class: "number" }, column.title)),
+            hit.length ? el("th", { scope: "col" }, "contact") : null,
+          ),
+        ),
+        el(
+          "tbody",
+          null,
+          ...runs.map(run =>
+            el(
+              "tr",
+              null,
+              el("td", { class: "name" }, named(run)),
+              ...shownColumns.map(column => el("td", { class: "number" }, size(column, run))),
+              hit.length ? el("td", { class: "why muted" }, run.impact ?? reason(run)) : null,
+            ),
+          ),
+        ),
+      ),
+    ),
+    hit.length
+      ? el("p", { class: "muted" }, "Fatality risk by Joksch (1993) for occupants, by Rosén and Sander (2009) for pedestrians and riders.")
+      : null,
+  );
+}
+
 // history -------------------------------------------------------------------------------------
 
 const SHOWN = 30; // runs that are listed at most for each kind of change
@@ -49,9 +109,9 @@ function history() {
   const worse = run => run.state !== "passed";
   const both = data.runs.filter(run => run.before),
     kinds = [
-      ["fails now, passed before", both.filter(run => worse(run) && run.before.state === "passed")],
-      ["passes now, failed before", both.filter(run => !worse(run) && run.before.state !== "passed")],
-      ["fails as before", both.filter(run => worse(run) && run.before.state !== "passed")],
+      ["does not pass now, passed before", both.filter(run => worse(run) && run.before.state === "passed")],
+      ["passes now, did not before", both.filter(run => !worse(run) && run.before.state !== "passed")],
+      ["does not pass, as before", both.filter(run => worse(run) && run.before.state !== "passed")],
       ["is new", data.runs.filter(run => !run.before)],
     ];
   const earlier = against.report ? el("a", { href: against.report }, against.title) : against.title;

@@ -1,6 +1,0 @@
-"""An adversary that acts within the episode: it drives as recorded drivers do who cut in, and as far from that as they go."""
-
-NAME = "adversary"
-"""Name of the method"""
-OBJECTIVES = ("risk-field", "distance", "fuzzy")
-"""Names of what shapes its reward (`generation.adversary.shape`), the default one first"""

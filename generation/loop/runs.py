@@ -1,0 +1,352 @@
+"""Runs of a loop: edge cases driven again as files, and stages that a folder already holds."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, fields, is_dataclass, replace
+from enum import Enum
+from functools import partial
+from pathlib import Path
+from types import UnionType
+from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
+
+from generation.loop.findings import Finding, Measured, Ran, Recognised, Run, Searched, Stage
+from recognition.catalogue.index import rows_of
+from recognition.catalogue.pipeline import ByRules, build
+from recognition.catalogue.recordings import CatalogueSettings
+from recognition.datasets import Source, cache_roads
+from recognition.maneuvers.units import Samples, extract_from
+from runner.batch.batch import print_line, run_batch
+from runner.batch.jobs import Job, Outcome
+from runner.replay.player import REPLAY, keep_replay
+from runner.replay.report import report, write_report
+from runner.settings import RunSettings
+from schemas.commands.options import Bar
+from schemas.commands.wording import many
+from schemas.errors import ExitCode, InvalidFile, ToolchainError, UsageError
+from schemas.security.text import one_line
+from schemas.storage import LOCK, check_settings, digest, read_bytes, read_object, write_object, writing
+from xosc.distributions import ParameterSpace
+
+MODEL = "model"
+"""Folder in the output folder with the model as it is after the recordings: the classes discovered in them are known to it"""
+
+
+def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar, keep: Path | None = None) -> Recognised:
+    """Make a catalogue of recordings.
+
+    Args:
+        paths: recordings.
+        folder: of the catalogue.
+        model: folder of the model; None for the rules alone.
+        keep: folder for the model as it is afterwards; None to forget it.
+    """
+    if model is None:
+        summary = build(paths, folder, CatalogueSettings(), ByRules, bar)
+    else:
+        from recognition.catalogue.model import load
+
+        recogniser = load(model)
+        summary = build(paths, folder, CatalogueSettings(), lambda: recogniser, bar)
+        if keep is not None:
+            recogniser.keep(keep, waiting=False)  # so that what runs show is not clustered with the unknown of these recordings
+    return Recognised(
+        classes=dict(sorted(summary.classes.items())),
+        states=dict(sorted(Counter(row["state"] for row in rows_of(folder)).items())),
+        failures={name: str(error) for name, error in summary.failures.items()},
+        edited=summary.edited,
+    )
+
+
+def units(sources: Sequence[Source], path: Path, bar: Bar) -> Measured:
+    """Extract the parameters of the recordings' manoeuvres and write them as a table."""
+    parts, failures = [], {}
+    with bar("measuring manoeuvres", len(sources)) as advance:
+        for source in sources:
+            try:
+                parts.append(extract_from(source, cache_roads()))
+            except ToolchainError as error:
+                failures[source.name] = str(error)
+            advance(1)
+    samples = Samples.joined(parts) if parts else None
+    if samples is not None:
+        samples.write(path)
+    kinds = Counter(samples.kinds.tolist()) if samples is not None else Counter()
+    return Measured(kinds=dict(sorted(kinds.items())), failures=failures)
+
+
+def run_all(
+    jobs: Iterable[Job | Outcome],
+    settings: RunSettings,
+    folder: Path,
+    out: Path,
+    processes: int,
+    progress: Callable[[int], None],
+    named: Callable[[Path], str],
+) -> Ran:
+    """Run jobs into a folder, with a replay page of each run and a report of all; goes on where it was interrupted.
+
+    Args:
+        settings: how they are run.
+        folder: for the results, below `out`.
+        out: output folder of the loop.
+        named: what a file is called in the result, no two the same.
+
+    Returns:
+        What `runner.replay.report` gives for each run.
+    """
+    keep = partial(keep_replay, out=folder)
+    outcomes = run_batch(jobs, settings, out=folder, processes=processes, resume=True, also=[keep], needs=[REPLAY])
+    files, crashed = {}, 0
+    for outcome in outcomes:
+        files[outcome.job.name] = outcome.job.source
+        crashed += outcome.exit_code == ExitCode.INTERNAL
+        progress(1)
+    write_report(folder)
+    place = folder.relative_to(out).as_posix()
+    found = Ran(crashed=crashed)
+    for run in report(folder)["runs"]:
+        replay = f"{place}/{run['replay']}#t={run['moment']}" if run["replay"] else None
+        copied = {name: run[name] for name in ("name", "state", "status", "message", "end", "measures")}
+        found.files.setdefault(named(files[run["name"]]), []).append(Run(**copied, replay=replay))
+    return replace(found, failures=dict(_failures(found)))
+
+
+def _failures(found: Ran) -> Iterator[tuple[str, str]]:
+    """The files with runs that ended with an error, and what the first of these says."""
+    for name, runs in found.files.items():
+        messages = [run.message for run in runs if run.state == "error"]
+        if messages:
+            more = f" (and {many(len(messages) - 1, 'more run')} with errors)" if len(messages) > 1 else ""
+            yield name, messages[0] + more
+
+
+def sampled(paths: Iterable[Path], most: int, named: Callable[[Path], str]) -> dict[str, int]:
+    """How many parameter sets those variation files have that have more than `most`; those that can't be read have none.
+
+    Args:
+        named: what a file is called in the result, as for `run_all`.
+    """
+    found = {}
+    for path in paths:
+        with suppress(ToolchainError):
+            found[named(path)] = ParameterSpace(path).size
+    return {name: size for name, size in found.items() if size > most}
+
+
+T = TypeVar("T")
+
+
+_FOLDER = "stages"
+_SETTINGS = "loop.json"
+_KEYS = ("of", "found", "files", "digest")
+_REMEDY = "remove it to have it done again"
+
+F = TypeVar("F", bound=Finding)
+
+Report = Callable[[Stage, Finding, float | None], None]
+"""Called with each finished stage, what it found, and the time (s) that was waited for it; None where it was finished before."""
+
+
+class FinishedStages:
+    """The stages of one loop.
+
+    A stage that is finished leaves a record with the digests of the files that it made, and one of the record. Where a record or
+    a file is damaged or missing, the stage is done again.
+
+    Args:
+        out: the output folder; made where it does not exist.
+        settings: all that decides what the stages find.
+        report: called with each stage as it is finished.
+        tell: called with a line about a finished stage that is done again.
+
+    Raises:
+        UsageError: the folder holds a loop with other settings, or something else, or can't be made.
+    """
+
+    def __init__(self, out: Path, settings: Mapping[str, Any], report: Report, tell: Callable[[str], None] = print_line) -> None:
+        self._out, self._folder, self._report, self._tell = out, out / _FOLDER, report, tell
+        path = out / _SETTINGS
+        check_settings(path, settings, "a loop")
+        if not path.exists() and out.is_dir() and any(each.name != LOCK for each in out.iterdir()):
+            raise UsageError("there is something else in this folder: a loop needs one of its own", path=out)
+        write_object(settings, path)
+
+    def has(self, stage: Stage, of: str = "") -> bool:
+        """Whether a stage has been finished, of the same content, and what it made is whole."""
+        record, fault = self._left(stage, of)
+        return not fault and _is_done(record, of)
+
+    def once(
+        self,
+        stage: Stage,
+        kind: type[F],
+        work: Callable[[], F],
+        of: str = "",
+        made: Sequence[Path] = (),
+        editable: bool = False,
+    ) -> F:
+        """What a stage finds, of that kind; it does its work only where it has not been finished before.
+
+        Args:
+            work: what it does; it goes on with what an interruption has left of it.
+            of: the content of its inputs. Where it has changed, what was made of the old one is removed, and the work done again.
+            made: files and folders that it writes.
+            editable: what it made may be edited; only a file that is missing has the stage done again.
+
+        Raises:
+            UsageError: what it has left can't be removed.
+        """
+        before, fault = self._left(stage, of, kind, editable)
+        if fault:
+            self._tell(one_line(f"{fault}: {stage.name} is done again"))
+        elif _is_done(before, of):
+            found = from_json(kind, before["found"])
+            self._report(stage, found, None)
+            return found
+        elif before["of"] != of:
+            _remove(made)
+        path = self._path(stage)
+        write_object(_sealed(of, None, {}), path)
+        begun = time.monotonic()
+        found = work()
+        write_object(_sealed(of, asdict(found), self._files(made)), path)
+        self._report(stage, found, time.monotonic() - begun)
+        return found
+
+    def _left(
+        self, stage: Stage, of: str, kind: type[Finding] | None = None, editable: bool = False
+    ) -> tuple[dict[str, Any], str]:
+        """What a stage has left, and why that does not count though it was finished; empty where it does, or was not finished."""
+        path = self._path(stage)
+        if not path.is_file():
+            return _sealed(of, None, {}), ""
+        try:
+            record = _read(path)
+            if _is_done(record, of) and kind is not None:
+                _finding(path, kind, record)
+        except InvalidFile as error:
+            return _sealed(of, None, {}), f"{error.path}: damaged"
+        names = self._changed(record["files"], editable) if _is_done(record, of) else []
+        more = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
+        return record, f"{self._out / names[0]}{more}: {'missing' if editable else 'changed or missing'}" if names else ""
+
+    def _changed(self, files: Mapping[str, str], editable: bool) -> list[str]:
+        """Names of the files that are not as they were made."""
+        found = ((name, _digest(self._out / name)) for name in files)
+        return [name for name, digest in found if (digest is None if editable else digest != files[name])]
+
+    def _files(self, made: Sequence[Path]) -> dict[str, str | None]:
+        """Digests of what was made, by name below the output folder; what is hidden is of no result."""
+        paths = sorted(path for each in made for path in ([each] if each.is_file() else each.rglob("*")) if path.is_file())
+        names = {path: path.relative_to(self._out) for path in paths}
+        return {name.as_posix(): _digest(path) for path, name in names.items() if not any(part[0] == "." for part in name.parts)}
+
+    def _path(self, stage: Stage) -> Path:
+        return self._folder / f"{stage.name}.json"
+
+
+def searches(out: Path) -> tuple[str, list[Searched]]:
+    """The system under test of a loop that is in a folder, and its searches, round after round.
+
+    Raises:
+        UsageError: no loop is there. InvalidFile: what it has left is not readable.
+    """
+    path = out / _SETTINGS
+    if not path.is_file():
+        raise UsageError("no loop is in this folder", path=out)
+    left = ((each, _read(each)) for each in sorted((out / _FOLDER).glob("round_*_search_*.json")))
+    found = [_finding(path, Searched, record) for path, record in left if record["found"] is not None]
+    return str(read_object(path).get("sut", "")), sorted(found, key=lambda each: each.round)
+
+
+def _sealed(of: str, found: dict[str, Any] | None, files: Mapping[str, str | None]) -> dict[str, Any]:
+    """The record of a stage."""
+    return {"of": of, "found": found, "files": dict(files), "digest": digest(_content(of, found, files))}
+
+
+def _content(*values: Any) -> bytes:
+    return json.dumps(values, sort_keys=True).encode()
+
+
+def _digest(path: Path) -> str | None:
+    """The digest of a file; None where it can't be read."""
+    try:
+        return digest(read_bytes(path))
+    except InvalidFile:
+        return None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """The record that a stage has left.
+
+    Raises:
+        InvalidFile: it is damaged.
+    """
+    record = read_object(path, _REMEDY)
+    if set(record) != set(_KEYS) or not isinstance(record["files"], dict):
+        raise InvalidFile(f"this is not what a stage leaves; {_REMEDY}", path=path)
+    if record["digest"] != digest(_content(record["of"], record["found"], record["files"])):
+        raise InvalidFile(f"this is damaged; {_REMEDY}", path=path)
+    return record
+
+
+def _is_done(record: Mapping[str, Any], of: str) -> bool:
+    return record["of"] == of and record["found"] is not None
+
+
+def _finding(path: Path, kind: type[F], record: Mapping[str, Any]) -> F:
+    try:
+        return from_json(kind, record["found"])
+    except (TypeError, ValueError) as error:
+        raise InvalidFile(f"this is not what the stage finds: {error}; {_REMEDY}", path=path) from None
+
+
+def _remove(made: Sequence[Path]) -> None:
+    for path in made:
+        with writing("the folder", path):
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
+
+
+def from_json(kind: type[T], value: Any) -> T:
+    """The value of a type, from what JSON has of it.
+
+    Args:
+        kind: a dataclass, an enumeration of texts, `list[…]`, `dict[str, …]`, a union with None, or a type of JSON.
+
+    Raises:
+        TypeError, ValueError: the value is none of that type.
+    """
+    return cast(T, _value(kind, value))
+
+
+def _value(kind: Any, value: Any) -> Any:
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin is UnionType:
+        return None if value is None else _value(next(each for each in arguments if each is not type(None)), value)
+    if is_dataclass(kind) and isinstance(kind, type):
+        hints = get_type_hints(kind)
+        given = _expect(dict, value)
+        known = {field.name for field in fields(kind)}
+        return kind(**{name: _value(hints[name], each) if name in known else each for name, each in given.items()})
+    if origin is list:
+        return [_value(arguments[0], each) for each in _expect(list, value)]
+    if origin is dict:
+        return {name: _value(arguments[1], each) for name, each in _expect(dict, value).items()}
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return kind(value)
+    return float(_expect(int | float, value)) if kind is float else _expect(kind, value)
+
+
+def _expect(kind: Any, value: Any) -> Any:
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        raise TypeError(f"{getattr(kind, '__name__', kind)} is expected, not {value!r}")
+    return value

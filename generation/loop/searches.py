@@ -1,0 +1,316 @@
+"""Searches of a loop, and the fate of the failures that an earlier loop found."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple, Self
+
+import numpy as np
+
+import xosc
+from generation.loop.findings import Against, CarefulDriver, CaseVerdict, Compared, EdgeCase, KnownFailure, Range, Searched
+from generation.loop.inputs import Target
+from generation.loop.runs import searches
+from generation.outcomes.outcomes import Episodes
+from generation.pipeline import Generated, generate, space_of
+from generation.report.regression import Before, Fate, Tried, regression
+from generation.search.space import Space, apart, diverse
+from generation.settings import Choice, LoopSettings, SearchSettings
+from runner.batch.pool import executor
+from schemas.errors import ToolchainError, UsageError
+from xodr.array_types import FloatArray
+
+_ALIKE = Choice().apart
+"""Failures that are nearer to each other than this are one; as for edge cases"""
+
+
+class Failures(NamedTuple):
+    """Failures of the system under test, one a row, no two alike, those with the greatest rewards first.
+
+    Attributes:
+        theta: parameters (n, d).
+        collisions: how many of all are collisions; the others are violations of RSS distances.
+        new: how many collisions are unlike all failures that were known before.
+    """
+
+    theta: FloatArray
+    collisions: int
+    new: int
+
+
+def failures(space: Space, episodes: Episodes, before: FloatArray | None = None) -> Failures:
+    """The failures among episodes.
+
+    Args:
+        before: failures (m, d) that were known already.
+    """
+    order = np.argsort(-episodes.rewards, kind="stable")
+    collided = order[episodes.outcomes.collision[order]]
+    distinct = collided[diverse(space.unit(episodes.theta[collided]), _ALIKE)]
+    unit = space.unit(episodes.theta[distinct])
+    new = len(distinct) if before is None else int(apart(unit, space.unit(before), _ALIKE).sum())
+    order = order[episodes.outcomes.critical[order]]
+    chosen = order[diverse(space.unit(episodes.theta[order]), _ALIKE)]
+    return Failures(episodes.theta[chosen], len(distinct), new)
+
+
+_DIGITS = 6
+"""Decimal places that say anything"""
+_SHOWN = 300
+"""Points of each kind in a plot, at most"""
+
+
+def search(
+    target: Target, number: int, out: Path, settings: LoopSettings, known: FloatArray | None, progress: Callable[[int], None]
+) -> Searched:
+    """Search for edge cases and write them into a folder of the output folder.
+
+    Args:
+        target: what to search.
+        number: of the round, from 1.
+        out: output folder of the loop.
+        settings: of the loop.
+        known: failures (m, d) of earlier rounds, which this one starts from; None for none.
+        progress: called with the number of runs that are done.
+
+    Returns:
+        What was found, files relative to `out`; with `error` where nothing was searched.
+    """
+    folder = out / f"round_{number}" / target.name
+    of = Searched(round=number, target=target.name, title=target.title, scenario=target.scenario.stem, prior=target.prior)
+    try:
+        made = generate(target.scenario, target.recorded, folder, settings_of(target, settings.search(number)), progress, known)
+    except ToolchainError as error:
+        return replace(of, error=str(error), failures={of.title: f"not searched: {error}"})
+    found = failures(made.space, made.history, known)
+    real = target.recorded(made.space).within(made.space).theta
+    outcomes = made.history.outcomes
+    errors = Counter(outcomes.error[~outcomes.executed].tolist())
+    mostly = max(sorted(errors), key=errors.__getitem__, default="")
+    return replace(
+        of,
+        failures={} if outcomes.executed.any() else {of.title: f"no run succeeded, mostly: {mostly}"},
+        parameters=[Range(each.name, each.low, each.high) for each in made.space.parameters],
+        pinned=dict(made.space.pinned),
+        calls=len(outcomes),
+        failed_runs=int((~outcomes.executed).sum()),
+        errors=int((outcomes.status == "error").sum()),
+        run_error=mostly,
+        collisions=int(outcomes.collision.sum()),
+        distinct=found.collisions,
+        new=found.new,
+        cases=list(_cases(made, out)),
+        failed=failures(made.space, made.episodes, known).theta.tolist(),  # cases may be draws of the density as well
+        real=_thinned(real).tolist(),
+        tried=_thinned(made.history.theta).tolist(),
+    )
+
+
+def settings_of(target: Target, settings: SearchSettings) -> SearchSettings:
+    """Settings of a search, with what was asked for of a target."""
+    asked = target.asked
+    if asked is None:
+        return settings
+    return replace(settings, pinned=asked.pinned, free=asked.free, marginals=asked.marginals, default=asked.default)
+
+
+def found_by(rounds: Iterable[Searched]) -> FloatArray | None:
+    """The failures of earlier rounds of one target, one a row; None where there are none."""
+    rows = [row for each in rounds for row in each.failed]
+    return np.array(rows) if rows else None
+
+
+def _cases(made: Generated, out: Path) -> Iterator[EdgeCase]:
+    """The edge cases: parameters, evidence, files."""
+    cases = made.cases
+    scenarios = made.files[2:]  # after the variation file and that of the density
+    for row, (file, theta) in enumerate(zip(scenarios, cases.theta.tolist(), strict=True)):
+        careful = CarefulDriver.COLLIDES if cases.careful.collision[row] else CarefulDriver.UNKNOWN
+        yield EdgeCase(
+            file=file.relative_to(out).as_posix(),
+            road=road_of(file, out),
+            theta=dict(zip(made.space.names, theta, strict=True)),
+            verdict=CaseVerdict.COLLISION if cases.outcomes.collision[row] else CaseVerdict.VIOLATION,
+            careful=CarefulDriver.AVOIDS if cases.careful.survived[row] else careful,
+            likelihood=round(float(cases.log_likelihood[row]), _DIGITS),
+            risk=round(float(cases.outcomes.r_risk[row]), _DIGITS),
+        )
+
+
+def road_of(scenario: Path, out: Path) -> str | None:
+    """The road file of a scenario, relative to the output folder; None where it has none there."""
+    logic = xosc.load(scenario).node.need("RoadNetwork").find("LogicFile")
+    if logic is None:
+        return None
+    path = (scenario.parent / logic.get("filepath")).resolve()
+    return path.relative_to(out.resolve()).as_posix() if path.is_relative_to(out.resolve()) else None
+
+
+def _thinned(theta: FloatArray) -> FloatArray:
+    """Evenly chosen rows, no more than can be seen, rounded to what can be seen."""
+    rows = np.linspace(0, len(theta) - 1, min(len(theta), _SHOWN)).astype(int)
+    return theta[rows].round(4)
+
+
+class Searchers:
+    """Processes that search. A context manager; they last as long as it does.
+
+    A target is searched by the same process in each round: it remembers the densities that it has fitted.
+
+    Args:
+        out: output folder of the loop.
+        settings: of the loop; `processes` says how many there are.
+    """
+
+    def __init__(self, out: Path, settings: LoopSettings) -> None:
+        self._out, self._count, self._settings = out, settings.processes, replace(settings, processes=1)
+        self._processes: list[ProcessPoolExecutor] = []
+        self._numbers: dict[str, int] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._processes:
+            process.shutdown(wait=True, cancel_futures=True)
+
+    def begin(self, target: Target, number: int, known: FloatArray | None) -> Callable[[], Searched]:
+        """Begin to search, see `search`; what waits for the result.
+
+        That raises ToolchainError where the process has died.
+        """
+        if not self._processes:
+            self._processes = [executor(1, anew=True) for _ in range(self._count)]
+        process = self._processes[self._numbers.setdefault(target.name, len(self._numbers) % self._count)]
+        found = process.submit(_searched, target, number, self._out, self._settings, known)
+        return lambda: _result(found)
+
+
+def _searched(target: Target, number: int, out: Path, settings: LoopSettings, known: FloatArray | None) -> Searched:
+    return search(target, number, out, settings, known, lambda _: None)
+
+
+def _result(search: Future[Searched]) -> Searched:
+    try:
+        return search.result()
+    except BrokenProcessPool:
+        raise ToolchainError("a process died, perhaps because memory ran out; go on with --jobs 1") from None
+
+
+_NOTHING_BEFORE = "no run of the earlier loop succeeded: what is new here may be older"
+
+
+class Earlier(NamedTuple):
+    """A loop that is compared with.
+
+    Attributes:
+        folder: its output folder.
+        sut: its system under test.
+        searches: by target, round after round, without those that could not be done.
+    """
+
+    folder: Path
+    sut: str
+    searches: Mapping[str, Sequence[Searched]]
+
+    @classmethod
+    def of(cls, folder: Path) -> Earlier:
+        """Read an output folder.
+
+        Raises:
+            UsageError: no loop is there. InvalidFile: what it has left is not readable.
+        """
+        sut, found = searches(folder)
+        return cls(folder, sut, _by_target(found))
+
+    def before(self, target: str) -> Before:
+        """The failures of a target in all rounds.
+
+        Raises:
+            UsageError, InvalidFile: its edge cases are gone, or were changed.
+        """
+        rounds = [
+            Before.of(self.folder / f"round_{search.round}" / target, Path(f"{search.scenario}.xosc"))
+            for search in self.searches.get(target, ())
+        ]
+        systems = {each.system for each in rounds}
+        values = [value for each in rounds for value in each.values]
+        return Before(self.folder, self.sut, values, system=systems.pop() if len(systems) == 1 else "")
+
+
+def compare(
+    earlier: Earlier,
+    targets: Sequence[Target],
+    found: Iterable[Searched],
+    settings: LoopSettings,
+    progress: Callable[[int], None],
+) -> Against:
+    """Replay the failures of an earlier loop, and say which failures are new.
+
+    Targets of which only one of the loops has a search are compared too: those failures are new, or nothing is known of them.
+
+    Args:
+        targets: of this loop. found: their searches.
+        progress: called with 1 after each target.
+    """
+    done = _by_target(found)
+
+    def along() -> Iterator[Compared]:
+        for target in targets:
+            if target.name in done or target.name in earlier.searches:
+                yield _compared(earlier, target, done.get(target.name, ()), settings)
+            progress(1)
+        for name in sorted(earlier.searches.keys() - {target.name for target in targets}):
+            title = earlier.searches[name][0].title
+            yield _unknown(earlier, name, title, "this loop does not search it")
+
+    return Against(earlier.folder.resolve().name, earlier.sut, list(along()))
+
+
+def _compared(earlier: Earlier, target: Target, now: Sequence[Searched], settings: LoopSettings) -> Compared:
+    then = earlier.searches.get(target.name, ())
+    if not now:
+        return _unknown(earlier, target.name, target.title, "this loop could not search it", blind=True)
+    if all(search.in_vain for search in now):
+        return _unknown(earlier, target.name, target.title, f"no run succeeded: {now[0].run_error}", blind=True)
+    if then and then[0].scenario != now[0].scenario:
+        return _unknown(earlier, target.name, target.title, f"it was {then[0].scenario} that was searched")
+    failures = [case for search in now for case in search.cases if case.verdict is CaseVerdict.COLLISION]
+    search = settings_of(target, settings.search(now[0].round))
+    try:
+        space, before = space_of(target.scenario, search), earlier.before(target.name)
+        theta = np.array([[case.theta[name] for name in space.names] for case in failures]).reshape(-1, len(space.names))
+        tried = Tried(space, theta, np.ones(len(theta), bool))
+        made = regression(before, target.scenario, tried, search)
+    except UsageError as error:
+        return _unknown(earlier, target.name, target.title, error.message)
+    known = [KnownFailure(dict(values), fate) for values, fate in zip(before.values, made.fates, strict=True)]
+    found = {case.file: fate for case, fate in zip(failures, made.found, strict=True) if fate is not None}
+    new = [file for file, fate in found.items() if fate is Fate.NEW]
+    others: dict[str, Fate] = {file: fate for file, fate in found.items() if fate is not Fate.NEW}
+    reason = _NOTHING_BEFORE if then and all(search.in_vain for search in then) else ""
+    return Compared(target=target.name, title=target.title, reason=reason, before=known, new=new, others=others)
+
+
+def _unknown(earlier: Earlier, target: str, title: str, reason: str, blind: bool = False) -> Compared:
+    """A target whose failures of before nothing is known of."""
+    found = [case for search in earlier.searches.get(target, ()) for case in search.cases]
+    failures = [KnownFailure(_texts(each), Fate.UNKNOWN) for each in found if each.verdict is CaseVerdict.COLLISION]
+    return Compared(target=target, title=title, reason=reason, before=failures, blind=blind)
+
+
+def _texts(case: EdgeCase) -> dict[str, str]:
+    return {name: f"{value:g}" for name, value in case.theta.items()}
+
+
+def _by_target(found: Iterable[Searched]) -> dict[str, list[Searched]]:
+    listed: dict[str, list[Searched]] = {}
+    for each in found:
+        if not each.error:
+            listed.setdefault(each.target, []).append(each)
+    return listed

@@ -1,1 +1,0 @@
-"""What the stages of a loop do: recognise, choose what to search, search, run."""

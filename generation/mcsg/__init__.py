@@ -1,1 +1,0 @@
-"""MCSG: the policy, its environment, and the search from coarse to fine."""

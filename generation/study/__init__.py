@@ -1,4 +1,0 @@
-"""Experiments on generation: baselines, ablations of MCSG, and what they are compared by.
-
-`python -m generation.study` runs them.
-"""

@@ -1,1 +1,0 @@
-"""MCSG without a part of it: one module each."""

@@ -1,1 +1,0 @@
-"""The experiments as subcommands of `python -m generation.study`, one module each: its function `command`."""

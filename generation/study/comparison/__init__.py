@@ -1,4 +1,0 @@
-"""MCSG and every method beside it on one problem, with equal simulator calls: results, tables and figures.
-
-`python -m generation.study methods SCENARIO --out DIR`
-"""

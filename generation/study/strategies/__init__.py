@@ -1,1 +1,0 @@
-"""What several baselines and ablations are made of."""

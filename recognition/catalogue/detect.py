@@ -1,0 +1,300 @@
+"""Detections: classes found in a recording by rules or by a model, and the episodes cut out about them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from recognition.datasets.source import Exclusion
+from recognition.labels.classes import Event, Label
+from runner.recording import Recording, Track
+from xodr.model import RoadPoint
+from xodr.network import RoadNetwork
+
+KNOWN, UNKNOWN, DISCOVERED = "known", "unknown", "discovered"
+RULES, MODEL = "rules", "model"
+"""Whose labels sort a catalogue"""
+WINDOW = 1.5
+"""Length (s) of what is looked at about a moment"""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A window of a recording about one ego, labelled.
+
+    Attributes:
+        ego: name of the track.
+        time: the middle of the window, s.
+        title: name of the class that it is sorted by: one of the 17, `unknown`, or a discovered class.
+        state: known, unknown or discovered.
+        rule: what the rules say, UNKNOWN for nothing.
+        model: the model's label: one of the 17, `unknown`, or a discovered class; None without a model.
+        nearest: of the known classes the one that the model takes it for rather than any other; None without a model.
+        confidence: of the model in `nearest`, in [0, 1]; None without.
+        partner, tags, why: of the rule's event.
+    """
+
+    ego: str
+    time: float
+    title: str
+    state: str
+    rule: Label = Label.UNKNOWN
+    model: str | None = None
+    nearest: str | None = None
+    confidence: float | None = None
+    partner: str | None = None
+    tags: dict[str, bool | float] = field(default_factory=dict)
+    why: str = ""
+
+    @property
+    def trust(self) -> str:
+        """Agreement of rules and model: `agree`, `differ`, `rules alone` or `model alone`."""
+        if self.labels_agree is None:
+            return "rules alone" if self.rule else "model alone"
+        return "agree" if self.labels_agree else "differ"
+
+    @property
+    def labels_agree(self) -> bool | None:
+        """Whether rules and model say the same; None where one of them says nothing."""
+        return self.model == self.rule.title if self.rule and self.model is not None else None
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A stretch of a recording in which one class is recognised about one ego.
+
+    Attributes:
+        moment: the one with a rule's event, if any, else the one with most confidence.
+        start, end: of the windows, s.
+        moments: how many there are.
+    """
+
+    moment: Moment
+    start: float
+    end: float
+    moments: int
+
+
+def by_rules(event: Event) -> Moment:
+    """The moment of a rule's event, without a model."""
+    return Moment(
+        event.ego, event.time, event.label.title, KNOWN, event.label, partner=event.partner, tags=event.tags, why=event.why
+    )
+
+
+def joined(moments: Iterable[Moment], gap: float) -> list[Detection]:
+    """Findings, sorted by ego and time.
+
+    Args:
+        gap: greatest time between the windows of one finding, s.
+    """
+    groups: dict[tuple[str, str], list[Moment]] = {}
+    for moment in moments:
+        groups.setdefault((moment.ego, moment.title), []).append(moment)
+    found = [_detection(run) for group in groups.values() for run in _runs(group, gap)]
+    return sorted(found, key=lambda finding: (finding.moment.ego, finding.moment.time, finding.moment.title))
+
+
+def _runs(moments: Iterable[Moment], gap: float) -> list[list[Moment]]:
+    """Moments that follow each other closely, and have no two partners."""
+    runs: list[list[Moment]] = []
+    for moment in sorted(moments, key=lambda moment: (moment.time, moment.partner or "")):
+        partners = {each.partner for each in runs[-1]} - {None} if runs else set()
+        other = moment.partner is not None and bool(partners - {moment.partner})
+        if not runs or other or moment.time - runs[-1][-1].time > WINDOW + gap:
+            runs.append([])
+        runs[-1].append(moment)
+    return runs
+
+
+def _detection(moments: Sequence[Moment]) -> Detection:
+    best = max(moments, key=lambda moment: (bool(moment.rule), moment.confidence or 0.0, -moment.time))
+    return Detection(best, moments[0].time - WINDOW / 2, moments[-1].time + WINDOW / 2, len(moments))
+
+
+@dataclass(frozen=True)
+class EgoRequirements:
+    """What a vehicle has to be like.
+
+    Attributes:
+        duration: least time that it was recorded, s.
+        extent: least diagonal of the area that it moves in, m.
+        gap: greatest time without a row, s.
+        speed: greatest speed from row to row, m/s: beyond, tracks jump.
+        on_road: least share of rows on a lane.
+    """
+
+    duration: float = 1.5
+    extent: float = 10.0
+    gap: float = 2.0
+    speed: float = 80.0
+    on_road: float = 0.5
+
+
+class Vehicle(NamedTuple):
+    """A vehicle that is an ego: its name, when it was recorded first and last (s), and how it passes."""
+
+    name: str
+    start: float
+    end: float
+    passage: str
+
+
+def vehicles(recording: Recording, network: RoadNetwork, needs: EgoRequirements) -> tuple[list[Vehicle], list[Exclusion]]:
+    """The vehicles that are egos, and an exclusion for each other vehicle.
+
+    The recording must have its road coordinates.
+    """
+    found, exclusions = [], []
+    for track in recording.tracks.values():
+        if track.kind != "vehicle":
+            continue
+        reasons = list(_reasons(track, network, needs))
+        if reasons:
+            exclusions.append(Exclusion(track.name, len(track.columns["time"]), "; ".join(reasons)))
+        else:
+            time = track.columns["time"]
+            found.append(Vehicle(track.name, float(time[0]), float(time[-1]), passage(track)))
+    return found, exclusions
+
+
+def _reasons(track: Track, network: RoadNetwork, needs: EgoRequirements) -> Iterator[str]:
+    columns = track.columns
+    time, (x, y) = columns["time"], centre(track)
+    if time[-1] - time[0] < needs.duration:
+        yield f"recorded for {time[-1] - time[0]:.1f} s only"
+        return
+    extent = math.hypot(np.ptp(x), np.ptp(y))
+    if extent < needs.extent:
+        yield f"moves within {extent:.1f} m only"
+    steps = np.diff(time)
+    if steps.max() > needs.gap:
+        yield f"not recorded for {steps.max():.1f} s in between"
+    speed = float((np.hypot(np.diff(x), np.diff(y)) / steps).max())
+    if speed > needs.speed:
+        yield f"jumps at {speed:.0f} m/s"
+    share = _on_road(track, network)
+    if share < needs.on_road:
+        yield f"on a road for {share:.0%} of its rows only"
+
+
+def centre(track: Track) -> tuple[np.ndarray, np.ndarray]:
+    """World x and y of the middle of a track's box, m."""
+    columns, box = track.columns, track.box
+    cos, sin = np.cos(columns["h"]), np.sin(columns["h"])
+    return columns["x"] + box.x * cos - box.y * sin, columns["y"] + box.x * sin + box.y * cos
+
+
+def _on_road(track: Track, network: RoadNetwork) -> float:
+    columns = track.columns
+    names = ("road_id", "s", "t", "lane_id", "lane_offset")
+    return float(
+        np.mean([network.on_road(RoadPoint(*place)) for place in zip(*(columns[name].tolist() for name in names), strict=True)])
+    )
+
+
+def passage(track: Track, reach: float = 5.0) -> str:
+    """How a vehicle passes (left, right, straight, back), by the change of its direction from its first to its last metres.
+
+    Args:
+        reach: way (m) over which the direction is taken.
+    """
+    x, y = centre(track)
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    reach = min(reach, way[-1] / 3)
+    a, b = int(np.searchsorted(way, reach)), int(np.searchsorted(way, way[-1] - reach))
+    first, last = math.atan2(y[a] - y[0], x[a] - x[0]), math.atan2(y[-1] - y[b], x[-1] - x[b])
+    turn = math.degrees(math.remainder(last - first, math.tau))
+    if abs(turn) > 135.0:
+        return "back"
+    return "straight" if abs(turn) < 45.0 else "left" if turn > 0.0 else "right"
+
+
+VEHICLES = "vehicles"
+"""Folder of the scenes of whole vehicles"""
+UNLABELLED = "unlabelled"
+
+_UNFIT = re.compile(r"[^A-Za-z0-9.+=-]+")
+_LABELS = {label.title: label for label in Label}
+
+
+class Around(NamedTuple):
+    """Time (s) before and after a finding that belongs to its scenario."""
+
+    before: float = 6.0
+    after: float = 6.0
+
+
+@dataclass(frozen=True)
+class Episode:
+    """A scenario to be written.
+
+    Attributes:
+        folder, name: where it goes, and its name there.
+        title, state: of the class.
+        ego: name of the track.
+        start, end: of the scene, s.
+        finding: what was recognised; for a vehicle's scene the most telling of all findings, None for nothing.
+        passage: how a vehicle passes, where the scene is all that was recorded of it.
+    """
+
+    folder: str
+    name: str
+    title: str
+    state: str
+    ego: str
+    start: float
+    end: float
+    finding: Detection | None
+    passage: str | None = None
+
+    @property
+    def label(self) -> Label:
+        """The class, as far as it is one of the 17."""
+        return _LABELS.get(self.title, Label.UNKNOWN)
+
+
+def of_findings(recording: str, findings: Iterable[Detection], around: Around) -> list[Episode]:
+    """A scenario for each finding, in the folder of its class."""
+    episodes = []
+    for finding in findings:
+        moment = finding.moment
+        name = f"{plain(recording)}_{plain(moment.ego)}_{moment.time:07.2f}"
+        start, end = finding.start - around.before, finding.end + around.after
+        episodes.append(Episode(plain(moment.title), name, moment.title, moment.state, moment.ego, start, end, finding))
+    return _distinct(episodes)
+
+
+def of_vehicles(recording: str, vehicles: Iterable[Vehicle], findings: Sequence[Detection]) -> list[Episode]:
+    """A scenario for each vehicle, of all that was recorded of it."""
+    episodes = []
+    for ego, start, end, passage in vehicles:
+        own = [finding for finding in findings if finding.moment.ego == ego]
+        best = max(
+            own, key=lambda finding: (_LABELS.get(finding.moment.title, Label.UNKNOWN), -finding.moment.time), default=None
+        )
+        title, state = (best.moment.title, best.moment.state) if best is not None else (UNLABELLED, UNLABELLED)
+        name = f"{plain(recording)}_{plain(ego)}"
+        episodes.append(Episode(VEHICLES, name, title, state, ego, start, end, best, passage))
+    return _distinct(episodes)
+
+
+def plain(text: str) -> str:
+    """Text as part of a file's name."""
+    return _UNFIT.sub("_", text).strip("._") or "_"
+
+
+def _distinct(episodes: list[Episode]) -> list[Episode]:
+    """The same with names that are unique in their folders, whatever the file system makes of capitals."""
+    seen: dict[str, int] = {}
+    distinct = []
+    for episode in episodes:
+        key = f"{episode.folder}/{episode.name}".casefold()
+        seen[key] = seen.get(key, 0) + 1
+        distinct.append(episode if seen[key] == 1 else replace(episode, name=f"{episode.name}_{seen[key]}"))
+    return distinct

@@ -1,1 +1,0 @@
-"""What is recognised in recordings: moments labelled by rules or by a model, joined into findings."""

@@ -1,0 +1,300 @@
+"""Recordings of a catalogue: reading, checking and cutting one, and what is kept of it on disk."""
+
+from __future__ import annotations
+
+import gc
+import json
+import shutil
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property, lru_cache, partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import feather
+
+from recognition import datasets
+from recognition.catalogue import detect
+from recognition.catalogue.cut import Scope
+from recognition.catalogue.detect import Around, Episode, Moment, Vehicle, of_findings, of_vehicles
+from recognition.catalogue.write import CatalogueConfig, CatalogWriter, Material, Written
+from recognition.datasets import Cut, Exclusion, Gap, Report, Source, cache_roads
+from recognition.labels import Event, Rules, label
+from recognition.sites import Roles, Site, site_of
+from runner.participants.declaration import BoundingBox
+from runner.recording import Recording, Track
+from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
+from schemas.packages import version
+from schemas.security.policy import limited
+from schemas.storage import Stamp, digest, keep, read_object, stamp, writing
+from xodr.network import RoadNetwork
+from xodr.reader import load
+
+
+class Kept(NamedTuple):
+    """A recording, and what reading it found."""
+
+    recording: Recording
+    report: Report
+
+
+class RecordingStore:
+    """Recordings in a folder, each under a name that changes with its file and with this package.
+
+    Args:
+        folder: is made where it is absent.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def has(self, source: Source) -> bool:
+        """Whether the recording of a source is kept."""
+        return self._path(source, "json").is_file()
+
+    def put(self, source: Source, recording: Recording, report: Report) -> None:
+        """Keep a recording with all columns as they are.
+
+        Raises:
+            UsageError: the folder can't be written.
+        """
+        tracks = list(recording.tracks.values())
+        sizes = [len(track.columns["time"]) for track in tracks]
+        names = tracks[0].columns if tracks else ()
+        table = pa.table({name: np.concatenate([track.columns[name] for track in tracks]) for name in names})
+        listed = [
+            [track.name, track.kind, track.category, list(track.box), size] for track, size in zip(tracks, sizes, strict=True)
+        ]
+        network = str(recording.network.path) if recording.network is not None else None
+        about = {"timestep": recording.timestep, "network": network, "tracks": listed}
+        with writing("this", self._folder):
+            self._folder.mkdir(parents=True, exist_ok=True)
+            feather.write_feather(table, str(self._path(source, "arrow")), compression="uncompressed")
+            keep(json.dumps(about | {"report": asdict(report)}).encode(), self._path(source, "json"))
+
+    def get(self, source: Source) -> Kept:
+        """The recording of a source, whose columns are read when they are asked for."""
+        about: dict[str, Any] = read_object(self._path(source, "json"))
+        table = _Table(self._path(source, "arrow"))
+        ends = np.cumsum([0, *(size for *_, size in about["tracks"])]).tolist()
+        tracks = [
+            Track(name, kind, category, BoundingBox(*box), partial(table.rows, slice(start, end)))
+            for (name, kind, category, box, _), start, end in zip(about["tracks"], ends, ends[1:], strict=False)
+        ]
+        network = loaded(Path(about["network"])) if about["network"] else None
+        return Kept(Recording(tracks, about["timestep"], network), _report(about["report"]))
+
+    def clear(self) -> None:
+        """Forget all recordings."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _path(self, source: Source, ending: str) -> Path:
+        key = f"{version()}\n{source.name}\n{source.path.absolute()}\n{stamp(source.path)}"
+        if source.given is not None:
+            key += f"\n{source.given.absolute()}\n{stamp(source.given)}"
+        return self._folder / f"{digest(key.encode(errors='surrogateescape'))}.{ending}"
+
+
+def loaded(path: Path) -> RoadNetwork:
+    """The road network of a file, read once for several recordings."""
+    return _loaded(path, stamp(path))
+
+
+@lru_cache(maxsize=4)
+def _loaded(path: Path, _stamp: Stamp) -> RoadNetwork:
+    return load(path)
+
+
+class _Table:
+    """The rows of all tracks, read at once when one of them is asked for."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    @cached_property
+    def _columns(self) -> dict[str, np.ndarray]:
+        table = feather.read_table(str(self._path), memory_map=False)
+        return {name: table[name].to_numpy() for name in table.column_names}
+
+    def rows(self, part: slice) -> dict[str, np.ndarray]:
+        """Some rows of each column."""
+        return {name: values[part].copy() for name, values in self._columns.items()}
+
+
+def _report(values: dict[str, Any]) -> Report:
+    gaps, cuts = [Gap(*one) for one in values.pop("gaps")], [Cut(*one) for one in values.pop("cuts")]
+    return Report(**values | {"gaps": gaps, "cuts": cuts, "exclusions": [Exclusion(*one) for one in values.pop("exclusions")]})
+
+
+EVENTS, VEHICLES = "events", "vehicles"
+_REFUSALS = (InvalidFile, Unsupported, UsageError)
+_LONG = 200
+"""Participants of a recording that takes so long to write that it is worth a search for garbage, in all that is loaded"""
+
+
+@dataclass(frozen=True)
+class CatalogueSettings:
+    """What is recognised and written.
+
+    Attributes:
+        scenes: what a scenario is made for: every event, or every usable vehicle.
+        road: the OpenDRIVE file of all recordings, instead of those that they have.
+        rules: thresholds of the labelling rules.
+        needs: what makes a vehicle usable.
+        around: time before and after an event that belongs to its scenario.
+        gap: greatest time between two windows of one event, s.
+        config: how the catalogue is written.
+    """
+
+    scenes: str = EVENTS
+    road: Path | None = None
+    rules: Rules = field(default_factory=Rules)
+    needs: detect.EgoRequirements = field(default_factory=detect.EgoRequirements)
+    around: Around = field(default_factory=Around)
+    gap: float = 1.0
+    config: CatalogueConfig = field(default_factory=CatalogueConfig)
+
+
+class RecordingRef(NamedTuple):
+    """Where a recording is: the paths that its data set was opened by, its name there, the folder of the shelf, a given road."""
+
+    paths: tuple[Path, ...]
+    name: str
+    shelf: Path
+    road: Path | None = None
+
+    @property
+    def source(self) -> Source:
+        """Its source."""
+        return next(source for source in opened(self.paths, self.road) if source.name == self.name)
+
+
+class PlacedRecording(NamedTuple):
+    """A recording that has been read, and what it is on."""
+
+    place: RecordingRef
+    road: Path
+    roles: Roles
+
+    @property
+    def site(self) -> Site:
+        """Its site."""
+        return Site(self.road, loaded(self.road), self.roles)
+
+
+class LabelledRecording(NamedTuple):
+    """What reading and labelling a recording gave, but the recording itself.
+
+    egos, exclusions: the vehicles that are egos of scenes of vehicles, and those that are not.
+    """
+
+    ground: PlacedRecording
+    report: Report
+    events: list[Event]
+    egos: list[Vehicle]
+    exclusions: list[Exclusion]
+
+
+class Block(NamedTuple):
+    """Episodes of a recording to be written, and the name of its road in the catalogue."""
+
+    ground: PlacedRecording
+    road: str
+    episodes: Sequence[Episode]
+
+
+class Done(NamedTuple):
+    """What has been written of a recording, and what went wrong."""
+
+    written: Written
+    error: ToolchainError | None
+
+
+@lru_cache(maxsize=1)
+def opened(paths: tuple[Path, ...], road: Path | None = None) -> list[Source]:
+    """The recordings in files and folders, listed once in each process.
+
+    Args:
+        road: the OpenDRIVE file of all of them, instead of those that they have.
+    """
+    return [replace(source, given=road) for path in paths for source in datasets.open(path).sources]
+
+
+@limited()
+def looked(source: Source, rules: Rules) -> tuple[Recording, Site, list[Event]]:
+    """A recording, placed on the roads of its site, and the events that rules find in it.
+
+    Raises:
+        InvalidFile, Unsupported, UsageError: it can't be read, or its roads are unknown or unsound.
+    """
+    recording = source.load()
+    site = site_of(source, recording, cache_roads())
+    return recording, site, label(recording, site, source.name, rules)
+
+
+def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording | ToolchainError:
+    """Read a recording, unless it is on the shelf already, put it there, and label it; or what is wrong with it."""
+    source, shelf = place.source, RecordingStore(place.shelf)
+    try:
+        if shelf.has(source):
+            recording, report = shelf.get(source)
+            site = site_of(source, recording, cache_roads())
+            events = label(recording, site, source.name, settings.rules)
+        else:
+            recording, site, events = looked(source, settings.rules)
+            assert source.report is not None, "the recording has been read"
+            report = source.report
+            shelf.put(source, recording, report)
+    except _REFUSALS as error:
+        return _of(source, error)
+    egos, exclusions = detect.vehicles(recording, site.network, settings.needs) if settings.scenes == VEHICLES else ([], [])
+    return LabelledRecording(PlacedRecording(place, site.path, site.roles), report, events, egos, exclusions)
+
+
+def episodes(settings: CatalogueSettings, seen: LabelledRecording, moments: Iterable[Moment]) -> list[Episode]:
+    """What scenarios are made of a recording."""
+    name, found = seen.ground.place.name, detect.joined(moments, settings.gap)
+    return of_findings(name, found, settings.around) if settings.scenes == EVENTS else of_vehicles(name, seen.egos, found)
+
+
+def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) -> Done:
+    """Write scenarios of a recording into the folder of a catalogue."""
+    chapter = CatalogWriter(out, settings.config, sorted_by)
+    try:
+        chapter.add(_material(block.ground, settings.config.scope), block.road, block.episodes)
+    except _REFUSALS as error:
+        return Done(chapter.written, _of(block.ground.place.source, error))
+    return Done(chapter.written, None)
+
+
+@lru_cache(maxsize=1)
+def recorded(place: RecordingRef) -> Recording:
+    """A recording from the shelf, which is kept for its next stages, also in processes that are forked from this one."""
+    return RecordingStore(place.shelf).get(place.source).recording
+
+
+@lru_cache(maxsize=1)
+def _material(ground: PlacedRecording, scope: Scope) -> Material:
+    """What is taken from a recording, which is kept for its other blocks."""
+    recording = recorded(ground.place)
+    material = Material(ground.place.source, recording, ground.site, scope)
+    if len(recording.tracks) >= _LONG:
+        gc.unfreeze()
+        gc.collect()
+        gc.freeze()  # until the next such recording no garbage is sought in it, nor in the roads
+    return material
+
+
+def forget() -> None:
+    """Keep nothing of what was opened: other files may have the same names."""
+    opened.cache_clear()
+    recorded.cache_clear()
+    _material.cache_clear()
+
+
+def _of(source: Source, error: ToolchainError) -> ToolchainError:
+    """An error that names the source where it names no file."""
+    error.path = error.path or str(source.path)
+    return error

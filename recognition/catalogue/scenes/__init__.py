@@ -1,1 +1,0 @@
-"""Scenes cut from recordings, and the scenarios that replay them."""

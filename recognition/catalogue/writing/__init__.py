@@ -1,1 +1,0 @@
-"""Writing catalogues: the folder, its index and what each scenario says about itself."""

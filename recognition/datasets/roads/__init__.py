@@ -1,1 +1,0 @@
-"""Roads made from what data sets have instead of OpenDRIVE."""

@@ -1,0 +1,310 @@
+"""Rows of recorded tracks: order, gaps, rates of change, and the tracks made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.datasets.source import Exclusion, Gap, Participant, Report
+from recognition.datasets.table import Table
+from runner.recording import Track
+from schemas.errors import InvalidFile
+from xodr.array_types import FloatArray, IntArray
+
+_LEAST_STEP = 1e-4
+"""Times (s) from frame to frame below this are no recording's"""
+_LATE = 1.5
+"""Steps after which a row comes late: frames are missing before it."""
+
+
+class Clock(NamedTuple):
+    """When each row of a table was recorded.
+
+    column: what the file calls it. counts: its value in each row. per_second: how much it counts in a second.
+    step: time from frame to frame, s. zero: its count at time 0.
+    """
+
+    column: str
+    counts: IntArray
+    per_second: float
+    step: float
+    zero: int = 0
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows sorted by track, then time.
+
+    Attributes:
+        order: index of each row in the file.
+        keys: key of each track, ascending.
+        starts: first row of each track, and the number of rows.
+        time: s.
+        step: time from frame to frame, s.
+        first, last: the first and last row of the piece without missing frames that each row is in.
+        repeated: how many rows of each track were left out, because there is one of that time already.
+    """
+
+    order: IntArray
+    keys: NDArray[Any]
+    starts: IntArray
+    time: FloatArray
+    step: float
+    first: IntArray
+    last: IntArray
+    repeated: IntArray
+
+    def __len__(self) -> int:
+        return len(self.order)
+
+    @property
+    def sizes(self) -> IntArray:
+        """Number of rows of each track."""
+        return np.diff(self.starts)
+
+    @property
+    def heads(self) -> list[int]:
+        """Index in the file of the first row of each track."""
+        return self.order[self.starts[:-1]].tolist()
+
+    def part(self, first: int, last: int) -> Rows:
+        """Some of the tracks, from `first` to before `last`."""
+        a, b = int(self.starts[first]), int(self.starts[last])
+        own, tracks = slice(a, b), slice(first, last)
+        starts, keys, repeated = self.starts[first : last + 1] - a, self.keys[tracks], self.repeated[tracks]
+        return Rows(self.order[own], keys, starts, self.time[own], self.step, self.first[own] - a, self.last[own] - a, repeated)
+
+    def among(self, kept: NDArray[np.bool_]) -> Rows:
+        """Some of the rows, at least one of each track."""
+        starts, time = np.append(0, np.cumsum(np.add.reduceat(kept, self.starts[:-1], dtype=np.int64))), self.time[kept]
+        limits = pieces(time, starts, self.step)
+        return Rows(self.order[kept], self.keys, starts, time, self.step, *limits, self.repeated)
+
+    def each(self, values: Any) -> NDArray[Any]:
+        """A value for each track, repeated for its rows."""
+        return np.repeat(values, self.sizes)
+
+    def totals(self, values: FloatArray) -> FloatArray:
+        """Sum over the rows of each track."""
+        return np.add.reduceat(values, self.starts[:-1])
+
+    def report(self, names: list[str]) -> Report:
+        """Counts, a gap for each stretch of missing frames, an exclusion for each track with repeated rows."""
+        late = np.flatnonzero(self.first[1:] > self.first[:-1]) + 1
+        late = late[~np.isin(late, self.starts)]
+        track = np.searchsorted(self.starts, late, side="right") - 1
+        before, after = self.time[late - 1], self.time[late]
+        missing = np.round((after - before) / self.step).astype(int) - 1
+        found = zip(track.tolist(), before.tolist(), after.tolist(), missing.tolist(), strict=True)
+        gaps = [Gap(names[index], *rest) for index, *rest in found]
+        reason = "several rows of the same time, of which the first counts"
+        exclusions = [Exclusion(names[i], int(self.repeated[i]), reason) for i in np.flatnonzero(self.repeated)]
+        return Report(len(self), len(self.keys), gaps, exclusions=exclusions)
+
+
+def in_order(
+    table: Table,
+    track: NDArray[Any],
+    clock: Clock,
+    *,
+    names: Sequence[str] | None = None,
+    sort: bool = False,
+    repeats: bool = False,
+) -> Rows:
+    """Put the rows of a table in the order of tracks and time.
+
+    Args:
+        track: key of the track of each row.
+        names: of the tracks, by their keys, where these are numbers from 0.
+        sort: take rows in any order. Without it, a clock that goes back within a track is a defect.
+        repeats: of rows of a track at the same time take the first. Without it they are a defect.
+
+    Raises:
+        InvalidFile: there is such a defect, or frames follow each other as they do in no recording.
+    """
+    if not clock.step >= _LEAST_STEP:
+        raise InvalidFile(f"{clock.column}: frames are {clock.step:g} s apart, at least {_LEAST_STEP:g} s is expected")
+    order = np.lexsort((clock.counts, track)) if sort else np.argsort(track, kind="stable")
+    keys, starts = np.unique(track[order], return_index=True)
+    starts = np.append(starts, len(order))
+    passed = np.ones(len(order), np.int64)
+    passed[1:] = np.diff(clock.counts[order])
+    passed[starts[:-1]] = 1
+    wrong = np.flatnonzero(passed < 0 if repeats else passed <= 0)
+    if len(wrong):
+        place = wrong[np.argmin(order[wrong])]
+        row = int(order[place])
+        name = track[row] if names is None else names[track[row]]
+        raise _disordered(table, name, clock, row, int(order[place - 1]))
+    repeated = np.add.reduceat(passed == 0, starts[:-1], dtype=np.int64)
+    starts = starts - np.concatenate([[0], np.cumsum(repeated)])
+    order = order[passed > 0]
+    time = (clock.counts[order] - clock.zero) / clock.per_second
+    return Rows(order, keys, starts, time, clock.step, *pieces(time, starts, clock.step), repeated)
+
+
+class Parted(NamedTuple):
+    """Rows of tracks that were cut. kept: which of the rows before are among them. origin: the track before of each track."""
+
+    rows: Rows
+    kept: NDArray[np.bool_]
+    origin: IntArray
+
+
+def parted(rows: Rows, heads: IntArray, least: float) -> Parted:
+    """Rows with more tracks: at each of `heads` a new one begins.
+
+    Parts of tracks that were cut are left out where they are shorter than `least` (s).
+    """
+    begins = np.union1d(rows.starts[:-1], heads)
+    ends = np.append(begins[1:], len(rows))
+    origin = np.searchsorted(rows.starts, begins, side="right") - 1
+    whole = np.bincount(origin, minlength=len(rows.keys))[origin] == 1
+    keep = whole | (rows.time[ends - 1] - rows.time[begins] >= least)
+    sizes, origin = (ends - begins)[keep], origin[keep]
+    kept = np.repeat(keep, ends - begins)
+    starts, time = np.append(0, np.cumsum(sizes)), rows.time[kept]
+    limits = pieces(time, starts, rows.step)
+    return Parted(
+        Rows(rows.order[kept], rows.keys[origin], starts, time, rows.step, *limits, rows.repeated[origin]), kept, origin
+    )
+
+
+def _disordered(table: Table, name: Any, clock: Clock, row: int, before: int) -> Exception:
+    now, then = clock.counts[row], clock.counts[before]
+    fault = "is there twice" if now == then else f"comes after {then}"
+    return table.fault(row, clock.column, f"{now} of track {name} {fault}")
+
+
+def pieces(time: FloatArray, starts: IntArray, step: float) -> tuple[IntArray, IntArray]:
+    """First and last row of the piece without missing frames that each row is in."""
+    begins = np.zeros(len(time), bool)
+    begins[1:] = np.diff(time) > _LATE * step
+    begins[starts[:-1]] = True
+    ends = np.append(np.flatnonzero(begins), len(time))
+    first, last = (np.repeat(limits, np.diff(ends)) for limits in (ends[:-1], ends[1:] - 1))
+    return first, last
+
+
+Columns = dict[str, NDArray[Any]]
+
+
+def columns_of(
+    rows: Rows,
+    who: Sequence[Participant],
+    x: FloatArray,
+    y: FloatArray,
+    h: FloatArray,
+    speed: FloatArray,
+    acceleration: FloatArray,
+) -> Columns:
+    """Columns of a `Recording` from those of box centres; the places on the road are left open.
+
+    Args:
+        who: the participant of each track.
+        x, y: centres of the boxes, m. h: headings, rad, of any turn.
+        speed, acceleration: along the heading, m/s and m/s².
+    """
+    behind = rows.each([one.box.x for one in who])
+    zero, count = np.zeros(len(rows)), len(rows)
+    return {
+        "time": rows.time,
+        "x": x - behind * np.cos(h),
+        "y": y - behind * np.sin(h),
+        "z": zero,
+        "h": np.arctan2(np.sin(h), np.cos(h)),
+        "pitch": zero,
+        "roll": zero,
+        "speed": speed,
+        "acceleration": acceleration,
+        "road_id": np.full(count, None, dtype=object),
+        "lane_id": np.zeros(count, dtype=np.int64),
+        "s": zero,
+        "t": zero,
+        "lane_offset": zero,
+    }
+
+
+def cut(rows: Rows, who: Sequence[Participant], columns: Columns) -> list[Track]:
+    """The tracks of a recording, each with its part of the columns."""
+    ends = rows.starts.tolist()
+    return [
+        Track(one.name, one.kind, one.category, one.box, partial(_part, columns, start, end))
+        for one, (start, end) in zip(who, pairwise(ends), strict=True)
+    ]
+
+
+def _part(columns: Columns, start: int, end: int) -> Columns:
+    """A track's own part; copied, because looking up places writes into it."""
+    return {name: values[start:end].copy() for name, values in columns.items()}
+
+
+REACH = 0.5
+"""Rates are differences over this time to either side, s: positions that are 0.1 m off then spoil a speed by 0.1 m/s."""
+STANDING = 0.5
+"""Below this speed (m/s) the direction of motion is noise: the heading stays."""
+_CREDIBLE = (0.8, 1.25)
+"""Given velocities over those of the positions, as a whole: outside of this the given ones have another unit or sign."""
+_FACING = 0.9
+"""Share of the way that vehicles go forwards at least: none goes backwards for long, and none sidewards."""
+
+
+def rate(values: FloatArray, rows: Rows) -> FloatArray:
+    """Rate of change, per s: a central difference, shorter at the ends of a piece; 0 where there is nothing to compare."""
+    reach = max(1, round(REACH / rows.step))
+    here = np.arange(len(rows))
+    before, after = np.maximum(here - reach, rows.first), np.minimum(here + reach, rows.last)
+    apart = rows.time[after] - rows.time[before]
+    return np.divide(values[after] - values[before], apart, out=np.zeros(len(rows)), where=apart > 0.0)
+
+
+def heading_of_motion(vx: FloatArray, vy: FloatArray, rows: Rows) -> FloatArray:
+    """Direction of the velocity, rad. While standing that of the last motion, before the first motion that of the first.
+
+    Tracks that never move have the heading 0.
+    """
+    moving = np.hypot(vx, vy) >= STANDING
+    here = np.arange(len(rows))
+    latest = np.maximum.accumulate(np.where(moving, here, -1))
+    following = np.minimum.accumulate(np.where(moving, here, len(rows))[::-1])[::-1]
+    start, end = rows.each(rows.starts[:-1]), rows.each(rows.starts[1:])
+    known = np.where(latest >= start, latest, np.where(following < end, following, -1))
+    return np.where(known >= 0, np.arctan2(vy, vx)[known], 0.0)
+
+
+def believable(x: FloatArray, y: FloatArray, vx: FloatArray, vy: FloatArray, rows: Rows) -> bool:
+    """Whether given velocities agree with how the positions change, in sum over all rows that move.
+
+    Real recordings have failed here: with all velocities backwards, or at half the speed of the positions.
+    """
+    dx, dy = rate(x, rows), rate(y, rows)
+    travelled = float((dx * dx + dy * dy).sum())
+    least, greatest = _CREDIBLE
+    if travelled < STANDING**2 * len(rows) / 10:
+        return True  # too little motion to compare
+    return least <= float((vx * dx + vy * dy).sum()) / travelled <= greatest
+
+
+def facing(heading: FloatArray, vx: FloatArray, vy: FloatArray) -> bool:
+    """Whether nearly all of the way is gone in the direction of the headings.
+
+    A real recording has failed here: its headings are arctan(vy/vx), so that all lie in one half of the circle.
+    """
+    speed = np.hypot(vx, vy)
+    return bool((np.cos(heading) * vx + np.sin(heading) * vy).sum() >= _FACING * speed.sum())
+
+
+def crowded(time: FloatArray, x: FloatArray, y: FloatArray) -> int:
+    """How many rows have another one of the same time within the same square of 2 m.
+
+    Next to none in a recording; many where a table holds vehicles that were not there together.
+    """
+    places = np.stack([np.round(time * 1000.0), np.round(0.5 * x), np.round(0.5 * y)])
+    counts = np.unique(places, axis=1, return_counts=True)[1]
+    return int(counts[counts > 1].sum())

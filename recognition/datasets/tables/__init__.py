@@ -1,1 +1,0 @@
-"""Tables of recorded rows: reading and checking them, their order in time, rates of change, tracks."""

@@ -1,0 +1,384 @@
+"""Lane changes and passages of junctions: the courses of tracks through the lanes of a site."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.labels.classes import Rules
+from recognition.sites import Site
+from recognition.sites.lanes import NOWHERE, LaneGraph
+from recognition.sites.roles import ROLES, Role
+from runner.recording import Recording
+from xodr.array_types import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class SceneRows:
+    """Rows of all vehicles.
+
+    Attributes:
+        names: of the tracks. egos: whether events may be about each of them.
+        track: index of each row's track. frame: number of its time step. time: s.
+        first, last: first and last row of the part without missing frames that each row is in.
+        x, y, h, speed, acceleration: as in the recording; the acceleration is smoothed.
+        strip: index of the lane strip. along: distance from its beginning, m. offset, aside: distance to the left of the
+            lane's centre and of the road's reference line, m.
+        role: index into `ROLES`. front, rear: distance of the box's ends ahead of the reference point, m. width: of the box, m.
+    """
+
+    recording: Recording
+    site: Site
+    rules: Rules
+    step: float
+    names: list[str]
+    egos: BoolArray
+    track: IntArray
+    frame: IntArray
+    time: FloatArray
+    first: IntArray
+    last: IntArray
+    x: FloatArray
+    y: FloatArray
+    h: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    strip: IntArray
+    along: FloatArray
+    offset: FloatArray
+    aside: FloatArray
+    role: IntArray
+    front: FloatArray
+    rear: FloatArray
+    width: FloatArray
+
+    def rows(self, seconds: float) -> int:
+        """Number of time steps in a time, at least 1."""
+        return max(1, round(seconds / self.step))
+
+    def has_role(self, *roles: Role) -> BoolArray:
+        """Rows on lanes of these roles."""
+        return np.isin(self.role, [ROLES.index(role) for role in roles])
+
+
+class Stays(NamedTuple):
+    """First row and number of rows of each stay."""
+
+    start: IntArray
+    size: IntArray
+
+    @property
+    def end(self) -> IntArray:
+        """The row after the last one of each."""
+        return self.start + self.size
+
+
+def stays(values: IntArray, group: IntArray) -> Stays:
+    """Runs of equal values within runs of equal groups."""
+    begins = np.ones(len(values), bool)
+    begins[1:] = (values[1:] != values[:-1]) | (group[1:] != group[:-1])
+    start = np.flatnonzero(begins)
+    return Stays(start, np.diff(np.append(start, len(values))))
+
+
+def held(values: IntArray, group: IntArray, least: int | IntArray) -> IntArray:
+    """Values in which stays of fewer than `least` rows (of all, or of each) count to the last longer one in the same group."""
+    start, size = stays(values, group)
+    number = np.arange(len(start))
+    last_long = np.maximum.accumulate(np.where(size >= least, number, -1))
+    same = (last_long >= 0) & (group[start[last_long]] == group[start])
+    return np.repeat(values[start[np.where(same, last_long, number)]], size)
+
+
+def totals(values: NDArray, half: int, first: IntArray, last: IntArray) -> tuple[FloatArray, IntArray]:
+    """Sum of the values from `half` rows before each row to `half` rows after it, as far as its part goes, and their number."""
+    here = np.arange(len(values))
+    before, after = np.maximum(here - half, first), np.minimum(here + half, last)
+    sums = np.concatenate([[0.0], np.cumsum(values, dtype=np.float64)])
+    return sums[after + 1] - sums[before], after + 1 - before
+
+
+def smoothed(values: FloatArray, half: int, first: IntArray, last: IntArray) -> FloatArray:
+    """Mean over `half` rows to either side."""
+    total, number = totals(values, half, first, last)
+    return total / number
+
+
+def deviation(values: FloatArray, half: int, first: IntArray, last: IntArray) -> FloatArray:
+    """Standard deviation over `half` rows to either side."""
+    centred = values - (values.mean() if len(values) else 0.0)  # small numbers: their squares lose no digits
+    mean, square = (smoothed(one, half, first, last) for one in (centred, centred**2))
+    return np.sqrt(np.maximum(square - mean**2, 0.0))
+
+
+def always(flags: BoolArray, half: int, first: IntArray, last: IntArray) -> BoolArray:
+    """Where a flag holds in all rows from `half` before to `half` after, and all of them are there."""
+    total, _ = totals(flags, half, first, last)
+    return total == 2 * half + 1
+
+
+def constant(values: NDArray, half: int, first: IntArray, last: IntArray) -> BoolArray:
+    """Where a value stays the same in all rows from `half` before to `half` after, and all of them are there."""
+    changed = np.zeros(len(values), bool)
+    changed[1:] = values[1:] != values[:-1]
+    here = np.arange(len(values))
+    inside = (here - half >= first) & (here + half <= last)
+    sums = np.concatenate([[0], np.cumsum(changed)])
+    before, after = np.maximum(here - half, first), np.minimum(here + half, last)
+    return inside & (sums[after + 1] == sums[before + 1])
+
+
+def along_road(scene: SceneRows, row: IntArray) -> BoolArray:
+    """Rows about which a vehicle goes along its road, less than `rules.oblique` to the lane there.
+
+    Within `rules.turning_time` before and after, it turns by no more than `rules.turning` beyond what the road bends.
+    """
+    headings = np.array([_lane_heading(scene, each) for each in row.tolist()], np.float64)
+    oblique = np.abs(_wrapped(scene.h[row] - headings))
+    return (oblique <= np.radians(scene.rules.oblique)) & (np.abs(_turns(scene, row)) <= np.radians(scene.rules.turning))
+
+
+def _turns(scene: SceneRows, row: IntArray) -> FloatArray:
+    """Change of heading about each row, less what the roads outside of junctions bend on the way, rad."""
+    reach = scene.rows(scene.rules.turning_time)
+    first, last = np.maximum(row - reach, scene.first[row]), np.minimum(row + reach, scene.last[row])
+    turned = np.cumsum(_wrapped(np.diff(scene.h, prepend=scene.h[:1])))
+    off_road = scene.has_role(Role.INSIDE, Role.SIGNALISED, Role.ENTRY, Role.RING, Role.EXIT) | (scene.strip == NOWHERE)
+    bends = [_bend(scene, a, b, off_road) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
+    return turned[last] - turned[first] - np.array(bends, np.float64)
+
+
+def _bend(scene: SceneRows, first: int, last: int, off_road: BoolArray) -> float:
+    """How much the lanes below these rows bend, those of junctions left out, rad."""
+    strips = scene.strip[first : last + 1]
+    starts = np.append(0, np.flatnonzero(np.diff(strips)) + 1)
+    ends = np.append(starts[1:] - 1, len(strips) - 1)
+    stays = [(first + a, first + b) for a, b in zip(starts.tolist(), ends.tolist(), strict=True) if not off_road[first + a]]
+    return sum(float(_wrapped(_lane_heading(scene, b) - _lane_heading(scene, a))) for a, b in stays)
+
+
+def _lane_heading(scene: SceneRows, row: int) -> float:
+    return scene.site.lanes.heading(int(scene.strip[row]), float(scene.along[row]))
+
+
+def _wrapped(angle: FloatArray | float) -> FloatArray:
+    """Between -π and π."""
+    return np.remainder(np.asarray(angle) + np.pi, 2.0 * np.pi) - np.pi
+
+
+class Changes(NamedTuple):
+    """Changes of lane: the first row in the new lane, whether it is to the left, and the lateral displacement towards it, m."""
+
+    row: IntArray
+    left: BoolArray
+    shift: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class LaneChanges:
+    """All changes of lane that are held, and the lanes that they lead through.
+
+    Attributes:
+        lane: number of each row's lane within its course, counted to the left, short stays left out.
+        step: how many lanes to the left each row is of the one before, short stays included.
+        course: number of the course of each row: a part of a track that goes on along connected lanes without missing frames.
+        side: distance of each row to the left of where its course begins, m, following the lanes.
+        row: the first row in the new lane, one for each change; `row - 1` is the last one in the old lane.
+        left: whether the change is to the left.
+        shift: lateral displacement towards the new lane about the change, m.
+        partial: changes of which only a part may have been recorded: the track begins or ends within `rules.shift_time`.
+    """
+
+    lane: IntArray
+    step: IntArray
+    course: IntArray
+    side: FloatArray
+    row: IntArray
+    left: BoolArray
+    shift: FloatArray
+    partial: Changes
+
+
+def lane_changes(scene: SceneRows) -> LaneChanges:
+    """The lane changes of all tracks: one lane to the side, with both lanes held for `rules.hold`; partial ones apart.
+
+    Borders that are crossed in a turn are none.
+    """
+    steps, related = _steps(scene.site.lanes, scene.strip)
+    begins = np.ones(len(scene.track), bool)
+    begins[1:] = (scene.first[1:] != scene.first[:-1]) | ~related
+    course = np.cumsum(begins) - 1
+    steps = np.where(begins, 0, np.concatenate([[0], steps]))
+    raw = np.cumsum(steps)
+    raw -= raw[_first(begins)]
+    hold, side = scene.rows(scene.rules.hold), _side(scene, steps, begins)
+    lane = held(raw, course, hold)
+    row, left = _sideways(lane, begins)
+    kept = _is_held(lane, course, row, hold) & along_road(scene, row)
+    row, left = row[kept], left[kept]
+    shift = _shifts(scene, lane, course, side, row, left)
+    return LaneChanges(lane, steps, course, side, row, left, shift, _partial(scene, raw, course, side, begins))
+
+
+def _sideways(lane: IntArray, begins: BoolArray) -> tuple[IntArray, BoolArray]:
+    """Rows with which a stay in the lane beside begins, and whether that is the left one."""
+    row = np.flatnonzero((np.abs(np.diff(lane)) == 1) & ~begins[1:]) + 1
+    return row, lane[row] > lane[row - 1]
+
+
+def _partial(scene: SceneRows, raw: IntArray, course: IntArray, side: FloatArray, begins: BoolArray) -> Changes:
+    """Changes about which not all is recorded that their displacement is measured in."""
+    lane = _held_at_ends(scene, raw, course)
+    row, left = _sideways(lane, begins)
+    reach = scene.rows(scene.rules.shift_time)
+    near = (row - scene.first[row] < reach) | (scene.last[row] - row < reach)
+    row, left = row[near], left[near]
+    kept = along_road(scene, row)
+    row, left = row[kept], left[kept]
+    return Changes(row, left, _shifts(scene, lane, course, side, row, left))
+
+
+def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray:
+    """Lanes, of which those in which a track begins or ends need not be held for `rules.hold`: that may be cut."""
+    start, size = stays(raw, course)
+    last = start + size - 1
+    at_end = (start == scene.first[start]) | (last == scene.last[last])
+    return held(raw, course, np.where(at_end, scene.rows(scene.rules.partial_hold), scene.rows(scene.rules.hold)))
+
+
+def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
+    """How many lanes to the left each row but the first is of the row before, and whether these lanes are connected."""
+    before, after = strip[:-1], strip[1:]
+    steps, related = np.zeros(len(before), np.int64), np.ones(len(before), bool)
+    moved = np.flatnonzero(before != after)
+    pairs, which = np.unique(np.stack([before[moved], after[moved]], axis=1), axis=0, return_inverse=True)
+    found = [lanes.lanes_left(a, b) if NOWHERE not in (a, b) else None for a, b in pairs.tolist()]
+    steps[moved] = np.array([step or 0 for step in found], np.int64)[which.reshape(-1)]
+    related[moved] = np.array([step is not None for step in found], bool)[which.reshape(-1)]
+    return steps, related
+
+
+def _first(begins: BoolArray) -> IntArray:
+    """The first row of each row's course."""
+    return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
+
+
+def _is_held(lane: IntArray, course: IntArray, row: IntArray, least: int) -> BoolArray:
+    """Whether the stays before and after each of the rows, with which a stay begins, are long enough."""
+    starts, sizes = stays(lane, course)
+    place = np.searchsorted(starts, row)
+    return (sizes[place] >= least) & (sizes[place - 1] >= least)
+
+
+def _side(scene: SceneRows, steps: IntArray, begins: BoolArray) -> FloatArray:
+    """Lateral way to the left since each course began: changes of the lane offset, or of t where the lane changes."""
+    lanes, before, after = scene.site.lanes, scene.strip[:-1], scene.strip[1:]
+    to_road = np.diff(scene.offset) + steps[1:] * 0.5 * (lanes.width[before] + lanes.width[after])
+    to_lane = np.where(lanes.road[before] == lanes.road[after], np.diff(scene.aside), to_road)
+    moved = np.concatenate([[0.0], np.where(steps[1:] == 0, np.diff(scene.offset), to_lane)])
+    side = np.cumsum(np.where(begins, 0.0, moved))
+    return side - side[_first(begins)]
+
+
+def _shifts(scene: SceneRows, lane: IntArray, course: IntArray, side: FloatArray, rows: IntArray, left: BoolArray) -> FloatArray:
+    """Displacement from the outermost place before to the outermost place after each change, within its two stays."""
+    reach = scene.rows(scene.rules.shift_time)
+    starts, sizes = stays(lane, course)
+    place = np.searchsorted(starts, rows)
+    earliest = np.maximum(rows - reach, starts[place - 1])
+    latest = np.minimum(rows + reach, rows + sizes[place])
+    towards = np.where(left, 1.0, -1.0)
+    shifts = [
+        (sign * side[row:end]).max() - (sign * side[start:row]).min()
+        for row, start, end, sign in zip(rows.tolist(), earliest.tolist(), latest.tolist(), towards.tolist(), strict=True)
+    ]
+    return np.array(shifts, np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Passages:
+    """Ways through junctions, in the order of their rows; also of tracks that begin or end inside.
+
+    Attributes:
+        first, last: first and last row: those beside the junction, or those inside where the track begins or ends.
+        arrived: whether the last row is behind the junction.
+        row: the middle: half of the turn is done there, or, of a straight way, half of the way.
+        turn: change of heading, rad, positive to the left.
+        junction: number of the junction.
+        signalised: whether it has traffic lights.
+        origin, target: strips before and behind the junction, NOWHERE where neither track nor map tell.
+        origin_road: number of the road of the origin, NOWHERE likewise.
+    """
+
+    first: IntArray
+    last: IntArray
+    arrived: BoolArray
+    row: IntArray
+    turn: FloatArray
+    junction: IntArray
+    signalised: BoolArray
+    origin: IntArray
+    target: IntArray
+    origin_road: IntArray
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def rows(self, index: int) -> IntArray:
+        """All rows of one of them."""
+        return np.arange(self.first[index], self.last[index] + 1)
+
+
+def passages(scene: SceneRows) -> Passages:
+    """The ways of all tracks through junctions, of `rules.passage` at least."""
+    junction_of, road_of = _junctions(scene), scene.site.lanes.road
+    inside = np.where(scene.has_role(Role.INSIDE, Role.SIGNALISED), junction_of[scene.strip], NOWHERE)
+    inside = held(inside, scene.track, scene.rows(scene.rules.flicker))
+    start, size = stays(inside, scene.track)
+    way = np.cumsum(np.hypot(np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1])))
+    chosen = (inside[start] != NOWHERE) & (way[start + size - 1] - way[start] >= scene.rules.passage)
+    start, end = start[chosen], (start + size - 1)[chosen]
+    entered, arrived = _same_track(scene, start, -1), _same_track(scene, end, 1)
+    first, last = start - entered, end + arrived
+    turned = np.cumsum(np.remainder(np.diff(scene.h, prepend=scene.h[:1]) + np.pi, 2.0 * np.pi) - np.pi)
+    turn = turned[last] - turned[first]
+    straight = np.abs(turn) < np.radians(scene.rules.turn[0])
+    middle = [
+        _half(way if goes_straight else turned, a, b)
+        for a, b, goes_straight in zip(first.tolist(), last.tolist(), straight.tolist(), strict=True)
+    ]
+    origin = np.where(entered, scene.strip[first], _neighbours(scene.site.lanes.preceding, scene.strip[first]))
+    target = np.where(arrived, scene.strip[last], _neighbours(scene.site.lanes.following, scene.strip[last]))
+    lights = scene.role[start] == ROLES.index(Role.SIGNALISED)
+    roads = np.where(origin != NOWHERE, road_of[origin], NOWHERE)
+    return Passages(first, last, arrived, np.array(middle, np.int64), turn, inside[start], lights, origin, target, roads)
+
+
+def _same_track(scene: SceneRows, row: IntArray, step: int) -> BoolArray:
+    """Whether the row before (step -1) or after (1) each row is of the same track."""
+    other = row + step
+    there = (other >= 0) & (other < len(scene.track))
+    return there & (scene.track[np.where(there, other, 0)] == scene.track[row])
+
+
+def _neighbours(links: list[list[int]], strip: IntArray) -> IntArray:
+    """The strip that each one is linked to, or NOWHERE."""
+    linked = np.array([found[0] if found else NOWHERE for found in links], np.int64)
+    return np.where(strip != NOWHERE, linked[strip], NOWHERE)
+
+
+def _junctions(scene: SceneRows) -> IntArray:
+    """Number of the junction of each strip, NOWHERE for none."""
+    network = scene.site.network
+    numbers = {name: number for number, name in enumerate(network.junctions)}
+    found = [numbers.get(network.roads[strip.road].junction_id or "", NOWHERE) for strip in scene.site.lanes.strips]
+    return np.array(found, np.int64)
+
+
+def _half(values: FloatArray, start: int, end: int) -> int:
+    """The first row at which half of the change of a value from one row to another is done."""
+    share = (values[start : end + 1] - values[start]) / (values[end] - values[start] or 1.0)
+    return start + int(np.argmax(share >= 0.5))

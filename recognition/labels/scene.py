@@ -1,0 +1,369 @@
+"""Scene of a recording as the rules read it; hits of the rules and their precedence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.labels.changes import LaneChanges, Passages, SceneRows, constant, lane_changes, passages, smoothed
+from recognition.labels.classes import CONDITIONS, Event, Label, Rules
+from recognition.sites import Role, Site
+from recognition.sites.lanes import NOWHERE, LaneGraph, place
+from recognition.sites.roles import ROLES
+from runner.measures.criticality import time_headway, time_to_collision
+from runner.measures.measure import Series
+from runner.recording import Recording, Track
+from xodr.array_types import BoolArray, FloatArray, IntArray
+
+ABSENT = -1
+"""Row (or track) of a lead, follower or partner that is absent."""
+_MOST_STRIPS = 12
+"""Most strips ahead that are searched for a lead."""
+
+
+@dataclass(frozen=True, eq=False)
+class Leads:
+    """The lead of each row.
+
+    Attributes:
+        row: the lead's row in the same frame, ABSENT without one in sight.
+        gap: between the boxes along the lane, m, negative where they overlap; 0 without a lead.
+        thw, ttc: time headway and time to collision, where they are defined.
+        follower: row of who has this row as the lead, the nearest of several; ABSENT for none.
+    """
+
+    row: IntArray
+    gap: FloatArray
+    thw: Series
+    ttc: Series
+    follower: IntArray
+
+
+def leads(
+    lanes: LaneGraph,
+    track: IntArray,
+    frame: IntArray,
+    strip: IntArray,
+    along: FloatArray,
+    speed: FloatArray,
+    front: FloatArray,
+    rear: FloatArray,
+    sight: float,
+) -> Leads:
+    """The leads of all rows (in the order of tracks and time), as far ahead as `sight` (m)."""
+    row = np.full(len(track), ABSENT, np.int64)
+    gap = np.zeros(len(track))
+    order = np.lexsort((along, strip, frame))
+    order = order[strip[order] != NOWHERE]
+    keys = frame[order] * len(lanes.strips) + strip[order]
+    same = keys[1:] == keys[:-1]
+    behind, ahead = order[:-1][same], order[1:][same]
+    row[behind], gap[behind] = ahead, along[ahead] - along[behind]
+    heads, starts = np.unique(keys, return_index=True)
+    searching = order[np.append(starts[1:], len(order)) - 1] if len(order) else order
+    passed = lanes.length[strip[searching]] - along[searching]
+    strips = _own_next(lanes, track, strip)[searching]
+    for _ in range(_MOST_STRIPS):
+        on = (strips != NOWHERE) & (passed < sight)
+        searching, passed, strips = searching[on], passed[on], strips[on]
+        key = frame[searching] * len(lanes.strips) + strips
+        place = np.minimum(np.searchsorted(heads, key), len(heads) - 1)
+        found = heads[place] == key if len(heads) else np.zeros(0, bool)
+        lead = order[starts[place[found]]]
+        row[searching[found]], gap[searching[found]] = lead, passed[found] + along[lead]
+        searching, passed, strips = searching[~found], passed[~found], strips[~found]
+        passed, strips = passed + lanes.length[strips], lanes.straight[strips]
+    return _measured(row, gap, track, speed, front, rear, sight)
+
+
+def _own_next(lanes: LaneGraph, track: IntArray, strip: IntArray) -> IntArray:
+    """The strip that each row's track takes next, as far as the track shows it; else the straightest."""
+    following = lanes.straight[strip]
+    following[strip == NOWHERE] = NOWHERE
+    leaving = np.flatnonzero((strip[1:] != strip[:-1]) & (track[1:] == track[:-1]))
+    pairs, which = np.unique(np.stack([strip[leaving], strip[leaving + 1]], axis=1), axis=0, return_inverse=True)
+    linked = np.array([a != NOWHERE and b in lanes.following[a] for a, b in pairs.tolist()], bool)
+    leaving = leaving[linked[which.reshape(-1)]] if len(pairs) else leaving
+    begins = np.ones(len(strip), bool)
+    begins[1:] = (strip[1:] != strip[:-1]) | (track[1:] != track[:-1])
+    stay = np.cumsum(begins) - 1
+    taken = np.full(stay[-1] + 1 if len(stay) else 0, NOWHERE, np.int64)
+    taken[stay[leaving]] = strip[leaving + 1]
+    own = taken[stay]
+    return np.where(own != NOWHERE, own, following)
+
+
+def _measured(
+    row: IntArray, gap: FloatArray, track: IntArray, speed: FloatArray, front: FloatArray, rear: FloatArray, sight: float
+) -> Leads:
+    led = row != ABSENT
+    led[led] = track[row[led]] != track[led]  # once round a ring, a vehicle would lead itself
+    gap = np.where(led, gap - front + rear[row], 0.0)
+    led &= gap <= sight
+    row, gap = np.where(led, row, ABSENT), np.where(led, gap, 0.0)
+    follower = np.full(len(row), ABSENT, np.int64)
+    nearest_last = np.flatnonzero(led)[np.argsort(-gap[led], kind="stable")]
+    follower[row[nearest_last]] = nearest_last
+    closing = np.where(led, speed - speed[row], 0.0)
+    thw, ttc = time_headway(gap, speed), time_to_collision(gap, closing)
+    return Leads(row, gap, Series(thw.value, thw.valid & led), Series(ttc.value, ttc.valid & led), follower)
+
+
+_IN_LANE = 0.2
+"""Greatest distance from the centre of the lane, in lane widths, of a still vehicle that queues; others are parked."""
+_SLOWEST = 0.5
+"""Least mean speed of a vehicle that drives, by the area in which it moves, m/s"""
+EGOS = ("car", "van", "truck", "bus", "motorbike")
+"""Categories of vehicles that events are about; the others are only partners."""
+
+
+class Scene(SceneRows):
+    """Rows of all vehicles, with what all rules ask for prepared once."""
+
+    @cached_property
+    def numbers(self) -> dict[str, int]:
+        """Numbers of the tracks by their names."""
+        return {name: number for number, name in enumerate(self.names)}
+
+    @cached_property
+    def begin(self) -> float:
+        """Time (s) of frame 0."""
+        return float(self.time.min())
+
+    @cached_property
+    def passages(self) -> Passages:
+        """Ways through junctions."""
+        return passages(self)
+
+    @cached_property
+    def vulnerable(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        """x, y, time and a number of the track for all rows of pedestrians (with numbers below 0) and cyclists."""
+        cyclists = [name for name in self.names if self.recording.tracks[name].category == "bicycle"]
+        walkers = [track.name for track in self.recording.tracks.values() if track.kind == "pedestrian"]
+        tracks = [self.recording.tracks[name] for name in (*cyclists, *walkers)]
+        numbers = [*map(self.numbers.__getitem__, cyclists), *(-1 - number for number in range(len(walkers)))]
+        sizes = [len(track.columns["time"]) for track in tracks]
+        x, y, time = (_joined(tracks, name) for name in ("x", "y", "time"))
+        return x, y, time, np.repeat(np.array(numbers, np.int64), sizes)
+
+    @cached_property
+    def complete(self) -> BoolArray:
+        """Rows of egos about which the whole window is there."""
+        half, here = self.rows(0.5 * self.rules.window), np.arange(len(self.track))
+        return self.egos[self.track] & (here - half >= self.first) & (here + half <= self.last)
+
+    @cached_property
+    def leads(self) -> Leads:
+        """Who drives ahead of whom."""
+        return leads(
+            self.site.lanes, self.track, self.frame, self.strip, self.along, self.speed, self.front, self.rear, self.rules.sight
+        )
+
+    @cached_property
+    def changes(self) -> LaneChanges:
+        """Changes of lane."""
+        return lane_changes(self)
+
+    def least_shift(self, row: IntArray) -> FloatArray:
+        """Least lateral displacement (m) of a change into the lane of each row of which not all need be recorded."""
+        share = np.where(self.role[row] == ROLES.index(Role.MAIN), self.rules.partial_shift, self.rules.partial_urban_shift)
+        return share * self.site.lanes.width[self.strip[row]]
+
+    def steady(self, seconds: float) -> BoolArray:
+        """Rows whose track keeps its lane, with all frames there, from so much before to so much after."""
+        half = self.rows(seconds)
+        kept = (constant(values, half, self.first, self.last) for values in (self.changes.lane, self.changes.course))
+        return np.logical_and(*kept)
+
+
+def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
+    """Rows of all vehicles of a recording, which gets its road coordinates where it lacks them.
+
+    Rows beside their lane or beyond the ends of their road are on no strip, as are all rows of parked vehicles.
+    """
+    place(recording, site.network)
+    tracks = [track for track in recording.tracks.values() if track.kind == "vehicle" and len(track.columns["time"])]
+    sizes = np.array([len(track.columns["time"]) for track in tracks], np.int64)
+    track = np.repeat(np.arange(len(tracks)), sizes)
+    time = _joined(tracks, "time")
+    frame = np.rint((time - (time.min() if len(time) else 0.0)) / recording.timestep).astype(np.int64)
+    first, last = _parts(track, frame)
+    lane_id, s, lanes = _joined(tracks, "lane_id").astype(np.int64), _joined(tracks, "s"), site.lanes
+    offset, road_id = _joined(tracks, "lane_offset"), _joined(tracks, "road_id")
+    strip = lanes.find(road_id, lane_id, s)
+    strip = np.where(lanes.contains(strip, s, offset), strip, NOWHERE)
+    still = np.array([is_parked(track, rules) for track in tracks], bool)
+    beside = np.abs(offset) > _IN_LANE * lanes.width[strip]
+    strip = np.where(still[track] & beside, NOWHERE, strip)
+    left = np.where(lanes.forward[strip], 1.0, -1.0)
+    boxes = [track.box for track in tracks]
+    half = max(1, round(0.5 * rules.smoothing / recording.timestep))
+    return Scene(
+        recording=recording,
+        site=site,
+        rules=rules,
+        step=recording.timestep,
+        names=[track.name for track in tracks],
+        egos=np.array([track.category in EGOS for track in tracks], bool) & ~still,
+        track=track,
+        frame=frame,
+        time=time,
+        first=first,
+        last=last,
+        x=_joined(tracks, "x"),
+        y=_joined(tracks, "y"),
+        h=_joined(tracks, "h"),
+        speed=_joined(tracks, "speed"),
+        acceleration=smoothed(_joined(tracks, "acceleration"), half, first, last),
+        strip=strip,
+        along=np.where(strip == NOWHERE, 0.0, lanes.along(strip, s)),
+        offset=offset * left,
+        aside=_joined(tracks, "t") * left,
+        role=site.roles.codes(lanes, strip, s),
+        front=np.repeat([box.x + 0.5 * box.length for box in boxes], sizes),
+        rear=np.repeat([box.x - 0.5 * box.length for box in boxes], sizes),
+        width=np.repeat([box.width for box in boxes], sizes),
+    )
+
+
+def is_parked(track: Track, rules: Rules) -> bool:
+    """Whether the reference point of a track stays within `rules.parked`, or half a metre for each second of a short track."""
+    extent = math.hypot(*(float(np.ptp(track.columns[name])) for name in ("x", "y")))
+    return extent < min(rules.parked, _SLOWEST * float(np.ptp(track.columns["time"])))
+
+
+def _joined(tracks: list[Track], name: str) -> NDArray:
+    return np.concatenate([track.columns[name] for track in tracks]) if tracks else np.zeros(0)
+
+
+def _parts(track: IntArray, frame: IntArray) -> tuple[IntArray, IntArray]:
+    """First and last row of the part without missing frames that each row is in."""
+    begins = np.ones(len(track), bool)
+    begins[1:] = (np.diff(track) != 0) | (np.diff(frame) != 1)
+    ends = np.append(np.flatnonzero(begins), len(track))
+    sizes = np.diff(ends)
+    return np.repeat(ends[:-1], sizes), np.repeat(ends[1:] - 1, sizes)
+
+
+def ahead_of(scene: Scene, rows: IntArray, seconds: float) -> IntArray:
+    """Indices (n, k) of the rows from each given one to `seconds` later; the last one that there is stands for those missing."""
+    steps = np.arange(scene.rows(seconds) + 1)
+    return np.minimum(rows[:, None] + steps, scene.last[rows][:, None])
+
+
+def spaced(scene: Scene, flags: BoolArray, seconds: float, most: int) -> IntArray:
+    """Rows of each track at which a flag holds, the first and then each at least `seconds` after the one before."""
+    candidates = np.flatnonzero(flags)
+    ends = np.searchsorted(scene.track[candidates], np.arange(len(scene.names) + 1))
+    apart = scene.rows(seconds)
+    chosen: list[int] = []
+    for start, end in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        mine = candidates[start:end]
+        frames, place = scene.frame[mine], 0
+        for _ in range(most):
+            if place == len(mine):
+                break
+            chosen.append(int(mine[place]))
+            place = int(np.searchsorted(frames, frames[place] + apart))
+    return np.array(chosen, np.int64)
+
+
+def near(scene: Scene, row: IntArray, others: IntArray, seconds: float) -> BoolArray:
+    """Whether another row of the same track is less than so much away from each row."""
+    apart = np.abs(scene.time[row][:, None] - scene.time[others]) < seconds
+    return (apart & (scene.track[row][:, None] == scene.track[others])).any(axis=1)
+
+
+PRECEDENCE = (
+    Label.MERGING,
+    Label.LEFT_TURN,
+    Label.RIGHT_TURN,
+    Label.STRAIGHT_CROSS,
+    Label.ROUNDABOUT_ENTERING,
+    Label.ROUNDABOUT_EXITING,
+    Label.RAMP_ENTERING,
+    Label.RAMP_EXITING,
+    Label.LANE_CHANGE_LEFT,
+    Label.LANE_CHANGE_RIGHT,
+    Label.CUT_IN,
+    Label.URBAN_CUT_IN,
+    Label.CUT_OUT,
+    Label.URBAN_CUT_OUT,
+    Label.ROUNDABOUT_CIRCULATING,
+    Label.CAR_FOLLOWING,
+    Label.FREE_CRUISE,
+)
+"""Of two events of one ego less than a window apart the one whose class comes first here stays; of equal ones the earlier."""
+_DIGITS = 6
+
+
+class Hits(NamedTuple):
+    """Events of one class: ego's row at t*, a row of the partner or ABSENT, and values of the tags, all equally long."""
+
+    label: Label
+    row: IntArray
+    partner: IntArray
+    tags: Mapping[str, NDArray]
+
+
+def alone(label: Label, row: IntArray, **tags: NDArray) -> Hits:
+    """Hits without partners."""
+    return Hits(label, row, np.full(len(row), ABSENT, np.int64), tags)
+
+
+def events(scene: Scene, name: str, found: Iterable[Hits]) -> list[Event]:
+    """The events that stay, in the order of egos' names and time."""
+    candidates = [
+        (PRECEDENCE.index(hits.label), row, hits, index) for hits in found for index, row in enumerate(hits.row.tolist())
+    ]
+    taken: dict[int, list[float]] = {}
+    kept: list[Event] = []
+    for _, row, hits, index in sorted(candidates, key=lambda one: one[:2]):
+        time, times = float(scene.time[row]), taken.setdefault(int(scene.track[row]), [])
+        if all(abs(time - other) >= scene.rules.window for other in times):
+            times.append(time)
+            kept.append(_event(scene, name, hits, index))
+    return sorted(kept, key=lambda event: (event.ego, event.time))
+
+
+def _event(scene: Scene, name: str, hits: Hits, index: int) -> Event:
+    row, partner = int(hits.row[index]), int(hits.partner[index])
+    other = scene.names[scene.track[partner]] if partner != ABSENT else None
+    tags = {key: _plain(values[index]) for key, values in hits.tags.items()}
+    why = _why(scene, hits.label, row, partner, tags)
+    return Event(name, scene.names[scene.track[row]], round(float(scene.time[row]), _DIGITS), hits.label, other, tags, why)
+
+
+def _why(scene: Scene, label: Label, row: int, partner: int, tags: Mapping[str, bool | float]) -> str:
+    """Conditions of a class, values of an event, and lanes of its participants before and after."""
+    parts = [CONDITIONS[label].format_map(vars(scene.rules))]
+    values = [f"{key.replace('_', ' ')} {value if isinstance(value, bool) else f'{value:.2f}'}" for key, value in tags.items()]
+    parts += [", ".join(values)] if values else []
+    parts += [f"ego {_lanes(scene, row)}"]
+    parts += [f"partner {_lanes(scene, partner)}"] if partner != ABSENT else []
+    return "; ".join(parts)
+
+
+def _lanes(scene: Scene, row: int) -> str:
+    """Lanes about a row: those where the track is `rules.hold` before and after it."""
+    reach = scene.rows(scene.rules.hold)
+    around = max(row - reach, int(scene.first[row])), min(row + reach, int(scene.last[row]))
+    before, after = (_lane(scene, each) for each in around)
+    return f"on {before}" if before == after else f"from {before} to {after}"
+
+
+def _lane(scene: Scene, row: int) -> str:
+    if scene.strip[row] == NOWHERE:
+        return "no lane"
+    strip = scene.site.lanes.strips[scene.strip[row]]
+    return f"road {strip.road} lane {strip.lane} ({ROLES[scene.role[row]]})"
+
+
+def _plain(value: np.generic) -> bool | float:
+    return bool(value) if isinstance(value, np.bool_) else round(float(value), _DIGITS)

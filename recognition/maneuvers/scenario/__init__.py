@@ -1,1 +1,0 @@
-"""Manoeuvres as scenarios: declarations of the parameters, trigger, actions, and where participants start."""

@@ -1,1 +1,0 @@
-"""Recordings of our own in the formats of public data sets."""

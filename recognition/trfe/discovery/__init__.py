@@ -1,1 +1,0 @@
-"""Discovery of new classes: the buffer, sifting, clustering and the promotion of clusters."""

@@ -1,0 +1,193 @@
+"""All that decides what a run gives, by content: a finished run counts as long as none of it changes."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from functools import cache, lru_cache
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import xosc
+from runner.batch.jobs import Job
+from runner.settings import RunSettings
+from runner.sut import find_system, system_name
+from runner.sut.parameters import parameters_of, split
+from schemas.catalogs import locate
+from schemas.errors import InvalidFile, ToolchainError, UsageError
+from schemas.expressions import ExpressionError
+from schemas.storage import Stamp, digest, read_bytes, stamp
+from xosc.node import Node
+from xosc.parameters import Assignment, Scope
+from xosc.roads import find_roads
+
+OURS = ("schemas", "xosc", "xodr", "runner")
+"""Packages whose code plays and measures runs"""
+_PATHS = {"LogicFile": "filepath", "Directory": "path"}
+"""Elements that name roads and catalogues, and the attribute that does"""
+_LIBRARIES = ("numpy", "libsumo", "eclipse-sumo")
+
+
+def of_batch(run: RunSettings) -> str:
+    """Digest of all that the runs of a batch share: settings, code of the toolchain, its libraries and the system under test.
+
+    Raises:
+        UsageError: there is no such system under test.
+    """
+    return digest(repr((run.as_json(), _system(run), _program(OURS))).encode())
+
+
+def of_job(job: Job, run: RunSettings, shared: str) -> str:
+    """Digest of all that decides what a run gives.
+
+    A file that is missing or damaged decides too: the run says so, until the file is another.
+
+    Args:
+        run: the settings of the batch.
+        shared: what `of_batch` gives.
+    """
+    parts = shared, job.name, _by_stamp(job.source, stamp(job.source)), sorted(job.parameters.items()), job.seed
+    return digest(repr((parts, _files_of(job, run))).encode())
+
+
+def _files_of(job: Job, run: RunSettings) -> tuple[list[str], str]:
+    """Digests of the scenario and of all that it refers to, and what is wrong with them."""
+    try:
+        paths, fault = _referred_by(job.scenario, run, job.parameters), ""
+    except ToolchainError as error:
+        paths, fault = (), str(error)
+    return [_by_stamp(path, stamp(path)) for path in (job.scenario, *paths)], fault
+
+
+@lru_cache(maxsize=4096)
+def _by_stamp(path: Path, _: Stamp) -> str:
+    """Digest of a file that is read again where it has changed; empty where it can't be read."""
+    try:
+        return digest(read_bytes(path))
+    except InvalidFile:
+        return ""
+
+
+def inputs(
+    scenario: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({}), packages: tuple[str, ...] = OURS
+) -> dict[str, Any]:
+    """Digests of files and code, settings and versions, by what they are of.
+
+    Args:
+        pinned: values of parameters that are the same in all runs: a path may be one.
+        packages: those whose code decides.
+
+    Raises:
+        InvalidFile: the scenario, or a file that it refers to, is malformed.
+        UsageError: there is no such system under test.
+    """
+    return {
+        **files(scenario, run, pinned),
+        "system": _system(run),
+        "settings": {name: value for name, value in run.as_json().items() if name != "sut"},
+        "program": _program(packages),
+    }
+
+
+def _system(run: RunSettings) -> list[Any]:
+    """Name of the system under test, parameters of one that is given as such, its code, and files that parameters name."""
+    given = split(run.sut)[1].values() if isinstance(run.sut, str) else ()
+    files = [digest(path.read_bytes()) for path in map(Path, given) if os.path.isfile(path)]
+    parameters = {} if isinstance(run.sut, str | None) else parameters_of(run.sut)
+    return [system_name(run.sut), parameters, plugged_in(run), files]
+
+
+@cache
+def _program(packages: tuple[str, ...]) -> str:
+    """Digest of code of ours, and the versions of the libraries that it runs on."""
+    versions = [f"{name} {version(name)}" for name in _LIBRARIES]
+    return digest("\n".join([*map(_content, packages), *versions]).encode())
+
+
+def files(scenario: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({})) -> dict[str, Any]:
+    """Digests of a scenario, its road network and its catalogues.
+
+    Raises:
+        InvalidFile: one of them is malformed, or there is no such road network.
+    """
+    return {
+        "scenario": digest(scenario.read_bytes()),
+        "roads and catalogues": {path.name: digest(path.read_bytes()) for path in _referred_by(scenario, run, pinned)},
+    }
+
+
+def _referred_by(scenario: Path, run: RunSettings, given: Mapping[str, str]) -> tuple[Path, ...]:
+    """The road network and the catalogues of a scenario; where a path has no value, or is nowhere, every run says so itself."""
+    root = xosc.load(scenario, strict=run.strict).node.element
+    varies = any("$" in element.get(attribute, "") for name, attribute in _PATHS.items() for element in root.iter(name))
+    values = tuple(sorted(given.items())) if varies else ()
+    asked = scenario, stamp(scenario), run.strict, run.road_path, run.catalog_path, values
+    found = _referred(*asked)
+    return found if all(map(os.path.isfile, found)) else _referred.__wrapped__(*asked)  # a file was removed since
+
+
+@lru_cache(maxsize=256)
+def _referred(
+    scenario: Path,
+    _: Stamp,
+    strict: bool,
+    road_path: tuple[str, ...],
+    catalog_path: tuple[str, ...],
+    given: tuple[tuple[str, str], ...],
+) -> tuple[Path, ...]:
+    root = _with_paths(xosc.load(scenario, strict=strict).node, dict(given))
+    found = []
+    road = root.find("RoadNetwork", "LogicFile")
+    if road is not None and road.get("filepath").strip() and "$" not in road.get("filepath"):
+        found.append(find_roads(road, road_path).path)
+    locations = root.find("CatalogLocations")
+    for location in locations.children() if locations is not None else ():
+        directory = location.need("Directory")
+        with suppress(OSError, ValueError):
+            found += sorted(Path(file) for file in locate(directory.file("path"), scenario, catalog_path).files)
+    return tuple(found)
+
+
+def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
+    """A copy of a scenario in which parameters and expressions in the paths of roads and catalogues are worked out."""
+    root = Node(copy.deepcopy(root.element), root.path)
+    holder = root.find("ParameterDeclarations")
+    assigned = {name: Assignment(value, UsageError, True) for name, value in pinned.items()}
+    scope = Scope(holder.children("ParameterDeclaration") if holder is not None else [], assigned=assigned)
+    for name, attribute in _PATHS.items():
+        for element in root.element.iter(name):
+            with suppress(ExpressionError):
+                element.set(attribute, scope.literal(element.get(attribute, "")))
+    return root
+
+
+def plugged_in(run: RunSettings) -> str:
+    """Digest of the code of a system under test that is none of ours: of all modules of its package."""
+    made = find_system(run.sut) if isinstance(run.sut, str | None) else type(run.sut)
+    factory = getattr(made, "func", made)
+    package = str(getattr(factory, "__module__", "")).partition(".")[0]
+    return "" if package in ("", "builtins", "runner", "generation") else _content(package)
+
+
+def _content(package: str) -> str:
+    """Digest of all files of a package, or of a module."""
+    return digest(b"\0".join(str(path.name).encode() + path.read_bytes() for path in _files(package)))
+
+
+def _files(package: str) -> Iterator[Path]:
+    """Its Python files, those of packages inside it included."""
+    spec = import_module(package).__spec__  # it is imported already, perhaps from the working folder
+    folders = [Path(each) for each in (spec.submodule_search_locations or [])] if spec is not None else []
+    if folders:
+        yield from sorted(path for folder in folders for path in folder.rglob("*") if path.suffix in _DECIDING and path.is_file())
+    elif spec is not None and spec.origin:
+        yield Path(spec.origin)
+
+
+_DECIDING = (".py", ".so", ".json", ".safetensors", ".npz", ".onnx", ".pt", ".yaml", ".toml", ".txt", ".csv")
+"""Endings of files that code, or weights and settings of a system, are in"""

@@ -1,0 +1,159 @@
+"""Causes for which a run is inconclusive: it did not test what its file describes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from runner.contracts.action import PrivateAction
+from runner.contracts.run import Transition
+from runner.interpreter.departures import egoless
+from runner.interpreter.result import Cause
+from runner.interpreter.storyboard.elements import ActionElement
+from runner.interpreter.storyboard.storyboard import Act
+
+if TYPE_CHECKING:
+    from runner.interpreter.compiler import Scenario
+    from runner.interpreter.departures import Departures
+    from runner.interpreter.simulation import Simulation
+    from runner.interpreter.storyboard.storyboard import Event
+    from runner.participants.entity import Entity
+    from runner.recording import Recording, Track
+    from schemas.remarks import Remark
+
+CAUSES: Mapping[str, str] = {
+    "ignored": "an element or attribute that no version of the standard has was not executed",
+    "no-actor": "private actions of a maneuver group have no actor",
+    "misplaced": "a position is beyond the end of its road by more than 10 m: the end was taken",
+    "absent": "a participant that the storyboard refers to has no action that places it",
+    "no-ego": "the system under test drives no vehicle: the scenario has no ego",
+    "stopped-at-once": "the stop trigger was true at time 0",
+    "no-event": "no event of the storyboard started",
+    "off-road": "the ego left the road, or came to its end, before the first event",
+    "performance": "a speed or acceleration beyond the declared Performance",
+    "parameters": "parameter values outside the constraints that the file declares",
+}
+"""Causes by name, and their meaning"""
+_TOLERANCE = 1.01
+"""Share of a limit of the Performance above which it is exceeded"""
+_SUSTAINED = 0.5
+"""Time (s) for which an acceleration must last: a change within a step is a change of state, and has none"""
+
+
+def of_remarks(remarks: Iterable[Remark]) -> Iterator[Cause]:
+    """Causes that are known before any run: from remarks on files."""
+    return (Cause(remark.cause, str(remark)) for remark in remarks if remark.cause)
+
+
+def at_beginning(
+    scenario: Scenario, sim: Simulation, recording: Recording, departures: Departures, ego: Entity | None, system: str
+) -> Iterator[Cause]:
+    """Causes that the initial actions and the triggers at time 0 decide; to be called then or later.
+
+    Args:
+        scenario: the compiled scenario.
+        sim: its run.
+        recording: of the run so far.
+        departures: what has looked at the ego.
+        ego: None where there is none.
+        system: name of the system under test that was asked for, `none` for none.
+    """
+    yield from of_remarks((*scenario.remarks, *sim.remarks.found))
+    yield from (Cause("parameters", str(violation)) for violation in scenario.violations)
+    if ego is None and system != "none":
+        yield from (Cause("no-ego", text) for text in egoless(sim.entities.values(), system))
+    trigger = sim.storyboard.stop_trigger
+    if sim.finished and sim.step_index == 0:
+        by = trigger.reason if trigger is not None else "the end of all stories"
+        yield Cause("stopped-at-once", f"the run ended at 0.00 s, by {by}")
+    yield from _departures(sim, departures)
+    yield from _beyond(scenario, recording, ego)
+
+
+def of_run(
+    scenario: Scenario, sim: Simulation, recording: Recording, departures: Departures, ego: Entity | None, system: str
+) -> Iterator[Cause]:
+    """All causes of a run that has ended; arguments as in `at_beginning`."""
+    yield from at_beginning(scenario, sim, recording, departures, ego, system)
+    awaited = [event for event in _events(sim) if Transition.START not in event.first]
+    if awaited and _first_event(sim) == math.inf:
+        yield Cause("no-event", _idle(awaited, sim))
+
+
+def _events(sim: Simulation) -> list[Event]:
+    """Events of the scene that a sound run may have.
+
+    Those that wait for a contact, or for the end of the road, are none; nor are those that only switch controllers, as they hand
+    over the ego and change nothing about it.
+    """
+    events = (event for act in sim.storyboard.acts for event in act.events if not _switches(event))
+    return [event for event in events if event.trigger is None or not event.trigger.awaits_mishap]
+
+
+def _switches(event: Event) -> bool:
+    """Whether all actions of an event switch controllers."""
+    actions = [action for element in event.children if isinstance(element, ActionElement) for action in element.actions]
+    return bool(actions) and all(isinstance(action, PrivateAction) and action.activates_controller for action in actions)
+
+
+def _first_event(sim: Simulation) -> float:
+    """Time (s) at which the first event started; infinite where none did."""
+    return min((event.first.get(Transition.START, math.inf) for event in _events(sim)), default=math.inf)
+
+
+def _idle(awaited: list[Event], sim: Simulation) -> str:
+    """Sentence on events that have not started: what ended the run, and what the first of them waited for."""
+    trigger = sim.storyboard.stop_trigger
+    end = (trigger.reason if trigger is not None else "the end of all stories") if sim.finished else "a limit of the run"
+    first = awaited[0]
+    act = first.group.parent
+    waiting = act.trigger if isinstance(act, Act) and Transition.START not in act.first else first.trigger
+    what = f"{first.kind} {first.name!r} waited for {waiting.describe(sim)}" if waiting is not None else f"{first.name!r} waited"
+    more = f" (and {len(awaited) - 1} more)" if len(awaited) > 1 else ""
+    return f"{first.where}: no event has started: the run ended at {sim.time:.2f} s, by {end}; {what}{more}"
+
+
+def _departures(sim: Simulation, departures: Departures) -> Iterator[Cause]:
+    """The ego off the road, or at its end, from the first step on or before the first event."""
+    first = _first_event(sim) if _events(sim) else 0.0
+    for time, text in departures.first.values():
+        if time < first or time <= sim.dt:
+            yield Cause("off-road", f"{text}, before any event" if time < first else text)
+
+
+def _beyond(scenario: Scenario, recording: Recording, ego: Entity | None) -> Iterator[Cause]:
+    """Participants faster than their Performance allows, and an ego that changes its speed faster; one cause each.
+
+    Others may: `SynchronizeAction`, whose purpose is to arrive in time, is bounded by no Performance.
+    """
+    for track in recording.tracks.values():
+        entity = scenario.entities.get(track.name)
+        if entity is None or not len(track.columns["time"]):
+            continue
+        limits, node = entity.declared.performance, entity.declared.node
+        where = f"{node.where}: " if node is not None else ""
+        speed, time = np.abs(track.columns["speed"]), track.columns["time"]
+        fast = np.flatnonzero(speed > _TOLERANCE * limits.max_speed)
+        if fast.size:
+            told = f"drives at {speed[fast[0]]:.2f} m/s at {time[fast[0]]:.2f} s; its Performance allows {limits.max_speed:g} m/s"
+            yield Cause("performance", f"{where}{track.name} {told}")
+        elif entity is ego:
+            yield from _hasty(track, limits.max_acceleration, limits.max_deceleration, where)
+
+
+def _hasty(track: Track, most: float, least: float, where: str) -> Iterator[Cause]:
+    """Changes of speed beyond the limits (m/s²) in each step of `_SUSTAINED`."""
+    speed, time = np.abs(track.columns["speed"]), track.columns["time"]
+    steps = round(_SUSTAINED / (time[1] - time[0])) if len(time) > 1 else 0
+    if not 0 < steps < len(time):
+        return
+    change = np.lib.stride_tricks.sliding_window_view(np.diff(speed) / np.diff(time), steps)
+    for word, limit, found in (("accelerates", most, change.min(axis=1)), ("brakes", least, (-change).min(axis=1))):
+        over = np.flatnonzero(found > _TOLERANCE * limit)
+        if over.size:
+            told = f"{word} by {found[over[0]]:.2f} m/s² at {time[over[0]]:.2f} s; its Performance allows {limit:g} m/s²"
+            yield Cause("performance", f"{where}{track.name} {told}")
+            return

@@ -1,0 +1,364 @@
+"""Rules of ASAM OSI for ground-truth traces.
+
+Three families, each found under its uid: the rules that OSI publishes beside its fields (`is_set`, `is_globally_unique`,
+`refers_to`, ranges, conditions; Source: ASAM OSI 3.8, message definitions), under the uids of ASAM's qc-osi-trace; the rules for
+multi-channel trace files (ASAM OSI 3.8, "OSI trace file formats"); and requirements of the message definitions' text for objects
+and lanes. A problem is reported once for all messages that have it. Lanes and other things that do not change may be in the
+first messages alone: a reference to anything that an earlier message has is sound.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from schemas.checks.problems import Problem
+from schemas.errors import InvalidFile, Unsupported
+from schemas.osi.requirements import REQUIREMENTS, Requirements
+from schemas.osi.traces import TRACE, Frame, Trace
+
+_SOURCE = "asam.net:osi:3.8.0:osirules"
+_FORMAT = "asam.net:osi:3.8.0:multi_channel_trace_file"
+READABLE = "asam.net:osi:3.0.0:deserialization.possible"
+_OWN = "xosc.toolchain:osi:3.8.0"
+MOST = 100
+"""Problems reported of one rule and file"""
+
+_FIELDS = {
+    "Timestamp": {"seconds": ">= 0", "nanos": ">= 0, <= 999999999"},
+    "Dimension3d": {"length": ">= 0", "width": ">= 0", "height": ">= 0"},
+    "ExternalReference": {"type": "set"},
+    "LogicalLaneAssignment": {"assigned_lane_id": "LogicalLane"},
+    "EnvironmentalConditions": {
+        "atmospheric_pressure": ">= 80000, <= 120000", "temperature": ">= 170, <= 340", "relative_humidity": ">= 0, <= 100",
+    },
+    "EnvironmentalConditions.TimeOfDay": {"seconds_since_midnight": ">= 0, < 86400"},
+    "EnvironmentalConditions.Wind": {"speed": ">= 0"},
+    "EnvironmentalConditions.Sun": {"intensity": ">= 0"},
+    "GroundTruth": {"version": "set", "timestamp": "set", "host_vehicle_id": "set, MovingObject", "country_code": "country"},
+    "Lane": {"id": "set, unique"},
+    "Lane.Classification.RoadCondition": {
+        "surface_temperature": ">= 0", "surface_water_film": ">= 0", "surface_freezing_point": ">= 0", "surface_ice": ">= 0",
+        "surface_roughness": ">= 0",
+    },
+    "Lane.Classification.LanePairing": {"antecessor_lane_id": "Lane", "successor_lane_id": "Lane"},
+    "LaneBoundary": {"id": "unique"},
+    "LaneBoundary.Classification": {"limiting_structure_id": "StationaryObject"},
+    "LogicalLaneBoundary": {"id": "set, unique", "reference_line_id": "ReferenceLine", "physical_boundary_id": "LaneBoundary"},
+    "LogicalLane": {
+        "id": "unique", "reference_line_id": "ReferenceLine", "right_boundary_id": "LogicalLaneBoundary",
+        "left_boundary_id": "LogicalLaneBoundary",
+    },
+    "LogicalLane.PhysicalLaneReference": {"physical_lane_id": "Lane"},
+    "LogicalLane.LaneConnection": {"other_lane_id": "LogicalLane"},
+    "LogicalLane.LaneRelation": {"other_lane_id": "LogicalLane"},
+    "StationaryObject": {"id": "set, unique"},
+    "MovingObject": {
+        "id": "set, unique", "vehicle_attributes": "set if type 2", "vehicle_classification": "set if type 2",
+        "pedestrian_attributes": "set if type 3",
+    },
+    "MovingObject.VehicleAttributes": {"radius_wheel": ">= 0", "number_wheels": ">= 1"},
+    "MovingObject.VehicleClassification": {"trailer_id": "set if has_trailer 1"},
+    "Occupant": {"id": "unique"},
+    "ReferenceLine": {"id": "set, unique"},
+    "RoadMarking": {"id": "set"},
+    "RoadMarking.Classification": {"assigned_lane_id": "Lane", "monochrome_color": "set if type 2"},
+    "SensorView": {
+        "version": "set", "timestamp": "set", "sensor_id": "set", "mounting_position": "set",
+        "host_vehicle_id": "set, MovingObject",
+    },
+    "TrafficLight": {"id": "set, unique"},
+    "TrafficLight.Classification": {"counter": ">= 0", "assigned_lane_id": "Lane"},
+    "TrafficSign": {"id": "set, unique"},
+    "TrafficSign.MainSign.Classification": {"assigned_lane_id": "Lane"},
+    "TrafficSign.SupplementarySign.Classification": {"assigned_lane_id": "Lane"},
+    "TrafficSign.SupplementarySign.Classification.Arrow": {"lane_id": "Lane"},
+}  # fmt: skip
+"""Rules of fields by message: set, unique among all ids, the message type that an id refers to, ranges, and conditions. Rules
+that demand presence of a repeated field are left out: its presence can't be told from its being empty."""
+_RANGE = re.compile(r"(>=|<=|<) (-?[\d.]+)")
+_COMPARE: dict[str, Callable[[float, float], bool]] = {
+    ">=": lambda a, b: a >= b, "<=": lambda a, b: a <= b, "<": lambda a, b: a < b,
+}  # fmt: skip
+_NAMES = {">=": "is_greater_than_or_equal_to", "<=": "is_less_than_or_equal_to", "<": "is_less_than"}
+
+
+class OsiRule(NamedTuple):
+    """A rule: its uid, the level of its problems, and what it demands."""
+
+    uid: str
+    level: str
+    description: str
+
+
+class _FieldRule(NamedTuple):
+    """One rule of a field."""
+
+    rule: OsiRule
+    field: str
+    broken: Callable[[Any, str, _Ids], str | None]
+
+
+class _Ids:
+    """Ids of all things so far, with the message type of each."""
+
+    def __init__(self) -> None:
+        self.known: dict[int, str] = {}
+        self.here: dict[int, Any] = {}
+
+
+@cache
+def all_osi_rules() -> tuple[OsiRule, ...]:
+    """Every rule for traces, by uid."""
+    found = {each.rule.uid: each.rule for rules in _rules().values() for each in rules}
+    own = [OsiRule(f"{_OWN}:{name}", level, text) for name, (level, text) in REQUIREMENTS.items()]
+    formats = [OsiRule(f"{_FORMAT}.{name}", "error", text) for name, text in _FORMATS.items()]
+    readable = OsiRule(READABLE, "error", "The messages of a trace can be read.")
+    return tuple(sorted([*found.values(), *own, *formats, readable], key=lambda each: each.uid))
+
+
+@cache
+def _rules() -> dict[str, tuple[_FieldRule, ...]]:
+    """The rules of fields by the full name of their message."""
+    return {
+        f"osi3.{message}": tuple(each for field, text in fields.items() for each in _of_field(message, field, text))
+        for message, fields in _FIELDS.items()
+    }
+
+
+def _of_field(message: str, field: str, text: str) -> Iterator[_FieldRule]:
+    uid = f"{_SOURCE}.{message.lower()}.{field}"
+    for part in text.split(", "):
+        words = part.split()
+        ranged = _RANGE.fullmatch(part)
+        if ranged:
+            sign, limit = ranged[1], float(ranged[2])
+            what = f"{message}.{field} is {sign} {ranged[2]}."
+            yield _FieldRule(OsiRule(f"{uid}.{_NAMES[sign]}", "error", what), field, _in_range(sign, limit))
+        elif words[0] == "set":
+            condition = f" where {words[2]} is {words[3]}" if len(words) > 1 else ""
+            name = "check_if" if condition else "is_set"
+            yield _FieldRule(
+                OsiRule(f"{uid}.{name}", "error", f"{message}.{field} is set{condition}."), field, _is_set(words[2:])
+            )
+        elif part == "unique":
+            yield _FieldRule(
+                OsiRule(f"{uid}.is_globally_unique", "error", f"{message}.{field} is unlike all other ids."), field, _is_unique
+            )
+        elif part == "country":
+            yield _FieldRule(
+                OsiRule(f"{uid}.is_iso_country_code", "error", f"{message}.{field} is a numeric code of ISO 3166 (1 to 999)."),
+                field, _is_country,
+            )  # fmt: skip
+        else:
+            yield _FieldRule(
+                OsiRule(f"{uid}.refers_to", "error", f"{message}.{field} is the id of a {part}."), field, _refers(part)
+            )
+
+
+def _in_range(sign: str, limit: float) -> Callable[[Any, str, _Ids], str | None]:
+    def broken(message: Any, field: str, _ids: _Ids) -> str | None:
+        value = getattr(message, field)
+        good = not message.HasField(field) or _COMPARE[sign](value, limit)
+        return None if good else f"{field} is {value:g}, {sign} {limit:g} is expected"
+
+    return broken
+
+
+def _is_set(condition: list[str]) -> Callable[[Any, str, _Ids], str | None]:
+    def broken(message: Any, field: str, _ids: _Ids) -> str | None:
+        if message.HasField(field) or (condition and getattr(message, condition[0]) != int(condition[1])):
+            return None
+        return f"{field} is not set" + (f", as {condition[0]} {condition[1]} demands" if condition else "")
+
+    return broken
+
+
+def _is_unique(message: Any, field: str, ids: _Ids) -> str | None:
+    number, kind = getattr(message, field).value, message.DESCRIPTOR.name
+    if not message.HasField(field):
+        return None
+    other = ids.here.get(number)
+    if other is not None and other is not message:
+        return f"the id {number} is that of another {other.DESCRIPTOR.name} too"
+    if ids.known.get(number, kind) != kind:
+        return f"the id {number} was that of a {ids.known[number]} in an earlier message"
+    return None
+
+
+def _is_country(message: Any, field: str, _ids: _Ids) -> str | None:
+    value = getattr(message, field)
+    return None if not message.HasField(field) or 1 <= value <= 999 else f"{field} is {value}, 1 to 999 is expected"
+
+
+def _refers(kind: str) -> Callable[[Any, str, _Ids], str | None]:
+    def broken(message: Any, field: str, ids: _Ids) -> str | None:
+        values = getattr(message, field)
+        if not isinstance(values, tuple | list) and not hasattr(values, "__len__"):
+            values = [values] if message.HasField(field) else []
+        for each in values:
+            number = each.value
+            found = ids.here[number].DESCRIPTOR.name if number in ids.here else ids.known.get(number)
+            if found != kind:
+                return f"{field} {number} is " + (f"the id of a {found}, not of a {kind}" if found else f"of no {kind}")
+        return None
+
+    return broken
+
+
+# going through a trace ----------------------------------------------------------------------
+
+
+def check_trace(path: Path) -> list[Problem]:
+    """Every problem of an OSI trace, by rule; empty for a sound one.
+
+    Raises:
+        MissingExtra: the packages for OSI are not installed.
+    """
+    found = _Found(path)
+    trace = Trace(path)
+    try:
+        if trace.is_mcap:
+            _check_format(trace, found)
+        for number, rule, text in breaches(trace.frames()):
+            found.add(rule, text, number)
+    except (InvalidFile, Unsupported) as error:
+        found.add(OsiRule(READABLE, "error", ""), error.message, None)
+    return found.problems()
+
+
+def breaches(frames: Iterable[Frame]) -> Iterator[tuple[int, OsiRule, str]]:
+    """What the messages of a trace break, one after the other: number of the message, the rule, and how."""
+    ids, requirements = _Ids(), Requirements()
+    for frame in frames:
+        stamp = frame.message.timestamp.seconds * 1_000_000_000 + frame.message.timestamp.nanos
+        if frame.published is not None and frame.published != stamp:
+            yield frame.number, OsiRule(f"{_FORMAT}.times", "error", _FORMATS["times"]), "the publish time is not the timestamp"
+        ids.here = {}
+        _collect(frame.truth, ids.here)
+        for where, rule, text in _walk(frame.message, "", ids):
+            yield frame.number, rule, f"{where}: {text}" if where else text
+        for name, text in requirements.of(frame.truth):
+            yield frame.number, OsiRule(f"{_OWN}:{name}", *REQUIREMENTS[name]), text
+        ids.known |= {number: each.DESCRIPTOR.name for number, each in ids.here.items()}
+
+
+class _Found:
+    """Problems, each with the messages that have it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._places: dict[tuple[OsiRule, str], list[int]] = {}
+
+    def add(self, rule: OsiRule, text: str, message: int | None) -> None:
+        """Note a problem of a message, or of the file."""
+        places = self._places.setdefault((rule, text), [])
+        if message is not None:
+            places[:] = [places[0] if places else message, (places[1] if places else 0) + 1]
+
+    def problems(self) -> list[Problem]:
+        """One for each rule and text."""
+        counts: dict[str, int] = {}
+        made = []
+        for (rule, text), places in sorted(self._places.items(), key=lambda each: (each[0][0].uid, each[1])):
+            counts[rule.uid] = counts.get(rule.uid, 0) + 1
+            if counts[rule.uid] > MOST:
+                continue
+            more = f" and {places[1] - 1} more" if places and places[1] > 1 else ""
+            where = f"message {places[0]}{more}: " if places else ""
+            made.append(Problem(rule.uid, rule.level, where + text, str(self._path)))
+        for uid, count in counts.items():
+            if count > MOST:
+                text = f"more problems of this kind than the {MOST} listed"
+                made.append(Problem(uid, "info", text, str(self._path)))
+        return made
+
+
+def _collect(message: Any, here: dict[int, Any]) -> None:
+    """The things of a message by their ids; of several with one id the first."""
+    for field, values in message.ListFields():
+        if field.message_type is not None and _is_repeated(field):
+            for each in values:
+                if "id" in each.DESCRIPTOR.fields_by_name and each.HasField("id"):
+                    here.setdefault(each.id.value, each)
+
+
+def _is_repeated(field: Any) -> bool:
+    """Whether a field is repeated; protobuf renamed what tells it."""
+    repeated = getattr(field, "is_repeated", None)
+    return bool(repeated if repeated is not None else field.label == field.LABEL_REPEATED)
+
+
+@cache
+def _concerned(descriptor: Any) -> bool:
+    """Whether a message type, or one inside it, has rules: the others are not gone through."""
+    return _has_rules(descriptor, set())
+
+
+def _has_rules(descriptor: Any, seen: set[str]) -> bool:
+    if descriptor.full_name in _rules():
+        return True
+    seen.add(descriptor.full_name)
+    inner = [field.message_type for field in descriptor.fields if field.message_type is not None]
+    return any(_has_rules(each, seen) for each in inner if each.full_name not in seen)
+
+
+def _walk(message: Any, where: str, ids: _Ids) -> Iterator[tuple[str, OsiRule, str]]:
+    """What breaks rules in a message: where, the rule, and how."""
+    for rule, field, broken in _rules().get(message.DESCRIPTOR.full_name, ()):
+        text = broken(message, field, ids)
+        if text is not None:
+            yield where, rule, text
+    for field, value in message.ListFields():
+        if field.message_type is None or not _concerned(field.message_type):
+            continue
+        for each in value if _is_repeated(field) else (value,):
+            named = "id" in each.DESCRIPTOR.fields_by_name and each.HasField("id")
+            name = f"{field.name} {each.id.value}" if named else field.name
+            yield from _walk(each, f"{where}, {name}" if where and named else f"{where}.{name}" if where else name, ids)
+
+
+# multi-channel trace files ------------------------------------------------------------------
+
+_FORMATS = {
+    "metadata": "The file has one metadata record net.asam.osi.trace with all mandatory entries.",
+    "schema": "The schema of an OSI channel has the encoding protobuf.",
+    "channel": "An OSI channel has the message encoding protobuf and the mandatory metadata.",
+    "chunks": "All messages are in chunks, compressed by nothing, zstd or lz4, and the summary has an index of the chunks.",
+    "times": "The publish time of a message is its timestamp.",
+}
+_MANDATORY = ("version", "min_osi_version", "max_osi_version", "min_protobuf_version", "max_protobuf_version")
+_OF_CHANNELS = ("net.asam.osi.trace.channel.osi_version", "net.asam.osi.trace.channel.protobuf_version")
+_VERSION = re.compile(r"\d+\.\d+\.\d+")
+
+
+def _check_format(trace: Trace, found: _Found) -> None:
+    contents = trace.contents
+
+    def add(name: str, text: str) -> None:
+        found.add(OsiRule(f"{_FORMAT}.{name}", "error", _FORMATS[name]), text, None)
+
+    records = [values for name, values in contents.metadata if name == TRACE]
+    if len(records) != 1:
+        add("metadata", f"there are {len(records)} metadata records {TRACE}, one is expected")
+    for values in records[:1]:
+        for key in _MANDATORY:
+            if not _VERSION.fullmatch(values.get(key, "")):
+                add("metadata", f"{key} of {TRACE} is {values.get(key)!r}, a version like 3.8.0 is expected")
+    for channel in contents.channels.values():
+        if not channel.schema.startswith("osi3."):
+            continue
+        if channel.encoding != "protobuf":
+            add("schema", f"the schema of channel {channel.topic!r} has the encoding {channel.encoding!r}")
+        if channel.message_encoding != "protobuf":
+            add("channel", f"channel {channel.topic!r} has the message encoding {channel.message_encoding!r}")
+        for key in _OF_CHANNELS:
+            if not _VERSION.fullmatch(channel.metadata.get(key, "")):
+                add("channel", f"channel {channel.topic!r} has no {key} like 3.8.0")
+    if contents.unchunked:
+        add("chunks", f"{contents.unchunked} messages are outside of chunks")
+    if not contents.indexed:
+        add("chunks", "the summary has no index of all chunks")

@@ -1,0 +1,293 @@
+"""Lanes of road networks (OpenDRIVE): level, access, borders, widths, links, and layers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+from lxml import etree
+
+from schemas.checks.document import Document
+from schemas.checks.lanes import (
+    PERMANENT,
+    SAME_BORDER,
+    TEMPORARY,
+    Record,
+    Section,
+    at,
+    integer,
+    meetings,
+    records,
+    sections_by_layer,
+    width_at,
+)
+from schemas.checks.registry import Finding, rule
+
+_NO_WIDTH = 1e-6
+"""Lanes narrower than this have no width, m."""
+_SAME = 1e-6
+"""Numbers that differ by less are the same."""
+DRIVABLE = frozenset(
+    {
+        *("driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "shared", "bus", "taxi", "HOV"),
+        *("bidirectional", "stop", "restricted", "mwyEntry", "mwyExit"),
+    }
+)
+"""Types of lanes on which vehicles drive."""
+
+
+@rule("asam.net:xodr:1.7.0:road.lane.level_true_one_side", since=(1, 7))
+def level_holds_to_the_edge(document: Document) -> Iterator[Finding]:
+    """Once a lane is level, the lanes beyond it shall be level, too; the lanes that link each other should be alike."""
+    for section in _sections(document):
+        for sign in (1, -1):
+            level = False
+            for lane in section.side(sign):
+                if level and not _level(lane):
+                    yield Finding(lane, f"the lane {lane.get('id')} is not level, but a lane nearer to the centre is")
+                level = level or _level(lane)
+    for meeting in meetings(document):
+        for lane, other, _ in meeting.links:
+            if _level(lane) != _level(other):
+                message = f"level differs between the lane {lane.get('id')} and the lane {other.get('id')} that it is linked with"
+                yield Finding(lane, message, "warning")
+
+
+def _sections(document: Document) -> Iterator[Section]:
+    for road in document.elements("road"):
+        for sections in sections_by_layer(document, road).values():
+            yield from sections
+
+
+def _level(lane: etree._Element) -> bool:
+    return lane.get("level") in ("true", "1")
+
+
+@rule("asam.net:xodr:1.7.0:road.lane.access.no_mix_of_deny_or_allow", since=(1, 7))
+def access_is_allowed_or_denied(document: Document) -> Iterator[Finding]:
+    """The access elements of a lane at one place must all allow, or all deny."""
+    for lane in document.elements("lane"):
+        seen: list[tuple[float, str]] = []
+        for access in lane.iterfind("{*}access"):
+            start, kind = document.number(access, "sOffset") or 0.0, access.get("rule") or "deny"
+            if any(abs(start - s) < _SAME and kind != other for s, other in seen):
+                yield Finding(access, f"rule={kind!r} at sOffset={start:g}, where another access element says the opposite")
+            seen.append((start, kind))
+
+
+@rule("asam.net:xodr:1.4.0:road.lane.border.overlap_with_inner_lanes")
+def borders_stay_outside(document: Document) -> Iterator[Finding]:
+    """The border of a lane must not lie inside the border of the next lane towards the centre."""
+    for section in _sections(document):
+        for sign in (1, -1):
+            for inner, outer in pairwise(section.side(sign)):
+                near, far = records(document, inner, "border"), records(document, outer, "border")
+                if near and far and any(sign * (b - a) < -_SAME for a, b in _sampled(near, far, section.end - section.start)):
+                    message = f"the border of the lane {outer.get('id')} crosses that of the lane {inner.get('id')}"
+                    yield Finding(outer, message)
+
+
+_SAMPLES = 64
+
+
+def _sampled(near: list[Record], far: list[Record], length: float) -> Iterator[tuple[float, float]]:
+    """Both borders at places along a section, all starts and extremes of the cubics nearly among them."""
+    places = {record.start for record in (*near, *far)} | {length * index / _SAMPLES for index in range(_SAMPLES + 1)}
+    for ds in places:
+        a, b = at(near, ds), at(far, ds)
+        if a is not None and b is not None and 0.0 <= ds <= length:
+            yield a, b
+
+
+@rule("asam.net:xodr:1.4.0:road.lane.link.lanes_across_lane_sections", since=(1, 4))
+def links_are_declared_by_both_lanes(document: Document) -> Iterator[Finding]:
+    """A lane that goes on over lane sections or roads must be linked in both directions."""
+    for meeting in meetings(document):
+        if meeting.place == "junction" or (meeting.place == "road" and _of_junction(meeting.here, meeting.there)):
+            continue
+        back = "predecessor" if meeting.there_start else "successor"
+        for lane, other, _ in meeting.links:
+            linked = {(integer(link, "id"), link.get("layer") or PERMANENT) for link in other.iterfind(f"{{*}}link/{{*}}{back}")}
+            if (integer(lane, "id"), meeting.here.layer) not in linked:
+                message = f"the lane {other.get('id')} does not name the lane {lane.get('id')}, which links it, as its {back}"
+                yield Finding(other, message)
+
+
+def _of_junction(*sections: Section) -> bool:
+    roads = (next(section.element.iterancestors("{*}road"), None) for section in sections)
+    return any(road is not None and (road.get("junction") or "-1") != "-1" for road in roads)
+
+
+@rule("asam.net:xodr:1.7.0:road.lane.link.zero_width_at_start", since=(1, 7))
+def a_lane_that_opens_has_no_predecessor(document: Document) -> Iterator[Finding]:
+    """Lanes that have a width of zero at the beginning of the lane section shall have no predecessor."""
+    yield from _linked_without_width(document, True)
+
+
+@rule("asam.net:xodr:1.7.0:road.lane.link.zero_width_at_end", since=(1, 7))
+def a_lane_that_closes_has_no_successor(document: Document) -> Iterator[Finding]:
+    """Lanes that have a width of zero at the end of the lane section shall have no successor."""
+    yield from _linked_without_width(document, False)
+
+
+def _linked_without_width(document: Document, at_start: bool) -> Iterator[Finding]:
+    name, end = ("predecessor", "beginning") if at_start else ("successor", "end")
+    for section in _sections(document):
+        for lane in section.lanes.values():
+            width = width_at(document, section, lane, at_start)
+            if width is not None and width < _NO_WIDTH and lane.find(f"{{*}}link/{{*}}{name}") is not None:
+                yield Finding(lane, f"the lane has no width at the {end} of its section, but a {name}")
+
+
+@rule("asam.net:xodr:1.4.0:road.lane.link.new_lane_appear")
+def only_the_continuing_lane_is_linked(document: Document) -> Iterator[Finding]:
+    """If a new lane appears beside, only the continuing lane shall be connected to the original lane, not the appearing one."""
+    for meeting in meetings(document):
+        for lane, other, link in meeting.links:
+            width = width_at(document, meeting.there, other, meeting.there_start)
+            if width is not None and width < _NO_WIDTH:
+                yield Finding(link, f"the lane {lane.get('id')} links the lane {other.get('id')}, which has no width there")
+
+
+# layers of OpenDRIVE 1.9 -----------------------------------------------------------------------------
+
+
+@rule("asam.net:xodr:1.9.0:road.lane.layer.layer_limits")
+def layers_are_few(document: Document) -> Iterator[Finding]:
+    """Each road shall have exactly one permanent and up to one temporary lane layer."""
+    for road in document.elements("road"):
+        seen: set[str] = set()
+        for lanes in road.iterfind("{*}lanes"):
+            layer = lanes.get("layer") or PERMANENT
+            if layer in seen:
+                yield Finding(lanes, f"the road has another {layer} layer of lanes")
+            seen.add(layer)
+        if seen and PERMANENT not in seen:
+            yield Finding(road, "the road has no permanent layer of lanes")
+
+
+@rule("asam.net:xodr:1.9.0:road.lane.layer.layer_mandatory_permanent", since=(1, 9))
+def permanent_lanes_are_everywhere(document: Document) -> Iterator[Finding]:
+    """There shall be at least one lane in the permanent layer at each s of the road."""
+    for road in document.elements("road"):
+        for section in sections_by_layer(document, road).get(PERMANENT, []):
+            if not section.lanes and section.element.get("singleSide") not in ("true", "1"):
+                yield Finding(
+                    section.element, f"there is no permanent lane from s={section.start:g} to s={section.end:g}", "warning"
+                )
+
+
+@rule("asam.net:xodr:1.9.0:road.lane.layer.center_lane_permanent", since=(1, 9))
+def permanent_sections_have_a_centre(document: Document) -> Iterator[Finding]:
+    """Each lane section in the permanent layer shall have a centre lane."""
+    for section in _sections(document):
+        if section.layer == PERMANENT and section.element.find("{*}center/{*}lane") is None:
+            yield Finding(section.element, "the permanent lane section has no centre lane")
+
+
+@rule("asam.net:xodr:1.9.0:road.lane.layer.length_only_temporary", since=(1, 9))
+def permanent_sections_have_no_length(document: Document) -> Iterator[Finding]:
+    """Lane sections in the permanent layer shall not have a length of their own."""
+    for section in _sections(document):
+        if section.layer == PERMANENT and section.element.get("length") is not None:
+            yield Finding(section.element, f"length={section.element.get('length')} is for sections of the temporary layer only")
+
+
+@rule("asam.net:xodr:1.9.0:road.lane.layer.lane_phys_attr_temporary", since=(1, 9))
+def temporary_lanes_have_no_surface(document: Document) -> Iterator[Finding]:
+    """Temporary lanes shall have no height and no material: the permanent layer has them."""
+    for section in _sections(document):
+        for lane in section.lanes.values() if section.layer == TEMPORARY else ():
+            for element in (*lane.iterfind("{*}height"), *lane.iterfind("{*}material")):
+                yield Finding(element, "temporary lanes have the surface of the permanent ones, no own one")
+
+
+@rule("asam.net:xodr:1.9.0:road.lane_section.lanesec_length_limit_road", since=(1, 9))
+def sections_end_on_the_road(document: Document) -> Iterator[Finding]:
+    """A lane section with a length shall not extend beyond the end of the road."""
+    for road in document.elements("road"):
+        total = document.number(road, "length")
+        for section in road.iterfind("{*}lanes/{*}laneSection"):
+            s, length = document.number(section, "s"), document.number(section, "length")
+            if None not in (s, length, total) and (s or 0.0) + (length or 0.0) > (total or 0.0) + SAME_BORDER:
+                yield Finding(section, f"the section ends at s={(s or 0.0) + (length or 0.0):g}, the road at {total:g}")
+
+
+@rule("asam.net:xodr:1.9.0:road.lane_section.new_lanesec_link_temp_to_perm", since=(1, 9))
+def linked_layers_share_a_border(document: Document) -> Iterator[Finding]:
+    """Where lanes of both layers are linked, a lane section of the other layer shall begin or end."""
+    for road in document.elements("road"):
+        layers, length = sections_by_layer(document, road), document.number(road, "length") or 0.0
+        for here in (section for sections in layers.values() for section in sections):
+            for name, border in (("predecessor", here.start), ("successor", here.end)):
+                if not SAME_BORDER < border < length - SAME_BORDER:
+                    continue  # lanes of another road are linked
+                others = layers.get(TEMPORARY if here.layer == PERMANENT else PERMANENT, [])
+                ends = [each.end if name == "predecessor" else each.start for each in others]
+                for link in here.element.iterfind(f"{{*}}*/{{*}}lane/{{*}}link/{{*}}{name}"):
+                    across = (link.get("layer") or PERMANENT) != here.layer
+                    if across and not any(abs(end - border) <= SAME_BORDER for end in ends):
+                        message = f"no {link.get('layer') or PERMANENT} lane section meets this one at s={border:g}"
+                        yield Finding(link, message)
+
+
+@rule("asam.net:xodr:1.9.0:road.lane.link.temporary_layer_section_link_permanent", since=(1, 9))
+def temporary_lanes_can_be_entered_and_left(document: Document) -> Iterator[Finding]:
+    """Where temporary lanes begin and end on a road, those to drive on shall be linked with permanent lanes."""
+    for road in document.elements("road"):
+        length = document.number(road, "length") or 0.0
+        temporary = sections_by_layer(document, road).get(TEMPORARY, [])
+        for section in temporary:
+            for name, border, at_start in (("predecessor", section.start, True), ("successor", section.end, False)):
+                others = (each.end if at_start else each.start for each in temporary if each is not section)
+                if not SAME_BORDER < border < length - SAME_BORDER or any(abs(end - border) <= SAME_BORDER for end in others):
+                    continue  # other temporary lanes, or those of another road, go on there
+                for lane in section.lanes.values():
+                    links = {link.get("layer") or PERMANENT for link in lane.iterfind(f"{{*}}link/{{*}}{name}")}
+                    width = width_at(document, section, lane, at_start)
+                    if lane.get("type") in DRIVABLE and (width or 0.0) > _NO_WIDTH and PERMANENT not in links:
+                        yield Finding(lane, f"the temporary lane {lane.get('id')} has no permanent {name} at s={border:g}")
+
+
+@rule("asam.net:xodr:1.9.0:road.lane.layer.lane_group_width_temporary", level="warning", since=(1, 9))
+def temporary_lanes_lie_on_the_road(document: Document) -> Iterator[Finding]:
+    """The lanes of the temporary layer shall not extend beyond those of the permanent layer."""
+    for road in document.elements("road"):
+        layers = sections_by_layer(document, road)
+        for section in layers.get(TEMPORARY, []):
+            places = [section.start + (section.end - section.start) * (index + 0.5) / _SAMPLES for index in range(_SAMPLES)]
+            for s in places:
+                usual = next((each for each in layers.get(PERMANENT, []) if each.start <= s < each.end), None)
+                if usual is None:
+                    continue
+                right, left = (_edge(document, road, section, s, sign) for sign in (-1, 1))
+                bounds = [_edge(document, road, usual, s, sign) for sign in (-1, 1)]
+                if right < bounds[0] - _BEYOND or left > bounds[1] + _BEYOND:
+                    by = max(bounds[0] - right, left - bounds[1])
+                    message = f"temporary lanes reach {by:.2f} m beyond the permanent ones at s={s:.1f}"
+                    yield Finding(section.element, message)
+                    break
+
+
+_BEYOND = 0.01
+"""By how much temporary lanes may reach beyond permanent ones, m: the numbers in files are rounded."""
+
+
+def _edge(document: Document, road: etree._Element, section: Section, s: float, sign: int) -> float:
+    """t of the outer edge of a side of a lane section."""
+    centre, ds = _offset(document, section, s), s - section.start
+    t = centre
+    for lane in section.side(sign):
+        width, border = at(records(document, lane, "width"), ds), at(records(document, lane, "border"), ds)
+        t = t + sign * width if width is not None else centre + border if border is not None else t
+    return t
+
+
+def _offset(document: Document, section: Section, s: float) -> float:
+    lanes = section.element.getparent()
+    offsets = lanes.findall("{*}laneOffset") if lanes is not None else []
+    holding = [offset for offset in offsets if (document.number(offset, "s") or 0.0) <= s]
+    if not holding:
+        return 0.0
+    start, a, b, c, d = (document.number(holding[-1], name) or 0.0 for name in ("s", *"abcd"))
+    return Record(start, (a, b, c, d))(s)

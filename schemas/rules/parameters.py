@@ -1,0 +1,123 @@
+"""Parameters, variables and monitors are declared once, and where they are used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lxml import etree
+
+from schemas.checks.document import Document
+from schemas.checks.findings import on_cycles, unknown, unresolved
+from schemas.checks.registry import Finding, rule
+from schemas.expressions import ExpressionError, references
+from schemas.xml import canonical, line_of
+
+DECLARED_NAME_UID = "xosc.toolchain:xosc:1.0.0:parameters.declared_name_is_a_name"
+
+
+@rule(DECLARED_NAME_UID, kinds=("scenario", "catalog"))
+def declared_name_is_a_name(document: Document) -> Iterator[Finding]:
+    """A declared parameter, variable or monitor must be named without `$`, which marks references."""
+    for element in document.elements("ParameterDeclaration", "VariableDeclaration", "MonitorDeclaration"):
+        name = element.get("name") or ""
+        if "$" in name:
+            yield Finding(element, f"the declared name {name!r} must be written without '$'")
+
+
+UNIQUE_DECLARATIONS_UID = "xosc.toolchain:xosc:1.0.0:parameters.declarations_are_unique"
+
+
+@rule(UNIQUE_DECLARATIONS_UID, kinds=("scenario", "catalog"))
+def declarations_are_unique(document: Document) -> Iterator[Finding]:
+    """A parameter, variable or monitor must not be declared twice and differently in the same place."""
+    for declarations in document.elements("ParameterDeclarations", "VariableDeclarations", "MonitorDeclarations"):
+        first: dict[str, etree._Element] = {}
+        for element in declarations.iterchildren(etree.Element):
+            name = element.get("name") or ""
+            earlier = first.setdefault(name, element)
+            if canonical(earlier) != canonical(element):
+                yield Finding(element, f"{name!r} is declared twice and differently, first in line {line_of(earlier)}")
+
+
+@rule("xosc.toolchain:xosc:1.0.0:parameters.no_cyclic_definitions", kinds=("scenario", "catalog"))
+def definitions_are_not_cyclic(document: Document) -> Iterator[Finding]:
+    """The default value of a parameter must not depend on the parameter itself, directly or through others."""
+    uses = {declaration: _parameters_in(document, declaration) for declaration in document.elements("ParameterDeclaration")}
+    for declaration in on_cycles(uses):
+        yield Finding(declaration, f"the value {declaration.get('value')!r} of {declaration.get('name')} depends on itself")
+
+
+def _parameters_in(document: Document, declaration: etree._Element) -> list[etree._Element]:
+    try:
+        names = references(declaration.get("value") or "")
+    except ExpressionError:
+        return []
+    return [used for name in names if (used := document.declaration(declaration, name)) is not None]
+
+
+@rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_parameter_reference", kinds=("scenario",))
+def parameter_reference_is_declared(document: Document) -> Iterator[Finding]:
+    """The parameterRef of a condition or an action must name a parameter declared for the whole scenario."""
+    for tag in ("ParameterCondition", "ParameterAction"):
+        for element in document.elements(tag):
+            name = document.value(element, "parameterRef")
+            if name is not None and document.declaration(document.root, name.removeprefix("$")) is None:
+                yield Finding(element, f"parameterRef: {unknown('parameter', name, document.names('ParameterDeclaration'))}")
+
+
+@rule("asam.net:xosc:1.1.0:parameters.parameter_declaration_parameter_scope", kinds=("scenario",))
+def used_parameter_is_in_scope(document: Document) -> Iterator[Finding]:
+    """A parameter may be used only within the element that declares it."""
+    return _undeclared(document)
+
+
+@rule("asam.net:xosc:1.2.0:parameters.valid_parameter_declaration_in_catalogs", kinds=("catalog",))
+def parameter_of_catalog_entry_has_a_default(document: Document) -> Iterator[Finding]:
+    """A parameter used in a catalogue entry shall be declared in that entry, with a default value."""
+    yield from _undeclared(document)
+    for element, attribute, name in _used(document):
+        declaration = document.declaration(element, name)
+        if declaration is not None and not declaration.get("value") and declaration.get("parameterType") != "string":
+            yield Finding(element, f"{attribute}: the parameter {name!r} is declared without a default value")
+
+
+def _undeclared(document: Document) -> Iterator[Finding]:
+    """A finding for each parameter that an attribute uses and no declaration in scope declares."""
+    for element, attribute, name in _used(document):
+        if document.declaration(element, name) is None:
+            known = document.names("ParameterDeclaration")
+            yield Finding(element, f"{attribute}={element.get(attribute)!r}: {unknown('parameter', name, known)} in scope here")
+
+
+def _used(document: Document) -> Iterator[tuple[etree._Element, str, str]]:
+    """Each parameter that an attribute uses: the element, the attribute, the parameter's name."""
+    for element, attribute, text in document.parametrised():
+        if attribute == "parameterRef":  # names a parameter, as files of version 1.0 write it
+            continue
+        try:
+            names = references(text)
+        except ExpressionError:
+            continue
+        yield from ((element, attribute, name) for name in sorted(names))
+
+
+@rule("asam.net:xosc:1.2.0:reference_control.resolvable_variable_reference", kinds=("scenario",), since=(1, 2))
+def variable_reference_is_declared(document: Document) -> Iterator[Finding]:
+    """A variableRef must name something that the scenario declares."""
+    declared = document.names("VariableDeclaration"), document.names("ParameterDeclaration")
+    return unresolved(document, "variable", frozenset().union(*declared), "variableRef")
+
+
+@rule("xosc.toolchain:xosc:1.2.0:reference_control.variable_is_no_parameter", kinds=("scenario",), since=(1, 2))
+def variable_is_no_parameter(document: Document) -> Iterator[Finding]:
+    """A variableRef must not name a parameter: parameters keep their values while a scenario runs."""
+    parameters = frozenset(document.names("ParameterDeclaration")) - frozenset(document.names("VariableDeclaration"))
+    for element, attribute, name in document.values("variableRef"):
+        if name in parameters:
+            yield Finding(element, f"{attribute}: {name!r} is a parameter, declare it as a variable to change it")
+
+
+@rule("xosc.toolchain:xosc:1.3.0:reference_control.resolvable_monitor_reference", kinds=("scenario",), since=(1, 3))
+def monitor_reference_is_declared(document: Document) -> Iterator[Finding]:
+    """A monitorRef must name a MonitorDeclaration of the scenario."""
+    return unresolved(document, "monitor", document.names("MonitorDeclaration"), "monitorRef")

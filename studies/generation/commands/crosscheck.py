@@ -1,0 +1,47 @@
+"""`python -m studies.generation crosscheck`: P(failure | manoeuvre) by OpenTURNS, crude Monte Carlo and ours, on the twin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from generation.options import Jobs, Kind, Recorded
+from runner.run_options import Sut
+from runner.settings import DEFAULT_SYSTEM
+from schemas.commands.options import Verbose, Version, interruptible
+from schemas.errors import Unsupported
+
+NAME = "python -m studies.generation crosscheck"
+
+
+def command(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")],
+    repeats: Annotated[int, typer.Option(min=1, metavar="N", help="Estimates of each kind.")] = 5,
+    truth: Annotated[int, typer.Option(min=1, metavar="N", help="Draws of crude Monte Carlo.")] = 100_000,
+    sut: Sut = DEFAULT_SYSTEM,
+    recorded: Recorded = None,
+    kind: Kind = None,
+    jobs: Jobs = 1,
+    _verbose: Verbose = False,
+    _version: Version = False,
+) -> None:
+    """Compare estimates with subset simulation by OpenTURNS and with crude Monte Carlo, all on the twin; needs openturns."""
+    from generation.density.prior import RecordedPrior
+    from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
+    from studies.generation.crosscheck import openturns, subset_simulation
+    from studies.generation.failures.problem import posed
+    from studies.generation.truth import crude
+
+    openturns()  # before anything is played
+    with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as posing:
+        prior, twin = posing.problem.prior, posing.problem.twin
+        if twin is None or not isinstance(prior, RecordedPrior):
+            raise Unsupported("this scenario has no twin, or a prior that is not of recordings alone", path=scenario)
+        for seed in range(repeats):
+            print(f"OpenTURNS, subset simulation, seed {seed}: {subset_simulation(prior, twin, seed)}", flush=True)
+        for seed in range(repeats):
+            found = estimate(prior, twin, twin, Known.nothing(prior), twin, EstimateSettings(seed=seed, controlled=False))
+            print(f"ours, {found.runs} runs, seed {seed}: {found.probabilities[FAILURE]}", flush=True)
+        print(f"crude Monte Carlo: {crude(prior, twin, truth)}", flush=True)

@@ -1,0 +1,39 @@
+"""`python -m studies.generation jerk`: what a limited jerk of a braking leader is worth to a search."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from generation.options import Recorded
+from runner.run_options import Sut
+from runner.settings import DEFAULT_SYSTEM
+from schemas.commands.options import Verbose, Version, interruptible
+
+NAME = "python -m studies.generation jerk"
+
+
+def command(
+    recorded: Recorded = None,
+    sut: Sut = DEFAULT_SYSTEM,
+    draws: Annotated[int, typer.Option(min=1, metavar="N", help="Draws of the density, played by the twin.")] = 100_000,
+    seed: Annotated[int, typer.Option(help="Seed of the draws.")] = 0,
+    _verbose: Verbose = False,
+    _version: Version = False,
+) -> None:
+    """Count the draws of recorded braking that fail with their jerk and with accelerations that jump."""
+    import numpy as np
+
+    from studies.generation.jerk import compare
+
+    with interruptible(NAME):
+        found = compare(recorded, sut, draws, seed)
+        both = int((found.with_it & found.without_it).sum())
+        print(
+            f"{draws} draws: {found.with_it.sum()} fail with their jerk, {found.without_it.sum()} without one, {both} both ways"
+        )
+        for name, rows in (("all", slice(None)), ("those that fail with it", found.with_it)):
+            jerk = found.jerk[rows]
+            shares = "; ".join(f"{each:.2f}" for each in np.quantile(jerk, [0.1, 0.5, 0.9])) if len(jerk) else "none"
+            print(f"  jerk of {name}, 10, 50 and 90 %: {shares} m/s³")

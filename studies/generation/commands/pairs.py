@@ -1,0 +1,49 @@
+"""`python -m studies.generation pairs`: failures of a system under test that one adversary alone does not bring about."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from generation.options import Jobs, Recorded
+from runner.run_options import Sut
+from runner.settings import DEFAULT_SYSTEM
+from schemas.commands.options import Verbose, Version, interruptible
+
+NAME = "python -m studies.generation pairs"
+
+
+def command(
+    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO...", help="Scenarios of two adversaries, of the library.")],
+    sut: Sut = DEFAULT_SYSTEM,
+    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs on SUMO of each search.")] = 1000,
+    seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of reported seeds.")] = 1,
+    both: Annotated[bool, typer.Option("--both", help="Search for those alone that need both.")] = False,
+    first: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Draws of the density that the twin plays to begin with.  [default: 2048]"),
+    ] = None,
+    recorded: Recorded = None,
+    jobs: Jobs = 2,
+    _verbose: Verbose = False,
+    _version: Version = False,
+) -> None:
+    """Search for failures with two adversaries, and run them again with each alone: what needs both, no single one reaches."""
+    from tempfile import TemporaryDirectory
+
+    from generation.search.methods.quality import QualitySettings, quality
+    from studies.generation.commands.failures import REPORTED
+    from studies.generation.failures.problem import posed
+    from studies.generation.pairs import acting_alone, coordinated, needed
+
+    settings = QualitySettings() if first is None else QualitySettings(first=first)
+    with interruptible(NAME):
+        for scenario in scenarios:
+            with posed(scenario, sut, jobs, recorded) as problem, TemporaryDirectory() as scratch:
+                alone = acting_alone(scenario, Path(scratch))
+                sought = coordinated(problem, alone, sut) if both else problem
+                for seed in range(REPORTED, REPORTED + seeds):
+                    found = needed(alone, quality(sought.problem, budget, seed, settings), problem, sut, jobs)
+                    print(f"{scenario.stem}, {sut}, seed {seed}: {found}", flush=True)

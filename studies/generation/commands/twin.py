@@ -1,0 +1,45 @@
+"""`python -m studies.generation twin`: how often the twin's verdicts are SUMO's, and how fast it is."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from generation.options import Jobs, Kind, Recorded
+from runner.run_options import Sut
+from runner.settings import DEFAULT_SYSTEM
+from schemas.commands.options import Verbose, Version, interruptible
+
+NAME = "python -m studies.generation twin"
+_PLAYED = 32_768
+"""Points by which its speed is measured"""
+
+
+def command(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario.")],
+    draws: Annotated[int, typer.Option(min=4, metavar="N", help="Draws of the prior, and as many uniform ones.")] = 500,
+    finds: Annotated[int, typer.Option(min=0, metavar="N", help="Failures found on the twin, at most.")] = 250,
+    seed: Annotated[int, typer.Option(help="Of everything that is drawn.")] = 0,
+    sut: Sut = DEFAULT_SYSTEM,
+    recorded: Recorded = None,
+    kind: Kind = None,
+    jobs: Jobs = 2,
+    _verbose: Verbose = False,
+    _version: Version = False,
+) -> None:
+    """Compare verdicts of the twin with those of SUMO, for the system under test and all reference drivers."""
+    from studies.generation.failures.agreement import measured
+    from studies.generation.failures.problem import posed
+
+    with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as problem:
+        for each in measured(problem, draws, finds, seed):
+            print(each, flush=True)
+        theta = problem.problem.space.draw(_PLAYED, np.random.default_rng(seed))
+        begun = time.process_time()
+        assert problem.problem.twin is not None
+        problem.problem.twin(theta)
+        print(f"{len(theta) / (time.process_time() - begun):.0f} episodes a second of processor time, uniform draws")

@@ -1,0 +1,196 @@
+"""All searches of a study, one after the other; what is there already is not made again."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+import numpy as np
+
+from generation.outcomes.judges import CAREFUL
+from generation.outcomes.outcomes import Evaluate, Evaluator
+from generation.recorded import Recorded
+from generation.search.methods import method
+from generation.search.problem import History, Memory, Problem, Realism, Reward, counted
+from generation.search.space import Space
+from runner.settings import DEFAULT_SYSTEM, RunSettings
+from schemas.errors import UsageError
+from studies.generation.comparison.measures import avoided
+from studies.generation.knots.motion import knots_of
+from studies.generation.knots.problem import Trajectories
+from studies.generation.knots.scenario import setting_of, write
+from studies.generation.methods import METHODS, TRAJECTORIES
+from studies.recognition.protocol.store import Key as Place
+from studies.recognition.protocol.store import Store
+from xodr.array_types import FloatArray
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """What makes results comparable: only results of the same settings share a folder.
+
+    Attributes:
+        sut: name of the system under test.
+        budget: simulator calls of each search.
+        density: name of the density model.
+        weight: of realism in the reward.
+        rss: name of the RSS parameter set. timestep: s.
+        pinned: values of parameters that are not searched.
+    """
+
+    sut: str = DEFAULT_SYSTEM
+    budget: int = 3000
+    density: str = "kde"
+    weight: float = Reward.weight
+    rss: str = "ad-rss"
+    timestep: float = RunSettings.timestep
+    pinned: dict[str, str] = field(default_factory=dict)
+
+
+class Key(NamedTuple):
+    """A search: name of the method, and seed."""
+
+    method: str
+    seed: int
+
+
+class Study:
+    """A study in a folder; a context manager, whose simulators end with it.
+
+    Args:
+        scenario: the logical scenario.
+        recorded: gives the recorded parameters of its space.
+        out: folder of the results.
+        settings: what makes results comparable.
+        processes: how many runs at a time; results do not depend on it.
+        evaluators: makes what runs a scenario at points of a space, given the name of a system under test; by default, real
+            runs.
+
+    Attributes:
+        recorded: parameters from recordings that lie in the box.
+        problem: what all methods are given, but those that search trajectories.
+
+    Raises:
+        InvalidFile: the scenario is malformed.
+        UsageError: a setting is wrong, or the folder holds results of others.
+    """
+
+    def __init__(
+        self,
+        scenario: Path,
+        recorded: Callable[[Space], Recorded],
+        out: Path,
+        settings: StudySettings,
+        processes: int = 2,
+        evaluators: Callable[[str, Path, Space], Evaluate] | None = None,
+    ) -> None:
+        self.scenario, self.out, self.settings, self.store = scenario, out, settings, Store(out)
+        self.space = Space.of(scenario, settings.pinned)
+        self.recorded = recorded(self.space).within(self.space)
+        self.store.open({**asdict(settings), "scenario": scenario.name, "inputs": self._fingerprint()})
+        self._processes, self._stack = processes, ExitStack()
+        self._careful: dict[Path, Evaluate] = {}
+        self._evaluators = evaluators or self._simulator
+        self.problem = self._posed(scenario, self.space, self.recorded.theta)
+
+    def __enter__(self) -> Study:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._stack.close()
+
+    def pending(self, seeds: int, names: Sequence[str] | None = None) -> list[Key]:
+        """Searches that are not there yet, in the order in which `run` makes them: all methods of a seed, then the next seed."""
+        keys = [Key(name, seed) for seed in range(seeds) for name in METHODS if names is None or name in names]
+        return [key for key in keys if not self._path(key).exists()]
+
+    def run(self, pending: Sequence[Key], progress: Callable[[int], None] = lambda calls: None) -> Iterator[Key]:
+        """Make searches; each is given back when it is on disk. `progress` is called with the number of points just evaluated."""
+
+        for key in pending:
+            path, knots = self._path(key), key.method in TRAJECTORIES
+            scenario, problem = (
+                (self.trajectories.scenario, self.trajectories.problem) if knots else (self.scenario, self.problem)
+            )
+            path.parent.mkdir(parents=True, exist_ok=True)
+            calls = path.with_suffix(".jsonl")
+            remembered = Memory(counted(problem.evaluate, progress), calls)
+            history = method(key.method, METHODS)(replace(problem, evaluate=remembered), self.settings.budget, key.seed)
+            self._judge(key, history, scenario, problem.space)
+            if knots:
+                history.save(self._knots(key))
+                history = self.trajectories.as_maneuvers(history, self.problem.reward)
+            history.save(path)
+            calls.unlink(missing_ok=True)
+            yield key
+
+    @cached_property
+    def trajectories(self) -> Trajectories:
+        """What methods are given that search trajectories: the same recorded manoeuvres, described by knots.
+
+        Raises:
+            UsageError: there are no trajectories beside the scenario.
+        """
+        setting = setting_of(self.scenario, self.space)
+        scenario = write(self.out / "knots", self.space, setting)
+        space = Space.of(scenario, self.settings.pinned)
+        return Trajectories(scenario, setting, self._posed(scenario, space, space.clip(knots_of(self.recorded.theta, setting))))
+
+    def searches(self) -> list[Key]:
+        """Searches that are there, methods in their order."""
+        found = [Key(path.parent.name, int(path.stem)) for path in (self.out / "searches").glob("*/*.npz")]
+        return sorted(found, key=lambda key: (list(METHODS).index(key.method), key.seed))
+
+    def history(self, key: Key) -> History:
+        """What a search left, in the parameters of the scenario: of trajectories, the manoeuvres nearest to them."""
+        return History.load(self._path(key))
+
+    def knots(self, key: Key) -> History:
+        """What a search of trajectories left, in its own parameters."""
+        return History.load(self._knots(key))
+
+    def avoidable(self, key: Key) -> float | None:
+        """Share of a search's collisions that a careful and competent driver avoids; None without collisions."""
+        found: float | None = self.store.read(_place(key))["avoidable"]
+        return found
+
+    def _posed(self, scenario: Path, space: Space, real: FloatArray) -> Problem:
+        """The problem of a scenario, given its recorded parameters."""
+        realism = Realism.fitted(self.settings.density, real, self.recorded.recordings)
+        reward = Reward(realism, self.settings.weight)
+        return Problem(space, self._evaluators(self.settings.sut, scenario, space), reward, real)
+
+    def _judge(self, key: Key, history: History, scenario: Path, space: Space) -> None:
+        """Have the careful and competent driver of UN R157 drive the collisions."""
+        if scenario not in self._careful:
+            self._careful[scenario] = self._evaluators(CAREFUL, scenario, space)
+        self.store.write(_place(key), {"avoidable": avoided(history, self._careful[scenario])})
+
+    def _simulator(self, sut: str, scenario: Path, space: Space) -> Evaluate:
+        settings = self.settings
+        run = RunSettings(sut=sut, timestep=settings.timestep)
+        evaluator = Evaluator(scenario, space, run=run, rss=settings.rss, processes=self._processes)
+        return self._stack.enter_context(evaluator)
+
+    def _path(self, key: Key) -> Path:
+        return self.out / "searches" / key.method / f"{key.seed}.npz"
+
+    def _knots(self, key: Key) -> Path:
+        return self.out / "knots" / f"{key.method}-{key.seed}.npz"
+
+    def _fingerprint(self) -> str:
+        """Of the scenario's text and the recorded parameters."""
+        if not len(self.recorded.theta):
+            raise UsageError("no recorded manoeuvre is inside the limits of its parameters", path=self.scenario)
+        content = self.scenario.read_bytes() + np.ascontiguousarray(self.recorded.theta).tobytes()
+        return hashlib.sha256(content).hexdigest()[:16]
+
+
+def _place(key: Key) -> Place:
+    return Place("avoidable", key.method, key.seed, 1)

@@ -1,0 +1,77 @@
+"""How often the twin's verdicts are SUMO's: at draws of the prior, and at failures that the twin has found."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import binomtest
+
+from generation.outcomes.judges import REFERENCES
+from generation.search.methods.quality import QualitySettings, quality
+from generation.search.problem import BATCH, Problem
+from schemas.errors import UsageError
+from studies.generation.failures.problem import Posed
+from xodr.array_types import FloatArray
+
+CONFIDENCE = 0.95
+
+
+class Agreement(NamedTuple):
+    """Of verdicts at some points.
+
+    Attributes:
+        points: what they are. system: who drives.
+        same: verdicts that are the same. number: of all.
+    """
+
+    points: str
+    system: str
+    same: int
+    number: int
+
+    def __str__(self) -> str:
+        low, high = binomtest(self.same, self.number).proportion_ci(CONFIDENCE, "exact")
+        return (
+            f"{self.points}, {self.system}: {self.same} of {self.number} verdicts are SUMO's ({self.same / self.number:.1%}, "
+            f"{CONFIDENCE:.0%} interval {low:.1%} to {high:.1%})"
+        )
+
+
+def measured(posed: Posed, draws: int, finds: int, seed: int) -> list[Agreement]:
+    """Play draws of the prior and uniform ones, and finds of a search on the twin, on both.
+
+    Args:
+        draws: how many of each of the first two. finds: how many of the last, at most.
+
+    Raises:
+        UsageError: the scenario has no twin.
+    """
+    problem, generator = posed.problem, np.random.default_rng(seed)
+    if problem.twin is None or problem.prior is None:
+        raise UsageError("this scenario has no twin")
+    points = {
+        "draws of the prior": problem.prior.sample(draws, generator),
+        "uniform draws": problem.space.draw(draws, generator),
+        "finds of the twin": _finds(problem, finds, seed),
+    }
+    found = [_compared(posed, problem, name, theta, None) for name, theta in points.items() if len(theta)]
+    others = points["uniform draws"][: draws // 4]
+    return found + [_compared(posed, problem, "uniform draws", others, system) for system in REFERENCES]
+
+
+def _finds(problem: Problem, most: int, seed: int) -> FloatArray:
+    """Failures that a search on the twin alone finds."""
+    assert problem.twin is not None
+    if not most:
+        return np.empty((0, len(problem.space.parameters)))
+    alone = Problem(problem.space, problem.twin, problem.reward, problem.real, None, problem.prior, problem.twin)
+    return quality(alone, max(most, BATCH), seed, QualitySettings()).theta[:most]
+
+
+def _compared(posed: Posed, problem: Problem, name: str, theta: FloatArray, system: str | None) -> Agreement:
+    assert problem.twin is not None
+    sut = None if system is None else REFERENCES[system]
+    sumo, twin = posed.sumo(theta, sut), problem.twin(theta, sut)
+    both = sumo.executed & twin.executed
+    return Agreement(name, system or "system under test", int((sumo.collision == twin.collision)[both].sum()), int(both.sum()))

@@ -1,0 +1,69 @@
+"""What a limited jerk changes: the same draws of recorded braking, played with their jerk and with accelerations that jump."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from generation.density.models import JUDGE
+from generation.density.roles import roles_of
+from generation.logical.library import SCENARIOS
+from generation.outcomes.judges import JUDGES
+from generation.recorded import of_recordings, of_samples
+from generation.search.space import Space
+from generation.twin.episodes import Twin
+from recognition.maneuvers.parameters import BRAKING, JERK
+from runner.settings import RunSettings
+from xodr.array_types import BoolArray, FloatArray
+
+WITH, WITHOUT = (SCENARIOS / f"{name}_highway.xosc" for name in ("braking_leader", "car_following"))
+"""The same manoeuvre, with the parameter and without it"""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What came of draws.
+
+    Attributes:
+        jerk: of each (n,), m/s³.
+        with_it, without_it: which are failures that are foreseeable and preventable (n,).
+    """
+
+    jerk: FloatArray
+    with_it: BoolArray
+    without_it: BoolArray
+
+
+def compare(recorded: Path | None, sut: str, draws: int, seed: int) -> Compared:
+    """Play draws of what is recorded both ways, on the twin.
+
+    Args:
+        recorded: recordings, or a table of their units; None for those of our own. sut: the system under test.
+
+    Raises:
+        UsageError: no unit's jerk is known.
+    """
+    space, other = Space.of(WITH, free=[_name(WITH)]), Space.of(WITHOUT)
+    prior = of_samples(of_recordings(recorded, BRAKING), space).prior(space, JUDGE)
+    theta = prior.sample(draws, np.random.default_rng(seed))
+    foreseeable = prior.foreseeable(theta)
+    shared = theta[:, [space.names.index(name) for name in other.names]]
+    failed = [foreseeable & _prevented(*each, sut) for each in ((WITH, space, theta), (WITHOUT, other, shared))]
+    return Compared(theta[:, space.names.index(_name(WITH))], *failed)
+
+
+def _name(scenario: Path) -> str:
+    """The parameter that is the jerk."""
+    roles = roles_of(Space.of(scenario).pinned)
+    return next(name for name, role in roles.items() if role.role == JERK)
+
+
+def _prevented(scenario: Path, space: Space, theta: FloatArray, sut: str) -> BoolArray:
+    """Which points (n,) are collisions that a judge prevents."""
+    twin = Twin(scenario, space, RunSettings(sut=sut))
+    found = twin(theta).collision
+    hit = np.flatnonzero(found)
+    found[hit] = np.any([~twin(theta[hit], judge).collision for judge in JUDGES], axis=0)
+    return found

@@ -1,0 +1,28 @@
+"""What estimates on the twin are held against, crude Monte Carlo with many draws, and what they begin with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from generation.density.gate import Share
+from generation.density.prior import Prior
+from generation.estimation.estimate import Known
+from generation.search.methods.quality import quality
+from generation.search.problem import Plays, Problem
+
+_SEED = 1_000_000
+"""No seed of an estimate"""
+
+
+def crude(prior: Prior, twin: Plays, draws: int) -> Share:
+    """The share of so many draws of a prior that collide on the twin."""
+    return Share.of(twin(prior.sample(draws, np.random.default_rng(_SEED))))
+
+
+def searched(problem: Problem, budget: int, seed: int) -> Known:
+    """The runs of a search on the twin as if it were SUMO, with nothing to screen what is run."""
+    assert problem.twin is not None
+    found = quality(replace(problem, evaluate=problem.twin, twin=None), budget, seed)
+    return Known(found.theta, found.outcomes.collision)

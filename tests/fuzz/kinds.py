@@ -1,0 +1,275 @@
+"""Kinds of fuzzed input: what is changed, which command or reader gets it, and the exit codes that it may lead to."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import cache, partial
+from importlib import import_module
+from pathlib import Path
+from random import Random
+from typing import NamedTuple
+
+from tests.commands import Answer, main
+from tests.fuzz.files import damage
+from tests.mutation import Source, mutate, write_mutant
+
+CASE, OUT = "{case}", "{out}"
+"""In arguments: the folder of an input's files, and the one for what is made of them"""
+_XML = (".xosc", ".xodr", ".xml", ".osm")
+
+
+class Input(NamedTuple):
+    """Arguments of a call, with `CASE` and `OUT` for the folders; the file that it is made from; changes of it in words."""
+
+    arguments: tuple[str, ...]
+    source: str
+    changes: tuple[str, ...]
+
+
+class Kind(NamedTuple):
+    """A kind of input.
+
+    Attributes:
+        make: writes an input into an empty folder; the second folder keeps seeds that take time to make.
+        call: gets the arguments, with folders in them.
+        codes: exit codes that what a file holds may lead to.
+        weight: how often it is drawn, of all kinds.
+        checked: end of the names of rules; a green answer is a defect where a file breaks one and nothing is remarked.
+    """
+
+    make: Callable[[Path, Random, Path], Input]
+    call: Callable[[Sequence[str]], Answer]
+    codes: frozenset[int]
+    weight: float
+    checked: str | None = None
+
+
+def kinds(sources: Sequence[Source]) -> dict[str, Kind]:
+    """All kinds by name, those of scenarios made from the sources."""
+    from runner.exports import TARGETS
+
+    run = ("--world", "kinematic", "--max-time", "2", "--sample", "2")
+    formats = ("text", "json", "junit", "xqar", "sarif")
+    lists, of_file, of_run = ("text", "json", "csv"), {0, 3, 4}, frozenset({0, 1, 3, 4, 6})
+
+    def scenario(arguments: Sequence[str], *more: Sequence[str]) -> Callable[[Path, Random, Path], Input]:
+        return partial(_scenario, sources, arguments, more)
+
+    found = {
+        "check": Kind(scenario(("xosc-check", CASE), *(("--format", each) for each in formats)), command, frozenset({0, 1}), 26),
+        "list": Kind(scenario(("xosc-list", CASE), *(("--format", each) for each in lists)), command, frozenset(of_file), 10),
+        "dry": Kind(scenario(("xosc-run", "--dry-run", "--sample", "2")), command, frozenset({0, 3, 4, 6}), 10, ""),
+        "run": Kind(scenario(("xosc-run", *run, "--out", OUT)), command, of_run, 5, ""),
+        "sumo": Kind(scenario(("xosc-run", "--max-time", "1", "--sample", "2", "--out", OUT)), command, of_run, 1.0, ""),
+        "replay": Kind(_replay, command, frozenset({0, 3}), 3),
+        "model": Kind(_model, _load_model, frozenset({0, 3}), 1.5),
+        "windows": Kind(_windows, _load_windows, frozenset({0, 3}), 4),
+        "lanelet2": Kind(_lanelets, _convert, frozenset(of_file), 3),
+    }  # fmt: skip
+    for target in TARGETS.values():
+        more = (*run, "--quiet") if target.of_run else ("--sample", "2")
+        arguments = ("xosc-export", "--to", target.name, "--out", OUT, *more)
+        found[f"export {target.name}"] = Kind(
+            scenario(arguments),
+            command,
+            frozenset(of_file | {6} if target.of_run else of_file),
+            0.4 if target.of_run else 1.0,
+            "" if target.of_run else "valid_schema",
+        )
+    from tests.recognition.datasets.test_corruption import EXAMPLES
+
+    for name in EXAMPLES:
+        found[f"recordings {name}"] = Kind(partial(_recording, name), _read, frozenset(of_file), 3)
+    return found
+
+
+# inputs ---------------------------------------------------------------------------------------
+
+
+def _scenario(
+    sources: Sequence[Source], arguments: Sequence[str], more: Sequence[Sequence[str]], folder: Path, random: Random, seeds: Path
+) -> Input:
+    source = random.choice(sources)
+    further = random.choice(more) if more else ()
+    mutant = write_mutant(source, folder, random)
+    path = f"{CASE}/{mutant.path.relative_to(folder).as_posix()}"
+    given = [CASE if each == CASE else each for each in arguments]
+    return Input((*given, *(() if CASE in given else (path,)), *further), source.path.name, mutant.changes)
+
+
+def _changed(seed: Path, folder: Path, random: Random, endings: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Copy a seed's files, and change one to three of them."""
+    shutil.copytree(seed, folder, dirs_exist_ok=True)
+    files = sorted(file for file in folder.rglob("*") if file.is_file() and (not endings or file.suffix in endings))
+    changes = []
+    for _ in range(random.choice((1, 1, 1, 2, 3))):
+        file = random.choice(files)
+        if file.is_file():
+            in_xml = file.suffix in _XML and random.random() < 0.8
+            with suppress(SyntaxError, ValueError, OSError):  # no tree is left that a further change could be made of
+                changes += mutate(file, random) if in_xml else [damage(file, random)]
+    return tuple(changes)
+
+
+def _recording(name: str, folder: Path, random: Random, seeds: Path) -> Input:
+    from tests.recognition.datasets.test_corruption import EXAMPLES
+
+    seed = seeds / name
+    if not seed.is_dir():
+        seed.mkdir(parents=True)
+        EXAMPLES[name].write(seed)
+    return Input((CASE, OUT), name, _changed(seed, folder, random))
+
+
+def _lanelets(folder: Path, random: Random, seeds: Path) -> Input:
+    from tests.xodr.lanelet2.lanelet_maps import four_way, two_lanes
+
+    seed = seeds / "lanelet2" / random.choice(("two", "four"))
+    if not seed.is_dir():
+        seed.mkdir(parents=True)
+        (four_way() if seed.name == "four" else two_lanes()).write(seed)
+    return Input((f"{CASE}/map.osm", f"{OUT}/map.xodr"), seed.name, _changed(seed, folder, random))
+
+
+def _replay(folder: Path, random: Random, seeds: Path) -> Input:
+    from tests.runner.files import distribution, scenario
+
+    seed = seeds / "batch"
+    if not seed.is_dir():
+        files = seeds / "batch files"
+        scenario(files, stop=0.5)
+        sets = distribution(files, "sets", {"Gap": (40.0, 50.0, 10.0)})
+        answer = command(["xosc-run", "--world", "kinematic", str(sets), "--out", str(seed)])
+        assert answer.code == 0, answer
+    changes = _changed(seed, folder, random)
+    runs = sorted(each.name for each in seed.iterdir() if each.is_dir())
+    if random.random() < 0.5:
+        return Input(("xosc-replay", CASE), "batch", changes)
+    page = random.choice((".html", ".html", ".png"))
+    return Input(("xosc-replay", f"{CASE}/{random.choice(runs)}", "--out", f"{OUT}/page{page}"), "run", changes)
+
+
+def _windows(folder: Path, random: Random, seeds: Path) -> Input:
+    import numpy as np
+
+    from recognition.training.windows import Windows
+
+    seed = seeds / "windows"
+    if not seed.is_dir():
+        names, numbers = np.array([f"r{k}" for k in range(12)]), np.arange(12)
+        Windows(np.zeros((12, 4, 3, 5), np.float16), numbers % 3, names, names, numbers / 2.0).save(seed)
+    return Input((CASE,), "windows", _changed(seed, folder, random))
+
+
+def _model(folder: Path, random: Random, seeds: Path) -> Input:
+    import_module("recognition.catalogue.model")  # with PyTorch, whose time and memory are no input's
+    seed = seeds / "model"
+    if not seed.is_dir():
+        from recognition.trfe.clustering import Clustering
+        from recognition.trfe.config import Config
+        from recognition.trfe.storage import save
+        from recognition.trfe.trfe import TRFE
+        from tests.recognition.clouds import clouds
+
+        config = Config(trees=3, delta=0.03, clustering=Clustering(epochs=1, ramp=1))
+        save(TRFE(config).fit(*clouds([1, 2, 3], 20, seed=0), *clouds([1, 2, 3], 20, seed=1)), seed)
+    return Input((CASE,), "model", _changed(seed, folder, random))
+
+
+# calls ----------------------------------------------------------------------------------------
+
+
+def command(arguments: Sequence[str]) -> Answer:
+    """A command in this process, as a shell would start it."""
+    name = arguments[0]
+    return _captured(partial(_started, name, arguments))
+
+
+def _started(name: str, arguments: Sequence[str]) -> None:
+    before = sys.argv, list(sys.path)
+    sys.argv = [name, *arguments[1:]]
+    try:
+        main(name)()
+    finally:
+        sys.argv, sys.path[:] = before[0], before[1]
+
+
+def _captured(call: Callable[[], object]) -> Answer:
+    streams = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True, newline="\n") for _ in streams)
+    code = 0
+    try:
+        call()
+    except SystemExit as end:
+        code = int(end.code or 0)
+    except BaseException:
+        code = 5
+        traceback.print_exc()
+    finally:
+        texts = [stream.buffer.getvalue().decode("utf-8", "backslashreplace") for stream in (sys.stdout, sys.stderr)]  # type: ignore[attr-defined]
+        sys.stdout, sys.stderr = streams
+    return Answer(code, *texts)
+
+
+def _reader(read: Callable[..., object]) -> Callable[[Sequence[str]], Answer]:
+    """A reader as a command would call it: errors for users are a line and an exit code, others tracebacks."""
+
+    def call(arguments: Sequence[str]) -> Answer:
+        def reading() -> None:
+            from schemas.errors import ToolchainError, describe
+
+            try:
+                read(*map(Path, arguments))
+            except (ToolchainError, MemoryError) as error:
+                message, code = describe(error)
+                print(f"reader: {message}", file=sys.stderr)
+                raise SystemExit(code) from None
+
+        return _captured(reading)
+
+    return call
+
+
+@_reader
+def _read(folder: Path, out: Path) -> None:
+    from recognition import datasets
+
+    for source in datasets.open(folder, roads=out).sources:
+        source.load()
+
+
+@_reader
+def _convert(map: Path, road: Path) -> None:
+    from xodr.lanelet2 import convert
+
+    convert(map, None, road)
+
+
+@_reader
+def _load_windows(folder: Path) -> None:
+    from recognition.training.windows import Windows
+
+    windows = Windows.load(folder)
+    len(windows.inputs)
+
+
+@_reader
+def _load_model(folder: Path) -> None:
+    from recognition.catalogue.model import unseen_sites
+    from recognition.trfe.storage import load
+
+    unseen_sites(folder)
+    load(folder)
+
+
+@cache
+def own_kinds() -> dict[str, Kind]:
+    """Kinds by name, made from the scenarios of this repository."""
+    from tests.mutation import OWN_SCENARIOS, sources
+
+    return kinds(sources(OWN_SCENARIOS))

@@ -1,0 +1,191 @@
+"""A batch whose machine, disk or process fails at any of its operations, and what is left when it is resumed.
+
+The operations of the operating system by which a batch writes are counted. Before each of them the test takes pictures of what
+would be on the disk if the machine went down there: only what was synced; names without contents that were not synced; and all
+that was written, as after a kill. In a second test each operation fails with an error. Then the batch is resumed, and must
+leave the bytes of one that was not disturbed.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from runner.batch.batch import run_batch
+from runner.batch.jobs import jobs_of
+from runner.batch.journal import finished
+from runner.settings import RunSettings
+from schemas.errors import UsageError
+from tests.runner.files import distribution, scenario
+
+QUICK = RunSettings(sut="none", world="kinematic")
+OPERATIONS = ("fsync", "write", "rename", "replace", "mkdir", "unlink", "rmdir")
+
+
+@pytest.fixture
+def variation(tmp_path: Path) -> Path:
+    scenario(tmp_path, stop=0.05)
+    return distribution(tmp_path, "variation", {"Gap": (20, 30, 10)})
+
+
+@pytest.fixture(autouse=True)
+def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The simulated disk remembers what was synced: the real one is not needed."""
+    monkeypatch.setattr(os, "fsync", lambda file: None)
+
+
+def batch(variation: Path, out: Path) -> None:
+    """Do the runs, each entered at once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("runner.batch.journal._GROUP", 0.0)
+        list(run_batch(jobs_of([variation], {}, True), QUICK, out=out, resume=True, tell=lambda line: None))
+
+
+def content(out: Path) -> dict[str, bytes]:
+    """All that a batch leaves; the journal without the digests of its lines' order."""
+    found: dict[str, bytes] = {
+        str(path.relative_to(out)): path.read_bytes()
+        for path in sorted(out.rglob("*"))
+        if path.is_file() and path.name != ".lock"
+    }
+    return found
+
+
+class Disk:
+    """What of a folder is on the disk: contents of files as they were last synced, and of folders their names."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._files: dict[int, bytes] = {}
+        self._folders: dict[int, dict[str, tuple[int, bool]]] = {}
+
+    def synced(self, file: int) -> None:
+        """Take note of a file or folder that is open and was synced."""
+        path = Path(os.readlink(f"/proc/self/fd/{file}"))
+        if path.is_dir():
+            self._folders[path.stat().st_ino] = {each.name: (each.stat().st_ino, each.is_dir()) for each in path.iterdir()}
+        else:
+            self._files[path.stat().st_ino] = path.read_bytes()
+
+    def after_power_loss(self, target: Path) -> None:
+        """Make a folder of what is left where nothing survives but what was synced."""
+        self._restore(self.root.stat().st_ino, target)
+
+    def _restore(self, folder: int, target: Path) -> None:
+        target.mkdir()
+        for name, (inode, is_folder) in self._folders.get(folder, {}).items():
+            if is_folder:
+                self._restore(inode, target / name)
+            else:
+                (target / name).write_bytes(self._files.get(inode, b""))
+
+    def with_names(self, target: Path, everything: bool) -> None:
+        """Make a folder of what is left where all names survive, and the contents that were synced, or all."""
+        target.mkdir()
+        for path in sorted(self.root.rglob("*")):
+            copy = target / path.relative_to(self.root)
+            if path.is_dir():
+                copy.mkdir()
+            else:
+                copy.write_bytes(path.read_bytes() if everything else self._files.get(path.stat().st_ino, b""))
+
+
+@contextmanager
+def watched(root: Path, before: Callable[[str], None], after: Callable[[str, Any], None]) -> Iterator[None]:
+    """Call `before` and `after` around each operation by which something below a folder is written."""
+
+    def wrapped(name: str, real: Callable[..., Any], concerns: Callable[..., bool]) -> Callable[..., Any]:
+        def operation(*arguments: Any, **options: Any) -> Any:
+            if not concerns(*arguments):
+                return real(*arguments, **options)
+            before(name)
+            result = real(*arguments, **options)
+            after(name, arguments[0])
+            return result
+
+        return operation
+
+    def inside(path: Any, *_: Any, **__: Any) -> bool:
+        if isinstance(path, int):
+            path = os.readlink(f"/proc/self/fd/{path}")
+        return isinstance(path, str | Path) and Path(os.path.abspath(path)).is_relative_to(root)
+
+    def written(path: Any, mode: str = "r", *arguments: Any) -> bool:
+        return "r" not in mode and inside(path)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in OPERATIONS:
+            patch.setattr(os, name, wrapped(name, getattr(os, name), inside))
+        patch.setattr(io, "open", wrapped("open", io.open, written))
+        patch.setattr(pq, "write_table", wrapped("table", pq.write_table, lambda table, path: inside(path)))
+        patch.setattr("schemas.storage._SYNCED", 1)  # one after the other, so that operations have numbers
+        yield
+
+
+def test_a_power_cut_at_any_operation_loses_no_run_that_is_entered(tmp_path: Path, variation: Path) -> None:
+    batch(variation, tmp_path / "plain")
+    expected = content(tmp_path / "plain")
+    out = tmp_path / "out"
+    out.mkdir()
+    disk, pictures = Disk(out), []
+
+    def before(name: str) -> None:
+        number = len(pictures)
+        kinds = {kind: tmp_path / f"{kind}{number}" for kind in ("synced", "names", "killed")}
+        disk.after_power_loss(kinds["synced"])
+        disk.with_names(kinds["names"], everything=False)
+        disk.with_names(kinds["killed"], everything=True)
+        pictures.append((name, kinds))
+
+    with watched(out, before, lambda name, file: disk.synced(file) if name == "fsync" else None):
+        batch(variation, out)
+    assert content(out) == expected
+    assert {name for name, _ in pictures} >= {"fsync", "write", "rename", "replace", "mkdir", "open", "table"}
+    entered, seen = set(), []
+    for name, kinds in pictures:
+        for kind, left in kinds.items():
+            if (left / "runs.jsonl").exists():
+                entered.add((kind, len(finished(left).outcomes)))
+            if (picture := content(left)) in seen:
+                continue
+            seen.append(picture)
+            batch(variation, left)
+            assert content(left) == expected, f"{kind} before {name}"
+    assert len(seen) > 20
+    assert {("synced", 0), ("synced", 1), ("synced", 2)} <= entered, "entries survive as soon as they are synced"
+
+
+def test_an_error_of_any_operation_is_one_line_and_loses_nothing(tmp_path: Path, variation: Path) -> None:
+    batch(variation, tmp_path / "plain")
+    expected = content(tmp_path / "plain")
+    failed: list[str] = []
+    for place in range(1000):
+        out, count = tmp_path / f"out{place}", iter(range(1000))
+        out.mkdir()
+        failing: list[OSError] = []
+
+        def before(name: str, place: int = place, count: Iterator[int] = count, failing: list[OSError] = failing) -> None:
+            if next(count) == place:
+                number = errno.EIO if name == "fsync" else errno.ENOSPC
+                failing.append(OSError(number, os.strerror(number)))
+                failed.append(name)
+                raise failing[0]
+
+        with watched(out, before, lambda name, file: None):
+            try:
+                batch(variation, out)
+            except UsageError as error:
+                assert str(failing[0].strerror) in str(error), failed[-1]
+        if not failing:
+            break
+        batch(variation, out)
+        assert content(out) == expected, failed[-1]
+    assert set(failed) >= {"fsync", "write", "rename", "replace", "mkdir", "open", "table"}

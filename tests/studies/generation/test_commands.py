@@ -1,0 +1,148 @@
+"""`python -m studies.generation`: one command with a subcommand for each experiment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import studies.generation.__main__ as study
+from generation.logical.library import SCENARIOS
+from generation.recorded import of_recordings
+from recognition.maneuvers.units import Samples
+from tests.recognition.motorway import write_motorway
+
+CUT_IN = SCENARIOS / "cut_in_highway.xosc"
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    """The exit code of the command."""
+    monkeypatch.setattr("sys.argv", ["study", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        study.main()
+    return int(ended.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def units(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A table of few recorded cut-ins."""
+    own = of_recordings(None, "cut_in")
+    chosen = np.unique(own.recordings, return_index=True)[1]
+    path = tmp_path_factory.mktemp("units") / "units.parquet"
+    own.where(np.concatenate([chosen, chosen + 1])).write(path)
+    return path
+
+
+def test_help_lists_every_experiment(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(monkeypatch, "--help") == 0
+    text = capsys.readouterr().out
+    assert all(
+        name in text
+        for name in ("methods", "failures", "tune", "ablation", "twin", "systems", "densities", "reconstruction", "rounds")
+    )
+
+
+def test_methods_are_compared_and_their_cases_run_with_other_systems(
+    tmp_path: Path, units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quick = ("--seeds", 1, "--budget", 12, "--recorded", units, "--timestep", 0.1, "--jobs", 1, "-q")
+    pinned = ("--pin", "Ego_Speed_mps=38")
+    out = tmp_path / "results"
+    assert call(monkeypatch, "methods", CUT_IN, "--out", out, "--methods", "kde", "--no-figures", *quick, *pinned) == 0
+    assert "| KDE sampling † |" in (out / "report.md").read_text()
+    same = ("--recorded", units, "--scenarios", SCENARIOS, "--method", "kde", "--most", 2, "--timestep", 0.1, "--jobs", 1)
+    assert call(monkeypatch, "systems", out, *same, "--systems", "none", "--out", tmp_path / "systems") == 0
+    said = capsys.readouterr().out
+    assert "| `none` | 2 |" in said
+    assert (tmp_path / "systems" / "systems.md").read_text() in said
+    assert set(pq.read_table(tmp_path / "systems" / "cases.parquet")["system"].to_pylist()) == {"none", "r157-cc"}
+
+
+def test_densities_are_compared_on_recorded_parameters(
+    units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "densities", CUT_IN, "--recorded", units, "--density", "gaussian", "--density", "kde") == 0
+    rows = [line.split(" | ")[0] for line in capsys.readouterr().out.splitlines() if line.startswith("| ") and "±" in line]
+    assert sorted(rows) == ["| KDE, full covariance", "| one Gaussian"]
+
+
+def test_units_of_recordings_are_reconstructed_and_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_motorway(tmp_path / "recordings")
+    assert call(monkeypatch, "reconstruction", tmp_path / "recordings", "--out", tmp_path / "units.parquet") == 0
+    assert "| cut_in | 2 |" in capsys.readouterr().out
+    assert np.isfinite(Samples.read(tmp_path / "units.parquet").theta).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (
+            ("methods", CUT_IN, "--out", "{out}", "--methods", "magic"),
+            "methods: quality, conscend, kde, mcsg, mcsg-published, random",
+        ),
+        (("systems", "{out}"), "neither a comparison of methods nor edge cases"),
+        (("densities", CUT_IN, "--density", "spline"), "densities: kde"),
+        (("densities", "nothing.xosc"), "no such file"),
+        (("rounds", "nothing.xosc"), "no such file"),
+    ],
+)
+def test_wrong_use_is_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[object, ...],
+    reason: str,
+) -> None:
+    assert call(monkeypatch, *(str(each).format(out=tmp_path) for each in arguments)) == 2
+    said = capsys.readouterr().err
+    assert reason in said
+    assert "Traceback" not in said
+
+
+def test_failures_are_counted_on_sumo_and_never_twice(
+    tmp_path: Path, units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quick = ("--methods", "kde", "--seeds", 1, "--budget", 6, "--recorded", units, "--jobs", 1, "--out", tmp_path)
+    assert call(monkeypatch, "failures", CUT_IN, *quick) == 0
+    first = capsys.readouterr().out
+    assert "| cut_in_highway | cas | kde | 1 | 6 |" in first
+    assert "cut_in_highway, cas, kde, seed 100" in first
+    assert call(monkeypatch, "failures", CUT_IN, *quick) == 0
+    assert "seed 100" not in capsys.readouterr().out
+    assert call(monkeypatch, "failures", CUT_IN, *quick[:4], "--budget", 7, *quick[6:]) == 2
+    assert "another budget" in capsys.readouterr().err
+
+
+def test_emitters_of_an_ablation_are_chosen_by_name(
+    units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quick = ("--seeds", 1, "--proposals", 100, "--recorded", units)
+    assert call(monkeypatch, "ablation", CUT_IN, "--emitters", "prior+line", *quick) == 0
+    said = capsys.readouterr().out
+    assert "| prior, line | 1 |" in said
+    assert "stages" not in said
+    assert call(monkeypatch, "ablation", CUT_IN, "--emitters", "prior+lane", *quick) == 2
+    assert "no emitter 'lane'; emitters: evolution, line, policy, prior" in capsys.readouterr().err
+
+
+def test_failures_are_searched_on_sumo_alone_without_a_twin(
+    tmp_path: Path, units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alone = ("--without-twin", "--extras", 100, "--methods", "quality", "--seeds", 1, "--budget", 6, "--recorded", units)
+    assert call(monkeypatch, "failures", CUT_IN, *alone, "--jobs", 1, "--out", tmp_path) == 0
+    assert "| cut_in_highway | cas | quality | 1 | 6 | 0 |" in capsys.readouterr().out
+    assert call(monkeypatch, "failures", CUT_IN, *alone, "--on-twin", "--out", tmp_path) == 2
+    assert "exclude each other" in capsys.readouterr().err
+
+
+def test_the_twin_is_measured_against_sumo(
+    units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "twin", CUT_IN, "--draws", 8, "--finds", 0, "--recorded", units, "--jobs", 1) == 0
+    said = capsys.readouterr().out
+    assert "draws of the prior, system under test: 8 of 8 verdicts are SUMO's" in said
+    assert "episodes a second" in said

@@ -1,0 +1,87 @@
+"""The methods beside MCSG: all keep to the contract, and each does what it is named after."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from generation.outcomes.outcomes import Outcomes
+from generation.search.methods import method, offered
+from generation.search.problem import Problem
+from schemas.errors import UsageError
+from studies.generation.ablations.mcsg import exclusive_reward
+from studies.generation.methods import ABLATIONS, METHODS, TRAJECTORIES
+from tests.generation.kinematic import Kinematic
+
+QUICK = [name for name in METHODS if name not in ("ibo", "quality")]
+"""Without the one that is slow, and the one that needs a prior and ends where nothing new is found"""
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_every_method_spends_its_budget_exactly_and_repeats_by_its_seed(name: str, problem: Problem) -> None:
+    one, two = (method(name, METHODS)(problem, 110, 5) for _ in range(2))
+    assert one.theta.shape == (110, 7)
+    assert len(one.outcomes) == len(one.rewards) == 110
+    assert (one.theta >= problem.space.low).all() and (one.theta <= problem.space.high).all()
+    assert np.array_equal(one.theta, two.theta)
+    assert np.allclose(one.rewards, problem.reward(one.theta, one.outcomes))
+    assert not np.array_equal(one.theta, method(name, METHODS)(problem, 110, 6).theta)
+
+
+def test_bayesian_optimisation_begins_with_sobol_points_and_then_improves(problem: Problem) -> None:
+    found = method("ibo", METHODS)(problem, 24, 0)
+    unit = problem.space.unit(found.theta[:16])
+    assert ((unit < 0.5).sum(axis=0) == 8).all()  # a Sobol sequence's first 16 points: half of them in each half
+    assert len(found.theta) == 24
+
+
+def test_replaying_repeats_nothing_before_all_is_replayed(problem: Problem) -> None:
+    found = method("conscend", METHODS)(problem, 350, 0)
+    first = {tuple(row) for row in found.theta[:300].tolist()}
+    assert first == {tuple(row) for row in problem.real.tolist()}
+
+
+@pytest.mark.parametrize(("name", "least"), [("gacs", 0.2), ("no-rl", 0.0), ("cma-es", 0.0), ("rlbe", 0.0)])
+def test_searches_end_better_than_they_begin(name: str, least: float, problem: Problem) -> None:
+    found = method(name, METHODS)(problem, 900, 0)
+    gain = found.rewards[-300:] if name != "gacs" else found.outcomes.collision[-300:]
+    before = found.rewards[:100] if name != "gacs" else found.outcomes.collision[:100]
+    assert gain.mean() > before.mean() + least
+
+
+def test_the_tester_shortens_times_to_collision(problem: Problem) -> None:
+    times = np.minimum(method("rltester", METHODS)(problem, 1500, 0).outcomes.min_ttc, 10.0)
+    assert times[-500:].mean() < times[:250].mean() - 0.5
+
+
+def test_unknown_methods_and_missing_libraries_are_named() -> None:
+    with pytest.raises(
+        UsageError, match=r"no search method 'magic'; methods: quality, conscend, kde, mcsg, mcsg-published, random\b"
+    ):
+        method("magic")
+
+
+def test_the_exclusive_form_pays_a_collision_the_same_whatever_its_risk(problem: Problem) -> None:
+    rows = Kinematic()(problem.real[:4])
+    found = Outcomes(**{**vars(rows), "collision": np.arange(4) > 1, "r_risk": np.array([0.0, 1.0, 0.0, 1.0])})
+    assert exclusive_reward(found).tolist() == pytest.approx([-0.1, 0.1, 0.25, 0.25])
+
+
+def test_a_user_is_offered_the_default_first_and_none_of_the_studys_methods() -> None:
+    names = list(offered())
+    assert names[0] == "quality"
+    assert {"conscend", "kde", "mcsg", "random"} <= set(names)
+    assert list(METHODS)[: len(names)] == names
+    assert list(METHODS)[-len(ABLATIONS) :] == list(ABLATIONS)
+    assert not set(names) & {"cma-es", "rlbe", *ABLATIONS}
+    assert {"no-maneuver"} == TRAJECTORIES
+
+
+def test_naming_the_methods_imports_no_learning() -> None:
+    heavy = "numpy", "torch", "sklearn", "optuna", "pymoo", "cma", "matplotlib", "libsumo"
+    code = f"import sys, generation.cli; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,156 @@
+"""One import and one command for everything: what they reach, and what they load."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import xosc_toolchain as xt
+from tests.commands import SCRIPTS, Command
+from xosc_toolchain.cli import COMMANDS, SHELLS
+
+ROOT = Path(__file__).parents[2]
+CUT_IN = ROOT / "xosc" / "library" / "simple_cut_in.xosc"
+
+
+def test_every_name_is_there() -> None:
+    assert set(xt.__all__) <= set(dir(xt))
+    for name in xt.__all__:
+        assert getattr(xt, name) is not None, name
+    with pytest.raises(AttributeError, match="'xosc_toolchain' has no attribute 'absent'"):
+        xt.absent  # type: ignore[attr-defined]
+
+
+def test_the_import_loads_nothing_but_itself() -> None:
+    code = "import sys, xosc_toolchain; print(sorted({'numpy', 'lxml', 'typer', 'runner', 'xosc', 'libsumo'} & set(sys.modules)))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert found.stdout.strip() == "[]"
+
+
+def test_modules_of_the_same_names_do_not_matter(tmp_path: Path) -> None:
+    """A user's own `scenario.py` beside `import xosc_toolchain as xt`; names of the package are reached through it alone."""
+    (tmp_path / "program.py").write_text(
+        f"import xosc_toolchain as xt\nresult = xt.run({str(CUT_IN)!r}, sut='adas', world='kinematic')\nprint(result.verdict)\n"
+    )
+    found = subprocess.run([sys.executable, "program.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "passed"
+
+
+def test_the_umbrella_has_all_commands(command: Command) -> None:
+    assert {f"xosc-{name}": f"{module}:main" for name, (module, _) in COMMANDS.items()} | {
+        "xosc": "xosc_toolchain.cli:main"
+    } == SCRIPTS
+    answer = command("xosc", "--help")
+    assert answer.code == 0
+    assert all(f"\n  {name} " in answer.out for name in (*COMMANDS, "completion"))
+    assert command("xosc", "flatten").code == 2
+
+
+def test_a_command_of_the_umbrella_is_the_command(command: Command) -> None:
+    assert command("xosc", "run", "--world", "kinematic", CUT_IN) == command("xosc-run", "--world", "kinematic", CUT_IN)
+    assert "xosc run [OPTIONS]" in command("xosc", "run", "--help").out
+    assert command("xosc", "check", "absent.xosc").code == command("xosc-check", "absent.xosc").code == 3
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_every_shell_completes_every_command(command: Command, shell: str) -> None:
+    answer = command("xosc", "completion", shell)
+    assert answer.code == 0
+    assert all(f"_{name}_COMPLETE".replace("-", "_").upper() in answer.out for name in SCRIPTS)
+
+
+def test_an_unknown_shell_is_refused(command: Command) -> None:
+    answer = command("xosc", "completion", "tcsh")
+    assert (answer.code, answer.err) == (2, "xosc: the shell 'tcsh' is not one of bash, zsh, fish, powershell\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "expected"), [("xosc-run", "xosc-run --su", ["--sut"]), ("xosc", "xosc r", ["recognize", "replay", "run"])]
+)
+def test_words_are_completed(name: str, words: str, expected: list[str]) -> None:
+    variable = f"_{name}_COMPLETE".replace("-", "_").upper()
+    environment = {**os.environ, "COMP_WORDS": words, "COMP_CWORD": "1", variable: "complete_bash"}
+    code = f"import sys; sys.argv = [{name!r}]; from {SCRIPTS[name].partition(':')[0]} import main; main()"
+    found = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert found.stdout.split() == expected
+
+
+# help ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted(set(SCRIPTS) - {"xosc", "xosc-recognize"}))
+def test_help_has_groups_and_examples_that_parse(command: Command, name: str) -> None:
+    text = command(name, "--help").out
+    assert "\nOutput:\n" in text and "\nExamples:\n" in text.replace("\n  Examples:", "\nExamples:")
+    examples = [line.strip() for line in text.splitlines() if line.strip().startswith(f"{name} ") and "Usage" not in line]
+    assert examples
+
+
+@pytest.mark.parametrize("name", ["xosc-run", "xosc-export", "xosc-generate", "xosc-loop"])
+def test_help_lists_all_systems(command: Command, name: str) -> None:
+    text = command(name, "--help").out.partition("Systems under test:")[2]
+    assert all(f"\n  {system} " in text for system in xt.systems())
+    assert {"adas", "cas", "none", "module:Class"} <= set(xt.systems())
+
+
+# a class of the working folder ----------------------------------------------------------------
+
+
+MINE = """
+import beside_mine
+from runner.sut import Control
+
+class Mine:
+    def reset(self, ego, timestep, seed): ...
+
+    def control(self, observation, dt):
+        open("used.txt", "a").write(beside_mine.WORD)
+        return Control(acceleration=0.0, reason="mine")
+"""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("xosc-run", CUT_IN, "--world", "kinematic"),
+        ("xosc-run", "--dry-run", CUT_IN),
+        ("xosc-export", CUT_IN, "--to", "parquet", "--out", "exported"),
+        ("xosc-generate", CUT_IN, "--density", "uniform", "--world", "kinematic", "--budget", "2", "--out", "cases"),
+        ("xosc-loop", "scenarios", "--budget", "2", "--rounds", "1", "--most", "1", "--out", "loop"),
+    ],
+    ids=lambda arguments: " ".join(map(str, arguments[:2])) if isinstance(arguments, tuple) else None,
+)
+def test_a_class_of_the_working_folder_drives_in_every_command(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[object, ...]
+) -> None:
+    for name in ("mine_to_drive", "beside_mine"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    (tmp_path / "mine_to_drive.py").write_text(MINE)
+    (tmp_path / "beside_mine.py").write_text('WORD = "used\\n"')
+    (tmp_path / "scenarios").mkdir()
+    monkeypatch.chdir(tmp_path)
+    name, *rest = arguments
+    answer = command(name, *rest, "--sut", "mine_to_drive:Mine")
+    assert "can't be imported" not in answer.err and "no system under test" not in answer.err, answer.err
+    if name in ("xosc-run", "xosc-export") and "--dry-run" not in rest:
+        assert (tmp_path / "used.txt").is_file()
+    wrong = command(name, *rest, "--sut", "mine_to_drive:Absent")
+    assert wrong.code == 2 and "no attribute 'Absent'" in wrong.err
+
+
+def test_every_command_with_a_system_is_among_them() -> None:
+    """The commands of the test above are all that have `--sut`."""
+    found = {name for name, home in SCRIPTS.items() if "sut" in _parameters(home.partition(":")[0])}
+    assert found == {"xosc-run", "xosc-export", "xosc-generate", "xosc-loop"}
+
+
+def _parameters(module: str) -> set[str]:
+    import typer
+
+    built = typer.main.get_command(import_module(module).app)
+    return {param.name or "" for param in built.params}

@@ -1,1 +1,0 @@
-"""The geometry of roads from the borders of lanelets: polylines, where roads begin and end, smooth curves."""

@@ -1,0 +1,138 @@
+"""Roads and lanes that are linked must touch: gaps between geometries, between roads, and between lanes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+from lxml import etree
+
+from schemas.checks.document import Document
+from schemas.checks.lanes import Meeting, Section, integer, meetings
+from schemas.checks.registry import Finding, rule
+from schemas.errors import ToolchainError
+from schemas.rules.lanes import DRIVABLE
+from xodr.network import RoadNetwork
+from xodr.reader import load
+from xodr.road import Road
+
+_GAP = 0.01
+"""Largest distance between places that are to be the same, m."""
+_SINCE = (1, 7)
+
+
+@rule("asam.net:xodr:1.7.0:road.geometry.contact_point")
+def linked_roads_touch(document: Document) -> Iterator[Finding]:
+    """The reference lines of roads that are linked without a junction shall touch at the contact points of the links.
+
+    The rule is of version 1.7; in older files a gap is a warning.
+    """
+    network = _network(document)
+    for element in document.elements("road") if network else ():
+        road = network.roads.get(element.get("id") or "") if network else None
+        for at_start, name in ((True, "predecessor"), (False, "successor")):
+            link = element.find(f"{{*}}link/{{*}}{name}")
+            if road is None or network is None or link is None or link.get("elementType") != "road" or link.get("elementS"):
+                continue
+            other, contact = network.roads.get(link.get("elementId") or ""), link.get("contactPoint")
+            if other is None or contact not in ("start", "end") or road.junction_id or other.junction_id:
+                continue
+            gap = math.dist(road.pose(_end(road, at_start))[:3], other.pose(_end(other, contact == "start"))[:3])
+            if gap > _GAP:
+                end = "start" if at_start else "end"
+                message = f"the {end} of the road {road.id!r} is {gap:.3g} m away from the {contact} of the road {other.id!r}"
+                yield Finding(link, message, None if document.type.version >= _SINCE else "warning")
+
+
+def _network(document: Document) -> RoadNetwork | None:
+    """The road network; None where it cannot be read, which is said by other rules."""
+    try:
+        return load(document.path)
+    except ToolchainError:
+        return None
+
+
+def _end(road: Road, at_start: bool) -> float:
+    return 0.0 if at_start else road.length
+
+
+@rule("asam.net:xodr:1.7.0:lane_smoothness.contact_point_no_horizontal_gaps", since=_SINCE)
+def linked_lanes_touch(document: Document) -> Iterator[Finding]:
+    """Geometries of a road that follow each other, and lanes to drive on that are linked, shall have no gaps between them."""
+    network = _network(document)
+    if network is None:
+        return
+    for element in document.elements("road"):
+        yield from _gaps_of_line(network.roads.get(element.get("id") or ""), element)
+    every = list(meetings(document))
+    split = {(link, meeting.place) for meeting in every for link in _of_split(meeting)}
+    for meeting in every:
+        yield from _gaps_of_lanes(network, meeting, split)
+
+
+def _gaps_of_line(road: Road | None, element: etree._Element) -> Iterator[Finding]:
+    geometries = element.findall("{*}planView/{*}geometry")
+    if road is None or len(geometries) != len(road.line.segments):
+        return
+    for (before, after), geometry in zip(pairwise(road.line.segments), geometries[1:], strict=True):
+        x, y, _ = before.at(before.length)
+        gap = math.dist((x, y), after.at(0.0)[:2])
+        if gap > _GAP:
+            yield Finding(geometry, f"the geometry begins {gap:.3g} m away from the end of the one before it")
+
+
+class _Borders(NamedTuple):
+    """The border points of a lane at an end of its section: x and y, m."""
+
+    inner: tuple[float, float]
+    outer: tuple[float, float]
+
+
+_Pair = tuple[etree._Element, etree._Element]
+
+
+def _of_split(meeting: Meeting) -> list[_Pair]:
+    """Of lanes here that link several lanes there, all such pairs, as the lanes there see them."""
+    by_lane: dict[etree._Element, list[etree._Element]] = {}
+    for lane, other, _ in meeting.links:
+        by_lane.setdefault(lane, []).append(other)
+    return [(other, lane) for lane, others in by_lane.items() if len(others) > 1 for other in others]
+
+
+def _gaps_of_lanes(network: RoadNetwork, meeting: Meeting, split: set[tuple[_Pair, str]]) -> Iterator[Finding]:
+    linked: dict[etree._Element, list[etree._Element]] = {}
+    for lane, other, _ in meeting.links:
+        if ((lane, other), meeting.place) not in split:
+            linked.setdefault(lane, []).append(other)
+    for lane, others in linked.items():
+        here = _borders(network, meeting.here, meeting.here_start, lane)
+        there = [found for other in others if (found := _borders(network, meeting.there, meeting.there_start, other))]
+        if lane.get("type") not in DRIVABLE or here is None or not there:
+            continue
+        places = [place for each in there for place in each]
+        gap = max(min(math.dist(mine, place) for place in places) for mine in here)
+        if len(there) == 1:
+            gap = min(_apart(here, there[0]), _apart(here, _Borders(there[0].outer, there[0].inner)))
+        if gap > _GAP:
+            names = " and ".join(other.get("id") or "" for other in others)
+            yield Finding(lane, f"the borders of the lane {lane.get('id')} are {gap:.3g} m away from those of the lane {names}")
+
+
+def _apart(one: _Borders, other: _Borders) -> float:
+    return max(math.dist(one.inner, other.inner), math.dist(one.outer, other.outer))
+
+
+def _borders(network: RoadNetwork, section: Section, at_start: bool, lane: etree._Element) -> _Borders | None:
+    element = next(section.element.iterancestors("{*}road"), None)
+    road = network.roads.get(element.get("id") or "") if element is not None else None
+    if road is None:
+        return None
+    road = road.on(section.layer)
+    found = road.section(0.5 * (section.start + section.end)).lanes.get(integer(lane, "id") or 0)
+    if found is None or not found.id:
+        return None
+    s = section.start if at_start else section.end
+    inner, outer = (road.pose(s, border(s))[:2] for border in (found.inner, found.outer))
+    return _Borders(inner, outer)

@@ -1,1 +1,0 @@
-"""The kinds of repairs, one module each, in the order of their names."""

@@ -1,0 +1,125 @@
+"""Everything public under one import: `import xosc_toolchain as xt`.
+
+The names of the packages are general (`xosc`, `runner`, …) and may be those of your own modules; this one is not. A name is
+loaded when it is first used, so that the import itself takes no time:
+
+    import xosc_toolchain as xt
+
+    result = xt.run("xosc/library/simple_cut_in.xosc", sut="adas")
+    print(result.verdict, result.criticality.summary["min_ttc"])
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from schemas.packages import public
+
+if TYPE_CHECKING:
+    from generation.pipeline import generate as search
+    from generation.settings import SearchSettings as SearchSettings
+    from recognition.catalogue.pipeline import build as recognise
+    from recognition.trfe.trfe import TRFE as TRFE
+    from runner.interpreter.execution import Prepared as Prepared
+    from runner.interpreter.execution import prepare as prepare
+    from runner.interpreter.execution import run as run
+    from runner.interpreter.result import RunResult as RunResult
+    from runner.interpreter.session import Session as Session
+    from runner.measures.criticality import Criticality as Criticality
+    from runner.measures.measure import measures as measures
+    from runner.replay.player import write_replay as replay
+    from runner.replay.report import write_report as report
+    from runner.settings import RunSettings as RunSettings
+    from runner.sut import Control as Control
+    from runner.sut import Observation as Observation
+    from runner.sut import Participant as Participant
+    from runner.sut import SystemUnderTest as SystemUnderTest
+    from runner.sut import load_system as load_system
+    from runner.sut import systems as systems
+    from schemas import Problem as Problem
+    from schemas import check as check
+    from schemas import check_many as check_many
+    from schemas.errors import ToolchainError as ToolchainError
+    from xodr import RoadNetwork as RoadNetwork
+    from xodr import load as load_road
+    from xosc import Document as Document
+    from xosc import convert as convert
+    from xosc import load as load
+    from xosc import resolve as resolve
+    from xosc import variations as variations
+    from xosc import write as write
+
+    __version__: str
+else:
+    __getattr__, __dir__ = public(
+        __name__,
+        {
+            "Control": "runner.sut",
+            "Criticality": "runner.measures.criticality",
+            "Document": "xosc",
+            "Observation": "runner.sut",
+            "Participant": "runner.sut",
+            "Prepared": "runner.interpreter.execution",
+            "Problem": "schemas",
+            "RoadNetwork": "xodr",
+            "RunResult": "runner.interpreter.result",
+            "RunSettings": "runner.settings",
+            "SearchSettings": "generation.settings",
+            "Session": "runner.interpreter.session",
+            "SystemUnderTest": "runner.sut",
+            "TRFE": "recognition.trfe.trfe",
+            "ToolchainError": "schemas.errors",
+            "check": "schemas",
+            "check_many": "schemas",
+            "convert": "xosc",
+            "load": "xosc",
+            "load_road": "xodr:load",
+            "load_system": "runner.sut",
+            "measures": "runner.measures.measure",
+            "prepare": "runner.interpreter.execution",
+            "recognise": "recognition.catalogue.pipeline:build",
+            "replay": "runner.replay.player:write_replay",
+            "report": "runner.replay.report:write_report",
+            "resolve": "xosc",
+            "run": "runner.interpreter.execution",
+            "search": "generation.pipeline:generate",
+            "systems": "runner.sut",
+            "variations": "xosc",
+            "write": "xosc",
+        },
+    )
+
+__all__ = [
+    "TRFE",
+    "Control",
+    "Criticality",
+    "Document",
+    "Observation",
+    "Participant",
+    "Prepared",
+    "Problem",
+    "RoadNetwork",
+    "RunResult",
+    "RunSettings",
+    "SearchSettings",
+    "Session",
+    "SystemUnderTest",
+    "ToolchainError",
+    "check",
+    "check_many",
+    "convert",
+    "load",
+    "load_road",
+    "load_system",
+    "measures",
+    "prepare",
+    "recognise",
+    "replay",
+    "report",
+    "resolve",
+    "run",
+    "search",
+    "systems",
+    "variations",
+    "write",
+]

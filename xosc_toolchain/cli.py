@@ -1,0 +1,92 @@
+"""The command `xosc`: all commands of the package under one name, and their completion in shells."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from schemas.commands.options import Verbose, Version, guarded, new_app
+from schemas.errors import UsageError, exit_codes
+
+NAME = "xosc"
+COMMANDS = {
+    "check": ("schemas.cli", "check files and folders by ASAM's schemas and rules"),
+    "export": ("runner.exports.cli", "export scenarios, or runs of them, for other tools"),
+    "generate": ("generation.cli", "search for plausible parameters at which a system fails"),
+    "list": ("xosc.cli", "list the library by class, road and parameters"),
+    "loop": ("generation.loop.cli", "recognise, search, check and run a folder"),
+    "recognize": ("recognition.cli", "turn recordings into catalogues of scenarios"),
+    "replay": ("runner.replay.cli", "write pages, pictures and reports of results"),
+    "run": ("runner.cli", "run scenarios and variation files on SUMO"),
+}
+"""Module and line of help of each command; `xosc run` is `xosc-run`"""
+SHELLS = ("bash", "zsh", "fish", "powershell")
+
+
+class _Commands(TyperGroup):
+    """Loads a command when it is asked for."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of all commands."""
+        return [*COMMANDS, *super().list_commands(ctx)]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """A command; its module is imported where more than its name is asked for."""
+        if cmd_name not in COMMANDS:
+            return super().get_command(ctx, cmd_name)
+        command = typer.main.get_command(import_module(COMMANDS[cmd_name][0]).app)
+        command.name = cmd_name
+        return command
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Names and lines, without importing anything."""
+        own = [(name, command.get_short_help_str(60)) for name, command in self.commands.items()]
+        with formatter.section("Commands"):
+            formatter.write_dl([*((name, line) for name, (_, line) in COMMANDS.items()), *own])
+
+
+app = new_app(NAME, _Commands)
+
+
+_EPILOG = "xosc COMMAND --help explains a command; xosc-COMMAND is the same. " + exit_codes("done", "a finding")
+
+
+@app.callback(epilog=_EPILOG)
+def xosc(_verbose: Verbose = False, _version: Version = False) -> None:
+    """Run, check, vary, recognise and export OpenSCENARIO scenarios."""
+
+
+@app.command()
+def completion(shell: Annotated[str, typer.Argument(help=f"One of {', '.join(SHELLS)}.")]) -> None:
+    """Print the script by which a shell completes all commands.
+
+    \b
+    bash:        xosc completion bash >> ~/.bashrc
+    zsh:         xosc completion zsh >> ~/.zshrc
+    fish:        xosc completion fish > ~/.config/fish/completions/xosc.fish
+    PowerShell:  xosc completion powershell >> $PROFILE
+    """
+    from typer.completion import get_completion_script  # type: ignore[attr-defined]
+
+    if shell not in SHELLS:
+        raise UsageError(f"the shell {shell!r} is not one of {', '.join(SHELLS)}")
+    for name in (NAME, *(f"{NAME}-{each}" for each in COMMANDS)):
+        variable = f"_{name}_COMPLETE".replace("-", "_").upper()
+        print(get_completion_script(prog_name=name, complete_var=variable, shell=shell))
+
+
+def main() -> None:
+    """Entry point."""
+    if len(sys.argv) > 1 and sys.argv[1] in COMMANDS:
+        command = sys.argv.pop(1)
+        sys.argv[0] = f"{NAME} {command}"
+        import_module(COMMANDS[command][0]).main()
+    guarded(NAME, app)
+
+
+if __name__ == "__main__":
+    main()
