@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from generation.density.base import Whitening
+from generation.density.limits import LEAST, by_actor, reading
 from generation.density.prior import Prior
-from generation.density.roles import LEAST, by_actor, reading, roles_of
+from generation.density.roles import roles_of
 from generation.search.policy import Learner, McsgSettings, coordinated, uniform_rows
 from generation.search.problem import Problem
 from generation.search.space import Space

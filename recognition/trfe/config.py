@@ -8,7 +8,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.cluster import KMeans
 
 from recognition.encoder.training import deterministic
 from recognition.trfe.candidates import Preprocessing, Promotion, cohesion
@@ -108,6 +107,8 @@ def likely_clusters(task: Task, config: Config) -> int:
 
     The samples in a buffer need not be of classes alone: in few clusters, classes would drown in what is of none.
     """
+    from sklearn.cluster import KMeans  # here: without torch the line that is told is the one about it, not about this
+
     most = config.clustering.candidates
     for count in range(likely_count(task.samples, most, config.seed), most):
         clusters = KMeans(count, n_init=5, random_state=config.seed).fit_predict(task.samples)

@@ -47,7 +47,9 @@ def test_off_the_route_the_straightest_way_is_taken() -> None:
 
 def test_the_strategy_of_a_waypoint_is_that_of_the_way_to_it() -> None:
     asked: list[list[str]] = []
-    network = SimpleNamespace(route=lambda points, strategies, rng: asked.append(strategies) or path("main"))
+    network = SimpleNamespace(
+        route=lambda points, strategies, rng: asked.append(strategies) or path("main"), on=lambda layer: network
+    )
     position = SimpleNamespace(fixed=None, resolve=lambda run, actor: SimpleNamespace(point=end_of("main")))
     waypoints = [Waypoint(position, strategy, None) for strategy in ("fastest", "shortest", "leastIntersections")]
     Route({}, network, waypoints, closed=False).path(None)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from generation.density.base import Components, folds
+from generation.density.limits import QUANTILE
 from generation.density.models.mixtures import Mixture
 from generation.density.prior import FORESEEABLE
-from generation.density.roles import QUANTILE
 from schemas.errors import UsageError
 from studies.generation.adversary.actions import ACTION, DECISIONS, INTERVAL, STATE, Actions
 from xodr.array_types import BoolArray, FloatArray

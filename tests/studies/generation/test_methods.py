@@ -16,7 +16,7 @@ from studies.generation.ablations.mcsg import exclusive_reward
 from studies.generation.methods import ABLATIONS, METHODS, TRAJECTORIES
 from tests.generation.kinematic import Kinematic
 
-QUICK = [name for name in METHODS if name not in ("ibo", "quality")]
+QUICK = [name for name in METHODS if name not in ("ibo", "quality", "cover")]
 """Without the one that is slow, and the one that needs a prior and ends where nothing new is found"""
 
 
@@ -59,7 +59,7 @@ def test_the_tester_shortens_times_to_collision(problem: Problem) -> None:
 
 def test_unknown_methods_and_missing_libraries_are_named() -> None:
     with pytest.raises(
-        UsageError, match=r"no search method 'magic'; methods: quality, conscend, kde, mcsg, mcsg-published, random\b"
+        UsageError, match=r"no search method 'magic'; methods: quality, conscend, cover, kde, mcsg, mcsg-published, random\b"
     ):
         method("magic")
 

@@ -65,7 +65,8 @@ function filled(runs, where) {
     first = bad[0] ?? runs[0],
     speed = first.measures.impact_speed,
     kind = bad.length ? (bad.length < runs.length ? "mixed" : first.state) : "passed";
-  const text = bad.length ? (runs.length > 1 ? `✕ ${bad.length}/${runs.length}` : typeof speed === "number" ? `✕ ${speed.toFixed(0)}` : "✕") : shown(cells.column, first, 3);
+  const cross = runs.length > 1 ? `✕ ${bad.length}/${runs.length}` : typeof speed === "number" ? `✕ ${speed.toFixed(0)}` : "✕";
+  const text = bad.length ? cross : shown(cells.column, first, 3);
   const label = `${where}: ${bad.length ? `${bad.length} of ${runs.length} ${called(bad)}, ${reason(first)}` : "passed"}`;
   const inner = first.replay
     ? el("a", { href: link(first), "aria-label": label }, text)
@@ -128,7 +129,8 @@ function groups() {
     el(
       "div",
       { class: "choices" },
-      el("span", { class: "muted" }, "A cross is a failure, with its impact speed (m/s), the deeper the harder, or an inconclusive run; runs that passed show"),
+      el("span", { class: "muted" }, "A cross is a failure, with its impact speed (m/s), the deeper the harder, or an inconclusive run; ",
+        "runs that passed show"),
       choice(
         "Measure",
         measures.map(column => [column.id, column.title]),

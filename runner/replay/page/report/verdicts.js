@@ -93,7 +93,8 @@ function worst() {
       ),
     ),
     hit.length
-      ? el("p", { class: "muted" }, "Fatality risk by Joksch (1993) for occupants, by Rosén and Sander (2009) for pedestrians and riders.")
+      ? el("p", { class: "muted" },
+          "Fatality risk by Joksch (1993) for occupants, by Rosén and Sander (2009) for pedestrians and riders.")
       : null,
   );
 }
