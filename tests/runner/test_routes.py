@@ -47,9 +47,7 @@ def test_off_the_route_the_straightest_way_is_taken() -> None:
 
 def test_the_strategy_of_a_waypoint_is_that_of_the_way_to_it() -> None:
     asked: list[list[str]] = []
-    network = SimpleNamespace(
-        route=lambda points, strategies, rng: asked.append(strategies) or path("main"), on=lambda layer: network
-    )
+    network = SimpleNamespace(route=lambda points, strategies, rng: asked.append(strategies) or path("main"))
     position = SimpleNamespace(fixed=None, resolve=lambda run, actor: SimpleNamespace(point=end_of("main")))
     waypoints = [Waypoint(position, strategy, None) for strategy in ("fastest", "shortest", "leastIntersections")]
     Route({}, network, waypoints, closed=False).path(None)
@@ -75,7 +73,7 @@ def test_random_choices_follow_from_the_seed() -> None:
 def test_who_changes_lanes_before_a_junction_goes_on_along_the_route_from_the_lane_under_it() -> None:
     """On its way to lane -2, which leads off the route, from lane -1, which leads on along it."""
     links = {-1: [LaneLink("east", -1, True)], -2: [LaneLink("west", -1, True)]}
-    network = SimpleNamespace(links=lambda road, lane, forward: links[lane])
+    network = SimpleNamespace(links=lambda road, lane, forward: links[lane], on=lambda layer: network)
     section = SimpleNamespace()
     for t, lane in ((-2.0, -1), (-5.0, -2)):
         road = SimpleNamespace(

@@ -129,8 +129,11 @@ function groups() {
     el(
       "div",
       { class: "choices" },
-      el("span", { class: "muted" }, "A cross is a failure, with its impact speed (m/s), the deeper the harder, or an inconclusive run; ",
-        "runs that passed show"),
+      el(
+        "span",
+        { class: "muted" },
+        "A cross is a failure, with its impact speed (m/s), the deeper the harder, or an inconclusive run; runs that passed show",
+      ),
       choice(
         "Measure",
         measures.map(column => [column.id, column.title]),
