@@ -81,9 +81,10 @@ function regions() {
     "Regions of failure",
     table("Regions of failure", columns, rows),
     note(
-      "The most important first: regions with edge cases, then by probability times impact. Failures of a region " +
-        "are linked by steps of 15 % of the ranges. Precision and recall of a rule are shares of the runs of this folder, which were sought " +
-        "near failures; probabilities come from unguided draws that fail within 10 % of a region's failures.",
+      "The most important first: regions with edge cases, then by probability times impact. " +
+        "Failures of a region are linked by steps of 15 % of the ranges. " +
+        "Precision and recall of a rule are shares of the runs of this folder, which were sought near failures; " +
+        "probabilities come from unguided draws that fail within 10 % of a region's failures.",
     ),
   );
 }
