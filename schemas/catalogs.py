@@ -109,7 +109,7 @@ ENTRIES = "asam.net:xosc:1.0.0:reference_control.catalog_reference_resolvability
 
 
 class Directory(NamedTuple):
-    """What a catalogue location says: the path, and the place in the scenario that says so."""
+    """Catalogue location: the path, and the place in the scenario that gives it."""
 
     path: Path
     file: Path
@@ -238,7 +238,7 @@ def referred(file: Path, reference: str) -> Path:
 
 
 _URI = re.compile(r"file:(//[^/]*)?(/(?=[A-Za-z]:))?", re.IGNORECASE)
-"""What comes before the path in a URI; the third slash of file:///C:/maps is no part of it."""
+"""Part of a URI before the path. The third slash of file:///C:/maps is not part of the path."""
 
 
 class Located(NamedTuple):
@@ -252,7 +252,7 @@ class Located(NamedTuple):
 
 
 def missing(directory: Path, place: str = "") -> str:
-    """What is said of a catalogue directory that is nowhere, and of the place where it is named."""
+    """Return the message for a catalogue directory that does not exist, with the place that names it."""
     return (
         f"the directory {directory}{place} does not exist or can't be read: put it there, or name the folder that has it with "
         f"--catalog-path (or in {VARIABLE})"
@@ -260,7 +260,7 @@ def missing(directory: Path, place: str = "") -> str:
 
 
 def locate(path: Path, scenario: Path, folders: Folders = ()) -> Located:
-    """Where the files of a catalogue directory are.
+    """Find the files of a catalogue directory.
 
     A path that is a file itself, as some scenarios have it, gives that file. Libraries get moved about: what does not exist is
     looked for by its name in the folders that were asked for, which may be the directory themselves, in other case, by its name
@@ -302,7 +302,7 @@ def _asked_for(path: Path, folders: Folders) -> list[Path]:
 
 
 def _elsewhere(path: Path, scenario: Path) -> Iterator[Path]:
-    """Where a catalogue directory may be that is not where the scenario says."""
+    """Yield candidates for a catalogue directory that is not at its given path."""
     spelt = in_any_case(path)
     if spelt is not None:
         yield spelt

@@ -49,7 +49,7 @@ def load(package: str) -> list[ModuleType]:
 
 @cache
 def described(package: str, constant: str) -> dict[str, Any]:
-    """What a package's modules say of themselves in a constant, by module name; none of them is imported.
+    """Return the values of a constant in a package's modules, by module name. No module is imported.
 
     Args:
         package: its full name.

@@ -119,14 +119,14 @@ class Unsupported(ToolchainError):
 
 
 def reason(error: Exception) -> str:
-    """What an exception of others says, in one line: its first, the key that it misses, or else its kind."""
+    """Return a foreign exception as one line: its first line, the missing key, or its type."""
     if isinstance(error, KeyError):
         return f"there is no {error}"
     return next(iter(str(error).strip().splitlines()), type(error).__name__)
 
 
 def blame(error: BaseException, module: str) -> str:
-    """What an exception of a plug-in says, in one line, with the file and line of the plug-in's own code that it came from.
+    """Return an exception of a plug-in as one line, with file and line of the plug-in's code that raised it.
 
     Args:
         module: name of the plug-in's module.
@@ -161,7 +161,7 @@ def describe(error: Exception) -> tuple[str, int]:
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """What a message adds about an unknown name: the most similar of `names`, or all of them."""
+    """Return the hint for an unknown name: the most similar of `names`, or all of them."""
     names = [each for each in names if each]
     similar = difflib.get_close_matches(name[:_LONGEST_COMPARED], names[:_MOST_COMPARED], 1)
     if similar:

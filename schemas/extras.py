@@ -37,7 +37,7 @@ _WITHOUT = {
     "search": "xosc-run runs variation files, --sample N draws from them; xosc-recognize --labels rules makes catalogues",
     "study": "xosc-generate searches by its own methods",
 }
-"""What works without an extra."""
+"""Functions that work without an extra."""
 
 
 class MissingExtra(UsageError):
@@ -57,7 +57,7 @@ def optional(module: str) -> Any:
 
 
 def missing(error: BaseException, extra: str | None = None) -> MissingExtra | None:
-    """What an error means where a library is missing that an extra brings; None for all other errors.
+    """Return the error for a library that an extra installs and that is missing; None for other errors.
 
     Args:
         extra: what to install instead of the extra that brings this library alone.

@@ -1,4 +1,4 @@
-"""What every package of the toolchain shows: its public names, imported on first use, and the version."""
+"""Public face of each package: public names, imported on first use, and the version."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ _DECLARED = re.compile(r"(\w+): ([\w:]+)([?*+]|\{\d+,\d*\}|=\w+)?")
 
 
 class Difference(NamedTuple):
-    """What a version of a standard adds to an earlier one.
+    """Difference between a version of a standard and an earlier one.
 
     Attributes:
         standard: the standard's root element.
@@ -216,7 +216,7 @@ DIFFERENCES = (
 
 @dataclass(frozen=True)
 class FileType:
-    """What a document says it is.
+    """Type of a document: standard and version.
 
     Attributes:
         standard: "OpenSCENARIO" or "OpenDRIVE".

@@ -123,7 +123,7 @@ def search_path(folders: Sequence[str | PathLike[str]], variable: str) -> list[P
 
 
 def in_any_case(path: Path) -> Path | None:
-    """The one file or folder that a path names where upper and lower case are the same, as on Windows; None without one."""
+    """Return the only file or folder that matches a path without regard to case, as on Windows; else None."""
     found = Path(path.anchor)
     for part in path.parts[bool(path.anchor) :]:
         if not os.path.exists(found / part):  # unlike that of Path it takes names of any length
@@ -139,7 +139,7 @@ def in_any_case(path: Path) -> Path | None:
 
 
 def above(path: Path, file: Path) -> Iterator[Path]:
-    """Where a path that a file names relative to its folder leads from that folder and those above, without the steps upwards."""
+    """Yield a relative path of a file, without steps upwards, resolved in the file's folder and in each folder above."""
     if path.is_relative_to(file.parent):
         below = [part for part in path.relative_to(file.parent).parts if part != ".."]
         yield from (folder.joinpath(*below) for folder in Path(os.path.abspath(file)).parents)

@@ -47,7 +47,7 @@ def violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
 
 
 def find_violations(tree: etree._ElementTree, schema: Schema) -> Iterator[Violation]:
-    """What a document breaks of a schema, as it is found: the first is found long before the ten thousandth.
+    """Yield the schema violations of a document lazily, so that the first is available early.
 
     Raises:
         UsageError: the XSD itself, which XOSC_SCHEMA_DIR may have supplied, cannot be used.
@@ -70,7 +70,7 @@ def _can_be_explained(tree: etree._ElementTree) -> bool:
 
 
 def brief_violations(tree: etree._ElementTree, schema: Schema) -> list[Violation]:
-    """What a document breaks of a schema in the words of libxml2, which are there at once; `violations` explains more."""
+    """Return the schema violations of a document in libxml2's words, which takes no time; `violations` explains more."""
     if schema.xsd_1_1:
         return violations(tree, schema)
     compiled = _compiled(schema)

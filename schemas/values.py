@@ -124,14 +124,14 @@ def boolean(text: str) -> bool:
 
 
 def literal(kind: str, value: Value, text: str) -> str:
-    """How a value that was read from `text` is written in an attribute of its type."""
+    """Return a value, read from `text`, as an attribute of its type."""
     if kind in _INTEGERS:
         return str(value)
     return text if kind == "string" else text.strip()
 
 
 def operand(value: Value, text: str) -> float | int | bool | str:
-    """What an expression sees of a value that was read from `text`: dates are texts there."""
+    """Return the operand of an expression for a value read from `text`. Dates stay text."""
     return text.strip() if isinstance(value, datetime) else value
 
 

@@ -1,4 +1,4 @@
-"""The one place where XML is parsed: no document types, no entities, no network, no oversized input."""
+"""The only XML parser of the toolchain: no document types, no entities, no network, no oversized input."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _DECLARATION = re.compile(rb"<\?xml\s[^?<>]*\?>")
 _ENCODING = re.compile(rb"encoding\s*=\s*[\"']([\w.-]+)")
 _OF_WINDOWS = "windows-1252"
-"""What editors on Windows write, in the west, where they do not write UTF-8"""
+"""Encoding of Western Windows editors that do not write UTF-8"""
 _DOCTYPE = re.compile(rb"<!DOCTYPE\s[^\[<>]*(?:\[\s*\]\s*)?>")
 _COMMENT_OR_CDATA = re.compile(rb"<!--|<!\[CDATA\[")
 _START_TAG = re.compile(rb"<[A-Za-z_](?:[^<>\"']++|\"[^<\"]*+\"|'[^<']*+')*+>")
@@ -129,7 +129,7 @@ def local_name(element: etree._Element) -> str:
 
 
 def canonical(element: etree._Element) -> tuple[object, ...]:
-    """What an element says, to compare it: names, attributes, texts and children. Unlike C14N it takes any namespace."""
+    """Return the content of an element for comparison: names, attributes, texts, children. Unlike C14N any namespace works."""
     children = (canonical(child) for child in element.iterchildren(etree.Element))
     return str(element.tag), frozenset(element.attrib.items()), (element.text or "").strip(), *children
 

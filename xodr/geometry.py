@@ -39,7 +39,7 @@ class Segment(Protocol):
 
 
 class Start(NamedTuple):
-    """Where an element begins: position [m], heading [rad], and its length [m]."""
+    """Start of an element: position (m), heading (rad), and the element's length (m)."""
 
     x: float
     y: float

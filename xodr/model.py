@@ -1,4 +1,4 @@
-"""What an OpenDRIVE file says, as plain data: lanes, links, junctions, signals, objects, and positions on roads."""
+"""Contents of an OpenDRIVE file as plain data: lanes, links, junctions, signals, objects, and positions on roads."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ class LaneSection:
 
 
 class RoadLink(NamedTuple):
-    """What a road is joined to at one of its ends.
+    """Link at one end of a road.
 
     element_type: "road" or "junction". contact: "start" or "end" of that road; None for junctions.
     s: place inside that road, at a virtual junction; None otherwise.

@@ -75,7 +75,7 @@ class RoadNetwork:
 
     @cached_property
     def most_lanes(self) -> int:
-        """How many lanes lie side by side at most, without the centre lane."""
+        """Return the largest number of lanes side by side, without the centre lane."""
         return max((len(section.lanes) - 1 for section in self._sections()), default=0)
 
     def _sections(self) -> Iterator[LaneSection]:
@@ -218,7 +218,7 @@ class RoadNetwork:
         return self.on(layer)._router.route(waypoints, [*strategies, *["shortest"] * missing], rng)
 
     def relative(self, origin: RoadPoint, target: RoadPoint, strategy: str = "shortest") -> Relative | None:
-        """Where a point lies as seen from another in road coordinates; None where no way connects them.
+        """Return the position of a point relative to another in road coordinates; None if no way connects them.
 
         Args:
             strategy: "shortest", "fastest" or "leastIntersections", as in the standard's RoutingAlgorithm.

@@ -17,7 +17,7 @@ from xosc.versions import Version, checked, convert
 
 @dataclass(frozen=True)
 class Header:
-    """What a file says about itself.
+    """Header of a file.
 
     Attributes:
         description: what the file holds.

@@ -1,4 +1,4 @@
-"""What a library of scenarios holds: each scenario with its tags, road, parameters and variations, and the catalogues."""
+"""Contents of a scenario library: scenarios with tags, road, parameters and variations, and the catalogues."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class Listing:
 
 
 def listing(paths: Iterable[str], tell: Callable[[ToolchainError], None] | None = None) -> Listing:
-    """What files, folders and globs hold. The scenario of a file of variations is part of it too; roads are left out.
+    """List files, folders and globs. The scenario of a variation file is included; roads are left out.
 
     Args:
         tell: called with the error of each file that can't be listed, and the others go on; None to raise the first.

@@ -1,4 +1,4 @@
-"""What names in a scenario mean: which vehicle is the ego, and which storyboard element a reference is to."""
+"""Meaning of names in a scenario: the ego, and the target of a storyboard element reference."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def names_of(element: etree._Element) -> Names:
 
 
 def nearest(reference: str, around: Names, candidates: Iterable[tuple[Names, _T]]) -> Sequence[_T]:
-    """Those of some elements that a name or the end of a path (`Act::Event`) means: the nearest to where it stands.
+    """Return the elements that a name or the end of a path (`Act::Event`) refers to: the nearest to the reference.
 
     Args:
         around: names of the elements in which the reference stands.

@@ -198,7 +198,7 @@ class Node:
 
 @lru_cache(maxsize=256)
 def _path(source: str) -> Path:
-    """What a text names, the same object each time."""
+    """Return the path for a text, the same object each time."""
     return Path(source)
 
 

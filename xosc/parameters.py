@@ -161,7 +161,7 @@ class Scope:
                 yield declaration.invalid(f"the parameter {name} = {parameter.text} violates its constraint: {limits}")
 
     def _operand(self, name: str) -> float | int | bool | str:
-        """What an expression sees of a parameter: a text that is a number counts as one."""
+        """Return the operand of an expression for a parameter; numeric text counts as a number."""
         parameter = self._visible[name]
         if isinstance(parameter.value, str):
             try:

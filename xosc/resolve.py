@@ -36,7 +36,7 @@ _Scopes = dict[etree._Element, Scope]
 """Scopes by the element that opens them."""
 
 _Report = Callable[[ToolchainError], None]
-"""What is done with a violated constraint."""
+"""Handler of a violated constraint."""
 
 _symbolic = etree.XPath("descendant-or-self::*[@*[contains(., '$')]]")
 
@@ -286,7 +286,7 @@ def _empty_controller(reference: Node) -> etree._Element:
 
 
 def _directory(scenario: Node, location: str) -> Directory | None:
-    """What a catalogue location of a scenario, whose attributes are literals, says."""
+    """Return the directory of a scenario's catalogue location whose attributes are literals."""
     node = scenario.find("CatalogLocations", location)
     if node is None:
         return None

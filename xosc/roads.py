@@ -1,4 +1,4 @@
-"""Where the road network of a scenario is: where its LogicFile says, or else where a file of that name is found.
+"""Location of a scenario's road network: the path of its LogicFile, or else a file of the same name nearby.
 
 Libraries get moved about, and scenarios for CARLA name towns (`Town01`) instead of files. The one look-up for all that load.
 """

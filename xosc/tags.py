@@ -24,7 +24,7 @@ OWN = "urn:xosc-toolchain:scenario-tags:1"
 """Ontology of the tags that the standard has no class for."""
 
 PREFIX = "openlabel."
-"""What the names of properties begin with that are tags."""
+"""Prefix of the names of properties that are tags."""
 
 Value = bool | float | str | Sequence[float] | Sequence[str] | None
 

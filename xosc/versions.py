@@ -112,7 +112,7 @@ def _functions(text: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Rule:
-    """How elements of one name change at the step between a version and the one before it."""
+    """Change of an element between a version and its predecessor."""
 
     version: Version
     tag: str
@@ -150,7 +150,7 @@ def _renamed_value(version: Version, tag: str, attribute: str, old: str, new: st
 
 
 def _left_out_if_empty(element: etree._Element) -> None:
-    """What says nothing, and later must say something."""
+    """Remove an element that may be empty in one version and must not be in the other."""
     parent = element.getparent()
     if parent is not None and not element.attrib and next(element.iterchildren(etree.Element), None) is None:
         parent.remove(element)

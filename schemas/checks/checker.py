@@ -18,7 +18,7 @@ from schemas.security.policy import LimitReached, limited
 from schemas.xml import parse, rule_of
 
 LIMITS = "xosc.toolchain:xosc:1.0.0:limits"
-"""What a file breaks that takes more time or memory than it may; no rule of the registry"""
+"""Uid of problems with files that exceed the limits of time or memory; not a rule of the registry"""
 
 
 def check(path: str | PathLike[str], catalog_path: Folders = (), road_path: Folders = ()) -> list[Problem]:

@@ -48,7 +48,7 @@ def on_cycles(graph: Mapping[Node, Collection[Node]]) -> Iterator[Node]:
 
 
 def _unfinished(graph: Mapping[Node, Collection[Node]]) -> set[Node]:
-    """What is left when nodes that point only to finished ones are finished, again and again: cycles and what leads there."""
+    """Return the nodes on cycles and the nodes that lead to them."""
     users: dict[Node, list[Node]] = {node: [] for node in graph}
     open_edges = dict.fromkeys(graph, 0)
     for node, targets in graph.items():

@@ -1,4 +1,4 @@
-"""What a check says: one problem is one sentence about one place in one file."""
+"""Results of a check: a problem is one sentence about one place in one file."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType
 
 
 class Finding(NamedTuple):
-    """What a rule yields: the element, what is wrong with it, and a level other than the rule's where it has one."""
+    """Finding of a rule: the element, the fault, and a level where it differs from the rule's."""
 
     element: etree._Element
     message: str
@@ -63,7 +63,7 @@ class Rule:
 
     @property
     def description(self) -> str:
-        """What it demands, in one sentence."""
+        """Requirement of the rule, in one sentence."""
         return " ".join((self.check.__doc__ or "").split("\n\n")[0].split())
 
     def concerns(self, file: FileType) -> bool:

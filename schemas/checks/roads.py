@@ -125,7 +125,7 @@ def first(folders: Iterable[Path], name: str) -> Path | None:
 
 
 def candidates(folders: Iterable[Path], name: str) -> Iterator[Path]:
-    """What a file of that name may be called in the folders, in the order in which it is taken."""
+    """Yield the paths that may be meant by a file name, in order of preference."""
     stem = name.removesuffix(_SUFFIX)
     names = [each for each in dict.fromkeys((name, stem + _SUFFIX, stem)) if each]
     yield from (folder / each for folder in folders for each in names)

@@ -1,1 +1,1 @@
-"""What all commands share: their options, and the files that their arguments mean."""
+"""Base of all commands: shared options, and the files that arguments mean."""

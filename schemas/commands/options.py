@@ -1,4 +1,4 @@
-"""What all commands share: their app and common options, errors as one line and an exit code, interruptions, progress bars."""
+"""Base of all commands: app, common options, errors as one line and an exit code, interruptions, progress bars."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ _PACKAGES = [Path(__file__).parents[2] / name for name in ("schemas", "xosc", "x
 
 
 def _limits(given: dict[str, Any]) -> Policy:
-    """What options say of limits; the rest is that of a policy for files of strangers, or none."""
+    """Return the limits that the options give, over those of the policy for untrusted files or of none."""
     base = UNTRUSTED if given.pop("untrusted") else Policy()
     return replace(base, **{name: value for name, value in given.items() if value is not None})
 
@@ -187,7 +187,7 @@ def out_folder(help: str) -> OptionInfo:
 
 
 def _begin() -> None:
-    """What comes first in every command."""
+    """Prepare the process; called first in every command."""
     _open_closed_output()
     leave_working_folder_out()
     _listen()

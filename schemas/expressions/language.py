@@ -1,4 +1,4 @@
-"""What expressions are made of: their values, and the functions, constants and operators of the standard."""
+"""Vocabulary of expressions: values, and the functions, constants and operators of the standard."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the text of OSI's message definitions demands of objects and lanes in ground truth, beyond the rules beside its fields.
+"""Requirements on objects and lanes in ground truth from the text of OSI's messages, beyond the rules at its fields.
 
 Source: ASAM OSI 3.8: values that must not be used in ground truth, what is set for moving objects, lanes and their boundaries,
 what intersections have instead, and that a lane begins where its antecessors end.
@@ -42,7 +42,7 @@ class Requirements:
         self._boundaries: set[int] = set()
 
     def of(self, truth: Any) -> Iterator[Finding]:
-        """What a message breaks: name of the requirement, and how."""
+        """Yield the broken requirements of a message: name and fault."""
         now = truth.timestamp.seconds * 1_000_000_000 + truth.timestamp.nanos
         if self._before is not None and now <= self._before:
             yield "timestamp.ascends", "the timestamp does not ascend"

@@ -231,7 +231,7 @@ def check_trace(path: Path) -> list[Problem]:
 
 
 def breaches(frames: Iterable[Frame]) -> Iterator[tuple[int, OsiRule, str]]:
-    """What the messages of a trace break, one after the other: number of the message, the rule, and how."""
+    """Yield the broken rules of a trace in order: number of the message, rule, fault."""
     ids, requirements = _Ids(), Requirements()
     for frame in frames:
         stamp = frame.message.timestamp.seconds * 1_000_000_000 + frame.message.timestamp.nanos
@@ -307,7 +307,7 @@ def _has_rules(descriptor: Any, seen: set[str]) -> bool:
 
 
 def _walk(message: Any, where: str, ids: _Ids) -> Iterator[tuple[str, OsiRule, str]]:
-    """What breaks rules in a message: where, the rule, and how."""
+    """Yield the broken rules of a message: field, rule, fault."""
     for rule, field, broken in _rules().get(message.DESCRIPTOR.full_name, ()):
         text = broken(message, field, ids)
         if text is not None:

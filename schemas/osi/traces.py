@@ -64,7 +64,7 @@ class Channel(NamedTuple):
 
 @dataclass
 class Contents:
-    """What is in an MCAP file besides its messages.
+    """Contents of an MCAP file besides its messages.
 
     Attributes:
         channels: by their ids.

@@ -215,7 +215,7 @@ def sections_end_on_the_road(document: Document) -> Iterator[Finding]:
 
 @rule("asam.net:xodr:1.9.0:road.lane_section.new_lanesec_link_temp_to_perm", since=(1, 9))
 def linked_layers_share_a_border(document: Document) -> Iterator[Finding]:
-    """Where lanes of both layers are linked, a lane section of the other layer shall begin or end."""
+    """If lanes of both layers are linked, a lane section of the other layer shall begin or end at that place."""
     for road in document.elements("road"):
         layers, length = sections_by_layer(document, road), document.number(road, "length") or 0.0
         for here in (section for sections in layers.values() for section in sections):
@@ -233,7 +233,7 @@ def linked_layers_share_a_border(document: Document) -> Iterator[Finding]:
 
 @rule("asam.net:xodr:1.9.0:road.lane.link.temporary_layer_section_link_permanent", since=(1, 9))
 def temporary_lanes_can_be_entered_and_left(document: Document) -> Iterator[Finding]:
-    """Where temporary lanes begin and end on a road, those to drive on shall be linked with permanent lanes."""
+    """Temporary drivable lanes that begin or end on a road shall be linked with permanent lanes."""
     for road in document.elements("road"):
         length = document.number(road, "length") or 0.0
         temporary = sections_by_layer(document, road).get(TEMPORARY, [])

@@ -49,7 +49,7 @@ def elements_are_not_empty(document: Document) -> Iterator[Finding]:
 
 
 def lacking(element: etree._Element) -> str:
-    """What is missing in an element that is empty by this rule; "" where it is not."""
+    """Return the missing content of an element that is empty by this rule; "" if nothing is missing."""
     parts = _PARTS.get(local_name(element), ())
     inside = [local_name(child) for child in element.iterchildren(etree.Element)]
     if parts and not any(name in parts for name in inside):
@@ -150,7 +150,7 @@ def start_trigger_is_not_empty(document: Document) -> Iterator[Finding]:
 
 
 def _constant(document: Document, element: etree._Element) -> tuple[bool, str] | None:
-    """What a condition always is, and why; None where it can change."""
+    """Return the constant value of a condition and the reason; None if the value can change."""
     if local_name(element) == "ParameterCondition":
         return _parameter_condition(document, element)
     rule_name, value = document.value(element, "rule"), document.number(element, "value")

@@ -1,1 +1,1 @@
-"""What keeps files of strangers from running code, reaching other files, or taking more than they may."""
+"""Limits on untrusted files: no code is run, no other file is reached, time and memory are bounded."""

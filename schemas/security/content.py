@@ -1,4 +1,4 @@
-"""What a file holds by its content: names and endings are whatever its author likes.
+"""Types of files by their content, since an author may choose any name and suffix.
 
 Exports take along the files that a scenario refers to. A road network or a catalogue is read to know that it is one; a 3-D model
 is known by how its format begins, for nothing here reads models.

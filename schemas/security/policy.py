@@ -1,4 +1,4 @@
-"""What a command may read, load and spend: one policy for a process and all that it starts.
+"""Policy of a command on reading, loading and resources: one per process, inherited by child processes.
 
 Files of strangers refer to other files, ask for plug-ins, and may take any time and memory. `Policy` states what they get. The
 places that read, load or work ask it: `schemas.storage.read_bytes` and the readers of recordings before a file is opened, what
@@ -38,7 +38,7 @@ class LimitReached(Unsupported):
 
 @dataclass(frozen=True)
 class Policy:
-    """What a command may read, load and spend.
+    """Policy on the files a command may read, the code it may load and the resources it may use.
 
     Attributes:
         named: folders and files that the user named, resolved: a file stands for the working folder where it lies in that, for
@@ -82,7 +82,7 @@ class Policy:
 
     @property
     def outside(self) -> str:
-        """What is said of a file that lies elsewhere."""
+        """Message for a file outside the allowed folder."""
         return f"lies outside of {' and '.join(map(str, self.named))}"
 
     def admit_code(self, what: str) -> None:
@@ -237,7 +237,7 @@ def _root(path: Path) -> Path:
 
 
 def _refuse_links(path: Path) -> None:
-    """What lies in the working folder by its name must do so in fact."""
+    """Refuse a path inside the working folder that leads out of it by a link."""
     working = Path(os.path.realpath(os.curdir))
     name = Path(os.path.normpath(working / path))
     if name.is_relative_to(working) and not Path(os.path.realpath(name)).is_relative_to(working):

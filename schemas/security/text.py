@@ -14,7 +14,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 _COMMAND = re.compile(r"^\s*(?=::)|(?<=#)(?=#\w*\[)")
-"""Where GitHub (`::error::`, `##[error]`), Azure (`##vso[…]`) and TeamCity (`##teamcity[…]`) begin to read a line as a command"""
+"""Start of a workflow command in a line of text: GitHub (`::error::`, `##[error]`), Azure (`##vso[…]`), TeamCity
+(`##teamcity[…]`)"""
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
 _MARKS = re.compile(r"([\\`*_{}\[\]<>|])")
 

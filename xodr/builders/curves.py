@@ -51,7 +51,7 @@ def advance(pose: Pose, segment: Segment) -> Pose:
 
 
 def connect(start: Pose, end: Pose) -> Segment:
-    """The one clothoid that leads from `start` to `end` with both headings kept.
+    """Return the only clothoid from `start` to `end` that keeps both headings.
 
     Source: Bertolazzi and Frego, G1 fitting with clothoids, 2015.
     """

@@ -87,7 +87,7 @@ def off_ramp(
 
 @dataclass(frozen=True)
 class _Site:
-    """What on-ramp and off-ramp have in common."""
+    """Shared part of on-ramp and off-ramp."""
 
     lanes: int
     lane_width: float
@@ -163,7 +163,7 @@ class _Site:
         )
 
     def beyond(self, before: Road) -> Pose:
-        """Where the carriageway leaves the junction."""
+        """Return the pose at which the carriageway leaves the junction."""
         return Pose(before.end.x + self.radius * math.sin(self.angle), before.end.y, before.end.heading)
 
     def through(self, start: Pose, shoulder: Lane) -> Road:

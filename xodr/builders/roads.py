@@ -104,7 +104,7 @@ _APART = 200.0
 
 
 class RoadUse(NamedTuple):
-    """What is used of a road: its length in m, and the number of lanes on its right and left side."""
+    """Used part of a road: length (m), and the number of lanes on its right and left side."""
 
     road_id: str
     length: float

@@ -1,1 +1,1 @@
-"""How roads and lanes hang together: links, ways, routes, travel along them."""
+"""Connections of roads and lanes: links, ways, routes, travel along them."""

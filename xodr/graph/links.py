@@ -84,7 +84,7 @@ class _End(NamedTuple):
         return self.road.sections[0 if self.at_start else -1]
 
     def links(self) -> dict[int, tuple[LaneRef, ...]]:
-        """What each lane links to beyond the end."""
+        """Return the lanes beyond the end that each lane links to."""
         lanes = [lane for lane in self.section.lanes.values() if lane.id]
         return {lane.id: lane.predecessors if self.at_start else lane.successors for lane in lanes}
 
@@ -107,7 +107,7 @@ class _End(NamedTuple):
 
 
 def _same_lanes(here: _End, there: _End) -> list[tuple[int, int]]:
-    """Where a file links roads but none of their lanes, each lane goes on in the one at the same place."""
+    """Pair lanes at the same place, for a file that links roads but none of their lanes."""
     sign = -1 if here.at_start == there.at_start else 1
     return [(lane, sign * lane) for lane in here.links()]
 

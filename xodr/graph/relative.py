@@ -1,4 +1,4 @@
-"""Where two points lie relative to each other along the roads, in road or lane coordinates of OpenSCENARIO.
+"""Relative position of two points along the roads, in road or lane coordinates of OpenSCENARIO.
 
 Road coordinates measure along the reference lines and across them; lane coordinates along the centre of the origin's lane,
 which goes on by lane links, and across from there.
@@ -15,7 +15,7 @@ from xodr.model import RoadPoint
 
 
 class Relative(NamedTuple):
-    """Where a point lies as seen from another, in the road or lane coordinates of the other.
+    """Position of a point relative to another one, in the road or lane coordinates of the other.
 
     ds: [m] along the roads or the lane, positive towards +s. dt: [m], positive towards +t. lanes: number of lanes from one
     to the other, positive towards +t, the centre lane not counted. aligned: whether +s means the same direction at both.
@@ -28,7 +28,7 @@ class Relative(NamedTuple):
 
 
 class _Connection(NamedTuple):
-    """How two points on different roads are connected: the length [m] in s, the first way and the last one."""
+    """Connection of two points on different roads: length (m) in s, first and last way."""
 
     cost: Cost
     length: float

@@ -179,7 +179,7 @@ class Router:
 
 
 def _ahead(way: Way, s: float, other: float) -> float:
-    """How far [m] another s lies ahead on a way; negative behind."""
+    """Return the distance (m) to another s ahead on a way; negative behind."""
     return other - s if way.forward else s - other
 
 

@@ -27,7 +27,7 @@ _SHARPEST = 1e-3
 
 
 class Travel(NamedTuple):
-    """Where a movement ended.
+    """End of a movement.
 
     forward: the movement's direction on the road that was reached: True towards +s.
     left: distance [m] that could not be travelled because the road ended; 0 where it did not.
@@ -142,7 +142,8 @@ class Traveller:
         return min(links, key=self.turn) if links else None
 
     def turn(self, link: LaneLink) -> tuple[float, bool]:
-        """How far [rad, ≥ 0] the way turns on the road that a link enters (its first 50 m, or all in a junction), if right.
+        """Return the change of heading (rad, ≥ 0) on the road that a link enters (first 50 m, or all in a junction), and if
+        right.
 
         Not at all where it enters a road inside: whoever follows that road passes by.
         """
@@ -226,7 +227,7 @@ def _next_section(road: Road, index: int, lane_id: int, offset: float, forward: 
 
 
 def _nearer(border: float, closing: float, s: float, forward: bool) -> float:
-    """Where a movement from s on a lane stops to look on: at the section's border, or before that where the lane closes."""
+    """Return the s of the next stop of a movement on a lane: the section's border, or the place where the lane closes."""
     return closing if (s < closing < border if forward else border < closing < s) else border
 
 
@@ -239,7 +240,7 @@ def _merged(section: LaneSection, lane: Lane, s: float, offset: float, forward: 
 
 
 def _nearest(lane: Lane, others: Iterable[Lane], s: float, t: float) -> int:
-    """The one of other lanes on which someone at (s, t) who has lost a lane goes on; the lane itself where there is none.
+    """Return the lane that continues at (s, t) after a lane has ended; the ended lane itself if there is none.
 
     It is on the same side of the road, for traffic where the lane is, then the nearest, then the innermost.
     """

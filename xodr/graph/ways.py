@@ -38,7 +38,7 @@ class Way(NamedTuple):
 
 
 class Step(NamedTuple):
-    """How one way follows another: s where that is left and s where this is entered, in most cases at ends of the roads."""
+    """Transition between ways: s at which the first is left and s at which the next is entered, usually at the ends of roads."""
 
     leave: float
     following: Way
@@ -46,14 +46,14 @@ class Step(NamedTuple):
 
 
 Cost = tuple[float, float]
-"""What a stretch of road costs: the quantity to be kept small, and a second one that decides between equals."""
+"""Cost of a stretch of road: the quantity to minimise, and a second one that decides between equals."""
 
 Price = Callable[[Road, float], Cost]
 """Cost of travelling a length [m] on a road."""
 
 
 class Reached(NamedTuple):
-    """How a way can be reached: cost and length [m] up to its beginning, and the way before it (None: the first)."""
+    """Way that can be reached: cost and length (m) up to its start, and its predecessor (None: the first way)."""
 
     cost: Cost
     length: float

@@ -20,7 +20,7 @@ from xodr.lanelet2.reader import Area
 from xodr.lanelet2.shapes import Borders, Shape, mouths, shape
 
 _BESIDE = 1.0
-"""How far a light stands from the road's right edge, m."""
+"""Distance (m) of a traffic light from the road's right edge."""
 
 
 def signals(graph: Graph, plan: Layout, shapes: list[Shape]) -> dict[int, tuple[Signal, ...]]:
@@ -175,7 +175,7 @@ def with_crosswalks(roads: Sequence[Road], crosswalks: Sequence[Area]) -> tuple[
 
 
 def _poses(road: Road) -> Iterator[tuple[float, Pose]]:
-    """Where the pieces of the reference line begin and end."""
+    """Yield s and pose at the ends of the pieces of the reference line."""
     return zip(accumulate((piece.length for piece in road.plan), initial=0.0), road.poses, strict=True)
 
 

@@ -176,7 +176,7 @@ def _cut(table: dict[str, Lanelet], nodes: dict[str, list[Nodes]], name: str, si
 _WIDTHS = (2.0, 6.0)
 """Width that a lane may have that is only seen by its borders, m."""
 _BESIDE = 0.5
-"""How near the corners of a lanelet's end have to be to the bounds of the lanelet that it leads into, m."""
+"""Largest distance (m) between the end corners of a lanelet and the bounds of the next lanelet."""
 _NEAR_END = 2.0
 """A lanelet is not split nearer to its ends than this, m."""
 _OBLIQUE = 2.0
@@ -288,7 +288,7 @@ def _squared(lanelet: Lanelet) -> Lanelet:
 
 
 def _obliqueness(left: Points, right: Points, place: int) -> tuple[float, float]:
-    """How far the right bound begins or ends ahead of the left one, and beside it, m."""
+    """Return the offset (m) of the right bound's end from the left one's, along and across."""
     step = sum(line[place] - line[1 if place == 0 else -2] for line in (left, right)) * (1 if place == -1 else -1)
     way = step / np.hypot(*step)
     dx, dy = right[place] - left[place]

@@ -66,7 +66,7 @@ def _farthest(bound: Points, borders: list[Points]) -> float:
 
 
 def _off_centre(lanelet: Lanelet, lane: _Lines) -> float:
-    """How far a lane's centre is from half-way between the bounds, across the road, where there is one on both sides."""
+    """Return the distance of a lane's centre from the middle between its bounds, across the road."""
     sideways = lane.left - lane.right
     onward = np.column_stack([sideways[:, 1], -sideways[:, 0]])
     wide = np.hypot(*sideways.T) > STEP
@@ -79,7 +79,7 @@ _ASTRAY = 0.5
 
 
 class Conversion(NamedTuple):
-    """What became of a Lanelet2 map.
+    """Result of converting a Lanelet2 map.
 
     Attributes:
         path: the OpenDRIVE file.

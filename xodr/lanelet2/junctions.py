@@ -21,7 +21,7 @@ _LONGEST_CROSSING = 60.0
 _LONGEST_PART = 15.0
 """Length of what is cut off for a junction where nothing crosses it, m."""
 _PAST_CROSSING = 5.0
-"""How far beyond the last crossing the cut is, m."""
+"""Distance (m) from the last crossing to the cut."""
 _LARGEST_SHARE = 0.8
 """Largest share of a lanelet that is cut off for a junction."""
 
@@ -111,7 +111,7 @@ def _cut(graph: Graph, table: dict[str, Lanelet], row: Bundle, at_end: bool) -> 
 
 
 def _crossed(graph: Graph, names: Iterable[str], line: Points) -> list[float]:
-    """Where others cross a line, as lengths on it."""
+    """Return the arc lengths at which other lines cross a line."""
     from shapely import LineString, get_coordinates, points
 
     curve = LineString(line)

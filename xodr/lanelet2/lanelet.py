@@ -60,7 +60,7 @@ _SAME = 1e-3
 _FEWEST, _MOST = 8, 4000
 """Fewest and most stretches that a line is cut into."""
 _AT_ONCE = 2_000_000
-"""How many pairs of points and stretches are looked at together, to save memory."""
+"""Number of pairs of points and stretches per block, to save memory."""
 
 
 class Frame(NamedTuple):
@@ -71,7 +71,7 @@ class Frame(NamedTuple):
     heading: float
 
     def local(self, points: Points) -> Points:
-        """How far points lie ahead of the line and to the left of (x, y), (n, 2), m."""
+        """Return the coordinates (n, 2) of points ahead of the line and to the left of (x, y), m."""
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return (points - (self.x, self.y)) @ np.array([[cos, -sin], [sin, cos]])
 
@@ -98,7 +98,7 @@ def resampled(line: Points, count: int) -> Points:
 
 
 def places(length: float, step: float) -> int:
-    """How many places on a length [m] are about a step apart, both ends included; not too few and not too many."""
+    """Return the number of samples on a length (m), about a step apart, ends included; bounded on both sides."""
     return min(max(int(length / step), _FEWEST), _MOST) + 1
 
 
@@ -140,7 +140,8 @@ def frame_at(line: Points, s: float) -> Frame:
 
 
 def crossing(line: Points, frame: Frame) -> tuple[float, float]:
-    """Where a line crosses a frame from behind it: arc length on the line and distance to the left of the frame's origin, m.
+    """Return the arc length (m) at which a line crosses a frame from behind, and the offset (m) to the left of the frame's
+    origin.
 
     The crossing nearest to the origin is meant; where there is none, the line's point nearest to the frame.
     """
@@ -168,7 +169,7 @@ def between(line: Points, start: Frame, end: Frame) -> Points:
 
 
 def across(points: Points, tangents: Points, line: Points) -> FloatArray:
-    """How far to the left of points a line passes that goes their way, measured at right angles to tangents (n,), m.
+    """Return the offset (m) to the left of each point, at right angles to tangents (n,), of a line with the same direction.
 
     The place nearest to the point is meant; NaN where the line does not pass.
     """

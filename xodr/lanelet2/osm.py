@@ -55,7 +55,7 @@ class Relation:
     element: etree._Element
 
     def refs(self, role: str, type: str) -> list[str]:
-        """What the members of a role and type refer to."""
+        """Return the references of the members of a role and type."""
         return [member.ref for member in self.members if member.role == role and member.type == type]
 
     def invalid(self, message: str) -> InvalidFile:

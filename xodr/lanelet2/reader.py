@@ -24,7 +24,7 @@ CROSSWALK = "crosswalk"
 
 
 class Kind(NamedTuple):
-    """What a lanelet is in OpenDRIVE. type: lane type, or `CROSSWALK` for an object on the road."""
+    """OpenDRIVE type of a lanelet. type: lane type, or `CROSSWALK` for an object on the road."""
 
     type: str
     road_type: str
@@ -64,7 +64,7 @@ _LINES = {"line_thin": "solid", "line_thick": "solid", "curbstone": "curb", "roa
 
 
 def kind_of(relation: Relation) -> Kind | None:
-    """What a lanelet is in OpenDRIVE; None where its subtype is not known. Lanelets without a subtype are roads."""
+    """Return the OpenDRIVE type of a lanelet; None if its subtype is unknown. Lanelets without a subtype are roads."""
     tags = relation.tags
     subtype = tags.get("subtype") or "road"
     lane_type = _SUBTYPES.get(subtype)
@@ -109,7 +109,7 @@ def mark_of(tags: Tags) -> str:
 
 
 class Regulations(NamedTuple):
-    """What regulatory elements say of lanelets.
+    """Properties of lanelets from regulatory elements.
 
     limits: speed limits [m/s]. lights: ids of traffic lights. priorities: pairs of which the first goes before the second.
     left_out: ids of the relations that say nothing of this, by type and subtype.
@@ -122,7 +122,7 @@ class Regulations(NamedTuple):
 
 
 def regulations(osm: Osm) -> Regulations:
-    """What the regulatory elements of a map say, and which relations are neither this nor lanelets.
+    """Read the regulatory elements of a map; also return the relations that are neither these nor lanelets.
 
     Raises:
         InvalidFile: a speed limit is no speed.
@@ -173,7 +173,7 @@ class Area(NamedTuple):
 
 
 class Lanelets(NamedTuple):
-    """What a map has.
+    """Contents of a map.
 
     lanes: lanelets that are lanes, with successors and right neighbours. crosswalks: those that are not. priorities: pairs of
     lanelets of which the first goes before the second. geo: where the map is. notes: what is left out or assumed, one sentence

@@ -79,7 +79,7 @@ End = tuple[int, bool]
 
 
 class Edge(NamedTuple):
-    """Where a border passes a line across the road: distance to the left of its origin [m], and tangent of its angle to it."""
+    """Crossing of a border with a line across the road: offset (m) to the left of its origin, and tangent of the angle."""
 
     t: float
     slope: float
@@ -165,7 +165,7 @@ def _across(borders: Borders, end: End) -> Frame:
 
 
 def _corners(borders: Borders, end: End, frame: Frame) -> Points:
-    """How far ahead of a line across its end the borders of a bundle end (begin), m."""
+    """Return the offset (m) at which the borders of a bundle end (begin) ahead of a line across its end."""
     return frame.local(np.array([border[-1 if end[1] else 0] for border in borders.own(end[0])]))[:, 0]
 
 
@@ -219,7 +219,7 @@ def _edges(borders: Borders, end: End, frame: Frame, known: dict[_Lane, tuple[Ed
 
 
 def _edge(line: Points, frame: Frame, at_end: bool) -> Edge:
-    """Where a border passes, its slope taken from the road's side of the line."""
+    """Return the crossing of a border, its slope taken from the road's side of the line."""
     longer = prolonged(line)
     s, t = crossing(longer, frame)
     total = lengths(longer)[-1]
@@ -230,9 +230,9 @@ def _edge(line: Points, frame: Frame, at_end: bool) -> Edge:
 STEP = 0.25
 """Distance between the places where borders are measured, m."""
 LINE_TOLERANCE = 0.3
-"""How far the reference line may keep from the middle of the road, m: only its smoothness matters."""
+"""Largest distance (m) of the reference line from the middle of the road: only its smoothness matters."""
 BORDER_TOLERANCE = 0.15
-"""How far the borders may keep from those of the lanelets, m."""
+"""Largest distance (m) of the borders from those of the lanelets."""
 _SHORTEST_BEND, _SHORTEST_PIECE = 3.0, 0.6
 """Shortest pieces of the reference line and of the borders, m."""
 _MOST_PIECES = 512

@@ -1,1 +1,1 @@
-"""Where places of the plane are on the roads, one by one and as arrays."""
+"""Lookup of road positions from positions in the plane, one by one and as arrays."""

@@ -163,7 +163,7 @@ def _hermite(a: FloatArray, slope_a: FloatArray, b: FloatArray, slope_b: FloatAr
 
 
 def _room(road: Road, start: float, end: float) -> float:
-    """How far the surface reaches from the line between two s, m."""
+    """Return the reach (m) of the surface from the line between two s."""
     count = 1 + math.ceil((end - start) / _EDGES)
     places = [*np.linspace(start, end, count).tolist(), *(section.s for section in road.sections if start < section.s < end)]
     return max(abs(edge) for s in places for edge in road.edges(s)) + _MARGIN

@@ -26,7 +26,7 @@ _OF_HEIGHTS = ("geoidgrids", "vunits", "vto_meter")
 """Parameters of PROJ that concern heights, which are taken as they are"""
 _NUMBERED = re.compile(r"\+?init=(epsg|esri):(\d+)(?:\s+\+?(?:no_defs|type=crs|wktext))*", re.IGNORECASE)
 _READS_FILES = re.compile(r"grids|init\s*=|file|pipeline|\bstep\b|shift|catalog|deformation|defmodel|tinshift", re.IGNORECASE)
-"""What a projection holds that names files, in any of the languages that PROJ reads"""
+"""Parts of a projection that name files, in any of PROJ's languages"""
 
 
 def without_files(projection: str, path: Path) -> str:

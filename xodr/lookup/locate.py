@@ -155,7 +155,7 @@ def _local(road: Road, x: float, y: float, s: float) -> tuple[float, float]:
 
 
 def _bisect(road: Road, x: float, y: float, low: float, high: float) -> float:
-    """Where "ahead" changes sign: also finds the kink of a line that is not smooth, where Newton's method jumps to and fro."""
+    """Find the s at which "ahead" changes sign. Works at kinks too, where Newton's method oscillates."""
     while high - low > CONVERGED:
         middle = 0.5 * (low + high)
         if middle in (low, high):
@@ -168,7 +168,8 @@ def _bisect(road: Road, x: float, y: float, low: float, high: float) -> float:
 
 
 def _mismatch(road: Road, point: RoadPoint, z: float | None, h: float | None) -> tuple[float, float, float]:
-    """How badly a road point fits: wrong level [m], heading against the lane [rad, coarse], distance from the lane's centre."""
+    """Return the mismatch of a road point: level (m), heading against the lane (rad, coarse), distance (m) from the lane's
+    centre."""
     height = abs(road.pose(point.s, point.t).z - z) if z is not None else 0.0
     angle = 0.0
     if h is not None:

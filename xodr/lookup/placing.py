@@ -167,7 +167,7 @@ def _project(part: Part, x: FloatArray, y: FloatArray, start: OnChord) -> tuple[
 
 
 def _bisect(part: Part, x: FloatArray, y: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Where "ahead" changes its sign: also finds a kink of the line."""
+    """Find the s at which "ahead" changes sign; works at kinks of the line too."""
     for _ in range(_MOST_HALVINGS):
         middle = 0.5 * (low + high)
         beyond = part.local(x, y, middle).ahead > 0.0
@@ -176,7 +176,7 @@ def _bisect(part: Part, x: FloatArray, y: FloatArray, low: FloatArray, high: Flo
 
 
 def _beside(road: Road, s: FloatArray, t: FloatArray) -> FloatArray:
-    """How far each place lies outside of the road's edges, m; negative inside."""
+    """Return the distance (m) of each place outside of the road's edges; negative inside."""
     outside, section_of = np.zeros(len(s)), arrays.sections(road, s)
     for index, section in enumerate(road.sections):
         rows = section_of == index

@@ -111,7 +111,7 @@ _STARTS = {
     "border": "sOffset",
     "speed": "sOffset",
 }
-"""Where a record begins, by element: at 0 where a first record does not say."""
+"""Attribute with the start of a record, by element; a missing one of a first record is 0."""
 
 _SHORT = 0.1
 """Records with absurd numbers are read as constant where they hold for at most this length, in m."""
@@ -149,7 +149,7 @@ def _missing(root: etree._Element) -> Iterator[Repair]:
 
 
 def _start(element: etree._Element, name: str) -> str | None:
-    """Where a record begins that does not say: the first one at 0, shapes where the one before does; None for all others."""
+    """Return the start of a record that lacks it: 0 for the first, the preceding start for shapes, None for others."""
     parent = element.getparent()
     if element.tag == "speed" and parent is not None and parent.tag == "type":
         return None  # it has no start

@@ -14,7 +14,7 @@ _NOT_ON_ROADS = (
 
 
 class Use(NamedTuple):
-    """Who may use a lane: its kind (traffic goes from a lane only to lanes of its kind) and SUMO's attribute for it."""
+    """Permitted use of a lane: its kind (lanes connect only to lanes of their kind) and SUMO's attribute for it."""
 
     kind: str
     attribute: str
@@ -47,13 +47,13 @@ SPEED_LIMITS = {
     "pedestrian": 10 / 3.6,
     "bicycle": 30 / 3.6,
 }
-"""What SUMO's own drivers keep to on roads whose file gives no limit, by road type, in m/s."""
+"""Speed limits (m/s) of SUMO's drivers on roads whose file gives none, by road type."""
 USUAL_SPEED_LIMIT = 50 / 3.6
 """The same for all other roads: netconvert's own default."""
 
 
 def use_of(lane_type: str) -> Use:
-    """Who may use a lane of that type; lanes of unknown types are closed, as those of type none."""
+    """Return the permitted use of a lane type; lanes of unknown types are closed, as type none."""
     return _USES.get(lane_type, CLOSED)
 
 
@@ -120,5 +120,5 @@ class SumoNet:
         return places[max(bisect_right(places, s, key=lambda place: place[0]) - 1, 0)][1]
 
     def track(self, sumo_lane: str) -> Track | None:
-        """What a SUMO lane is in the road network; None for SUMO's own, such as the dock."""
+        """Return the road and lane of a SUMO lane; None for SUMO's own, such as the dock."""
         return self._tracks.get(sumo_lane)

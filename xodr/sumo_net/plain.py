@@ -95,7 +95,7 @@ def _directions(road: Road, signal_id: str, signal: Signal | SignalReference) ->
 
 
 def _stop(road: Road, s: float, direction: int) -> float | None:
-    """Where traffic waits for a light at s: None for the junction ahead, where it is near or the light stands behind the road."""
+    """Return the stop position for a traffic light at s; None for a near junction ahead or a light past the road."""
     link, left = (road.successor, road.length - s) if direction > 0 else (road.predecessor, s)
     at_junction = link is not None and link.element_type == "junction" and left <= APPROACH
     return None if at_junction or not 0.5 < s < road.length - 0.5 else s
@@ -162,7 +162,7 @@ class _Piece(NamedTuple):
 
 
 _Row = dict[int, Place]
-"""Where the lanes of a piece are in SUMO."""
+"""Positions of a piece's lanes in SUMO."""
 
 
 class _Writer:

@@ -1,4 +1,4 @@
-"""What scenarios for CARLA's scenario_runner say otherwise than the standard.
+"""Differences between scenarios for CARLA's scenario_runner and the standard.
 
 A FileHeader whose description begins with `CARLA:` means CARLA's axes: y points to the right, headings count clockwise, and
 lateral values count to the right of the traffic (scenario_runner's page on OpenSCENARIO, and its parser, September 2025). In

@@ -247,7 +247,7 @@ def _types(declarations: dict[str, Node]) -> dict[str, str]:
 
 
 def _places(node: Node) -> Iterator[tuple[str, Node]]:
-    """Where each parameter gets its values."""
+    """Yield each parameter with the element that gives its values."""
     for place in node.iter("DeterministicSingleParameterDistribution", "StochasticDistribution"):
         yield place.get("parameterName"), place
     for place in node.iter("ParameterAssignment"):
@@ -317,7 +317,7 @@ class Selection:
         return bool(self.only) or self.sample is not None
 
     def count(self, space: ParameterSpace) -> int:
-        """How many sets are chosen of a space, at most: those that constraints exclude are counted."""
+        """Return the number of parameter sets of a space. Sets that constraints exclude are counted."""
         if self.only and space.distribution is not None:
             return sum(max(0, min(last, space.size - 1) - first + 1) for first, last in self.only)
         return space.size if self.sample is None else min(self.sample, space.size)

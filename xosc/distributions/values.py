@@ -1,4 +1,4 @@
-"""What all distributions share: ranges, numbers as text, checks, elements; and user-defined ones, whose meaning plug-ins give."""
+"""Shared parts of distributions: ranges, numbers as text, checks, elements; user-defined ones get their meaning from plug-ins."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ Locate = Callable[[Document], Geometry]
 
 
 class Resolving(TypedDict):
-    """How documents are worked out, as in `xosc.resolve`."""
+    """Settings for resolving documents, as in `xosc.resolve`."""
 
     enforce_constraints: bool
     strict: bool
@@ -44,7 +44,7 @@ class Resolving(TypedDict):
 
 @dataclass(frozen=True)
 class ExportSettings:
-    """How documents are exported.
+    """Settings of an export.
 
     Args:
         strict: refuse what is otherwise repaired, changed or left out with a remark.

@@ -1,4 +1,4 @@
-"""What a version can't say and no motion depends on: left out, or said as that version says it, with a remark each.
+"""Elements that a version lacks and no motion depends on: left out or rewritten, with a remark each.
 
 `xosc.versions` converts what can be said in both versions, and refuses the rest. Exports that are not strict make these changes
 before. A place is XPath from the root; values that are still parameters (`$…`) are left as they are.
@@ -117,7 +117,7 @@ def _parent(element: etree._Element) -> etree._Element:
 
 
 def _keep(_: etree._Element) -> None:
-    """What stays as it is, and is read otherwise."""
+    """Keep an element whose meaning differs between versions."""
 
 
 def _idle(action: etree._Element) -> None:

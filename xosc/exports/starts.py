@@ -12,7 +12,7 @@ from xosc.node import Node
 
 
 class Start(NamedTuple):
-    """How an entity starts.
+    """Initial state of an entity.
 
     road, lane, s (m): None, 0 and 0 where its position does not name them. speed: m/s; None where none is set.
     pose: x, y, z (m) and heading (rad), where the roads are known. centred: whether it is in the middle of its lane and faces
@@ -28,7 +28,7 @@ class Start(NamedTuple):
 
 
 def starts(scenario: Node) -> dict[str, Start]:
-    """How the entities start, by name.
+    """Return the initial states of the entities by name.
 
     Args:
         scenario: root of a document whose attributes are literals.
@@ -73,11 +73,11 @@ def actors(action: Node) -> list[str]:
 
 
 State = Callable[[Node, str], Start | None]
-"""How an entity is when an action begins, as far as it is known: by the action and the entity's name."""
+"""Function that returns the known state of an entity at the start of an action, by the action and the entity's name."""
 
 
 def as_started(scenario: Node, known: Mapping[str, Start]) -> State:
-    """What is certain: how it started, where it has done nothing of that kind since."""
+    """Return certain states: the initial one, if no earlier action can have changed it."""
 
     def state(action: Node, entity: str) -> Start | None:
         holder = next(each.tag for each in action.element.iterancestors() if each.tag in ("LateralAction", "LongitudinalAction"))
@@ -87,7 +87,7 @@ def as_started(scenario: Node, known: Mapping[str, Start]) -> State:
 
 
 def as_told(scenario: Node, known: Mapping[str, Start]) -> State:
-    """What is to be expected: the lane and speed that the actions demand of it which stand before that one in the file."""
+    """Return expected states: lane and speed that the preceding actions in the file set."""
     stories = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(*_DEMANDS)]
 
     def state(action: Node, entity: str) -> Start | None:
@@ -103,7 +103,7 @@ def as_told(scenario: Node, known: Mapping[str, Start]) -> State:
 
 
 def as_expected(scenario: Node, known: Mapping[str, Start], during: State) -> State:
-    """What is to be expected, and where that leaves lane or speed open, how it is in a run.
+    """Return expected states; lane or speed that they leave open are taken from a run.
 
     Args:
         during: how an entity is when an action begins in a run.
@@ -136,7 +136,7 @@ def target_speed(action: Node, state: State) -> float | None:
 
 
 def _after(action: Node, entity: str, now: Start, state: State) -> Start:
-    """How an entity is after an action; what then is not known is as in an empty `Start`."""
+    """Return the state of an entity after an action; unknown values are those of an empty `Start`."""
     if action.tag == "SpeedAction":
         return now._replace(speed=target_speed(action, state))
     if action.tag == "LaneChangeAction":
@@ -174,7 +174,7 @@ class Geometry(Protocol):
     """A scenario on its roads."""
 
     def starts(self) -> Mapping[str, Start]:
-        """How everybody starts who is there at the beginning, by name."""
+        """Return the initial states of the entities present at the start, by name."""
         ...
 
     def begins(self, element: Node) -> float | None:
@@ -186,18 +186,19 @@ class Geometry(Protocol):
         ...
 
     def driven(self, entity: str, begin: float, end: float) -> Sequence[Place]:
-        """Where an entity is at each step of that run from a time (s) until another; times count from the first."""
+        """Return the positions of an entity at each step of that run between two times (s); times start at the first step."""
         ...
 
     def during(self, action: Node, entity: str) -> Start | None:
-        """How an entity is when an action of a story begins; None where it doesn't begin, or the entity is not there.
+        """Return the state of an entity at the start of a story's action; None if the action never starts or the entity is
+        absent.
 
         It is so in a run without a system under test.
         """
         ...
 
     def put(self, action: Node, entity: str) -> Place | None:
-        """Where an action puts an entity at once in that run; None where it doesn't begin."""
+        """Return the position to which an action teleports an entity in that run; None if the action never starts."""
         ...
 
     def direction(self, road: str, lane: int) -> int:
@@ -209,7 +210,7 @@ class Geometry(Protocol):
         ...
 
     def place(self, position: Node) -> Place | None:
-        """Where an element Position is; None where that depends on what happens."""
+        """Return the place of an element Position; None if it depends on the run."""
         ...
 
     def track(

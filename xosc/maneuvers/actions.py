@@ -181,7 +181,7 @@ def time_to_collision(
 
 
 def _measured(kind: str, coordinates: str, freespace: bool) -> dict[str, Any]:
-    """How a condition measures its distance, see `relative_distance`."""
+    """Return the attributes that define the distance of a condition, see `relative_distance`."""
     return {
         "freespace": freespace,
         "distance_type": enum_value("RelativeDistanceType", kind),

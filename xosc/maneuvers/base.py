@@ -1,4 +1,4 @@
-"""What the builders share: numbers, enumerations of the standard, and turning scenariogeneration's objects into elements."""
+"""Shared parts of the builders: numbers, enumerations of the standard, conversion of scenariogeneration's objects to elements."""
 
 from __future__ import annotations
 

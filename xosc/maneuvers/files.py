@@ -22,7 +22,7 @@ from xosc.maneuvers.entities import declarations
 from xosc.versions import Version
 
 CATALOG_KINDS = ("Vehicle", "Pedestrian", "MiscObject", "Controller", "Environment", "Maneuver", "Trajectory", "Route")
-"""What a catalogue can hold."""
+"""Kinds of catalogue entries."""
 
 
 def scenario(
@@ -112,7 +112,7 @@ def trajectory_catalog(header: Header, entries: Sequence[Polyline], version: Ver
 
 @lru_cache(maxsize=32)
 def _around_trajectories(header: Header, version: Version) -> tuple[str, str]:
-    """What stands before and after the entries of a catalogue of polylines."""
+    """Return the text before and after the entries of a catalogue of polylines."""
     few = Polyline("few", dict.fromkeys("txy", (0.0, 1.0)))
     before, _, after = to_bytes(catalog("", header, "TrajectoryCatalog", [few], version)).decode().partition(few.text)
     return before, after

@@ -33,7 +33,7 @@ _REPAIRS = (
 )
 """In the order in which they are made."""
 _OF_VALID_DOCUMENTS = (names.correct_declared_names, names.keep_last_declarations, names.tell_repeated_names)
-"""Those of faults that no XSD forbids."""
+"""Repairs of faults that no XSD forbids."""
 
 
 def repair(root: Node, versions: tuple[revision.Version, ...]) -> list[Remark]:

@@ -86,7 +86,7 @@ def correct_spellings(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
 
 
 def _standard_spelling(name: str, attribute: Attribute, text: str) -> str | None:
-    """What a text stands for as the value of an attribute; None where that is not known."""
+    """Return the standard's spelling of an attribute value; None if unknown."""
     if (name, text) == _UNLIMITED[:2]:
         return _UNLIMITED[2]
     if name == "parameterType" and text in _TYPES:
@@ -139,7 +139,7 @@ _DEFAULTS = {
 """Attributes of elements, by the value that changes nothing: later versions have it as default, or nothing else can be meant."""
 _DEFAULT_OF = {name: value for value, names in _DEFAULTS.items() for name in names}
 _AT_ONCE = {"value": "0", "dynamicsDimension": "time"}
-"""What the dynamics of a step need not say."""
+"""Dynamics attributes that a step may omit."""
 
 
 def add_missing_attributes(root: Node, version: tuple[int, int]) -> Iterator[Remark]:

@@ -1,4 +1,4 @@
-"""What the official XSDs declare: the types of attributes, and whether they must be there; the order of child elements."""
+"""Declarations of the official XSDs: types and use of attributes, order of child elements."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def similar(name: str, known: Iterable[str]) -> str:
 
 
 def suggested(name: str, known: Iterable[str]) -> str:
-    """What a remark adds on an unknown name: the most similar one, if any."""
+    """Return the hint for an unknown name: the most similar one, or ""."""
     close = get_close_matches(name.lower()[:_LONGEST], by_lower := {each.lower(): each for each in known}, 1)
     return f"; did you mean {by_lower[close[0]]}?" if close else ""
 
@@ -122,7 +122,7 @@ def _tree(version: tuple[int, int]) -> etree._ElementTree | None:
 
 
 def _by_element(tree: etree._ElementTree, read: Callable[[etree._Element], dict[str, T]]) -> dict[str, dict[str, T]]:
-    """What is read of the types of elements, by the elements' names, those with several types left out."""
+    """Read a property of each element's type, by element name. Elements with several types are left out."""
     types = {each.get("name"): each for each in tree.iter("{*}complexType") if each.get("name")}
     found: dict[str, dict[str, T]] = {}
     ambiguous: set[str] = set()

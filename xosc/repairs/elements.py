@@ -112,7 +112,7 @@ _MEANINGS = {
     ("MiscObject", "Properties"): "there are none",
     ("Controller", "Properties"): "there are none",
 }
-"""What the absence of elements says: what their empty form says, or that with what follows here."""
+"""Meaning of absent elements: that of their empty form, or the text given here."""
 _INSIDE = {"Init": "Actions", "TimeReference": "None"}
 _ATTRIBUTES = {
     "Actors": {"selectTriggeringEntities": "false"},

@@ -64,7 +64,7 @@ def claimed(root: Node) -> Version | None:
 
 
 def _distance(version: Version, said: Version | None) -> tuple[int, int]:
-    """How far a version is from what the header says; of two that are as far, the newer comes first."""
+    """Return the distance between a version and the one in the header; of two equally distant ones the newer sorts first."""
     distance = abs(100 * version[0] + version[1] - 100 * said[0] - said[1]) if said else 0
     return distance, -version[1]
 

@@ -232,7 +232,7 @@ def _change(action: Node, scenario: Node, state: State, left_hand: bool, geometr
 
 
 def _steps(target: Node, now: Start, other: Start | None, left_hand: bool) -> int:
-    """How many lanes to its own left an entity changes that is on a known lane, as is the one that the target may name."""
+    """Return the number of lanes to its own left that an entity on a known lane changes."""
     unknown = "scenario_runner counts lanes from the actor's own, which is known only when it runs"
     if now.road is None or (target.tag != "AbsoluteTargetLane" and (other is None or other.road != now.road)):
         raise target.unsupported(unknown)
@@ -268,7 +268,7 @@ def _over_distance(action: Node, actor: str, now: Start, geometry: Geometry | No
 
 
 def _driven(action: Node, actor: str, geometry: Geometry) -> float:
-    """How far (m) the actor drives along the road while an action goes on to its end in a run; 0 where it doesn't."""
+    """Return the distance (m) along the road that the actor drives in a run after an action ends; 0 if it stands."""
     begin, end = geometry.begins(action), geometry.ends(action)
     places = geometry.driven(actor, begin, end) if begin is not None and end is not None else []
     return sum(math.dist(a[:3], b[:3]) for a, b in pairwise(places))

@@ -16,7 +16,7 @@ from xosc.node import Node
 from xosc.roads import RoadFile
 
 _TRIGGERS = "/OpenSCENARIO/Storyboard/Story"
-"""Where triggers are looked at: that of the storyboard's end is not."""
+"""Path of the triggers that are checked; the stop trigger of the storyboard is not."""
 _SIGNAL = "[not(starts-with(@name, 'id=') or starts-with(@name, 'pos='))]"
 _MAY_END = "[@conditionEdge='falling' or not(ByValueCondition/SimulationTimeCondition[starts-with(@rule, 'greater')])]"
 """A time that has been reached stays so: it has no other edge than that."""
@@ -90,7 +90,7 @@ IGNORED = (
 
 
 _BEFORE_THE_END = 0.01
-"""How far (m) before the end of a road CARLA has its last place"""
+"""Distance (m) from the end of a road to CARLA's last position on it"""
 
 
 def need_map(document: Document, network: RoadFile | None) -> None:

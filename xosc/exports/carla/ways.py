@@ -101,7 +101,7 @@ _DISTANCE = "LongitudinalDistanceAction"
 _APART = 0.5
 """m between two vertices at least, where times don't count."""
 _JUMP = 2.0
-"""How many times as far as in the next step one goes who is put somewhere."""
+"""Ratio of a displacement to the next one above which it counts as a teleport."""
 
 
 def trajectories(document: Document, geometry: Geometry) -> Iterator[str]:
