@@ -170,7 +170,7 @@ def _reporting(junit: Path | None, inconclusive: str) -> Iterator[list[Outcome] 
 
 
 def _also(osi: Path | None, replay: bool, gui: bool, out: Path | None) -> Iterator[Also]:
-    """What is to be done with each result besides writing it; options as in `xosc_run`."""
+    """Yield the further uses of each result besides writing it; options as in `xosc_run`."""
     if osi is not None:
         from runner.exports.osi import write_trace
 

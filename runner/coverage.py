@@ -1,4 +1,4 @@
-"""What of OpenSCENARIO XML is executed: compares the registries with the official XSD and writes `docs/coverage.md`.
+"""Coverage of OpenSCENARIO XML: compares the registries with the official XSD and writes `docs/coverage.md`.
 
 python -m runner.coverage docs/coverage.md
 """
@@ -126,7 +126,7 @@ ESMINI = {
     "Entities": "in part: no EntitySelection",
     "Storyboard": "in part: no selectTriggeringEntities; skipped events make no transition",
 }
-"""What esmini 3.6.0 does not do, as read from its documents and source; everything else it does."""
+"""Gaps of esmini 3.6.0, from its documents and source; it executes everything else."""
 
 
 _LISTED = ("PreferredLaneLayerAction",)
@@ -152,7 +152,7 @@ NEW_IN_1_4 = {
     ("Role", "values"): "kept; no motion depends on roles",
     ("VehicleLightType", "values"): "as the other lights",
 }
-"""What is done with the additions of 1.4 to what there was, by type and name."""
+"""Treatment of the additions of 1.4, by type and name."""
 
 
 class Row(NamedTuple):
@@ -205,7 +205,7 @@ def first_versions() -> dict[str, str]:
 
 
 def rows(root: etree._Element, family: Family) -> list[Row]:
-    """What the runner does with each element of a family."""
+    """Return the runner's treatment of each element of a family."""
     family.table.load()
     found = []
     for parent, name in leaves(root, family.type):
@@ -220,7 +220,7 @@ def rows(root: etree._Element, family: Family) -> list[Row]:
 
 
 def other_rows(root: etree._Element, type_name: str) -> list[Row]:
-    """What happens to the elements of a type that no registry executes."""
+    """Return the treatment of a type's elements that no registry executes."""
     notes = OTHERS[type_name]
     found = []
     for element in _elements(root, type_name):

@@ -1,4 +1,4 @@
-"""What a run writes down, and recordings of real traffic are read into: who was where when, and the event log."""
+"""Recordings of runs and of real traffic: states of entities over time, and the event log."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ _pack = Struct("=" + "".join("q" if type_ == "int64" else "d" for _, type_ in _F
 
 
 class _Rows:
-    """What is written down of one entity; a road id of None means: not looked up yet."""
+    """Recorded rows of one entity; a road id of None is not looked up yet."""
 
     __slots__ = ("numbers", "roads")
 
@@ -186,7 +186,7 @@ class Recorder:
                 written.numbers += pack(time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, 0, 0.0, 0.0, 0.0)
 
     def recording(self) -> Recording:
-        """What was written down so far."""
+        """Return the recording so far."""
         tracks = [_track(entity.declared, rows) for entity, rows in self._rows.items()]
         return Recording(tracks, self._timestep, self._network)
 

@@ -25,7 +25,7 @@ _LONGEST = 1e6
 
 @dataclass(frozen=True)
 class RunSettings:
-    """How scenarios are run, the same for one run, a batch, an export or a search.
+    """Settings of a run, the same for one run, a batch, an export or a search.
 
     Args:
         timestep: s.
@@ -82,14 +82,14 @@ class RunSettings:
 
     @property
     def ends_after_collision(self) -> bool:
-        """What `end_after_collision` says, or else whether a system under test drives the ego."""
+        """Value of `end_after_collision`, or by default whether a system under test drives the ego."""
         from runner.sut import system_name
 
         return system_name(self.sut) != "none" if self.end_after_collision is None else self.end_after_collision
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
-        """What `fail_if` says."""
+        """Limits of `fail_if`."""
         return tuple(map(Limit.parse, self.fail_if))
 
     def as_json(self) -> dict[str, Any]:

@@ -40,7 +40,7 @@ _SAME_CHANGE = 1e-6
 
 
 class Timing:
-    """How a trajectory's times become times of the simulation: scaled, then shifted, counted from 0 or from the action's start.
+    """Mapping of a trajectory's times to simulation times: scaled, then shifted, counted from 0 or from the action's start.
 
     An `initialDistanceOffset` takes the time to get there out of all times.
     """
@@ -137,7 +137,7 @@ class FollowTrajectoryAction(PrivateAction):
         return _Following(actor, run, motion, pace, self._limits(actor))
 
     def _limits(self, actor: Entity) -> Performance:
-        """What bounds changes of speed; not jerk, as accelerations that are constant between vertices jump there."""
+        """Return the limits on changes of speed. Jerk is unlimited: accelerations constant between vertices jump there."""
         if not self.follow:
             return Performance()
         return actor.declared.performance._replace(max_acceleration_rate=math.inf, max_deceleration_rate=math.inf)
@@ -206,7 +206,7 @@ class Pace:
 
     @property
     def length(self) -> float:
-        """Where the schedule ends, m."""
+        """End of the schedule (m)."""
         return self._schedule.stations[-1]
 
     @property
@@ -215,7 +215,7 @@ class Pace:
         return self._schedule.final_speed < _STANDSTILL
 
     def station(self, time: float) -> float:
-        """Where (m) the follower is to be at a time of the simulation (s); after the end it goes on evenly."""
+        """Return the scheduled station (m) at a simulation time (s); after the end it grows at constant speed."""
         schedule = self._schedule
         time -= self._origin
         over = time - schedule.times[-1]

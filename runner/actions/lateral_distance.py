@@ -112,7 +112,7 @@ class _Sidestep(Running):
             self._distance = max(self._side * left - self._cover(), 0.0)
 
     def _left(self) -> float | None:
-        """How far (m) the actor is to the left of the reference; None where that is not defined (any more)."""
+        """Return the offset (m) of the actor to the left of the reference; None if undefined."""
         action = self._action
         if not action.reference.active:
             return None
@@ -132,7 +132,7 @@ class _Sidestep(Running):
         return reach - min(across) if self._side > 0 else reach + max(across)
 
     def _error(self) -> float | None:
-        """How far (m) the actor has to move to its own left; None where the distance is not defined."""
+        """Return the offset (m) to the actor's own left that is left to move; None if the distance is undefined."""
         left = self._left()
         if left is None or self._distance is None:
             return None

@@ -121,7 +121,7 @@ class _Gap:
         return distances.longitudinal(self.run.roads, self.actor, self.action.reference, self.action.system, False)
 
     def error(self) -> float | None:
-        """How far (m) the actor has to go forward for the distance to hold; None where it is not defined (any more)."""
+        """Return the distance (m) that the actor is behind its goal; None if undefined."""
         ahead = self._ahead()
         return None if ahead is None else ahead - self.side * self._target_distance()
 

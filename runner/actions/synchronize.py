@@ -31,7 +31,7 @@ _STILL = 1e-6
 
 
 class SteadyState(NamedTuple):
-    """How long before the target the final speed is to be held: m, or s."""
+    """Phase of constant final speed before the target: length in m, or duration in s."""
 
     distance: float = 0.0
     time: float = 0.0

@@ -54,12 +54,12 @@ def _count(node: Node, attribute: str) -> int:
 
 
 def _rate(node: Node) -> float:
-    """How many a second; without end where there is none."""
+    """Return the rate (1/s); infinite if the attribute is absent."""
     return math.inf if node.float("rate", math.inf) == math.inf else _amount(node, "rate")
 
 
 def _due(rate: float, elapsed: float) -> float:
-    """How many after the first are due after a time (s)."""
+    """Return the number of entities due a time (s) after the first one."""
     return rate if rate == math.inf else rate * elapsed + _EPSILON
 
 
@@ -69,7 +69,7 @@ def _optional(node: Node, *attributes: str) -> float | None:
 
 
 class _Running(Running, ABC):
-    """What the running actions have in common: TrafficStopAction ends them."""
+    """Shared part of running traffic actions; TrafficStopAction ends them."""
 
     def __init__(self, name: str, run: Run) -> None:
         self.name, self.run = name, run
@@ -201,20 +201,20 @@ class _Population(_Running):
 
     @abstractmethod
     def region(self) -> Region:
-        """Where it lives now."""
+        """Current region of the traffic."""
 
     def places(self) -> list[Place]:
-        """Where it can appear now."""
+        """Current places of appearance."""
         assert self.run.roads.network is not None
         region = self.region()
         return [place for place in places_of(self.run.roads.network) if region.contains(place.x, place.y)]
 
     def candidates(self, places: list[Place]) -> list[Place]:
-        """Where the next one may appear."""
+        """Return the places where the next entity may appear."""
         return places
 
     def speed(self, place: Place) -> float:
-        """How fast it appears at a place, m/s."""
+        """Return the initial speed (m/s) at a place."""
         return place.speed
 
     def act(self, dt: float) -> None:

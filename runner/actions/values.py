@@ -31,7 +31,7 @@ class _Target(NamedTuple):
 
     @classmethod
     def of(cls, node: Node, context: Context) -> _Target:
-        """What the enclosing ParameterAction or VariableAction refers to; it must be declared."""
+        """Return the target of the enclosing ParameterAction or VariableAction; it must be declared."""
         above = node.parent
         assert above is not None
         what = above.tag.removesuffix("Action").lower()

@@ -10,12 +10,12 @@ from runner.batch import journal
 from runner.batch.jobs import Job, Outcome
 
 Identity = tuple[str, tuple[tuple[str, str], ...], int | None]
-"""What makes two runs of two batches the same: name of their file, parameters, seed"""
+"""Key that identifies a run in two batches: file name, parameters, seed"""
 _FAILS = ("failed", "error")
 
 
 def identity(file: Path, parameters: Mapping[str, object] | Iterable[tuple[str, str]], seed: int | None) -> Identity:
-    """What a run is known by in batches."""
+    """Return the key of a run."""
     pairs = parameters.items() if isinstance(parameters, Mapping) else parameters
     return Path(file).stem, tuple(sorted((name, str(value)) for name, value in pairs)), seed
 

@@ -1,4 +1,4 @@
-"""What a batch consists of: jobs, how files become jobs, and how each job ended."""
+"""Jobs of a batch: their creation from files, and their outcomes."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ FLEETING = {"memory": "a shortage of memory", "died": "the death of their proces
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one run of a batch ended.
+    """Outcome of one run of a batch.
 
     Args:
         state: `passed`, `failed`, `inconclusive` (its verdict), `error` (a defect of the file or the run), or `loaded` (by a
@@ -150,7 +150,7 @@ class Jobs:
 
     @property
     def total(self) -> int:
-        """How many there are at most: sets that constraints exclude are counted. The files are read for it."""
+        """Return the largest possible number of jobs; sets that constraints exclude are counted. Reads the files."""
         return sum(self._count(path) for _, path in self._files)
 
     def _count(self, path: Path) -> int:
@@ -188,7 +188,7 @@ class Jobs:
 
 
 def assumed(job: Job, strict: bool) -> Sequence[Remark]:
-    """What was assumed to read the parameter value distribution that a job is of; nothing for other jobs.
+    """Return the assumptions in reading the parameter value distribution of a job; none for other jobs.
 
     Raises:
         InvalidFile: there is something, and reading is strict.

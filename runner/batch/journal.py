@@ -1,4 +1,4 @@
-"""What a batch has done so far, in its output folder: finished runs, entered when their results are safely on disk."""
+"""Journal of a batch in its output folder: finished runs, entered after their results are synced to disk."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ LOCAL = "local"
 _AHEAD = 2
 """Runs handed out for each processor of the cluster"""
 _REPEATS = 2
-"""How often a run is repeated whose process or machine has died"""
+"""Number of repetitions of a run whose process or machine has died"""
 _LEAVING = 60.0
 """Time (s) that runs in work have to end when nobody waits for them any more"""
 _LISTENING = 5.0

@@ -66,7 +66,7 @@ class Pairwise:
 
 
 def _rehearsed(outcomes: Iterable[Outcome], sets: Counter[Path]) -> Outcome:
-    """What becomes of one file, from what became of its sets."""
+    """Combine the outcomes of a file's parameter sets."""
     first, count, failures, remarks = None, 0, list[Outcome](), dict[str, None]()
     for outcome in outcomes:
         count += 1

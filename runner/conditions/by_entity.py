@@ -159,7 +159,7 @@ class CollisionCondition(EntityCondition):
         return any(other.name in self.others for other in run.touching(entity))
 
     def describe(self, entity: Entity, run: Instant) -> str:
-        """Whom it touches."""
+        """Describe the collision partner."""
         touched = ", ".join(other.name for other in run.touching(entity)) or "no one"
         return f"collision of {entity.name} with {self.what}: {entity.name} touches {touched}"
 

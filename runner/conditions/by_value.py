@@ -51,13 +51,13 @@ class SimulationTimeCondition(Condition):
         return cls(Comparison.from_xml(node, "s"))
 
     def keeps(self, run: Instant) -> float:
-        """Where it is true from a time on: up to then, and for good afterwards."""
+        """Return the time up to which the value stays; infinite if it is true from then on."""
         if not self.stays_true:
             return -math.inf
         return math.inf if self.evaluate(run) else self.false_until(run)
 
     def false_until(self, run: Instant) -> float:
-        """Where it is true from a time on: up to then."""
+        """Return the time (s) from which the condition is true."""
         return self._since + self.comparison.value - 2.0 * TOLERANCE if self.stays_true else -math.inf
 
     def evaluate(self, run: Instant) -> bool:
@@ -121,7 +121,7 @@ class _Expected:
             return False
 
     def describe(self, what: str, value: Value | None) -> str:
-        """What is compared."""
+        """Describe a comparison."""
         seen = "undefined" if value is None else value
         return f"{what} = {seen} {RULES[self.rule].symbol} {self.expected}"
 

@@ -35,7 +35,7 @@ _STILL = 1e-6
 
 
 class Measure(NamedTuple):
-    """How a condition measures distance.
+    """Distance measure of a condition.
 
     Args:
         kind: longitudinal, lateral or euclidean.
@@ -78,7 +78,7 @@ class Measure(NamedTuple):
         return rate(run.roads, a, b, self.system, self.routing)
 
     def named(self, what: str) -> str:
-        """How a description names it."""
+        """Return its name for descriptions."""
         name = what if self.kind == "euclidean" else f"{self.kind} {what} ({self.system})"
         return f"{name}, box to box," if self.freespace else name
 
@@ -110,7 +110,7 @@ class Target:
         return self.position is None or self.position.fixed is not None
 
     def find(self, run: Instant, actor: Entity) -> Entity | Placement | None:
-        """Where it is now; None for an entity that is absent, or a position that is relative to one."""
+        """Return the current entity or place; None for an absent entity, or a position relative to one."""
         if self.entity is not None:
             return self.entity if self.entity.active and self.entity.placed else None
         assert self.position is not None

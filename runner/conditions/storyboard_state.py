@@ -77,7 +77,7 @@ class StoryboardElementStateCondition(Condition):
 
 
 def find_element(node: Node, name: str, kind: str, elements: Sequence[StoryboardElement]) -> StoryboardElement:
-    """The one storyboard element of a type that a name or the end of a path refers to.
+    """Return the only storyboard element of a type that a name or the end of a path refers to.
 
     Raises:
         InvalidFile: there is none, or more than one are equally near to the condition.

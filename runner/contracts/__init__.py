@@ -1,1 +1,1 @@
-"""What actions, conditions and positions offer a run, and what a run offers them."""
+"""Contracts between a run and its actions, conditions and positions."""

@@ -1,4 +1,4 @@
-"""What an action is to the storyboard: a description that starts, and something that runs.
+"""Contract of actions: a description that starts, and an execution.
 
 An action class is built once from its element (`from_xml`) and holds no state. `start` applies it; what takes
 simulation time comes back as a `Running`, one for each actor, with the state of this execution.
@@ -57,7 +57,7 @@ class PrivateAction(ABC):
         return ()
 
     def puts(self, actor: Entity) -> Iterable[tuple[Entity, Position | None]]:
-        """Where it puts entities, None for a place that only a run knows."""
+        """Return the entities that it teleports, with None for a place known only in a run."""
         return [(actor, None)] if self.places else []
 
     def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:  # noqa: B027  (most actions suit every actor)
@@ -79,7 +79,7 @@ class GlobalAction(ABC):
     """An action on the simulation at large."""
 
     def puts(self) -> Iterable[tuple[Entity, Position | None]]:
-        """Where it puts entities, None for a place that only a run knows."""
+        """Return the entities that it teleports, with None for a place known only in a run."""
         return []
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""What a condition is to a trigger: a logical expression that can say what it sees."""
+"""Contract of conditions: a logical expression that describes itself with current values."""
 
 from __future__ import annotations
 
@@ -89,7 +89,8 @@ class NearCondition(EntityCondition):
 
     @abstractmethod
     def way(self, entity: Entity, run: Instant) -> float:
-        """How far (m) each participant may move before the expression, now false, can hold for this entity; 0: not at all."""
+        """Return the distance (m) each entity may move before the expression, now false, can hold for this entity; 0 if
+        unknown."""
 
 
 class ByEntityCondition(Condition):
@@ -143,7 +144,7 @@ class ByEntityCondition(Condition):
         return len(held) == len(self.entities) if self.every else bool(held)
 
     def _way(self, condition: NearCondition, run: Instant) -> float:
-        """How far each participant may move before the expression, false for all, can hold for one of the entities."""
+        """Return the distance each entity may move before the expression, false for all, can hold for one of them."""
         return min((condition.way(entity, run) for entity in self.entities if entity.active), default=0.0)
 
     def describe(self, run: Instant) -> str:

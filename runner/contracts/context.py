@@ -1,4 +1,4 @@
-"""What the classes of the registries are given to build themselves from XML."""
+"""Context in which the classes of the registries are built from XML."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Context(Protocol):
 
     @property
     def remarks(self) -> Remarks:
-        """What was assumed so far."""
+        """Assumptions so far."""
         ...
 
     def repair(self, node: Node, rule: str, text: str, cause: str = "") -> None:

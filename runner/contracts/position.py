@@ -1,4 +1,4 @@
-"""What a position is to a scenario: something that can say where it is now."""
+"""Contract of positions: an object that resolves to a place in a run."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Position(ABC):
 
     @abstractmethod
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
-        """Where it is now.
+        """Return the current place.
 
         Args:
             run: the run; positions with `fixed` need none.

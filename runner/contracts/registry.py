@@ -16,7 +16,7 @@ from xosc.node import Node
 
 
 class FromXml(Protocol):
-    """What every registered class offers: to be built from its element."""
+    """Contract of registered classes: built from their element."""
 
     @classmethod
     def from_xml(cls, node: Node, context: Any) -> Any:

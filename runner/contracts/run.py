@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Surroundings(Protocol):
-    """What positions are resolved in."""
+    """Context in which positions are resolved."""
 
     @property
     def roads(self) -> Roads:
@@ -42,7 +42,7 @@ class Surroundings(Protocol):
 
 
 class Instant(Surroundings, Protocol):
-    """What conditions see."""
+    """State of a run that conditions read."""
 
     @property
     def time(self) -> float:
@@ -92,16 +92,16 @@ class Instant(Surroundings, Protocol):
 
     @property
     def displacement(self) -> Displacement:
-        """How far participants have moved at most."""
+        """Bound on the displacement of entities."""
         ...
 
     def touching(self, entity: Entity) -> Sequence[Entity]:
-        """Those whose boxes touch an entity's now, by name."""
+        """Return the entities whose boxes touch an entity's box now, sorted by name."""
         ...
 
 
 class Run(Instant, Protocol):
-    """What actions can do."""
+    """State and methods of a run for actions."""
 
     @property
     def initialising(self) -> bool:

@@ -65,7 +65,7 @@ LightStates = Mapping[str, list[tuple[float, str]]]
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """How one participant drove.
+    """Motion of one entity in a run.
 
     Args:
         track: the participant's; not empty.

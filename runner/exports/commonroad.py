@@ -30,7 +30,7 @@ _OBSTACLES = with_recent({
 })  # fmt: skip
 """CommonRoad's types by OpenSCENARIO category; everything else is `unknown`."""
 _UNKNOWN_PLACE = {"geoNameId": "-999", "gpsLatitude": "999", "gpsLongitude": "999"}
-"""What CommonRoad scenarios say that are nowhere on earth."""
+"""Location of CommonRoad scenarios without a geographic position."""
 _FACING = 0.25
 """rad to either side by which one may face otherwise at the goal"""
 
@@ -124,7 +124,7 @@ def _states(track: Track, step: float) -> list[etree._Element]:
 
 
 def _waiting(first: etree._Element) -> Iterable[etree._Element]:
-    """The one state of the trajectory of somebody who was there for one moment only: CommonRoad wants one after the first."""
+    """Return the single state of an entity present at one step only: CommonRoad requires one after the first."""
     second = etree.fromstring(etree.tostring(first))
     second.tag = "state"
     time = second.find("time/exact")

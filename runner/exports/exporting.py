@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Exported(NamedTuple):
-    """How one export ended.
+    """Outcome of one export.
 
     name: the file, or the name of the run. exit_code: 0 for exported, 6 for an exported run that is inconclusive, otherwise that
     of the error. remarks: what was assumed, is changed or left out; the reason where it is not exported. trace: traceback of an

@@ -44,7 +44,7 @@ _TURN = 0.02
 _FURTHEST = 10.0
 """m between two vertices."""
 _LONGER, _ON = 2.0, 500.0
-"""How far a way is followed: by the length of its route, as one may start off it, and m."""
+"""Bounds of a followed route: ratio to its length, as an entity may start off it, and m."""
 _BEFORE_END = 8
 """Places by which a way ends before its road does."""
 _SAME = 1e-4
@@ -93,7 +93,7 @@ class RunnerGeometry:
         return self._whole[1][number].first.get(transition) if number is not None else None
 
     def starts(self) -> Mapping[str, Start]:
-        """How everybody starts who is there at the beginning, by name."""
+        """Return the initial states of the entities present at the start, by name."""
         return {name: self._state(track, 0) for name, track in self._first.items() if track.columns["time"][0] == 0.0}
 
     def begins(self, element: Node) -> float | None:
@@ -106,7 +106,7 @@ class RunnerGeometry:
         return time + self._settings.timestep if time is not None else None
 
     def driven(self, entity: str, begin: float, end: float) -> Sequence[Place]:
-        """Where an entity is at each step of that run from a time (s) until another; times count from the first."""
+        """Return the positions of an entity at each step of that run between two times (s); times start at the first step."""
         track = self._whole[0].tracks.get(entity)
         if track is None:
             return []
@@ -115,7 +115,8 @@ class RunnerGeometry:
         return [Place(float(x[n]), float(y[n]), float(z[n]), None, float(time[n]) - begin) for n in rows]
 
     def during(self, action: Node, entity: str) -> Start | None:
-        """How an entity is when an action of a story begins; None where it doesn't begin, or the entity is not there."""
+        """Return the state of an entity at the start of a story's action; None if the action never starts or the entity is
+        absent."""
         time, track = self.begins(action), self._whole[0].tracks.get(entity)
         if time is None or track is None:
             return None
@@ -123,7 +124,7 @@ class RunnerGeometry:
         return self._state(track, row) if row < len(track.columns["time"]) else None
 
     def put(self, action: Node, entity: str) -> Place | None:
-        """Where an action puts an entity at once in that run; None where it doesn't begin."""
+        """Return the place to which an action teleports an entity in that run; None if the action never starts."""
         time, track = self.begins(action), self._whole[0].tracks.get(entity)
         if time is None or track is None:
             return None
@@ -157,7 +158,7 @@ class RunnerGeometry:
         return lane_placement(self._network, self._network.road(road).lane_point(s, lane), Orientation())
 
     def place(self, position: Node) -> Place | None:
-        """Where an element Position is; None where that depends on what happens."""
+        """Return the place of an element Position; None if it depends on the run."""
         fixed = self._context.position(position).fixed
         return Place(fixed.x, fixed.y, fixed.z, fixed.h) if fixed is not None else None
 

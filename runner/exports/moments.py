@@ -1,4 +1,4 @@
-"""What exports of a run share: points fixed to a participant, rates, who stands, the run moment by moment, refusals."""
+"""Shared parts of run exports: points fixed to an entity, rates, standstill, iteration over steps, refusals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from runner.recording import Recording, Track
 
 _STILL = 1e-9
-"""What is never further (m) than this from where it was first stands"""
+"""Largest distance (m) from its first position of an entity that counts as standing"""
 Moment = tuple[float, list[tuple[int, int]]]
 """A time (s), and for everyone who is there then the number of the track and of its row."""
 

@@ -23,7 +23,7 @@ _AXES = (("position", "xyz"), ("orientation", ("yaw", "pitch", "roll")), ("veloc
 
 
 class Kind(Protocol):
-    """What is to be known of an object."""
+    """Properties of an object."""
 
     @property
     def kind(self) -> str: ...
@@ -63,7 +63,7 @@ def fill_type(each: Any, one: Kind, osi: Osi) -> None:
 
 
 class Osi:
-    """What is used of the OSI packages, which are an optional extra.
+    """Used parts of the OSI packages, an optional extra.
 
     Raises:
         MissingExtra: they are not installed.

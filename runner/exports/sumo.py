@@ -32,7 +32,7 @@ _UNFIT = re.compile(r"[^A-Za-z0-9_.-]")
 
 
 class _Place(NamedTuple):
-    """Where a front bumper is on SUMO's lanes; the position (m) counts from the lane's beginning."""
+    """Position of a front bumper on SUMO's lanes, in m from the start of the lane."""
 
     lane: str
     position: float
@@ -42,7 +42,7 @@ _Places = Sequence[_Place | None]
 
 
 class _Roads(NamedTuple):
-    """What the network file says: length (m) and speed limit (m/s) of each lane, and which edge leads to which."""
+    """Roads of a network file: length (m) and speed limit (m/s) of each lane, and successors of each edge."""
 
     lengths: dict[str, float]
     limits: dict[str, float]
@@ -50,7 +50,7 @@ class _Roads(NamedTuple):
 
     @classmethod
     def read(cls, net: SumoNet) -> _Roads:
-        """What a network's file says of its lanes and connections."""
+        """Read lanes and connections of a network file."""
         root = parse(net.path).getroot()
         lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
         lengths, limits = (
@@ -101,7 +101,7 @@ def _ids(tracks: Sequence[recording.Track]) -> list[str]:
 
 
 def _places(track: recording.Track, net: SumoNet, lengths: dict[str, float]) -> _Places:
-    """Where the front bumper is at every row; None where it is on no lane of SUMO's."""
+    """Return the lane position of the front bumper in every row; None off SUMO's lanes."""
     columns, front = track.columns, track.box.x + track.box.length / 2
     found: list[_Place | None] = []
     for road, lane, s in zip(columns["road_id"], columns["lane_id"].tolist(), columns["s"].tolist(), strict=True):

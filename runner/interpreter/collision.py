@@ -27,7 +27,7 @@ _MARGIN_OF_REACH = 1e-3
 
 
 class Contacts:
-    """Who touches whom now; begin and end of each contact go to the event log.
+    """Current contacts between entities; start and end of each are logged as events.
 
     Pairs near each other are found by sweep and prune over x. These are looked at in each step until others may have come
     near (Verlet, Computer Experiments on Classical Fluids, Physical Review 159, 1967).
@@ -106,7 +106,7 @@ class Contacts:
         self.pairs = pairs
 
     def of(self, entity: Entity) -> Sequence[Entity]:
-        """Those that an entity touches now, by name."""
+        """Return the entities in contact with an entity, by name."""
         touched = self._partners.get(entity.name)
         return sorted(touched, key=_by_name) if touched else ()
 

@@ -95,7 +95,7 @@ class Scenario:
 
 
 class ScenarioContext:
-    """What the classes of the registries need to build themselves from XML, references checked.
+    """Context in which the classes of the registries are built, with checked references.
 
     Args:
         document: the resolved document.
@@ -378,7 +378,7 @@ def _named(node: Node) -> str:
 
 
 def _parts(node: Node, tag: str, context: ScenarioContext) -> list[Node]:
-    """What a storyboard element is made of; without any it does nothing, and ends as soon as it starts."""
+    """Return the children of a storyboard element. Without children it ends as soon as it starts."""
     found = node.children(tag)
     if not found:
         context.repair(

@@ -1,4 +1,4 @@
-"""What is said of entities that never appear, of no ego, and of one that stands, leaves the road, or comes to its end."""
+"""Remarks on entities that never appear, a missing ego, and an ego that stands, leaves the road or reaches its end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who drives the ego: each says what it wants of the coming step, and the simulation does it.
+"""Drivers of the ego: each decides on the coming step, and the simulation executes it.
 
 While a driver has the ego, the scripted speed (speed actions included) is what it is asked for, `Observation.target_speed`.
 Where it answers with no acceleration of its own, the ego has exactly that speed; after an intervention it returns
@@ -33,7 +33,7 @@ _PEDAL = 8.0
 
 
 class Decision(NamedTuple):
-    """What a driver wants of the coming step.
+    """Decision of a driver on the coming step.
 
     Args:
         speed: at its end, m/s.
@@ -45,7 +45,7 @@ class Decision(NamedTuple):
 
 
 class EgoDriver(ABC):
-    """Who drives the ego in the control domains that it has.
+    """Driver of the ego in its control domains.
 
     Args:
         handed_over: whether it drives from the beginning.
@@ -64,7 +64,7 @@ class EgoDriver(ABC):
         self.lateral = domains.get("lateral", self.lateral)
 
     def request(self, ego: Entity) -> DriverRequest | None:
-        """What the world's own driver, which is to have the ego, shall do; None where it is not to have it."""
+        """Return the request to the world's own driver; None if it does not drive the ego."""
         return None
 
     def answer(self, driven: bool) -> None:
@@ -73,7 +73,7 @@ class EgoDriver(ABC):
 
     @abstractmethod
     def decide(self, ego: Entity, run: Run) -> Decision:
-        """How the ego shall move in the coming step, where the world's own driver does not have it."""
+        """Return the ego's motion in the coming step, unless the world's own driver has it."""
 
 
 class WorldDriver(EgoDriver):
@@ -189,13 +189,13 @@ class SystemDriver(EgoDriver):
 
 
 def observe(run: Run, ego: Entity, target: float) -> Observation:
-    """What the ego's driver sees now, asked for a target speed (m/s)."""
+    """Return the driver's current observation for a target speed (m/s)."""
     others = [seen(e) for e in run.entities.values() if e is not ego and e.active and e.placed and e.visible["sensors"]]
     return Observation(run.time, seen(ego), others, target, run.roads.network, run.environment, _stop_line(run, ego))
 
 
 def _stop_line(run: Run, ego: Entity) -> StopLine | None:
-    """Where a signal asks the ego to stop, seen from where it is going."""
+    """Return the stop line of a signal on the ego's way."""
     if not run.signals.meanings:
         return None
     point = run.roads.road_point(ego)

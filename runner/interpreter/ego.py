@@ -61,7 +61,7 @@ def is_called_ego(entity: Entity) -> bool:
 
 
 def driver_of(scenario: Scenario, ego: Entity, system: System, timestep: float, seed: int) -> EgoDriver:
-    """Who drives the ego in a run, for a system under test that is reset here; timestep in s."""
+    """Return the ego's driver for a system under test, which is reset; timestep in s."""
     try:
         system.reset(seen(ego), timestep, seed)
     except Exception as error:

@@ -46,7 +46,7 @@ def run(
 
 
 class Rehearsed(NamedTuple):
-    """What is known of a run before it takes place: what it assumes, and causes for which it will be inconclusive."""
+    """Facts known before a run: its assumptions, and causes for an inconclusive verdict."""
 
     remarks: tuple[str, ...]
     causes: tuple[Cause, ...]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from xosc.resolve import Resolved
 
 _AHEAD = 1000.0
-"""How far a made road goes on beyond the last position on it, m."""
+"""Length (m) of a made road beyond the last position on it."""
 _LANE_WIDTH = 3.5
 
 

@@ -140,7 +140,7 @@ class Session:
 
     @property
     def observation(self) -> Observation | None:
-        """What the ego's driver sees now; None where the scenario has no ego, or it is not there at present."""
+        """Current observation of the ego's driver; None without an ego, or while it is absent."""
         ego = self._ego
         if ego is None or not (ego.active and ego.placed):
             return None

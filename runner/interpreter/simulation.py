@@ -343,7 +343,7 @@ class Simulation:
         return [process.running for process in self.processes]
 
     def touching(self, entity: Entity) -> Sequence[Entity]:
-        """Those whose boxes touch an entity's now, by name."""
+        """Return the entities whose boxes touch an entity's box now, sorted by name."""
         return self.contacts.of(entity)
 
     def set_environment(self, environment: Environment) -> None:

@@ -49,7 +49,7 @@ def _criteria(scenario: Scenario, contacts: Contacts, recording: Recording, ego:
 
 
 def criteria_remarks(criteria: Sequence[Criterion], verdict: Verdict) -> tuple[str, ...]:
-    """What is to be said of criteria that could not be judged, or whose parameters mean nothing."""
+    """Return the remarks on criteria that could not be judged, or whose parameters have no meaning."""
     unused = [f"{each.name}: {each.remark}" for each in criteria if each.kind is not None and each.remark]
     return (*unused, *(f"not judged: {result}" for result in verdict.criteria if result.passed is None))
 

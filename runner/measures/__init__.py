@@ -1,1 +1,1 @@
-"""How critical an encounter was: criticality measures, RSS, relations over time; plain numpy."""
+"""Criticality of encounters: measures, RSS, relations over time; plain numpy."""

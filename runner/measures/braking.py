@@ -1,4 +1,4 @@
-"""What braking would have avoided a contact: a participant slows down along its own way, the other one moves as it did."""
+"""Braking that would have avoided a contact: an entity slows down on its own path, the other one moves as recorded."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from xodr.array_types import FloatArray
 FULL = 8.0
 """Deceleration (m/s²) of full braking by a car on a dry road"""
 _LONGEST = 10.0
-"""How long before a contact (s) braking is tried at most"""
+"""Longest time (s) before a contact at which braking is tried"""
 _STEP = 0.05
 """Between the instants that are looked at, s"""
 _HALVINGS = 12

@@ -1,4 +1,4 @@
-"""How critical an encounter was: measures of the ego against everyone else, per step and over a run.
+"""Criticality of encounters: measures of the ego against all others, per step and over a run.
 
 All functions work on arrays over time. A measure that is not defined at an instant is marked so: `Series.valid` is false
 there and its value 0, never NaN. Distances are in m, times in s, speeds in m/s, accelerations in m/s².
@@ -62,12 +62,12 @@ def _quotient(numerator: FloatArray, denominator: FloatArray, valid: BoolArray) 
 
 
 def longitudinal_violation(seen: View, parameters: rss.RssParameters) -> BoolArray:
-    """Where the longitudinal gap is below RSS's safe distance; boxes side by side count."""
+    """Return a mask of longitudinal gaps below RSS's safe distance; boxes side by side count."""
     return _violated(seen.ahead, _longitudinal_margin(seen, parameters))
 
 
 def lateral_violation(seen: View, parameters: rss.RssParameters) -> BoolArray:
-    """Where the lateral gap is below RSS's safe distance; boxes one behind the other count."""
+    """Return a mask of lateral gaps below RSS's safe distance; boxes one behind the other count."""
     return _violated(seen.aside, _lateral_margin(seen, parameters))
 
 
@@ -255,14 +255,14 @@ def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
 
 
 def _least(rows: IntArray, values: FloatArray, least: FloatArray) -> IntArray:
-    """Where the values of rows are the least of their row, the first of equal ones, and less than what it has already."""
+    """Return the rows whose value is the first minimum of their group and below the present one."""
     order = np.lexsort((values, rows))
     first = order[np.flatnonzero(np.diff(rows[order], prepend=-1))]
     return first[values[first] < least[rows[first]]]
 
 
 def _earlier(happened: BoolArray) -> BoolArray:
-    """Where something has happened at an earlier instant."""
+    """Return a mask of steps after the first occurrence."""
     return np.logical_or.accumulate(np.concatenate(([False], happened)))[:-1]
 
 

@@ -40,7 +40,7 @@ class Impact(NamedTuple):
 
 
 def sentence(ego: str, other: str, side: str, striking: bool) -> str:
-    """Who hits whom, on which side of the ego."""
+    """Describe a contact: striking entity, struck entity, side of the ego."""
     where = side if side in (FRONT, REAR) else f"{side} side"
     if striking:
         return f"{ego} hit {other} with its {where}"

@@ -19,8 +19,8 @@ NEW_FAILURE = "new-failure"
 UNITS = units() | {"end_time": "s"}
 """Measures of a run by name, and their units; see `runner.measures.measure` and `RunResult`."""
 EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": "", NEW_FAILURE: ""}
-"""What can be named without a number, and the kind of event in the log that it is about, where it is one: the ego leaves the
-road, or comes to its end; the time limit comes first; RSS distances (parameter set `ad-rss`) are violated."""
+"""Limits without a number, each with the kind of its event in the log: the ego leaves the road or reaches its end; the time
+limit is reached first; RSS distances (parameter set `ad-rss`) are violated."""
 _COMPARISONS: dict[str, Callable[[float, float], bool]] = {
     "<=": operator.le, "<": operator.lt, ">=": operator.ge, ">": operator.gt,
 }  # fmt: skip
@@ -28,7 +28,7 @@ _FORM = re.compile(r"\s*([\w-]+)\s*(?:(<=|<|>=|>)\s*(\S+)\s*)?")
 
 
 class Facts(NamedTuple):
-    """What limits are compared with.
+    """Values that limits are compared with.
 
     Attributes:
         criticality: `Criticality.summary` of the ego; None where there is none.

@@ -1,4 +1,4 @@
-"""Where others are as one participant sees them, over time: gaps of boxes and velocities, as arrays.
+"""Relations of entities to one entity over time: gaps of boxes and velocities, as arrays.
 
 All others are looked at together, one row for each of them and each instant: scenes have many participants and few instants.
 On the same road gaps are measured in the road's coordinates, so that curves and lane changes are seen as the driver sees
@@ -125,7 +125,7 @@ class View(NamedTuple):
 
 
 class Relations(NamedTuple):
-    """Where others are at the instants at which ego and other both exist, a row for each other and instant.
+    """Relations of other entities to the ego while both exist, one row per entity and instant.
 
     rows: of the ego. who: which of the others. distance: shortest distance of the boxes, m. view: how the ego sees it.
     """
@@ -149,7 +149,7 @@ class Sight(NamedTuple):
 
 
 def seen_by(a: Motion, b: Motion) -> Sight:
-    """How a sees b, row by row."""
+    """Return the relation of b to a, row by row."""
     (ca, sa), (cb, sb) = a.facing, b.facing
     dx = b.x - a.x + cb * b.box.x - sb * b.box.y
     dy = b.y - a.y + sb * b.box.x + cb * b.box.y
@@ -157,7 +157,7 @@ def seen_by(a: Motion, b: Motion) -> Sight:
 
 
 def boxes_overlap(a: Motion, b: Motion) -> BoolArray:
-    """Where two upright boxes overlap or touch, row by row."""
+    """Return a mask of rows in which two upright boxes overlap or touch."""
     return _outlines_overlap(a.box, b.box, seen_by(a, b)) & (vertical_gap(a, b) == 0.0)
 
 
@@ -204,7 +204,7 @@ def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatA
 
 
 def relations(ego: Motion, others: Sequence[Motion]) -> Relations:
-    """Where other participants are as the ego sees them, at the instants at which both are there, on the same level."""
+    """Return the relations of other entities to the ego while both exist, on the same level."""
     everyone = tuple(others)
     a, b, rows, theirs, who = common(ego, everyone)
     seen = seen_by(a, b)
@@ -246,7 +246,7 @@ def interval_gaps(low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high
 
 
 def in_ego_frame(a: Motion, b: Motion) -> View:
-    """How a sees b along and across its own heading, row by row."""
+    """Return b in the frame of a, along and across its heading, row by row."""
     return _in_ego_frame(a, b, seen_by(a, b))
 
 
@@ -271,7 +271,7 @@ _OnRoad = tuple[Motion, FloatArray, FloatArray]
 
 
 def _along_road(motion: Motion, who: IntArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
-    """How participants move along their roads, at some of their rows (n,).
+    """Return the motion of entities along their roads in given rows (n,).
 
     Args:
         motion, who: rows of one or several, and whose each is (`joined`).

@@ -32,7 +32,7 @@ from xodr.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class FieldParameters:
-    """What is taken to be known of others.
+    """Assumptions on other entities.
 
     Attributes:
         along, across: standard deviations of accelerations ahead and aside, m/s².
@@ -114,7 +114,7 @@ def greatest(ego: Motion, others: Sequence[Motion], parameters: FieldParameters 
 
 
 class _Approach(NamedTuple):
-    """How another one moves as the ego sees it: ahead and aside (n,) each, m and m/s; half: of both sizes together, m."""
+    """Motion of another entity relative to the ego: ahead and aside (n,), m and m/s; half: half of both sizes, m."""
 
     place: tuple[FloatArray, FloatArray]
     velocity: tuple[FloatArray, FloatArray]

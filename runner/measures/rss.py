@@ -14,7 +14,7 @@ from schemas.errors import UsageError
 
 @dataclass(frozen=True, slots=True)
 class RssParameters:
-    """What RSS assumes of the participants: response times in s, accelerations in m/s², margin in m.
+    """Assumptions of RSS: response times (s), accelerations (m/s²), margin (m).
 
     Args:
         response: ρ of the ego, and of the other in lateral encounters.

@@ -1,1 +1,1 @@
-"""How participants move: along lanes, paths and routes, within their dynamics."""
+"""Motion of entities along lanes, paths and routes within their dynamics."""

@@ -1,4 +1,4 @@
-"""How values change over time: transition shapes, limits, and the controller that closes a gap within limits.
+"""Changes of values over time: transition shapes, limits, and the controller that closes a gap within limits.
 
 A shape runs from 0 to 1 over a normalised parameter p in [0, 1] (OpenSCENARIO XML 1.3, class DynamicsShape). Its
 steepest slope relates a `rate` to a duration, duration = slope · |change| / rate, and its greatest second derivative
@@ -97,7 +97,7 @@ class TransitionDynamics(NamedTuple):
         return cls(shape, dimension, value, mode == "position")
 
     def extent(self, change: float) -> float:
-        """How long a transition by `change` takes: s, or m where the dimension is distance; 0 at once, infinite never."""
+        """Return the extent of a transition by `change`: s, or m for the dimension distance; 0 at once, infinite never."""
         if self.shape.slope == 0.0 or change == 0.0:
             return 0.0
         if self.dimension == "rate":
@@ -225,7 +225,7 @@ class Easing:
         return self._way >= self._length
 
     def advance(self, distance: float) -> float:
-        """Where it is when it has gone on (m, ≥ 0)."""
+        """Return the value a distance (m, ≥ 0) further on."""
         self._way = min(self._way + distance, self._length)
         part = self._way / self._length
         rest = (1.0 - part) ** 2

@@ -61,7 +61,7 @@ class PathMotion:
         self._reach = _AT_END if timed else 0.0
         self._timed, self._oriented = timed, oriented
         self._gear = 0.0
-        """What the speed's sign means along the path: +1 the path's direction, -1 the other; 0 before the first motion"""
+        """Direction of motion for positive speed: +1 along the path, -1 against it; 0 before the first motion"""
         self._back = False
         self.left = False
         """Whether the entity has gone back to its lane by itself."""
@@ -90,7 +90,7 @@ class PathMotion:
 
     @property
     def _origin(self) -> float:
-        """Where (m) the entity can't go back any further."""
+        """Return the station (m) at which backward motion ends."""
         return self.path.length if self._back else 0.0
 
     def _kept(self, s: float) -> float:
@@ -125,7 +125,7 @@ class PathMotion:
         return math.cos(entity.h - tangent(self.path, self.s))
 
     def reached(self, speed: float, dt: float) -> float:
-        """Where (s, m) a step of dt (s) at a speed (m/s) leads to; times always lead on."""
+        """Return the station (m) after a step of dt (s) at a speed (m/s). Times always increase along the path."""
         gear = self._gear or self._engaged(speed)
         return self.s + (abs(speed) if self._timed else gear * speed) * dt
 

@@ -21,7 +21,7 @@ class FreeMotion:
         return speed
 
     def distance_to(self, entity: EntityState, placement: Placement) -> float | None:
-        """How far ahead the place is."""
+        """Return the distance to the place ahead."""
         dx, dy = placement.x - entity.x, placement.y - entity.y
         ahead = dx * math.cos(entity.h) + dy * math.sin(entity.h)
         return ahead if entity.speed >= 0.0 else -ahead

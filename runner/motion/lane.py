@@ -208,7 +208,7 @@ class LaneMotion:
 
 
 def _drift(entity: Entity) -> float:
-    """How far (m) the centre of an entity's lane goes to +t with each metre of s."""
+    """Return the lateral drift (m to +t per m of s) of the centre of an entity's lane."""
     assert entity.section is not None
     center = entity.section.lanes[entity.lane].center
     return center.slope(entity.s) if center.constant is None else 0.0

@@ -135,7 +135,7 @@ class Segments:
         return Pose(x + beyond * math.cos(h), y + beyond * math.sin(h), self._z, h, 0.0, 0.0)
 
     def knots(self) -> list[float]:
-        """Those of the segments."""
+        """Knots of the segments."""
         inner = [start + u for start, segment in zip(self._starts, self._segments, strict=True) for u in segment.knots()[:-1]]
         return [*inner, self.length]
 
@@ -211,7 +211,7 @@ class Chain:
         return self.first.at(s) if s < self.first.length else self.then.at(s - self.first.length + self.begin)
 
     def knots(self) -> list[float]:
-        """Those of both."""
+        """Knots of both parts."""
         shift = self.first.length - self.begin
         return [*self.first.knots(), *(knot + shift for knot in self.then.knots() if knot > self.begin)]
 

@@ -1,4 +1,4 @@
-"""Where a position is, and the surface of the road there: height, tilt, and which way something on it faces."""
+"""Placement on a road: pose, and the road surface there with height, tilt and facing direction."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Placement(NamedTuple):
-    """Where a position is: a world pose, and the road point under it where the position is tied to a road.
+    """Placement: a world pose, and the road point below it if the position is tied to a road.
 
     x, y, z in m; h, pitch, roll in rad; `direction` is +1 when h faces increasing s. `heading_offset` is h relative
     to the lane in the direction faced, rad. `layered`: the position names a layer of lanes, no preference counts.
@@ -112,5 +112,5 @@ def in_world(network: RoadNetwork | None, pose: Pose, z_known: bool = True, hint
 
 
 def pose_of(entity: EntityState) -> Pose:
-    """Where an entity is and which way it faces, taken as level."""
+    """Return the pose of an entity, taken as level."""
     return Pose(entity.x, entity.y, entity.z, entity.h, 0.0, 0.0)

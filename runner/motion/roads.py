@@ -23,7 +23,7 @@ _ROUNDING = 1e-3
 
 
 class Roads:
-    """Where entities are on a road network, and the transitions between motion along a lane and off it.
+    """Positions of entities on a road network, and transitions between lane motion and free motion.
 
     Args:
         network: the roads; None where the scenario names none.
@@ -34,7 +34,7 @@ class Roads:
         self._lane_motion = LaneMotion(network) if network is not None else None
 
     def road_point(self, entity: Entity) -> RoadPoint | None:
-        """Where an entity is on the road network; None where there is none."""
+        """Return the road position of an entity; None off the road network."""
         if self.network is None:
             return None
         if entity.on_lane and entity.road is not None:
@@ -64,7 +64,7 @@ class Roads:
         return width is not None and lane.type != "none" and abs(entity.offset) <= width / 2
 
     def clearance(self, entity: Entity) -> float:
-        """How far (m) an entity off any lane motion, on the road, may move in the plane before it can have left it; 0: not known.
+        """Return the distance (m) an entity in free motion on the road may move before it can leave the road; 0 if unknown.
 
         Known on straight roads whose lanes keep their widths.
         """

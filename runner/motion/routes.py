@@ -97,7 +97,7 @@ def _road_point(position: Position, network: RoadNetwork, run: Surroundings | No
 
 
 def _beginning(network: RoadNetwork, leg: Leg) -> RoadPoint:
-    """Where a leg of a route begins, on a lane whose traffic goes its way if there is one."""
+    """Return the start of a leg of a route, on a lane in the direction of travel if there is one."""
     road = network.road(leg.road_id)
     lanes = road.lane_ids(leg.enter)
     along = [lane for lane in lanes if (road.direction(lane, leg.enter) > 0) == leg.forward]
@@ -105,7 +105,7 @@ def _beginning(network: RoadNetwork, leg: Leg) -> RoadPoint:
 
 
 class Guide(Protocol):
-    """What an entity follows at junctions (`Entity.route`)."""
+    """Guide of an entity at junctions (`Entity.route`)."""
 
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """The way on at the end of a road: one of the lanes reached; None to stop there."""

@@ -41,7 +41,7 @@ class Piece(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What is prescribed at a vertex: speed (m/s) and acceleration (m/s²) along the path; None where it is not."""
+    """Prescribed motion at a vertex: speed (m/s) and acceleration (m/s²) along the path; None if absent."""
 
     speed: float | None = None
     acceleration: float | None = None

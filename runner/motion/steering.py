@@ -1,4 +1,4 @@
-"""How a participant moves that a system under test steers."""
+"""Motion of an entity that a system under test steers."""
 
 from __future__ import annotations
 
@@ -49,5 +49,5 @@ class SteeredMotion:
         return speed
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:
-        """How far straight ahead the place is."""
+        """Return the distance straight ahead to the place."""
         return STRAIGHT_AHEAD.distance_to(entity, placement)

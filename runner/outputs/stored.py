@@ -41,7 +41,7 @@ class Entity(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """What a run was of.
+    """Scenario, parameters and settings of a run.
 
     Attributes:
         scenario, road: its files, which may be gone; None where it was on no road.
@@ -58,7 +58,7 @@ class Setup(NamedTuple):
 
 
 def read_setup(path: Path) -> Setup:
-    """What the run with this `RESULT` was of.
+    """Read scenario, parameters and settings of the run with this `RESULT`.
 
     Raises:
         InvalidFile: the file is missing or damaged.
@@ -146,7 +146,7 @@ def _criteria(values: Mapping[str, Any]) -> tuple[CriterionResult, ...]:
 
 
 def _actors(groups: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """Who acts in each maneuver group; runs of earlier versions do not say."""
+    """Return the actors of each maneuver group; runs of earlier versions lack them."""
     return {str(path): tuple(map(str, names)) for path, names in groups.items()}
 
 

@@ -40,7 +40,7 @@ _REPLAY = "replay.html"
 _ENDS = {"completed": "stop trigger", "timeout": "time limit", "collision": "", "compiled": "not run (--dry-run)"}
 _ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
 _LOCATION = re.compile(r"^.*?:\d+: ")
-"""Where a remark begins: the file and its line"""
+"""Start of a remark: the file and its line"""
 _NUMBER = re.compile(r"-?\b\d+(\.\d+)?\b")
 
 
@@ -88,7 +88,7 @@ class Table:
             sys.stderr.flush()
 
     def _done(self) -> str:
-        """How far it is, and how long it will take in about."""
+        """Describe progress and the remaining time."""
         done, failed = sum(self._counts.values()), self._counts["failed"] + self._counts["error"]
         seconds = (time.monotonic() - self._begun) / done * max(self._total - done, 0)
         parts = [f"{done} of {self._total} runs" if self._total >= done else f"{done} runs done"]

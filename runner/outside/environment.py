@@ -30,7 +30,7 @@ except ModuleNotFoundError as error:
     raise missing(error) or error from None
 
 ACTIONS = {"acceleration_and_steering": 2, "acceleration": 1, "target_speed": 1}
-"""What a learner may decide on, and how many numbers that is; without steering the ego goes where the scenario scripts it."""
+"""Kinds of actions with their number of values; without steering the ego follows the scenario's path."""
 _PEDAL = 8.0
 """m/s² of a fully pressed pedal, where the vehicle's Performance allows it"""
 _WHEELS = 0.5
@@ -174,7 +174,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
             self._session.close()
 
     def _control(self, action: Rows, seen: Observation) -> Control:
-        """What an action means for the ego."""
+        """Return the control of the ego for an action."""
         limits = seen.ego.performance
         share = np.clip(np.asarray(action, dtype=float).ravel(), -1.0, 1.0).tolist()
         if self._actions == "target_speed":

@@ -1,4 +1,4 @@
-"""What a learner sees of an `Observation` (rows of numbers, in lane coordinates and bare), and what it is rewarded for.
+"""Inputs of a learner made of an `Observation` (rows of numbers, in lane coordinates and bare), and rewards.
 
 Lane coordinates are those of `xodr.network.RoadNetwork.relative_in_lane`, with the signs of the ego: ahead along its lane and
 to its left are positive, whichever way it faces. Where no way leads from lane to lane, or without roads, the axes of the ego
@@ -32,7 +32,7 @@ STATE = ("x", "y", "z", "h", "vx", "vy", "ax", "ay")
 
 
 class _Seat(NamedTuple):
-    """Where somebody is on the roads, and whether it faces +s (1) or −s (−1)."""
+    """Position of an entity on the roads; direction 1 faces +s, −1 faces −s."""
 
     point: RoadPoint
     heading: float

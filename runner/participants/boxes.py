@@ -50,7 +50,7 @@ class Outlook(NamedTuple):
 
 
 def outlook(a: Boxed, b: Boxed) -> Outlook:
-    """How a sees b: axes along and to the left of a, origin in the centre of a's box."""
+    """Return the relation of b to a: axes along and to the left of a, origin in the centre of a's box."""
     ca, sa, cb, sb = math.cos(a.h), math.sin(a.h), math.cos(b.h), math.sin(b.h)
     dx = b.x - a.x + cb * b.box.x - sb * b.box.y
     dy = b.y - a.y + sb * b.box.x + cb * b.box.y

@@ -1,4 +1,4 @@
-"""What is said of controllers that are not executed here: all of them, for they are programs that no scenario holds.
+"""Remarks on controllers: none is executed, because they are programs outside of the scenario.
 
 A controller that a scenario never activates has no say (OpenSCENARIO XML 1.3, 6.6); it is a remark all the same where the
 scenario leaves open when controllers are active, as most files of version 1.0 do.

@@ -1,4 +1,4 @@
-"""What a scenario declares about a participant."""
+"""Declaration of an entity in a scenario."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class Motion(Protocol):
 
 
 class Guide(Protocol):
-    """What an entity follows at junctions."""
+    """Guide of an entity at junctions."""
 
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """The way on at the end of a road: one of the lanes reached; None to stop there."""
@@ -63,7 +63,7 @@ class Guide(Protocol):
 
 
 class Owner(Protocol):
-    """What holds a control domain of an entity: an action in execution."""
+    """Owner of a control domain of an entity: an action in execution."""
 
     def override(self, reason: str) -> None:
         """Something newer takes the domain: the action ends for this entity."""
@@ -71,7 +71,7 @@ class Owner(Protocol):
 
 
 class Driver(Protocol):
-    """Who drives an entity in place of the scenario; `runner.interpreter.ego` has the two kinds."""
+    """Driver of an entity in place of the scenario; `runner.interpreter.ego` has the two kinds."""
 
     def hand_over(self, domains: Mapping[str, bool]) -> None:
         """Let it drive, or no longer drive, in control domains (ActivateControllerAction)."""
@@ -80,7 +80,7 @@ class Driver(Protocol):
 
 @dataclass(slots=True, eq=False)
 class Controls:
-    """Who controls an entity, and what the scenario asks of it in the coming step."""
+    """Control of an entity: its owners, and the scenario's requests for the coming step."""
 
     motion: Motion = STRAIGHT_AHEAD
     preferred_layer: str | None = None

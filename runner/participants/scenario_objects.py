@@ -33,7 +33,7 @@ def read_entities(node: Node, context: Declarations) -> None:
 
 
 def read_object(node: Node, name: str) -> Declaration:
-    """What a ScenarioObject, ScenarioObjectTemplate or Trailer declares, its trailer left out."""
+    """Read the declaration of a ScenarioObject, ScenarioObjectTemplate or Trailer, without its trailer."""
     described = next((child for child in node.children() if child.tag in _KINDS), None)
     if described is None:
         external = node.find("ExternalObjectReference")

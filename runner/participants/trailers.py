@@ -1,4 +1,4 @@
-"""How trailers move: the coupler stays on the tractor's hitch, the trailer's axle rolls along the trailer's own heading.
+"""Motion of trailers: the coupler stays on the tractor's hitch, the axle rolls along the trailer's heading.
 
 The axle's path is the tractrix of the hitch's. Where the hitch moves straight by d, the angle α between its direction and
 the trailer's heading goes by tan(α/2) ~ exp(−d / L), L the length from axle to coupler (also backwards, where it grows);

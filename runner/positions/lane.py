@@ -32,7 +32,7 @@ LAYERS = (PERMANENT, TEMPORARY)
 _MISPLACED = 10.0
 """Distance (m) beyond the end of a road above which a position there is another scene: two vehicles' lengths."""
 _TOLERANCE = 1e-3
-"""How far (m) beyond the end of its road an s may lie: files round."""
+"""Tolerance (m) of s beyond the end of its road: files are rounded."""
 
 
 def lane_placement(network: RoadNetwork, point: RoadPoint, orientation: Orientation) -> Placement:
@@ -141,7 +141,7 @@ class _RelativeRoadPosition(Position):
         return 1 if math.cos(self.entity.h - self.network.road(origin.road_id).heading(origin.s)) >= 0.0 else -1
 
     def origin(self, run: Surroundings | None) -> RoadPoint:
-        """Where the entity referred to is on the road network."""
+        """Return the road position of the referenced entity."""
         assert run is not None
         point = run.roads.road_point(self.current(self.entity))
         assert point is not None
@@ -178,7 +178,7 @@ class RelativeRoadPosition(_RelativeRoadPosition):
         return cls(node, context)
 
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
-        """Where that is now."""
+        """Return the current place."""
         origin = self.origin(run)
         reached, aligned = self.along(run, origin, self.ds)
         t = origin.t + self.left(origin) * self.dt
@@ -216,7 +216,7 @@ class RelativeLanePosition(_RelativeRoadPosition):
         return cls(node, context)
 
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
-        """Where that is now."""
+        """Return the current place."""
         origin = self.origin(run)
         reached, aligned = self.along(run, origin, self.ds) if self.ds is not None else self._along_lane(run, origin)
         side = 1 if aligned else -1

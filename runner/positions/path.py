@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from xosc.node import Node
 
 _TOLERANCE = 1e-3
-"""How far (m) beyond the end of a route or trajectory a position may lie: files round."""
+"""Tolerance (m) of positions beyond the end of a route or trajectory: files are rounded."""
 
 
 @registry.position("RoutePosition")
@@ -58,7 +58,7 @@ class RoutePosition(Position):
         return (*self.route.references(), *([self.entity] if self.entity is not None else []))
 
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
-        """Where that is now."""
+        """Return the current place."""
         if self.fixed is not None:
             return self.fixed
         path = self.route.path(run, actor)
@@ -121,7 +121,7 @@ class TrajectoryPosition(Position):
         return self.trajectory.references()
 
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
-        """Where that is now."""
+        """Return the current place."""
         if self.fixed is not None:
             return self.fixed
         track = self.trajectory.track(run, actor)

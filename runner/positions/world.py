@@ -74,7 +74,7 @@ class RelativeWorldPosition(_RelativePosition):
         return cls(node, context)
 
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
-        """Where that is now."""
+        """Return the current place."""
         entity = self.current(self.entity)
         return self._placement(run, entity.x + self.dx, entity.y + self.dy)
 
@@ -89,7 +89,7 @@ class RelativeObjectPosition(_RelativePosition):
         return cls(node, context)
 
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
-        """Where that is now."""
+        """Return the current place."""
         entity = self.current(self.entity)
         c, s = math.cos(entity.h), math.sin(entity.h)
         return self._placement(run, entity.x + c * self.dx - s * self.dy, entity.y + s * self.dx + c * self.dy)

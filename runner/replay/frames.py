@@ -41,7 +41,7 @@ _SMOOTH = 0.8
 _LABELLED = 8
 """Up to so many participants have names; of more only those that matter"""
 _LATE = 0.1
-"""How long after its last sample a participant is still drawn, s"""
+"""Time (s) after its last sample for which an entity is drawn"""
 _ROOM = 20.0
 """Room around everything, m"""
 _DASH, _GAP = 3.0, 6.0
@@ -61,7 +61,7 @@ class _Shape(NamedTuple):
 
 
 class _Camera(NamedTuple):
-    """What is seen: the place in the middle (m), and pixels per m."""
+    """View: the place in the middle (m), and pixels per m."""
 
     x: float
     y: float
@@ -75,7 +75,7 @@ class _Camera(NamedTuple):
         return list(zip((x * _FINER).tolist(), (y * _FINER).tolist(), strict=True))
 
     def sight(self) -> Area:
-        """What is in sight."""
+        """Visible area."""
         across, up = (size / (2 * self.scale) for size in _SIZE)
         return Area(self.x - across, self.y - up, self.x + across, self.y + up)
 
@@ -285,7 +285,7 @@ _GIF, _MP4 = 10, 20
 _ENCODE = (
     "-c:v libx264 -pix_fmt yuv420p -crf 20 -threads 1 -fflags +bitexact -flags:v +bitexact -map_metadata -1 -movflags +faststart"
 )
-"""How ffmpeg writes an MP4 that every player takes, the same bytes each time"""
+"""Options of ffmpeg for an MP4 that every player reads, with the same bytes each time"""
 
 
 def write_animation(results: Sequence[RunResult], path: Path) -> None:

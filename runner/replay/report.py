@@ -37,7 +37,7 @@ _STYLES = ("base.css", "report.css")
 _PARTS = ("model", "verdicts", "groups", "distributions", "scatter", "table", "report")
 _SCRIPTS = ("dom.js", "axes.js", *(f"report/{part}.js" for part in _PARTS))
 _LEAD_IN = 2.0
-"""How long before the most critical moment replays begin, s"""
+"""Lead-in (s) of replays before the most critical moment"""
 _DIGITS = 6
 """Significant digits of numbers"""
 
@@ -60,7 +60,7 @@ def write_report(out: Path, against: Path | None = None) -> Path:
 
 
 def report(out: Path) -> dict[str, Any]:
-    """What the page is made from: one row a run, in the order of their names; files that could not be run are among them."""
+    """Return the data of the page: one row per run, sorted by name, files that failed to load included."""
     settings = journal.settings(out)
     runs = _table(out)
     return {
@@ -127,7 +127,7 @@ def _table(out: Path) -> list[dict[str, Any]]:
 
 
 def _unusable(table: pa.Table) -> str:
-    """What is wrong with a table of runs; empty where the page can be made of it.
+    """Return the fault of a table of runs; empty if the page can be made of it.
 
     Raises:
         ValueError, pyarrow.ArrowException: its values are none of their types.
@@ -180,7 +180,7 @@ def _values(run: dict[str, Any]) -> dict[str, float | None]:
 
 
 def _impact(run: dict[str, Any]) -> str | None:
-    """Who hits whom in a failed run, and where the ego is touched; None without a contact."""
+    """Describe the contact of a failed run: entities, and the side of the ego; None without a contact."""
     if run.get("impact_side") is None or run.get("impact_speed_other") is None:
         return None
     ahead, left = run["impact_ahead"], run["impact_left"]
@@ -194,7 +194,7 @@ def _rounded(value: float | None) -> float | None:
 
 
 def _moment(run: dict[str, Any]) -> float:
-    """Where a replay begins to be interesting, s."""
+    """Return the time (s) at which a replay starts."""
     times = [run.get(f"{measure}_time") for measure in _MOMENTS]
     worst = next((time for time in times if time is not None), 0.0)
     return round(max(0.0, worst - _LEAD_IN), 2)

@@ -42,14 +42,14 @@ _SHAPES = with_recent(
         "wheelchair": "pedestrian",
     }
 )
-"""How SUMO draws participants, by category; the others are boxes without a face."""
+"""Shape of entities in SUMO by category; the others are plain boxes."""
 _EGO, _OTHERS = (230, 80, 20, 255), (60, 110, 190, 255)
 _ROUTE = "dock"
 _ANYWHERE = 2
 """keepRoute: to be put exactly there, on a road or off it"""
 _WINDOW = "1200,700"
 _SIGHT = 70.0
-"""How far the window sees around the ego at first, m"""
+"""Initial radius (m) of the view around the ego"""
 _GLANCE = 0.2
 """Time between looks whether the window is still open, s"""
 

@@ -94,7 +94,7 @@ def _turned(v: tuple[float, float], h: float) -> tuple[float, float]:
 
 
 def _on_road(v: tuple[float, float], road: Road, point: RoadPoint, line: float) -> tuple[float, float]:
-    """How fast a road point that moves with a velocity goes on along the line at t = `line` (m), and across it."""
+    """Return the speeds of a road point with a given velocity along the line at t = `line` and across it (m/s)."""
     along, across = _turned(v, road.heading(point.s))
     curvature = road.curvature(point.s)
     return along * (1.0 - curvature * line) / max(1.0 - curvature * point.t, _SHARPEST), across

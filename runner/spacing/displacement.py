@@ -1,4 +1,4 @@
-"""How far participants can have moved: what is further apart than that has not met, and need not be looked at or measured yet."""
+"""Bounds on the displacement of entities: pairs further apart cannot have met and need no measuring yet."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from runner.participants.entity import Entities, Entity
 
 LONGEST = 1000.0
-"""What `Displacement.total` grows by where somebody has come or gone, m: no conclusion reaches further."""
+"""Growth (m) of `Displacement.total` when an entity appears or disappears: no conclusion reaches further."""
 _ROUNDING = 1e-6
 
 
 class Stepping(Protocol):
-    """What is needed of a run: its participants, and the number of steps done."""
+    """Used part of a run: its entities, and the number of steps done."""
 
     @property
     def entities(self) -> Entities: ...

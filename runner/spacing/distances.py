@@ -126,7 +126,7 @@ def _extents(
 
 
 class Bearing(NamedTuple):
-    """Where b lies on the road network as seen from a, in the direction of a's road (not of a's travel).
+    """Relation of b to a on the road network, in the direction of a's road (not of a's travel).
 
     ds, dt (m) and lanes are towards +s and +t of a's road, in road or lane coordinates; `aligned` says whether +s is the
     same direction at both. line_a, line_b: t (m) of the line along which ds is measured, at a and at b.
@@ -143,7 +143,7 @@ class Bearing(NamedTuple):
 
 
 def road_point(roads: Roads, b: Entity | Placement) -> RoadPoint | None:
-    """Where an entity or a position is on the road network."""
+    """Return the road position of an entity or a position."""
     if isinstance(b, Entity):
         return roads.road_point(b)
     if b.point is not None or roads.network is None:
@@ -152,7 +152,7 @@ def road_point(roads: Roads, b: Entity | Placement) -> RoadPoint | None:
 
 
 def bearing(roads: Roads, a: Entity, b: Entity | Placement, lane: bool, routing: str = "undefined") -> Bearing | None:
-    """Where b lies on the road network as seen from a; None where no way leads from one to the other.
+    """Return the relation of b to a on the road network; None if no way connects them.
 
     Args:
         lane: in coordinates of a's lane, not of its road.

@@ -1,1 +1,1 @@
-"""What surrounds the participants: weather and time of day, traffic signals."""
+"""Surroundings of the entities: weather and time of day, traffic signals."""

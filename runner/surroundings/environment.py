@@ -14,7 +14,7 @@ from xosc.node import Node
 
 @dataclass(frozen=True, slots=True)
 class Environment:
-    """What is known of the surroundings; every part keeps its last value until an action sets it anew.
+    """State of the surroundings; every part keeps its last value until an action sets it.
 
     Args:
         name: of the last Environment applied.
@@ -31,7 +31,7 @@ class Environment:
     running: bool = False
 
     def after(self, node: Node, time: float) -> Environment:
-        """What an Environment element makes of it at a simulation time (s)."""
+        """Return the state after applying an Environment element at a simulation time (s)."""
         changes: dict[str, Any] = {"name": node.get("name")}
         clock = node.find("TimeOfDay")
         if clock is not None:

@@ -28,7 +28,7 @@ _EPSILON = 1e-9
 _SHORTEST = 1e-3
 """Length (m) that each road counts at least, so that a circle of roads without length ends."""
 _AT = 2.0
-"""How far (m) from the place that it is named by a traffic light may be, as in CARLA's scenario_runner."""
+"""Largest distance (m) of a traffic light from the place that names it, as in CARLA's scenario_runner."""
 
 
 class Phase(NamedTuple):
@@ -53,7 +53,7 @@ _FAR = 300.0
 
 
 class StopLine(NamedTuple):
-    """Where a signal asks to stop: its id, and how far (m) it is from the reference point along the lane."""
+    """Stop line of a signal: its id, and its distance (m) from the reference point along the lane."""
 
     signal: str
     distance: float
@@ -94,7 +94,7 @@ class SignalController:
 
 
 class SignalRun(Protocol):
-    """What traffic signals need of a run."""
+    """Used part of a run for traffic signals."""
 
     @property
     def time(self) -> float:

@@ -33,7 +33,7 @@ GROUP = "xosc.sut"
 
 
 System = SystemUnderTest | WorldDriven
-"""Who may drive the ego."""
+"""Driver of the ego."""
 
 
 def load_system(name: str | System | None) -> System | None:
@@ -61,14 +61,14 @@ def load_system(name: str | System | None) -> System | None:
 
 
 def system_name(system: str | System | None) -> str:
-    """What a system under test is called in results and messages."""
+    """Return the name of a system under test for results and messages."""
     if isinstance(system, str | None):
         return system or "none"
     return f"{type(system).__module__}:{type(system).__qualname__}"
 
 
 def find_system(name: str | None) -> Callable[[], System] | None:
-    """What builds the system under test of that name (see `runner.sut.parameters`); None for `none`.
+    """Return the factory of a system under test by name (see `runner.sut.parameters`); None for `none`.
 
     Raises:
         UsageError: no such system, with those that there are; it can't be imported; or it has no such parameter.
@@ -121,7 +121,7 @@ def systems() -> dict[str, str]:
 
 @cache
 def _installed() -> dict[str, EntryPoint]:
-    """Those that the entry points of installed packages name; looked up once, and for no system of ours.
+    """Return the entry points of installed packages for names that are not ours; looked up once.
 
     It reads every installed package's list, which takes as long as a short run.
     """

@@ -69,7 +69,7 @@ class EmergencyBraking:
         return near
 
     def stage(self, time: Any, held: Any, stage: Any) -> Any:
-        """What it does, with someone reached in a time (s), or held by someone near, given what it did before."""
+        """Return the next stage, for the time (s) to reach an object or for a near object, and the current stage."""
         braking = (time <= self.partial_time) | ((stage >= _PARTIAL) & (time < math.inf))
         full = braking & ((stage == _FULL) | (time <= self.full_time))
         holding = choose((stage != _FOLLOWS) & held, _HOLDS, _FOLLOWS)

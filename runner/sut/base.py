@@ -84,7 +84,7 @@ def seen(entity: Entity) -> Participant:
 
 
 class Observation(NamedTuple):
-    """What a system under test sees at one instant.
+    """Observation of a system under test at one instant.
 
     Args:
         time: simulation time, s.
@@ -107,7 +107,7 @@ class Observation(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """What a system under test does in this step; None leaves that domain to the scenario.
+    """Control by a system under test in this step; None leaves the domain to the scenario.
 
     Args:
         acceleration: along the heading, m/s².

@@ -73,7 +73,7 @@ class Bridge:
         self._client.send(_json({**start, "limits": {**limits, "max_steering": steering}}))
 
     def control(self, observation: Observation, dt: float) -> Control:
-        """What the client answers."""
+        """Return the client's answer."""
         client = self._client
         if client is None:
             raise ToolchainError("the bridge has no client: reset() comes first")

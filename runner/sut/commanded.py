@@ -46,7 +46,7 @@ class Scripted:
         """Nothing is carried from run to run."""
 
     def control(self, observation: Observation, dt: float) -> Control:
-        """What the script says for this time."""
+        """Return the scripted control for this time."""
         index = bisect_right(self.script, observation.time + 1e-9, key=lambda entry: entry[0])
         return self.script[index - 1][1] if index else Control()
 

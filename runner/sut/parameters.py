@@ -15,7 +15,7 @@ from typing import Any
 from schemas.errors import UsageError
 
 SENSOR_RANGE = "sensor_range"
-"""How far a system sees, m, where it has a parameter of this name: failed verdicts tell it."""
+"""Parameter for the range (m) of a system's sensor, if it has one; failed verdicts mention it."""
 
 Value = float | int | bool | str
 _BOOLEANS = {"true": True, "false": False}

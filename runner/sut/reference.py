@@ -25,17 +25,17 @@ GRAVITY = 9.81
 HARDEST = 0.774 * GRAVITY
 """Braking of a careful and competent human on a dry road, m/s²."""
 JERK = 12.65
-"""How fast that braking builds up, m/s³."""
+"""Jerk (m/s³) at the onset of that braking."""
 _FOR_SIGNALS = 2.5
 """Deceleration (m/s²) from which on a stop at a signal is begun: comfortable on a dry road."""
 _BEFORE_LINE = 1.0
 """Distance (m) from a signal's line at which one stops."""
 ROUNDING = 1e-6
-"""What is nearer to a limit than this has reached it: positions are sums of many steps."""
+"""Tolerance of comparisons with limits: positions are sums of many steps."""
 
 
 class Moving(Protocol):
-    """What the drivers know of the ego; numbers, or arrays of them over many cases."""
+    """Ego state of the drivers; numbers, or arrays over many cases."""
 
     @property
     def speed(self) -> float:

@@ -91,7 +91,7 @@ class _Lanes:
             self._cross(each)
 
     def notes(self) -> list[str]:
-        """What was inferred, one sentence each."""
+        """Inferred facts, one sentence each."""
         words = {
             "width": "lanes have no boundaries: they are taken {width:g} m wide, or half-way to their neighbours",
             "centre": "lanes have no centre line: they run as their boundaries do",

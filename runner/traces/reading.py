@@ -65,7 +65,7 @@ class LeftOut(NamedTuple):
 
 @dataclass
 class TraceRecording:
-    """What a trace records.
+    """Contents of a trace.
 
     Attributes:
         recording: its tracks, without a road network.
@@ -99,7 +99,7 @@ def read(path: Path) -> TraceRecording:
 
 
 class _Object:
-    """What is known of one object."""
+    """Known properties of one object."""
 
     def __init__(self, message: Any, stationary: bool, number: int) -> None:
         self.first, self.stationary, self.number = message, stationary, number
@@ -183,7 +183,7 @@ class _Collected:
     # the recording --------------------------------------------------------------------------
 
     def recording(self) -> TraceRecording:
-        """What was taken in."""
+        """Return the recording so far."""
         times = np.array(self._times, dtype=np.int64)
         made = TraceRecording(Recording([], 1.0, None), None, self._truth)
         steps = np.diff(times) / _NANO

@@ -50,7 +50,7 @@ _BOXES = with_recent(
 
 
 class Mix:
-    """What traffic consists of: makers of entities, drawn by weight."""
+    """Composition of traffic: factories of entities, drawn by weight."""
 
     def __init__(self, makers: Sequence[tuple[float, Callable[[str, Random], Entity]]]) -> None:
         self.makers = [maker for _, maker in makers]
@@ -222,7 +222,7 @@ class Spawner:
     _count: int = 0
 
     def present(self) -> list[Entity]:
-        """Those that have not left."""
+        """Return the entities that have not left."""
         self.members = [entity for entity in self.members if entity.active]
         return self.members
 

@@ -1,4 +1,4 @@
-"""What the interpreter asks of a world (a simulator), and the worlds without one: `KinematicWorld`, `RehearsalWorld`.
+"""Contract of a world (a simulator), and the worlds without one: `KinematicWorld`, `RehearsalWorld`.
 
 The interpreter owns every scripted participant and shows the world where it is (`mirror`); participants that the
 world's own driver moves (`Controls.world_driven`) are read back (`read`). A world knows nothing of storyboards.
@@ -23,7 +23,7 @@ class Reading(NamedTuple):
 
 
 class DriverRequest(NamedTuple):
-    """What the world's own driver is asked to do with a participant.
+    """Request to the world's own driver of an entity.
 
     Args:
         speed: its desired speed (m/s) where nothing is in its way; None for what the world thinks usual there.

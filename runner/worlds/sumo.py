@@ -44,7 +44,7 @@ class _Places(NamedTuple):
 
 
 class _Kept:
-    """What SUMO is shown before it begins, in order."""
+    """Commands for SUMO before it starts, in order."""
 
     def __init__(self) -> None:
         self.clear()

@@ -69,7 +69,7 @@ _UNLIMITED = 1000.0
 
 
 class _Arrival(NamedTuple):
-    """Where SUMO's driver takes a participant over, and the heading (rad) of its lane there."""
+    """Place where SUMO's driver takes an entity over, and the heading (rad) of its lane."""
 
     here: RoadPoint
     h: float
@@ -239,7 +239,7 @@ class SumoSimulation:
         return True
 
     def _arrival(self, entity: Entity) -> _Arrival | None:
-        """Where an entity is on a lane on which SUMO lets it drive, None where it is not."""
+        """Return the lane position at which SUMO can drive an entity, None if there is none."""
         network = self._network
         if network is None or not entity.visible["traffic"]:
             return None

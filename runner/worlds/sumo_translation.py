@@ -1,4 +1,4 @@
-"""What a scenario's vehicles, traffic signals and ways are to SUMO.
+"""Translation of a scenario's vehicles, traffic signals and routes for SUMO.
 
 Traffic signals: the standard leaves it to the road network how a state is written. Two ways of writing are in use and understood
 here: colours (`red`, `redYellow`, `GREEN`), and the lamps from top to bottom (`on;off;off`, `flashing` too), of which three are
@@ -135,7 +135,7 @@ class SumoRoutes:
 
 
 def joined(driving: Sequence[str], ahead: Sequence[str]) -> list[str]:
-    """What is left of the route that SUMO has, up to the last edge that lies ahead, and from there what lies ahead."""
+    """Return the rest of SUMO's route up to the last edge ahead, followed by the new way."""
     for index in reversed(range(len(driving))):
         if driving[index] in ahead:
             return [*driving[:index], *ahead[ahead.index(driving[index]) :]]

@@ -1,4 +1,4 @@
-"""What all storyboard elements share: states and transitions; and actions in execution (OpenSCENARIO XML 1.3, 8.3, 8.4.1)."""
+"""Storyboard elements: states and transitions; actions in execution (OpenSCENARIO XML 1.3, 8.3, 8.4.1)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class StoryboardRun(Run, Protocol):
-    """What storyboard elements need of a run."""
+    """State and methods of a run for storyboard elements."""
 
     @property
     def processes(self) -> list[Process]:

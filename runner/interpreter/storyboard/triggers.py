@@ -28,7 +28,7 @@ _LONGEST = 128
 
 
 class ConditionContext(Protocol):
-    """What triggers are built with."""
+    """Context in which triggers are built."""
 
     def timed_condition(self, node: Node) -> TimedCondition:
         """The condition that a Condition element is, with its edge and delay."""
@@ -96,7 +96,7 @@ class TimedCondition:
         return value and since <= then
 
     def outlook(self, run: Instant) -> tuple[bool, float]:
-        """What it will be from the next step on, and the time (s) before which that stays while `run.changes` does."""
+        """Return the value from the next step on, and the time (s) until which it holds while `run.changes` is unchanged."""
         until = self.condition.keeps(run)
         if until <= run.time:
             return False, -math.inf
@@ -200,7 +200,7 @@ class Trigger:
         return all(any(timed.condition.mishap for timed in group) for group in self.groups)
 
     def describe(self, run: Instant) -> str:
-        """What it waits for, with the values of now."""
+        """Describe the awaited conditions with current values."""
         return " or ".join(" and ".join(condition.describe(run) for condition in group) for group in self.groups)
 
     def fires(self, run: Instant) -> bool:

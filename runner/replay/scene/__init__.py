@@ -1,1 +1,1 @@
-"""What pages, pictures and animations of runs are drawn from."""
+"""Data that pages, pictures and animations of runs are drawn from."""

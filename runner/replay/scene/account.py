@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _FAR = 100.0
 """Others farther away than this do not matter, m"""
 _SHORT = 1.0
-"""Whoever is nearest for less than this is passed over, s"""
+"""Shortest time (s) as nearest entity that is mentioned"""
 
 Stretches = list[tuple[int, str]]
 """Numbers of samples from which on something holds, and what"""
@@ -97,7 +97,7 @@ def account(result: RunResult) -> list[Sentence]:
 
 
 def _contacts(result: RunResult) -> Iterator[Sentence]:
-    """Who touched whom, where there is no ego to tell more of."""
+    """Describe the contacts of a run without an ego."""
     found = [entry for entry in result.events if entry.kind == "collision"]
     for entry in found[:3]:
         yield Sentence(f"{entry.subject} {entry.text} at {entry.time:.2f} s.", entry.time)
@@ -139,7 +139,7 @@ def _began(ego: Track, measures: Criticality, began: int | None, row: int) -> Se
 
 
 def _needed(conflict: Conflict, began: int | None, impact: float) -> Iterator[Sentence]:
-    """How hard it would have had to brake when it began, and by when full braking would have been enough."""
+    """Describe the braking needed at the start of the conflict, and the latest time for full braking."""
     if began is not None:
         least = conflict.least(float(conflict.ego.time[began]))
         if least is None:

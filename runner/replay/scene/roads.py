@@ -27,7 +27,7 @@ _WIDTH = 0.12
 _APART = 2.0
 """Distance between the middles of two marks side by side, in widths"""
 _TOLERANCE = 0.02
-"""How far a simplified line may be from the true one, m"""
+"""Tolerance (m) of simplified lines"""
 _PAIRS = {"solid solid": "ss", "solid broken": "sb", "broken solid": "bs", "broken broken": "bb"}
 _DASHES = {"broken": "broken", "botts dots": "dots"}
 _UNMARKED = "unmarked"
@@ -38,7 +38,7 @@ SURFACES = {
     **dict.fromkeys(("biking",), "bike"),
     **dict.fromkeys(("none", "median", "tram", "rail"), "verge"),
 }
-"""How lanes look, by their type; the others are carriageway."""
+"""Appearance of lanes by type; the others are carriageway."""
 
 
 class Area(NamedTuple):
@@ -59,7 +59,7 @@ class Area(NamedTuple):
 
 
 class Marks(NamedTuple):
-    """How marks look: `pattern` solid, broken, dots or unmarked (a border without marks), colour, width in m."""
+    """Appearance of marks: `pattern` solid, broken, dots or unmarked (a border without marks), colour, width in m."""
 
     pattern: str
     colour: str
@@ -125,7 +125,7 @@ def _along(road: Road, lane_id: int, start: float, end: float, everywhere: Line,
 
 
 def _clipped(build: Callable[[Line], Any], lines: Iterable[Line], area: Area) -> list[Line]:
-    """What of rings or lines lies within an area, with no more points than needed."""
+    """Clip rings or lines to an area, with no more points than needed."""
     kept = []
     for line in lines:
         west, south = line.min(axis=0)

@@ -63,11 +63,11 @@ def pack_lines(lines: Sequence[NDArray[np.float64]], step: float) -> list[str]:
 
 
 LENGTH_STEP, ANGLE_STEP, SPEED_STEP = 0.01, 0.002, 0.01
-"""What positions (m), headings (rad) and speeds (m/s) are rounded to"""
+"""Rounding of positions (m), headings (rad) and speeds (m/s)"""
 _SAMPLE = 0.05
 """Least time between samples, s"""
 _SURROUNDINGS = 200.0
-"""How far around the participants' ways roads are drawn, m"""
+"""Margin (m) around the paths of entities in which roads are drawn"""
 _GREATEST = 1000.0
 """Values of curves beyond this are cut off there"""
 
@@ -89,7 +89,7 @@ def scene(results: Sequence[RunResult]) -> dict[str, Any]:
 
 
 def steps() -> dict[str, float]:
-    """What numbers are rounded to, and the deceleration (m/s²) beyond which nobody brakes."""
+    """Return the rounding of numbers, and the deceleration (m/s²) that no vehicle exceeds."""
     return {"length": LENGTH_STEP, "angle": ANGLE_STEP, "speed": SPEED_STEP, "braking": GREATEST_DECELERATION}
 
 
@@ -168,7 +168,7 @@ def _reasons(result: RunResult) -> list[str]:
 
 
 def _pairs(measures: Criticality | None, dt: float, stride: int) -> dict[str, Stretches]:
-    """Whom the ego has most to do with, and whom the time to collision is about, from which samples on."""
+    """Return the most relevant entity and the one of the least time to collision, with the samples from which they apply."""
     if measures is None:
         return {"partners": [], "leads": []}
     return {"partners": partners(measures, dt, stride), "leads": stretches(measures.time, measures.lead, dt, stride)}
@@ -244,15 +244,15 @@ def _curves(ego: Track, criticality: Criticality | None, dt: float, stride: int)
 
 
 _BEFORE, _AFTER = 3.5, 1.0
-"""How long before and after the worst moment it plays, s"""
+"""Time (s) played before and after the worst moment"""
 _AROUND = 30.0
-"""How far around the ego and the other one roads and participants are drawn, m"""
+"""Margin (m) around the ego and the other entity in which roads and entities are drawn"""
 _PREVIEW_STEP = 0.1
 """Least time between samples, s"""
 
 
 def preview(result: RunResult) -> dict[str, Any] | None:
-    """What `page/play/preview.js` plays; None for runs in which the ego met nobody."""
+    """Return the data of `page/play/preview.js`; None for runs without an encounter."""
     measures = result.criticality
     if measures is None or measures.conflict is None or result.ego is None:
         return None

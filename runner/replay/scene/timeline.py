@@ -99,7 +99,7 @@ def _level(entry: LogEntry) -> str:
 
 
 def _whole(entry: LogEntry) -> str:
-    """What tells rows of one level apart: of a collision both participants, of notes their kind."""
+    """Return the text that tells rows of one level apart: both entities of a collision, the kind of notes."""
     level = _level(entry)
     if level == "collision":
         return f"{entry.subject}{_PAIR}{entry.text.removeprefix('no longer ').removeprefix('touches ')}"
