@@ -208,7 +208,7 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
 
 
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
-    """What was found, in lines."""
+    """Yield the results as lines."""
     from generation.outcomes.judges import JUDGES
     from generation.pipeline import drawn_of
 

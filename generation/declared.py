@@ -1,4 +1,4 @@
-"""What a search is asked to vary besides what recordings tell: ranges, distributions of variation files, names of roles."""
+"""Varied parameters beyond recordings: ranges, distributions of variation files, names of roles."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class NothingToVary(UsageError):
 
 
 class Varied(NamedTuple):
-    """What a variation file says of a scenario.
+    """Contents of a variation file.
 
     Attributes:
         scenario: its file.
@@ -48,7 +48,7 @@ class Varied(NamedTuple):
 
 
 def varied(path: Path) -> Varied | None:
-    """What a variation file says; None for a scenario.
+    """Read a variation file; None for a scenario.
 
     Raises:
         InvalidFile: the file is malformed, or a catalogue.

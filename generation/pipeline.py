@@ -41,7 +41,7 @@ _DRAWN = 30, 0.25
 
 @dataclass(frozen=True, eq=False)
 class Generated:
-    """What came of a search.
+    """Result of a search.
 
     Attributes:
         space: what was searched, and what was pinned.
@@ -211,7 +211,7 @@ def system_digest(scenario: Path, run: RunSettings) -> str:
 def _estimate(
     problem: Problem, recorded: Recorded, run: Evaluate, drivers: Drivers, episodes: Episodes, settings: SearchSettings
 ) -> Estimate:
-    """How often the system fails."""
+    """Estimate the failure rate of the system."""
     assert problem.prior is not None
     known = Known(episodes.theta, episodes.outcomes.collision)
     chosen = EstimateSettings(min(RUNS, settings.budget), settings.seed)
@@ -259,7 +259,7 @@ def space_of(scenario: Path, settings: SearchSettings) -> Space:
 
 
 def evaluator_of(scenario: Path, space: Space, settings: SearchSettings) -> Evaluator:
-    """What runs points of a search.
+    """Return the evaluator of a search's points.
 
     Raises:
         UsageError: a setting is wrong, or there is no such cluster.
@@ -268,7 +268,7 @@ def evaluator_of(scenario: Path, space: Space, settings: SearchSettings) -> Eval
 
 
 def evidence(settings: SearchSettings) -> Evidence:
-    """What holds for all files of a search."""
+    """Return the evidence for all files of a search."""
     run = settings.run
     return Evidence(system_name(run.sut), settings.method, settings.rss, settings.seed, settings.budget, run.timestep)
 

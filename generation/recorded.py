@@ -29,13 +29,13 @@ from xosc.tags import PREFIX
 
 _RECORDING = f"{PREFIX}Recording"
 _BESIDE = 7
-"""How many units further, by the ego's speed, the unit of the next actor is: the next ones may be of the same lane change."""
+"""Candidates, by the ego's speed, for the unit of the next actor: the nearest may be of the same lane change."""
 _DRAWN, _PARTS = 1000, 5
 """Draws in the place of recorded units, and how many recordings they count as."""
 
 
 class Recorded(NamedTuple):
-    """What was recorded of the parameters of a space.
+    """Recorded values of a space's parameters.
 
     Attributes:
         theta: parameters (n, d) in its order.
@@ -61,7 +61,7 @@ class Recorded(NamedTuple):
     pairs: PairUnits | None = None
 
     def prior(self, space: Space, density: str) -> Prior:
-        """What they say of a space.
+        """Return the prior of a space.
 
         Args:
             density: name of the model of what is recorded (`generation.density.models`).
@@ -78,7 +78,7 @@ class Recorded(NamedTuple):
         return JointPrior(space.names, parts, partial(self._admitted, space), self.alone(space, density))
 
     def alone(self, space: Space, density: str) -> list[RecordedPrior]:
-        """What all units of its kind say of what each of two adversaries does, whatever the other one does."""
+        """Return the prior of each of two adversaries, from all units of its kind, whatever the other one does."""
         found = []
         for each in self.pairs.alone if self.pairs is not None else ():
             names = tuple(name for name in space.names if name in each.values)
@@ -98,7 +98,7 @@ class Recorded(NamedTuple):
         return found
 
     def recorded_prior(self, space: Space, density: str) -> RecordedPrior:
-        """What they say of those of a space's parameters that are recorded."""
+        """Return the prior of those of a space's parameters that are recorded."""
         values = self.values or dict(zip(space.names, self.theta.T, strict=True))
         pinned = {name: float(value) for name, value in space.pinned.items() if name in values}
         kept = [index for index, name in enumerate(space.names) if name not in self.marginals]
@@ -127,7 +127,7 @@ class Recorded(NamedTuple):
         return Space((*space.parameters, *sides), rest), np.hstack(columns)
 
     def within(self, space: Space) -> Recorded:
-        """Those inside the box."""
+        """Return the values inside the box."""
         inside = ((self.theta >= space.low) & (self.theta <= space.high)).all(axis=1)
         errors = None if self.errors is None else self.errors[inside]
         values = {name: each[inside] for name, each in self.values.items()}
@@ -240,7 +240,7 @@ def of_samples(
 
 
 def _with_jerk(samples: Samples, roles: Mapping[str, Role], space: Space) -> tuple[Samples, Mapping[str, Role]]:
-    """Those whose jerk is known where it is searched; where it is pinned and nobody's is known, without that role."""
+    """Return the samples with known jerk if it is searched; drop its role if it is pinned and never known."""
     jerk = next((name for name, role in roles.items() if role.role == JERK), None)
     known = np.flatnonzero(np.isfinite(samples.jerks))
     if jerk is None or known.size:

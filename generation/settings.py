@@ -35,7 +35,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """What to search for, and how.
+    """Settings of a search.
 
     Attributes:
         run: how scenarios are run, with the system under test; `seed` is that of the search.
@@ -76,7 +76,7 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class Ask:
-    """What a user says of searches, in the texts of the options.
+    """Options of searches as texts.
 
     Attributes:
         recordings: `--recorded`. kind: `--kind`. density: `--density`.
@@ -93,7 +93,7 @@ class Ask:
 
 @dataclass(frozen=True)
 class LoopSettings:
-    """What a loop does.
+    """Settings of a loop.
 
     Attributes:
         run: how scenarios are run, with the system under test; `seed` is that of the searches.
@@ -124,7 +124,7 @@ class LoopSettings:
     against: Path | None = None
 
     def deciding(self) -> dict[str, str]:
-        """Those that decide what is found, as texts by name; those of `ask` by the names of the options."""
+        """Return the settings that decide the findings, as texts by name; those of `ask` by option."""
         own = {name: value for name, value in asdict(self).items() if name not in ("run", "processes", "ask", "against")}
         ask = {_OPTIONS.get(name, name): value for name, value in asdict(self.ask).items()}
         return {name: _text(value) for name, value in (self.run.as_json() | own | ask).items()}

@@ -53,7 +53,7 @@ _RUNS = 100
 
 @dataclass(frozen=True)
 class Evidence:
-    """What holds for all cases of a file.
+    """Evidence for all cases of a file.
 
     Attributes:
         sut: name of the system under test.

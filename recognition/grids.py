@@ -278,7 +278,7 @@ _POINTS = 2.0
 
 
 class Site(Protocol):
-    """Where a recording was made: all that the grids need of it is its road network."""
+    """Site of a recording: the grids need its road network only."""
 
     @property
     def network(self) -> RoadNetwork:

@@ -96,7 +96,7 @@ CHANGES = 2 * len(_CHANGING) + 2 * len(_ROLES)
 
 
 def changes(inputs: NDArray[np.float16]) -> NDArray[np.float32]:
-    """How the ego's motion, gap and lane change in windows, and which roles its lanes have.
+    """Return the changes of the ego's motion, gap and lane in windows, and the roles of its lanes.
 
     How a scenario ends otherwise than it began tells what happens in it. Levels, such as of speed or the number of lanes, tell
     where it is, and are left out, but for the roles.
@@ -138,7 +138,7 @@ _REACH = 250.0
 
 
 class Relations(NamedTuple):
-    """How one strip lies to another one, for pairs of strips.
+    """Relations of pairs of strips.
 
     Attributes:
         base: distance from where the first begins to where the second does, m; of ways that merge, by how much farther the first
@@ -414,7 +414,7 @@ def _relative(scene: Scene, rows: IntArray, there: BoolArray) -> Values:
 
 
 def _between(scene: Scene, a: IntArray, b: IntArray) -> Values:
-    """How the rows `b` lie to the rows `a`."""
+    """Return the relations of the rows `b` to the rows `a`."""
     graph = scene.site.lanes
     lanes = relations(graph, scene.strip[a], scene.strip[b])
     related = lanes.same_way | lanes.merging
@@ -435,7 +435,7 @@ def _between(scene: Scene, a: IntArray, b: IntArray) -> Values:
 
 
 def _beside(lanes: LaneGraph) -> tuple[IntArray, IntArray]:
-    """How many drivable lanes of its direction each strip has to the left and to the right."""
+    """Return the numbers of drivable lanes in each strip's direction to its left and right."""
     places: dict[tuple[str, int, bool], list[int]] = {}
     for strip in lanes.strips:
         if strip.kind in DRIVABLE:

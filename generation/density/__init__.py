@@ -1,1 +1,1 @@
-"""How likely manoeuvre parameters are: one contract (`base.Density`), a file in `models` for each density."""
+"""Densities of manoeuvre parameters: one contract (`base.Density`), a file in `models` for each."""

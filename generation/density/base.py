@@ -151,7 +151,7 @@ class Whitening:
 
     @classmethod
     def of(cls, theta: FloatArray) -> Whitening:
-        """That of samples (n, d), with the unbiased covariance.
+        """Fit to samples (n, d), with the unbiased covariance.
 
         Raises:
             UsageError: a column is constant, or follows from those before it.

@@ -28,7 +28,7 @@ TESTABLE = 0.05
 
 
 class Share(NamedTuple):
-    """How many of some runs collided."""
+    """Share of runs that collided."""
 
     collisions: int
     runs: int
@@ -111,7 +111,7 @@ def _upper(hits: int, trials: int) -> float:
 
 
 class Gate(NamedTuple):
-    """What a density was measured by.
+    """Test of a density.
 
     Attributes:
         replayed: recorded units with their own values; None where nothing is recorded.

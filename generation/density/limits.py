@@ -62,7 +62,7 @@ class LeastGap:
 
     @classmethod
     def of(cls, values: Mapping[str, FloatArray], roles: Mapping[str, Role]) -> LeastGap | None:
-        """That of recorded values (n,) by parameter; None where nobody follows."""
+        """Fit to recorded values (n,) by parameter; None without a follower."""
         names = {role.role: name for name, role in roles.items() if name in values}
         if not {BEHIND, EGO_SPEED} <= names.keys():
             return None
@@ -89,7 +89,7 @@ class Limits:
 
     @classmethod
     def of(cls, values: ByRole) -> Limits:
-        """Those that all but 0.1 % of recorded units keep within."""
+        """Return the limits that all but 0.1 % of recorded units keep."""
         return cls({name: float(np.quantile(each, QUANTILE)) for name, each in quantities(values).items()})
 
     def kept(self, values: ByRole) -> BoolArray:

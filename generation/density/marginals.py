@@ -158,7 +158,7 @@ def uniform(low: float, high: float) -> Marginal:
 
 @singledispatch
 def marginal(of: object) -> Marginal | str:
-    """What a distribution of the standard says of one parameter: a density, or its one value.
+    """Return a standard distribution's density of one parameter, or its only value.
 
     Raises:
         UsageError: it has no density that can be searched.

@@ -260,7 +260,7 @@ class RecordedPrior(Prior):
         return pinned | dict(zip(self.names, theta.T, strict=True))
 
     def _least(self, values: Mapping[str, FloatArray]) -> FloatArray:
-        """What is subtracted (n, k) of what is searched before the logarithm is taken."""
+        """Return the offset (n, k) subtracted before the logarithm."""
         found = np.zeros((len(next(iter(values.values()))), len(self.searched)))
         if self._least_gap is not None and self._least_gap.gap in self.searched:
             found[:, self.searched.index(self._least_gap.gap)] = self._least_gap.at(values)

@@ -25,7 +25,7 @@ _OF_SHORT = {each.name: role for role, each in DECLARED.items()}
 
 
 class Role(NamedTuple):
-    """What a parameter is in units of recordings.
+    """Role of a parameter in units of recordings.
 
     Attributes:
         actor: participant whose unit it is.

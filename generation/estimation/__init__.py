@@ -1,1 +1,1 @@
-"""How often a system fails in traffic."""
+"""Failure rate of a system in traffic."""

@@ -55,7 +55,7 @@ class Learned:
 _COUNTED = 20_000
 """Draws that say which share of the kernels is possible"""
 _WIDER, _WIDE = 1.5, 0.3
-"""How much wider the second kernel around each failure is than the first, and its share"""
+"""Ratio of the second kernel's width to the first around each failure, and its share"""
 _UNSURE = 0.3
 """Share of the kernels that is around points which may fail"""
 
@@ -136,7 +136,7 @@ class Stage(NamedTuple):
 
 
 class Stages:
-    """What several stages have drawn from together, q = Σ n_t/n q_t: each draw counts as one of all of them.
+    """Mixture of the proposals of several stages, q = Σ n_t/n q_t: each draw counts as one of the mixture.
 
     A stage that looked where hardly anything fails then spoils nothing. As later proposals follow earlier draws, the estimate is
     consistent, and not exactly unbiased.
@@ -183,7 +183,7 @@ _LEAST = 30
 
 @dataclass(frozen=True)
 class EstimateSettings:
-    """How it is estimated.
+    """Settings of an estimate.
 
     Attributes:
         runs: how many are spent.
@@ -197,7 +197,7 @@ class EstimateSettings:
 
 
 class Estimate(NamedTuple):
-    """What came of it.
+    """Result of an estimate.
 
     Attributes:
         probabilities: by event: collisions, those that a careful driver prevents, and bands of impact speed.
@@ -227,7 +227,7 @@ class Estimate(NamedTuple):
         yield f"  rates of {self.driving}" if isinstance(self.driving, Driving) else f"  no rates: {self.driving}"
 
     def rates(self, event: str) -> dict[str, Rate]:
-        """How often an event happens per hour and per 1,000 km of driving; nothing where that is not known."""
+        """Return the rates of an event per hour and per 1,000 km of driving; empty if unknown."""
         return self.driving.rates(self.probabilities[event]) if isinstance(self.driving, Driving) else {}
 
     def as_json(self) -> dict[str, Any]:
@@ -244,7 +244,7 @@ class Estimate(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known before.
+    """Prior knowledge.
 
     Attributes:
         theta: runs (m, d). failing: which of them failed (m,).

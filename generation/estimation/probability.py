@@ -137,7 +137,7 @@ class Rate(NamedTuple):
 
 @dataclass(frozen=True)
 class Driving:
-    """What recordings say of how often a manoeuvre comes, or a pair of them.
+    """Recorded frequency of a manoeuvre, or of a pair.
 
     Attributes:
         exposure: of all recordings.
@@ -183,7 +183,7 @@ class Driving:
 
 
 def driving(recorded: Recorded, space: Space, prior: Prior) -> Driving | str:
-    """What recordings say of how often the manoeuvre of a space comes, or why they do not."""
+    """Return the recorded frequency of a space's manoeuvre, or the reason why it is unknown."""
     total = Exposure.total(recorded.exposure.values())
     if not (total.hours and total.kilometres):
         return "nothing is recorded of how many hours and kilometres were driven"

@@ -77,7 +77,7 @@ EAST, NORTH, WEST, SOUTH = "1", "2", "3", "4"
 
 
 def _at_junctions() -> dict[str, Encounter]:
-    """Those that there are at each of the two junctions; straight on, the T junction has one way only."""
+    """Return the encounters at each of the two junctions; the T junction has one way straight on."""
     found: dict[str, Encounter] = {}
     for name, (file, where) in _JUNCTIONS.items():
         is_crossroad = name == "four_way_intersection"
@@ -124,7 +124,7 @@ ENCOUNTERS = _at_junctions() | {
 _LEAST = 1.0
 """Time (s) before the ego slows down, at least"""
 _AFTER = 6.0
-"""How long (s) a scenario goes on when both have been where their ways meet"""
+"""Time (s) of a scenario after both vehicles have passed the conflict point"""
 _VEHICLES, _PEDESTRIANS = ("car", "van", "truck", "motorbike"), ("adult", "child")
 _ENVIRONMENT = "Environment_Entry"
 _START, _ARRIVAL = "Ego_SlowingStart_s", "Ego_ArrivalTime_s"
@@ -146,7 +146,7 @@ class EncounterScenario:
 
     @cached_property
     def meeting(self) -> Meeting:
-        """Where the two ways meet."""
+        """Conflict point of the two ways."""
         return meeting(self.network, self.encounter.ego, self.encounter.way)
 
     @property
@@ -238,7 +238,7 @@ class EncounterScenario:
         return [maneuvers.teleport(maneuvers.lane_position(*course.origin, s)), maneuvers.speed(speed)]
 
     def _maneuvers(self) -> list[tuple[str, Any]]:
-        """Who takes which route, and that the ego slows down."""
+        """Return the routes of the vehicles, and the ego's deceleration."""
         ways = {EGO: self.encounter.ego, self.encounter.other: self.encounter.way}
         routes = [roads.take_route(name, self.encounter.file, way) for name, way in ways.items() if isinstance(way, Course)]
         assigned = {"Delay_s": f"${_START}", "Duration_s": "$Ego_SlowingTime_s", "EndSpeed_mps": "$Ego_JunctionSpeed_mps"}

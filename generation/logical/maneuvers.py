@@ -201,7 +201,7 @@ class ManeuverScenario:
         return [name for name in (maneuver.leader, maneuver.ahead, maneuver.beside) if name is not None]
 
     def _parameters(self) -> list[Any]:
-        """Those of the actor, and the speeds of those who keep theirs."""
+        """Return the parameters of the actor, and the constant speeds of the others."""
         limits: dict[str, Limits] = {each.name: (each.low, each.high) for each in DECLARED.values()}
         slow, place = self.maneuver.braking or self.geometry.speeds, self.geometry
         limits |= {"Gap_m": place.gaps, "StartSpeed_mps": place.speeds, "EndSpeed_mps": slow, "FinalSpeed_mps": slow}
@@ -277,7 +277,7 @@ class ManeuverScenario:
         return f"{_EVADED} + {during} + max({self._speed(self.maneuver.leader)} - {speed}, 0) * ({self._delay})"
 
     def _changes(self) -> list[tuple[str, int]]:
-        """Who changes its speed, and by how many lanes to the left besides."""
+        """Return the vehicles that change speed, each with the number of lanes it moves to the left."""
         changes = [(self.maneuver.actor, self.maneuver.change)]
         return changes + ([(self.maneuver.beside, 0)] if self.maneuver.beside else [])
 

@@ -29,7 +29,7 @@ from xosc.tags import Tag
 
 @dataclass(frozen=True)
 class Part:
-    """What one of two adversaries does.
+    """Part of one of two adversaries.
 
     Attributes:
         actor: its name. lane: of the geometry's road, where it begins. change: lanes to the left that it changes.
@@ -70,7 +70,7 @@ class Pair:
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """What is done ahead of the ego."""
+        """Parts ahead of the ego."""
         return (self.first,) if isinstance(self.second, Follower) else (self.first, self.second)
 
     @property
@@ -108,8 +108,9 @@ _EVER = 1000.0
 _SETTLED = 5.0
 """Time (s) that is played after both manoeuvres"""
 REACTION = Reaction(acceleration=3.0, deceleration=7.59, jerk=3.6)
-"""What one who follows can do: it brakes with 0.774 g, as the careful driver of UN Regulation 157 does, and loses as much speed
-until then as that driver, who reacts after 0.75 s and needs 0.6 s to full braking: the jerk is 7.59 / (2 · (0.75 + 0.6 / 2))"""
+"""Reaction of a follower: it brakes with 0.774 g, as the careful driver of UN Regulation 157 does, and loses as much speed
+until then as that driver, who reacts after 0.75 s and needs 0.6 s to full braking: the jerk is 7.59 / (2 · (0.75 + 0.6 /
+2))"""
 _FOLLOWED = (0.5, 50.0)
 """Limits of the gap (m) of one who follows"""
 _DEFAULTS = {"gap": 15.0, "start_speed": 24.0, "end_speed": 22.0, "duration": 4.0, "final_speed": 22.0, "rest_time": 4.0}
@@ -211,14 +212,14 @@ class PairScenario:
         return [maneuvers.teleport(place), maneuvers.speed(f"${EGO}_Speed_mps")]
 
     def _init(self, part: Part) -> list[Any]:
-        """Where the gaps are as long as the parameters say once the first one begins."""
+        """Return initial actions that give the parameters' gaps once the first manoeuvre begins."""
         gaps = [self._terms[each.actor]["gap"] for each in self.pair.parts[: self.pair.parts.index(part) + 1]]
         ahead = f"{' + '.join(gaps)} + {len(gaps) * LENGTH} - {self._opening(part)} * {LEAD_IN}"
         place = maneuvers.relative_lane_position(EGO, part.lane - self.pair.ego_lane, f"${{{ahead}}}")
         return [maneuvers.teleport(place), maneuvers.speed(self._terms[part.actor]["start_speed"])]
 
     def _follow(self, follower: str) -> list[Any]:
-        """Where its gap to the ego is as long as the parameter says, as fast as the ego, and from then on keeping that."""
+        """Return actions that keep the parameter's gap to the ego at the ego's speed."""
         gap = f"${declared_name(follower, 'gap')}"
         place = maneuvers.relative_lane_position(EGO, 0, f"${{-({gap} + {LENGTH})}}")
         return [maneuvers.teleport(place), maneuvers.speed(f"${EGO}_Speed_mps"), maneuvers.keep_distance(EGO, gap, REACTION)]
@@ -271,7 +272,7 @@ class PairUnits(ABC):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """What is done ahead of the ego."""
+        """Parts ahead of the ego."""
         return (self.first,)
 
     @property
@@ -311,7 +312,7 @@ class PairUnits(ABC):
 
     @abstractmethod
     def apart(self, values: Mapping[str, FloatArray]) -> BoolArray:
-        """Where nobody drives through another one (n,).
+        """Return a mask of rows without overlap of vehicles (n,).
 
         Args:
             values: (n,) of all parameters.
@@ -351,7 +352,7 @@ class AheadUnits(PairUnits):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """What is done ahead of the ego."""
+        """Parts ahead of the ego."""
         return self.first, self.second
 
     @property
@@ -378,7 +379,7 @@ class AheadUnits(PairUnits):
         return {**found, f"{second}_{BEGIN}": Role(second, BEGINS), f"{EGO}_Speed_mps": Role(first, EGO_SPEED)}
 
     def apart(self, values: Mapping[str, FloatArray]) -> BoolArray:
-        """Where nobody drives through another one (n,): the two, once they are in one lane, the ego and a leader at the start.
+        """Return a mask of rows without overlap (n,): the two in one lane, and the ego with a leader at the start.
 
         Args:
             values: (n,) of all parameters.
@@ -458,7 +459,7 @@ def _acting(actor: str, samples: Samples) -> dict[str, FloatArray]:
 
 
 def _way(actor: str, values: Mapping[str, FloatArray], begin: FloatArray, time: FloatArray) -> FloatArray:
-    """How far (n, k) an actor has come at times (k,): constant speed, then two changes of speed one after the other."""
+    """Return the distance (n, k) of an actor at times (k,): constant speed, then two consecutive changes of speed."""
     duration, rest = (values[declared_name(actor, role)] for role in ("duration", "rest_time"))
     speeds = [values[declared_name(actor, role)] for role in ("start_speed", "end_speed", "final_speed")]
     change, settle = (

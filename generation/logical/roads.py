@@ -123,7 +123,7 @@ Points = FloatArray
 
 
 class Meeting(NamedTuple):
-    """Where two ways meet.
+    """Conflict point of two ways.
 
     Attributes:
         x, y: place, m.
@@ -248,7 +248,7 @@ SYSTEM = maneuvers.reference(CONTROLLER, "system_under_test")
 ENVIRONMENTS = ("dry_day", "wet_day", "foggy_day", "dry_night")
 """Entries of the catalogue of environments."""
 FAR = 399.0
-"""Where routes begin and end on the arms, s in m."""
+"""Start and end of routes on the arms, s in m."""
 
 
 def route_name(file: str, course: Course) -> str:
@@ -313,7 +313,7 @@ def _environment(name: str) -> Any:
 
 
 COMMAND = "python -m generation.logical"
-"""What makes the files."""
+"""Command that writes the files."""
 AUTHOR = "xosc-toolchain"
 _DATE = datetime(2026, 11, 21)
 

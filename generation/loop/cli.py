@@ -143,7 +143,7 @@ def _model(labels: str, model: Path | None) -> Path | None:
 
 
 def _refuse_wrong(settings: LoopSettings) -> None:
-    """What can't be is better known at once than after the recognition."""
+    """Refuse impossible settings before the recognition starts."""
     from generation.declared import freed, mapped
     from generation.search.methods import method
 

@@ -27,14 +27,14 @@ class Stage(NamedTuple):
 
 
 class CaseVerdict(StrEnum):
-    """What the system under test makes of an edge case: it collides, or comes nearer than RSS allows."""
+    """Verdict on the system under test in an edge case: a collision, or a distance below RSS's."""
 
     COLLISION = "collision"
     VIOLATION = "violation"
 
 
 class CarefulDriver(StrEnum):
-    """What the careful and competent driver of UN R157 makes of it; unknown where its run failed."""
+    """Verdict on the careful and competent driver of UN R157; unknown if its run failed."""
 
     AVOIDS = "avoids"
     COLLIDES = "collides"
@@ -43,7 +43,7 @@ class CarefulDriver(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """What a stage has found.
+    """Finding of a stage.
 
     Args:
         failures: what it could not do, by name, and why.
@@ -70,7 +70,7 @@ class Measured(Finding):
 
 @dataclass(frozen=True)
 class Prior:
-    """How many recorded manoeuvres a density is made of, and whether they are from these recordings or shipped."""
+    """Number of recorded manoeuvres behind a density, and whether they are of these recordings or shipped."""
 
     manoeuvres: int
     own: bool
@@ -197,7 +197,7 @@ class Labelled(Finding):
 
 @dataclass(frozen=True, kw_only=True)
 class Checked(Finding):
-    """How many files were checked, and the errors in them."""
+    """Number of checked files, and their errors."""
 
     files: int
     problems: list[str]
@@ -252,7 +252,7 @@ class Compared:
 
     @property
     def counts(self) -> Fates:
-        """How many failures have each fate."""
+        """Number of failures of each fate."""
         return Fates([*(each.fate for each in self.before), *(Fate.NEW for _ in self.new), *self.others.values()])
 
 
@@ -266,7 +266,7 @@ class Against:
 
     @property
     def counts(self) -> Fates:
-        """How many failures have each fate, in all."""
+        """Number of failures of each fate, in total."""
         return Fates(fate for each in self.compared for fate in each.counts.elements())
 
     def fails(self, *by: Fate) -> bool:
@@ -329,7 +329,7 @@ _STATES = {"passed": "passed", "failed": "failed", "inconclusive": "inconclusive
 
 
 def summary(stage: Stage, found: Finding) -> str:
-    """What a stage has found."""
+    """Summarise the findings of a stage."""
     return f"round {stage.round}: {_line(found)}" if stage.round else _line(found)
 
 
@@ -353,7 +353,7 @@ def closing(found: LoopResult) -> Iterator[str]:
 
 
 def _refused(refused: Iterable[Refused]) -> Iterator[str]:
-    """What is not searched, a line for each kind of reason: what differs in it from one to the next is told of the first."""
+    """Yield the refused searches, one line per kind of reason with the first example."""
     kinds: dict[str, list[Refused]] = {}
     for each in refused:
         kinds.setdefault(each.reason.partition(": ")[0], []).append(each)
@@ -364,7 +364,7 @@ def _refused(refused: Iterable[Refused]) -> Iterator[str]:
 
 
 def prior(of: Prior) -> str:
-    """Whose parameters a density is of."""
+    """Describe the source of a density's parameters."""
     if not of.manoeuvres:
         return "what is stated, without recordings"
     return f"{many(of.manoeuvres, 'manoeuvre')} {'of these recordings' if of.own else 'shipped with the package'}"

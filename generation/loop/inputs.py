@@ -29,7 +29,7 @@ from schemas.storage import digest
 
 
 class Inputs(NamedTuple):
-    """What is in a folder.
+    """Contents of a folder.
 
     Attributes:
         folder: the folder.
@@ -151,7 +151,7 @@ class Target(NamedTuple):
 
 
 def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | None) -> Iterator[Target | Refused]:
-    """What to search for each class of a catalogue, in the order of the classes.
+    """Yield the search of each class of a catalogue, in the order of the classes.
 
     Its own manoeuvres are varied where there are enough of them for a density; else the library's scenario of the class.
 
@@ -262,14 +262,14 @@ def _of_input(path: Path, own: Samples | None, ask: Ask, name: str) -> Target | 
 
 
 def _with_place(error: ToolchainError, path: Path) -> str:
-    """What an error says of a file, with its line, or the name of another file that it is in."""
+    """Return an error of a file with its line, or with the other file it is in."""
     if error.path in (None, str(path)):
         return f"line {error.line}: {error.message}" if error.line else error.message
     return f"{Path(str(error.path)).name}{f':{error.line}' if error.line else ''}: {error.message}"
 
 
 def _concerning(ask: Ask, path: Path) -> Ask:
-    """What options say of the parameters that a scenario declares."""
+    """Return the options that concern the parameters a scenario declares."""
     declared = xosc.load(scenario_of(path)).node.find("ParameterDeclarations")
     names = {each.get("name") for each in declared.children("ParameterDeclaration")} if declared is not None else set()
     pinned = {name: value for name, value in ask.pinned.items() if name in names}
@@ -278,7 +278,7 @@ def _concerning(ask: Ask, path: Path) -> Ask:
 
 
 def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[Space], Recorded], Prior]:
-    """What gives the recorded parameters of a space, and whose they are."""
+    """Return the function for the recorded parameters of a space, and their source."""
     for samples in (own, Samples.read(OWN)):
         if samples is not None:
             recorded = partial(of_samples, samples.of_kind(kind))
@@ -289,6 +289,6 @@ def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[S
 
 
 def split(found: Iterable[Target | Refused]) -> tuple[list[Target], list[Refused]]:
-    """What to search, and what not."""
+    """Split into searches and refusals."""
     listed: Sequence[Target | Refused] = list(found)
     return [each for each in listed if isinstance(each, Target)], [each for each in listed if isinstance(each, Refused)]

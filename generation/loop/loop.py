@@ -106,7 +106,7 @@ def _earlier(folder: Path | None, out: Path) -> Earlier | None:
 
 
 class _Loop:
-    """What the stages do."""
+    """Stages of the loop."""
 
     def __init__(self, inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, stages: FinishedStages) -> None:
         self._inputs, self._out, self._settings, self._bar = inputs, out, settings, bar
@@ -185,7 +185,7 @@ class _Loop:
         return Checked(files=len(files), problems=problems)
 
     def compare(self, earlier: Earlier, targets: Sequence[Target], rounds: Iterable[Round]) -> Against:
-        """What became of the failures of an earlier loop."""
+        """Return the fates of an earlier loop's failures."""
         found = [search for each in rounds for search in each.searches]
         with self._bar(f"comparing with {earlier.folder}", len(targets)) as advance:
             return compare(earlier, targets, found, self._settings, advance)

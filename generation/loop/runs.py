@@ -127,7 +127,7 @@ def _failures(found: Ran) -> Iterator[tuple[str, str]]:
 
 
 def sampled(paths: Iterable[Path], most: int, named: Callable[[Path], str]) -> dict[str, int]:
-    """How many parameter sets those variation files have that have more than `most`; those that can't be read have none.
+    """Return the number of parameter sets of variation files that have more than `most`; unreadable files have none.
 
     Args:
         named: what a file is called in the result, as for `run_all`.
@@ -191,7 +191,7 @@ class FinishedStages:
         made: Sequence[Path] = (),
         editable: bool = False,
     ) -> F:
-        """What a stage finds, of that kind; it does its work only where it has not been finished before.
+        """Return a stage's finding of that kind; its work is done only if it was not finished before.
 
         Args:
             work: what it does; it goes on with what an interruption has left of it.
@@ -222,7 +222,7 @@ class FinishedStages:
     def _left(
         self, stage: Stage, of: str, kind: type[Finding] | None = None, editable: bool = False
     ) -> tuple[dict[str, Any], str]:
-        """What a stage has left, and why that does not count though it was finished; empty where it does, or was not finished."""
+        """Return the results that a stage has left, and why they are stale; empty if they are valid or absent."""
         path = self._path(stage)
         if not path.is_file():
             return _sealed(of, None, {}), ""

@@ -1,1 +1,1 @@
-"""What episodes do: runs, rewards, systems that fail."""
+"""Outcomes of episodes: runs, rewards, failing systems."""

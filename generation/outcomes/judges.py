@@ -83,7 +83,7 @@ def survivors(theta: FloatArray, drivers: Drivers) -> BoolArray:
 
 
 class Matrix(NamedTuple):
-    """What comes of points with each of the reference drivers, by their names in reports.
+    """Outcomes of points with each of the reference drivers, by their names in reports.
 
     Attributes:
         drivers: outcomes by name.
@@ -183,7 +183,7 @@ class Cases:
 
     @property
     def careful(self) -> Outcomes:
-        """What came of the careful and competent driver of UN R157."""
+        """Outcomes with the careful and competent driver of UN R157."""
         return self.drivers[CAREFUL]
 
     @property

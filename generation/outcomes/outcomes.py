@@ -49,7 +49,7 @@ NOTHING: Mapping[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """How n episodes ended; arrays of length n.
+    """Outcomes of n episodes; arrays of length n.
 
     Args:
         collision: whether the ego touched another participant.

@@ -1,4 +1,4 @@
-"""What pages of generation share, besides what all pages have (`runner.replay.page`)."""
+"""Shared parts of generation's pages, beyond those of all pages (`runner.replay.page`)."""
 
 from pathlib import Path
 

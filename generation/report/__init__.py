@@ -1,1 +1,1 @@
-"""What a search found as one page, and what is new in it against a search of another version of the system."""
+"""Report of a search as one page, with its differences from a search of another version of the system."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 _UNITS = {"mps": "m/s", "mps2": "m/s²", "kph": "km/h", "deg": "°"}
-"""How units are written that names of parameters end with"""
+"""Units by the suffix of parameter names"""
 
 
 class Measure(NamedTuple):
@@ -87,7 +87,7 @@ def _of_actor(of: Mapping[str, FloatArray], actor: str, several: bool) -> Iterat
 
 
 LIKELIEST, NEAREST = "likeliest_failure", "nearest_failure"
-"""What their files are called, after the scenario's name"""
+"""Suffixes of their files, after the scenario's name"""
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class Counterexample:
 
 @dataclass(frozen=True, eq=False)
 class Counterexamples:
-    """Those that there are.
+    """Counterexamples that exist.
 
     Attributes:
         cases: the failures that they are of, one a row. foreseeable, preventable: which of them (n,) are.
@@ -304,7 +304,7 @@ def _weights(model: Pipeline, rows: FloatArray, failing: BoolArray) -> dict[int,
 
 
 def _boundary(model: Pipeline, rows: FloatArray, held: FloatArray, across: int, up: int) -> list[FloatArray]:
-    """Where the model is undecided, as far as runs reach."""
+    """Return the points where the model is undecided, within the reach of runs."""
     from matplotlib.figure import Figure
     from scipy.spatial import Delaunay
 

@@ -1,4 +1,4 @@
-"""What became of the failures of another version of the system: replayed on this one, fixed or still there; and what is new."""
+"""Fates of the failures of another version of the system, replayed on this one: fixed, remaining, new."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from xosc.tags import tags_of
 
 
 class Fate(StrEnum):
-    """What became of a failure; a run that failed says nothing of it.
+    """Fate of a failure; a run with an error decides nothing.
 
     A failure found now that is unlike all of before is played with the former version: it is new where that one survives, missed
     where that one fails too, and unlike where that one can't be played.
@@ -45,7 +45,7 @@ _ALWAYS = (Fate.FIXED, Fate.STILL_THERE, Fate.NEW)
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """What a search of another version of the system left in its folder.
+    """Results of another version's search in its folder.
 
     Attributes:
         folder: of the search. sut: its system under test.
@@ -100,7 +100,7 @@ class Tried(NamedTuple):
 
 
 class Fates(Counter[Fate]):
-    """How many failures have each fate."""
+    """Number of failures of each fate."""
 
     def fails(self, *by: Fate) -> bool:
         """Whether there are failures of any of these fates; of those whose runs failed, nothing good is assumed."""
@@ -128,7 +128,7 @@ class Regression:
 
     @property
     def counts(self) -> Fates:
-        """How many failures have each fate."""
+        """Number of failures of each fate."""
         return Fates([*self.fates, *(fate for fate in self.found if fate is not None)])
 
     def __str__(self) -> str:

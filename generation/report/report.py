@@ -1,4 +1,4 @@
-"""What a report says first, in sentences: what fails, how often, how hard."""
+"""Summary of a report in sentences: failures, their frequency, their severity."""
 
 from __future__ import annotations
 
@@ -184,13 +184,13 @@ def _written(scenario: Path, generated: Generated, settings: SearchSettings, out
 
 
 def _measures(generated: Generated, theta: FloatArray) -> list[Measure]:
-    """What a tester reads off points (n, d)."""
+    """Return the readable measures of points (n, d)."""
     names = (*generated.space.names, *generated.space.pinned)
     return measures(generated.space, generated.recorded.roles or roles_of(names), theta)
 
 
 def _data(report: Report, of: Sequence[Measure], out: Path) -> Json:
-    """What the page is made from."""
+    """Return the data of the page."""
     generated, scenario, sut = report.generated, report.scenario, system_name(report.settings.run.sut)
     return {
         "scenario": scenario.stem,

@@ -1,1 +1,1 @@
-"""What every search is given, what it leaves, and how it goes on."""
+"""Contract of searches: inputs, results, continuation."""

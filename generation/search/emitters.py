@@ -37,7 +37,7 @@ class Frame:
 
     @classmethod
     def of(cls, space: Space, prior: Prior, generator: np.random.Generator) -> Frame:
-        """That of a prior's recorded points, or of draws where there are too few."""
+        """Build from a prior's recorded points, or from draws if there are too few."""
         varied = np.array([name not in prior.nuisances for name in space.names])
         rows = prior.theta if len(prior.theta) > 2 * len(varied) else prior.sample(1000, generator)
         return cls(space, prior, varied, Whitening.of(space.unit(rows)[:, varied]))
@@ -58,7 +58,7 @@ class Frame:
         return self.prior.with_nuisances(self.space.scaled(unit))
 
     def measures(self, theta: FloatArray) -> FloatArray:
-        """What a tester reads, in the unit cube (n, m).
+        """Return the readable measures, in the unit cube (n, m).
 
         Relative speed and time headway when the manoeuvre begins and its pace (lanes per second), of each actor, and the ego's
         speed, as far as the space has them; the varied parameters themselves where it has fewer than two.

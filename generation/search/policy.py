@@ -1,4 +1,4 @@
-"""How MCSG learns."""
+"""Policy of MCSG."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from xodr.array_types import FloatArray
 
 @dataclass(frozen=True)
 class McsgSettings:
-    """How MCSG learns; METHOD §3 where nothing else is said.
+    """Settings of MCSG's learning; METHOD §3 unless stated.
 
     Attributes:
         batch: episodes to each step of REINFORCE.
@@ -44,7 +44,7 @@ class McsgSettings:
 
 
 class Moves(NamedTuple):
-    """How edits move θ.
+    """Effects of edits on θ.
 
     Attributes:
         rows: (d, d), row j the move of θ in the unit cube that an edit 1 of parameter j is.

@@ -40,7 +40,7 @@ def additive(outcomes: Outcomes) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Realism:
-    """How implausible parameters are, from 0 for what traffic does to 1.
+    """Implausibility of parameters, from 0 for common traffic to 1.
 
     clip((NLL − Q99) / IQR, 0, 1), NLL = −log p(θ). Q99 and IQR are those of the training samples, each by the density of the
     other recordings: by a density that holds its own kernel a sample seems far more likely than any new one ever can.
@@ -189,7 +189,7 @@ class Problem:
 
     @property
     def starts(self) -> FloatArray:
-        """What the first episodes of a search start from (k, d): what was found before, else real scenarios."""
+        """Return the starting points of a search (k, d): earlier finds, else real scenarios."""
         return self.real if self.found is None else self.found
 
 

@@ -21,7 +21,7 @@ from xodr.array_types import BoolArray, FloatArray, IntArray
 _FAR, _HARD = 5.0, 8.0
 """Clearance (m) at which its margin counts 1/e, and DRAC (m/s²) at which nothing is left of its own"""
 _CLEAR, _BRAKED = 0.1, 0.8
-"""What each margin counts: vehicles that pass each other in two lanes are close, and far from a collision"""
+"""Weights of the margins: vehicles that pass each other in two lanes are close, and far from a collision"""
 
 
 def nearness(outcomes: Outcomes) -> FloatArray:
@@ -36,7 +36,7 @@ FEW = 60
 ROUND = 20
 """Runs after which the forest is grown anew"""
 _NEAR = 0.1
-"""What the nearest miss counts, of a failure: it leads to the first failures, and says little once there are some"""
+"""Weight of the nearest miss relative to a failure: it leads to the first failures, and matters little afterwards"""
 
 
 class Surrogate:
@@ -76,7 +76,7 @@ class Surrogate:
         self._forest, self._grown = forest.fit(differences(np.concatenate(self._x)), scores), len(self)
 
     def alike(self, x: FloatArray) -> Outcomes:
-        """What the run most like each of the points (n, k) gave; nothing happens in them while there are no runs."""
+        """Return the outcomes of the most similar runs to points (n, k); uneventful while there are no runs."""
         if not len(self):
             return Outcomes.of(len(x))
         return joined(self._outcomes).take(np.argmin(cdist(x, np.concatenate(self._x)), axis=1))
@@ -93,7 +93,7 @@ PACE = 96.0
 
 
 class Tried(NamedTuple):
-    """What came of points.
+    """Outcomes of points.
 
     Attributes:
         outcomes: of all of them.

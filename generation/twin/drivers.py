@@ -22,7 +22,7 @@ from xodr.array_types import BoolArray, FloatArray
 
 
 class Situation(NamedTuple):
-    """What a driver sees in all cases.
+    """Drivers' view of all cases.
 
     Attributes:
         ego, others: motions, a row for each case.
@@ -52,7 +52,7 @@ class Driver(Protocol):
     """A system under test in n cases."""
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
-        """Where it intervenes (n,), and with what acceleration (n,), m/s²."""
+        """Return a mask of interventions (n,), and accelerations (n,), m/s²."""
         ...
 
     def take(self, rows: BoolArray) -> None:
@@ -61,7 +61,7 @@ class Driver(Protocol):
 
 
 class _Memory:
-    """What is remembered of each case: the arrays among the attributes."""
+    """Memory of each case: the arrays among the attributes."""
 
     def take(self, rows: BoolArray) -> None:
         """Keep some cases only."""
@@ -83,7 +83,7 @@ class _Avoidance(_Memory):
         self._system, self._rss = system, parameter_set(system.rss)
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
-        """Where RSS distances to what is in range are violated, with maximum braking."""
+        """Brake fully where RSS distances to vehicles in range are violated."""
         danger = np.zeros(len(seen.speed), bool)
         for other in seen.others:
             near = np.hypot(other.x - seen.ego.x, other.y - seen.ego.y) <= self._system.sensor_range + _reach(seen.ego, other)
@@ -108,7 +108,7 @@ class _Emergency(_Memory):
         self._system, self._stage = system, np.zeros(n, int)
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
-        """Where the time to collision is or was short, with partial or full braking, or keeping its speed."""
+        """Brake partly or fully, or keep the speed, where the time to collision is or was short."""
         time, held = np.full(len(seen.speed), np.inf), np.zeros(len(seen.speed), bool)
         for ahead, found in seen.encounters():
             time = np.minimum(time, np.where(ahead, self._system.threat(found), np.inf))
@@ -138,7 +138,7 @@ class _Reference(_Memory):
         self._alarmed = np.zeros(n, bool)
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
-        """Where there was danger, with the model's deceleration after its reaction time."""
+        """Brake with the model's deceleration after its reaction time where there was danger."""
         danger, demand = np.zeros(len(seen.speed), bool), np.zeros(len(seen.speed))
         moving: Any = seen
         for ahead, found in seen.encounters():

@@ -210,7 +210,7 @@ def _changing(actor: Any, script: Script, parameters: Mapping[str, FloatArray], 
 
 
 class _Found:
-    """What is measured: of the cases that go on in `now`, of those that are over in `columns`."""
+    """Measured values: of active cases in `now`, of finished ones in `columns`."""
 
     def __init__(self, n: int, dt: float) -> None:
         self.now: dict[str, Any] = {

@@ -52,7 +52,7 @@ class Body:
         return Motion(self.actor.name, self.actor.box, zero, self.x, self.y, zero, self.h, self.speed, road, self.x, self.y)
 
     def view(self, other: Body) -> View:
-        """How it sees another one along and across the road, as `runner.measures.relations` does on one road."""
+        """Return the view of another vehicle along and across the road, as `runner.measures.relations` does on one road."""
         a, b = self.actor.box, other.actor.box
         x, y, there_x, there_y = self.x + a.x, self.y + a.y, other.x + b.x, other.y + b.y
         return View(

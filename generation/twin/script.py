@@ -73,7 +73,7 @@ def _value(node: ast.expr, parameters: Mapping[str, FloatArray]) -> Any:
 
 
 _PROBE = 50.0
-"""Where (s in m) a road's lanes are looked at"""
+"""Station (s, m) at which a road's lanes are read"""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ _FIRST = 1.6
 
 
 class Tolerance(NamedTuple):
-    """How far a run may be from the recording: m, rad, m/s, m/s²."""
+    """Largest differences of a run from the recording: m, rad, m/s, m/s²."""
 
     place: float = 0.03
     heading: float = 0.01
@@ -59,7 +59,7 @@ def vertices(columns: Mapping[str, np.ndarray], tolerance: Tolerance) -> IntArra
 
 
 class _Motion(NamedTuple):
-    """What was recorded of a track (n,) each: s; m; rad, without jumps; m/s and m/s² along its way, forward or back."""
+    """Recorded motion of a track (n,) each: s; m; rad, unwrapped; m/s and m/s² along its direction, forward or back."""
 
     time: FloatArray
     x: FloatArray
@@ -108,7 +108,7 @@ _STEP, _SOON = 0.05, 0.25
 
 @dataclass(frozen=True)
 class Scope:
-    """What belongs to a scene.
+    """Extent of a scene: its tracks and times.
 
     Attributes:
         reach: distance (m) within which others matter, at any time of the scene.
@@ -198,7 +198,7 @@ class SceneCutter:
         return Scene(start, end, tuple(parts))
 
     def _others(self, ego: Track, mine: IntArray, start: float, end: float) -> Iterator[Track]:
-        """Those who come near the ego, for two frames at least."""
+        """Yield the tracks near the ego for two frames or more."""
         frames, theirs = self._frames(ego)[mine], self._rows
         rows = np.arange(*np.searchsorted(theirs.frame, [frames[0], frames[-1] + 1]))
         own = np.searchsorted(frames, theirs.frame[rows])

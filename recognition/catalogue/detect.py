@@ -18,7 +18,7 @@ from xodr.network import RoadNetwork
 
 KNOWN, UNKNOWN, DISCOVERED = "known", "unknown", "discovered"
 RULES, MODEL = "rules", "model"
-"""Whose labels sort a catalogue"""
+"""Sources of the labels that sort a catalogue"""
 WINDOW = 1.5
 """Length (s) of what is looked at about a moment"""
 
@@ -119,7 +119,7 @@ def _detection(moments: Sequence[Moment]) -> Detection:
 
 @dataclass(frozen=True)
 class EgoRequirements:
-    """What a vehicle has to be like.
+    """Requirements on an ego vehicle.
 
     Attributes:
         duration: least time that it was recorded, s.
@@ -199,7 +199,7 @@ def _on_road(track: Track, network: RoadNetwork) -> float:
 
 
 def passage(track: Track, reach: float = 5.0) -> str:
-    """How a vehicle passes (left, right, straight, back), by the change of its direction from its first to its last metres.
+    """Return the direction of a passage (left, right, straight, back), from the headings of its first and last metres.
 
     Args:
         reach: way (m) over which the direction is taken.

@@ -31,7 +31,7 @@ LABELS = "labels.json"
 
 
 class Labelled(NamedTuple):
-    """What was found in runs.
+    """Labelled windows of simulated runs.
 
     findings: of each run, by its name. written, edited: files written, and those left alone because a person has edited them.
     """

@@ -32,7 +32,7 @@ _WEIGHTS, _ABOUT, _FIELD = "model.safetensors", "about", "unseen_sites"
 
 
 class UnseenSites(NamedTuple):
-    """How a model labels rules' events on sites that it was not trained on, the worst site of those measured.
+    """Agreement of a model with rules' events on sites outside its training, for the worst site measured.
 
     agree: share with the rules' class. wrong: share that is taken for another known class or for nothing; the rest is unknown.
     """
@@ -50,7 +50,7 @@ class UnseenSites(NamedTuple):
 
 
 def unseen_sites(folder: Path) -> UnseenSites | None:
-    """What the model in a folder states of sites not seen: `unseen_sites` in its metadata; None where it states nothing.
+    """Return `unseen_sites` of the metadata of the model in a folder; None if absent.
 
     Raises:
         InvalidFile: there is no model, or what it states is no pair of shares.
@@ -114,7 +114,7 @@ class ByModel:
 
     @property
     def sorted_by(self) -> str:
-        """Whose labels sort the moments."""
+        """Source of the labels that sort the moments."""
         return MODEL if self._sorts else RULES
 
     def look(self, name: str, recording: Recording, site: Site, events: list[Event], advance: Callable[[float], None]) -> None:

@@ -31,7 +31,7 @@ Result = TypeVar("Result")
 
 
 class Workers(NamedTuple):
-    """Who works: so many processes of this machine, or a Ray cluster at an address (see `runner.batch.ray_pool`)."""
+    """Workers: a number of processes on this machine, or a Ray cluster at an address (see `runner.batch.ray_pool`)."""
 
     jobs: int = 1
     ray: str | None = None
@@ -100,7 +100,7 @@ class Recogniser(Protocol):
 
     @property
     def sorted_by(self) -> str:
-        """Whose labels sort the moments: `RULES` or `MODEL`."""
+        """Source of the labels that sort the moments: `RULES` or `MODEL`."""
         ...
 
     def look(self, name: str, recording: Recording, site: Site, events: list[Event], advance: Advance) -> None:
@@ -131,7 +131,7 @@ class ByRules:
 
 
 class Summary(NamedTuple):
-    """What became of recordings.
+    """Outcome of the recordings.
 
     classes: scenarios by title of the class. passages: vehicles' scenes by how they pass. exclusions: vehicles without a scene.
     colliding: scenarios in which the ego touches another one from the start, as recorded.
@@ -151,7 +151,7 @@ class Summary(NamedTuple):
 _EPISODES = 25
 """Scenarios of a recording that are written at a time"""
 _READ = 0.5
-"""How far a recording is recognised, for those who wait, when it has been read"""
+"""Share of the progress of a recording when it has been read"""
 
 
 def build(
@@ -260,7 +260,7 @@ class _Work:
         )
 
     def _blocks(self, source: Source) -> Iterator[Block]:
-        """What is to be written of a recording; its road is written, and the index has it."""
+        """Yield the blocks to be written of a recording, whose road and index entry are written first."""
         seen = self.seen[source.name]
         self._catalogue.register(source, seen.report, seen.exclusions)
         road = self._catalogue.road(seen.ground.road)

@@ -136,7 +136,7 @@ _LONG = 200
 
 @dataclass(frozen=True)
 class CatalogueSettings:
-    """What is recognised and written.
+    """Settings for recognising and writing.
 
     Attributes:
         scenes: what a scenario is made for: every event, or every usable vehicle.
@@ -158,7 +158,7 @@ class CatalogueSettings:
 
 
 class RecordingRef(NamedTuple):
-    """Where a recording is: the paths that its data set was opened by, its name there, the folder of the shelf, a given road."""
+    """Reference to a recording: paths of its data set, its name there, the folder of the shelf, a given road."""
 
     paths: tuple[Path, ...]
     name: str
@@ -185,7 +185,7 @@ class PlacedRecording(NamedTuple):
 
 
 class LabelledRecording(NamedTuple):
-    """What reading and labelling a recording gave, but the recording itself.
+    """Results of reading and labelling a recording, without the recording itself.
 
     egos, exclusions: the vehicles that are egos of scenes of vehicles, and those that are not.
     """
@@ -206,7 +206,7 @@ class Block(NamedTuple):
 
 
 class Done(NamedTuple):
-    """What has been written of a recording, and what went wrong."""
+    """Written scenarios of a recording, and errors."""
 
     written: Written
     error: ToolchainError | None
@@ -254,7 +254,7 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
 
 
 def episodes(settings: CatalogueSettings, seen: LabelledRecording, moments: Iterable[Moment]) -> list[Episode]:
-    """What scenarios are made of a recording."""
+    """Return the scenarios to be made of a recording."""
     name, found = seen.ground.place.name, detect.joined(moments, settings.gap)
     return of_findings(name, found, settings.around) if settings.scenes == EVENTS else of_vehicles(name, seen.egos, found)
 
@@ -277,7 +277,7 @@ def recorded(place: RecordingRef) -> Recording:
 
 @lru_cache(maxsize=1)
 def _material(ground: PlacedRecording, scope: Scope) -> Material:
-    """What is taken from a recording, which is kept for its other blocks."""
+    """Return the used part of a recording, cached for its other blocks."""
     recording = recorded(ground.place)
     material = Material(ground.place.source, recording, ground.site, scope)
     if len(recording.tracks) >= _LONG:

@@ -119,7 +119,7 @@ def scenario(
 
 
 class _Participant(NamedTuple):
-    """What a replay says of a participant.
+    """Replayed participant.
 
     names: of itself, its catalogue and its entry there. numbers: where its trajectory begins and at what speed (m, rad, m/s), and
     when it begins and ends, from the scene's start (s). appears: it is not there from the beginning. leaves: before the end.
@@ -148,7 +148,7 @@ def _rounded(value: float) -> float:
 
 @lru_cache
 def _form(appears: bool, leaves: bool, version: Version) -> maneuvers.Form:
-    """What a scenario of this version says of a participant that appears or leaves."""
+    """Return the form in which a scenario of this version adds or deletes a participant."""
     names = {name: f"${name}" for name in ("name", "catalog", "entry")}
     numbers: dict[str, Number] = {name: f"${name}" for name in ("x", "y", "h", "speed", "begins", "ends")}
     header = Header("form", "", datetime(2000, 1, 1))

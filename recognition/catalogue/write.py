@@ -57,7 +57,7 @@ _CLASSES: dict[str, tuple[str, ...]] = {
     Label.STRAIGHT_CROSS.title: ("MotionDrive", _JUNCTION),
     Label.MERGING.title: ("MotionDrive", _JUNCTION),
 }
-"""What OpenLABEL's ontology has for a class, by the class's title"""
+"""Tags of OpenLABEL's ontology for a class, by its title"""
 _PARTICIPANTS = {
     "car": "VehicleCar",
     "van": "VehicleVan",
@@ -101,7 +101,7 @@ def tags(name: str, title: str, scene: Scene, facts: Mapping[str, Any]) -> list[
 
 
 def ontology_tags(title: str, categories: Iterable[str]) -> list[Tag]:
-    """What OpenLABEL's ontology has for a class, by its title, and for the categories of participants."""
+    """Return the tags of OpenLABEL's ontology for a class, by its title, and for categories of participants."""
     participants = sorted(_PARTICIPANTS[each] for each in set(categories) & _PARTICIPANTS.keys())
     return [Tag(each, None, ASAM) for each in (*_CLASSES.get(title, ("MotionDrive",)), *participants)]
 
@@ -138,7 +138,7 @@ _PROPERTIES = (1, 2)
 
 @dataclass(frozen=True)
 class CatalogueConfig:
-    """How a catalogue is written.
+    """Settings for writing a catalogue.
 
     Attributes:
         scope: what belongs to a scene.
@@ -150,7 +150,7 @@ class CatalogueConfig:
 
 
 class CatalogFile(NamedTuple):
-    """Where the entries of a catalogue go: the class's folder, the kind, and what distinguishes catalogues of that kind."""
+    """Location of a catalogue's entries: the class's folder, the kind, and the part of the name that sets it apart."""
 
     folder: str
     kind: str
@@ -175,7 +175,7 @@ Entries = dict[CatalogFile, dict[str, Any]]
 
 
 class Written(NamedTuple):
-    """What writing the scenarios of a recording left to be done for the whole catalogue.
+    """Parts of the catalogue that remain to be written after the scenarios of a recording.
 
     rows: of the index. entries: of OpenSCENARIO catalogues that other recordings have entries of, too.
     files: digests of the files written, by name. edited: files that a person has edited, left alone.
@@ -228,7 +228,7 @@ class CatalogWriter:
 
     @property
     def written(self) -> Written:
-        """What has been written so far."""
+        """Return the result of writing so far."""
         return Written(self._rows, self._entries, self._store.written, self._store.edited)
 
     def _enter(self, entries: Iterable[_Entry]) -> None:
@@ -319,7 +319,7 @@ class _Context(NamedTuple):
 
     @property
     def recorded(self) -> str:
-        """What distinguishes catalogues of this recording."""
+        """Part of catalogue names that identifies this recording."""
         return plain(self.material.source.name)
 
     def entry(self, kind: str, name: str, built: Any, part: str = "") -> _Entry:
@@ -367,7 +367,7 @@ def _facts(context: _Context, sorted_by: str) -> dict[str, Any]:
 
 
 def _pair(context: _Context) -> dict[str, Any]:
-    """Where the ego is at the event's time, and how critical it is with its partner within it."""
+    """Return the place of the ego at the event's time, and the measures of ego and partner within it."""
     finding, recording, site = context.episode.finding, context.material.scenes.recording, context.material.site
     found: dict[str, Any] = dict.fromkeys(PAIR)
     if finding is None:

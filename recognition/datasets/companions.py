@@ -23,7 +23,7 @@ _ROUNDED = 0.011
 
 
 def number(path: Path) -> str:
-    """What the names of a recording's files begin with."""
+    """Return the common start of the names of a recording's files."""
     return path.name.removesuffix(_ENDING)
 
 

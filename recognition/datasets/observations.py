@@ -59,12 +59,12 @@ class Bounds(NamedTuple):
 
     @classmethod
     def of(cls, categories: Iterable[str], sizes: IntArray) -> Self:
-        """Those of tracks of these categories, with so many rows each."""
+        """Build the value for tracks of these categories with the given numbers of rows."""
         return cls(*np.repeat(np.array([LIMITS.get(category, _CAR) for category in categories]), sizes, axis=0).T)
 
 
 class Noise(NamedTuple):
-    """What is not measured of recordings: standard deviations, and how they are distributed.
+    """Measurement noise of recordings: standard deviations, and distributions.
 
     heading: of recorded headings, rad. jerk: of the change of the acceleration in a second, m/s². bend: of the change of the
     curvature in a second, 1/m. tails: degrees of freedom of Student's t distribution, by which recorded values are off: many a
@@ -132,7 +132,7 @@ def weight(squares: FloatArray, dimensions: int, tails: float) -> FloatArray:
 
 
 def cost(squares: FloatArray, dimensions: int, tails: float) -> FloatArray:
-    """What they cost: twice the negative logarithm of the density, but for a constant."""
+    """Return twice the negative log-likelihood, up to a constant."""
     return (tails + dimensions) * np.log1p(squares / tails)
 
 

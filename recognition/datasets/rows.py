@@ -301,7 +301,7 @@ def facing(heading: FloatArray, vx: FloatArray, vy: FloatArray) -> bool:
 
 
 def crowded(time: FloatArray, x: FloatArray, y: FloatArray) -> int:
-    """How many rows have another one of the same time within the same square of 2 m.
+    """Return the number of rows that share time and 2 m square with another row.
 
     Next to none in a recording; many where a table holds vehicles that were not there together.
     """

@@ -87,7 +87,7 @@ _REACH = 1.0
 
 
 class Breaks(NamedTuple):
-    """What is broken in tracks.
+    """Faults in tracks.
 
     heads: rows that begin a new track, ascending. off: how far each is from where it was expected, m; 0 after a gap.
     astray: whether a row is not trusted (n,).
@@ -209,7 +209,7 @@ def centres(rows: Rows, who: Sequence[Participant], columns: Columns) -> tuple[F
 
 
 def observed(rows: Rows, who: Sequence[Participant], columns: Columns, astray: BoolArray, noise: Noise) -> Observations:
-    """What smoothers are given of tracks; places of rows that are astray are not trusted (n,)."""
+    """Return the observations of tracks for the smoother; outlying positions (n,) get no weight."""
     x, y = centres(rows, who, columns)
     facing, behind = np.full(len(rows), noise.heading), rows.each([one.box.x for one in who])
     trusted, bounds = np.where(astray, 0.0, 1.0), Bounds.of([one.category for one in who], rows.sizes)

@@ -44,7 +44,7 @@ class Gap(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """Where a track was cut in two: it jumped by `distance` (m), or has no rows (distance 0), between two times (s).
+    """Cut of a track in two: a jump by `distance` (m), or missing rows (distance 0), between two times (s).
 
     rest: name of the track that goes on; None where too little of it is left.
     """
@@ -66,7 +66,7 @@ class Exclusion(NamedTuple):
 
 @dataclass
 class Report:
-    """What reading a source found.
+    """Report on reading a source.
 
     Attributes:
         rows, tracks: how many the recording has.
@@ -191,7 +191,7 @@ _USUAL = {
 
 
 class Participant(NamedTuple):
-    """Who a track is of."""
+    """Participant of a track."""
 
     name: str
     kind: str

@@ -1,4 +1,4 @@
-"""What a value of a table may be, checked for whole columns at once, and a message for the one that is wrong."""
+"""Checks of the values of a table, column by column, and messages for wrong ones."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ that may be blank (None). Text is printable: it becomes names in XML and on term
 GREATEST = 1e9
 """Greatest magnitude of a measured value: whatever it measures in m, s or rad, more is a defect of the file."""
 BLANK = ("", "nan", "na", "n/a", "null")
-"""What stands for no value, in lower case."""
+"""Texts for a missing value, in lower case."""
 _GREATEST_WHOLE, _DIGITS = 2**53, 25
 _WHOLE = re.compile(r"\s*-?\d+\s*", re.ASCII)
 
@@ -65,7 +65,7 @@ def _good(values: np.ndarray, blank: int, kind: Kind) -> bool:
 
 
 def complaint(value: str, kind: Kind) -> str | None:
-    """What is wrong with a value; None where nothing is."""
+    """Return the fault of a value; None if it is valid."""
     shown = value if len(value) <= 40 else value[:40] + "…"
     if kind == "label" or (kind == "text" and value):
         return None if value.isprintable() else f"{shown!r} has characters that can't be printed"

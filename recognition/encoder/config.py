@@ -79,7 +79,7 @@ class TokenArchitecture:
 
 
 class Schedule(NamedTuple):
-    """How long and how fast to train: AdamW with a linear warm-up over the first tenth and a cosine decay to zero.
+    """Training schedule: AdamW with a linear warm-up over the first tenth and a cosine decay to zero.
 
     Attributes:
         epochs, batch: passes over the windows, and windows in a step.

@@ -31,7 +31,7 @@ class Attention(nn.Module):
         self.out = nn.Linear(dim, dim)
 
     def forward(self, tokens: Tensor, there: Tensor | None = None, count: int | None = None) -> Tensor:
-        """What each token, or each of the first `count`, takes in from the others, or from those (n, tokens) that are there."""
+        """Return the attention output of all tokens, or of the first `count`, over the present ones (n, tokens)."""
         normed, dim = self.norm(tokens), tokens.shape[-1]
         weights, biases = self.mixed.weight.split((dim, 2 * dim)), self.mixed.bias.split((dim, 2 * dim))
         query = F.linear(normed[..., :count, :], weights[0], biases[0])

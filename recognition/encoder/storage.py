@@ -165,7 +165,7 @@ def _applied(
     windows: Windows | Inputs,
     columns: int,
 ) -> NDArray[np.float32]:
-    """What the functions of encoders give (n, columns), beside each other.
+    """Return the outputs of the encoders' functions (n, columns), concatenated.
 
     Threads take a batch each instead of sharing one: batches are too small to be divided well, and no sum depends on how many
     threads there are.

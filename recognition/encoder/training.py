@@ -123,7 +123,7 @@ _SHIFTS = (-2, -1, 0, 1, 2)
 
 
 class MaskedMotion(nn.Module):
-    """What hidden stretches of participants hold: mean absolute error of the ego's features, from what is left of the window.
+    """Loss of masked motion: mean absolute error of the ego's features, predicted from the rest of the window.
 
     Source: masked autoencoding as in He et al., "Masked Autoencoders Are Scalable Vision Learners" (CVPR 2022), for trajectories
     Chen et al., "Traj-MAE" (ICCV 2023).

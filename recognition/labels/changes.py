@@ -115,13 +115,13 @@ def deviation(values: FloatArray, half: int, first: IntArray, last: IntArray) ->
 
 
 def always(flags: BoolArray, half: int, first: IntArray, last: IntArray) -> BoolArray:
-    """Where a flag holds in all rows from `half` before to `half` after, and all of them are there."""
+    """Return a mask of rows whose neighbours from `half` before to `half` after all have a flag and exist."""
     total, _ = totals(flags, half, first, last)
     return total == 2 * half + 1
 
 
 def constant(values: NDArray, half: int, first: IntArray, last: IntArray) -> BoolArray:
-    """Where a value stays the same in all rows from `half` before to `half` after, and all of them are there."""
+    """Return a mask of rows with one value from `half` before to `half` after, all of them present."""
     changed = np.zeros(len(values), bool)
     changed[1:] = values[1:] != values[:-1]
     here = np.arange(len(values))
@@ -152,7 +152,7 @@ def _turns(scene: SceneRows, row: IntArray) -> FloatArray:
 
 
 def _bend(scene: SceneRows, first: int, last: int, off_road: BoolArray) -> float:
-    """How much the lanes below these rows bend, those of junctions left out, rad."""
+    """Return the total bend (rad) of the lanes below these rows, without junctions."""
     strips = scene.strip[first : last + 1]
     starts = np.append(0, np.flatnonzero(np.diff(strips)) + 1)
     ends = np.append(starts[1:] - 1, len(strips) - 1)
@@ -250,7 +250,7 @@ def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray
 
 
 def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
-    """How many lanes to the left each row but the first is of the row before, and whether these lanes are connected."""
+    """Return the lane offset to the left of each row from the one before, and whether these lanes are connected."""
     before, after = strip[:-1], strip[1:]
     steps, related = np.zeros(len(before), np.int64), np.ones(len(before), bool)
     moved = np.flatnonzero(before != after)

@@ -83,7 +83,7 @@ def _merges(scene: Scene, gap: FloatArray) -> BoolArray:
 
 
 def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
-    """How soon before or after each passage a vehicle from another road arrives in the same lane, and in which passage.
+    """Return the time to the nearest arrival from another road in the same lane, for each passage, and that passage.
 
     Returns:
         Least time between the arrivals (n,), s, infinite for none; index of the other passage (n,), ABSENT for none.

@@ -26,7 +26,7 @@ class Cuts(NamedTuple):
 
 
 def cut_ins(scene: Scene) -> Cuts:
-    """Who comes from another lane becomes ego's lead within `rules.cut_gap`, while ego keeps its lane."""
+    """Return the vehicles from another lane that become the ego's lead within `rules.cut_gap` while the ego keeps its lane."""
     other = scene.changes.row
     ego = scene.leads.follower[other]
     gap = scene.leads.gap[ego]
@@ -199,7 +199,7 @@ def urban_cut_out(scene: Scene) -> Hits:
 
 
 def _on_urban(scene: Scene, found: Cuts) -> Cuts:
-    """Those on urban lanes whose limit is low, or not known."""
+    """Return the cuts on urban lanes with a low or unknown limit."""
     limit = scene.site.lanes.speed_limit[scene.strip[found.ego]]
     slow = (limit <= scene.rules.urban_speed_limit + _ROUNDING) | np.isinf(limit)
     return found.where(scene.has_role(Role.URBAN, Role.APPROACH)[found.ego] & slow)

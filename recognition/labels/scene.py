@@ -160,7 +160,7 @@ class Scene(SceneRows):
 
     @cached_property
     def leads(self) -> Leads:
-        """Who drives ahead of whom."""
+        """Lead of each vehicle."""
         return leads(
             self.site.lanes, self.track, self.frame, self.strip, self.along, self.speed, self.front, self.rear, self.rules.sight
         )

@@ -65,14 +65,14 @@ def lane_motion(scene: Scene) -> LaneMotion:
 
 
 _WEIGHT = 10.0
-"""How many metres of the way one m/s of a speed counts as when speeds are fitted: so much that they stay near those at the
-instants that they are named after (0.3 to 0.6 m/s on own motorways), and follow the way all the same, s"""
+"""Weight (s) of 1 m/s of speed relative to 1 m of distance when speeds are fitted: they stay near the speeds at the instants
+of their names (0.3 to 0.6 m/s on our motorways), and still follow the distance"""
 EVERY = 0.2
 """Resolution (s) of the motion that speeds are fitted to"""
 
 
 def distance_model(time: FloatArray, duration: float, rest: float) -> FloatArray:
-    """What each m/s of start, end and final speed adds to the way since the manoeuvre began (n, 3), s.
+    """Return the distance per 1 m/s of start, end and final speed since the start of the manoeuvre (n, 3), s.
 
     Args:
         time: instants counted from the manoeuvre's beginning (n,), s.
@@ -129,7 +129,7 @@ def progress(share: FloatArray) -> FloatArray:
 
 
 def errors(motion: LaneMotion, unit: Unit, row: FloatArray) -> Errors:
-    """How far the reconstruction is from the recording, at 1 Hz through the scene, both at one place when the manoeuvre begins.
+    """Return the errors of the reconstruction at 1 Hz through the scene, aligned at the start of the manoeuvre.
 
     Source: METHOD.md §3, RMSE_t and RMSE_s, which are means of these over all units.
     """
@@ -247,7 +247,7 @@ def onset_jerk(motion: LaneMotion, unit: Unit, change: float) -> float:
 
 
 class Estimate(NamedTuple):
-    """What was estimated of a unit.
+    """Estimated parameters of a unit.
 
     Attributes:
         values: of its parameters.

@@ -122,7 +122,7 @@ def _maneuver(segmentation: Segmentation, kind: str, own: int, unit: Unit) -> Ma
 _SAME = 1.0
 """Ways that come closer than this meet, m"""
 _BESIDE = 2.0
-"""Who is nearer than this (m) to the ego's way when the passage begins drives along with it"""
+"""Distance (m) from the ego's path at the start of the passage below which a vehicle drives alongside"""
 _SOON = 5.0
 """Time (s) between two at one place that is too long for either to mind the other"""
 _STEP = 0.25
@@ -156,7 +156,7 @@ class _EgoPath:
         self._tree, self._then, self._begins = tree, then, begins
 
     def conflict_with(self, track: Track) -> tuple[float, Conflict] | None:
-        """Where a track comes to the path, and the time between its and the ego's visit (s); None where it does not."""
+        """Return the conflict of a track with the path, and the time between both visits (s); None without a conflict."""
         columns = track.columns
         time = columns["time"]
         row = int(np.searchsorted(time, self._begins))
@@ -250,7 +250,7 @@ def _inside(track: Track, network: RoadNetwork, time: float, timestep: float, tu
 
 
 def _continuation(conflict: Conflict, speed: float, end: float) -> SpeedChange:
-    """How the other one comes from the conflict point, where it has a speed (m/s), to where it is at the end of the scene (s)."""
+    """Return the speed change of the other vehicle from the conflict point (m/s) to its place at the end of the scene (s)."""
     last = min(end, float(conflict.other.columns["time"][-1]))
     duration = last - conflict.time
     if duration < SHORTEST:

@@ -23,7 +23,7 @@ EGO_ACTS = ("lane_change", "cruise", "ramp", "passage")
 
 
 class Conflict(NamedTuple):
-    """Where the path of another one meets the ego's.
+    """Conflict point of another path with the ego's.
 
     Attributes:
         other: its track.
@@ -42,7 +42,7 @@ class Conflict(NamedTuple):
 
 
 class SpeedChange(NamedTuple):
-    """How one goes on: to which speed (m/s), reached evenly within which time (s)."""
+    """Change to a speed (m/s), at a constant rate within a time (s)."""
 
     speed: float
     duration: float
@@ -64,11 +64,11 @@ class Passage(NamedTuple):
 
     @classmethod
     def of(cls, path: RecordedPath, time: float) -> Passage:
-        """That of an ego on its way whose manoeuvre begins where it is at a time (s), without another participant."""
+        """Build the passage of an ego whose manoeuvre begins at its place at a time (s), without another participant."""
         return cls(path, float(path.at(time)))
 
     def longest(self, speed: float) -> float:
-        """How long (s) the ego drives at a speed (m/s) from where its way begins to its manoeuvre, at most `LONGEST`."""
+        """Return the time (s) of the ego at a speed (m/s) from the start of its path to the manoeuvre, at most `LONGEST`."""
         return min(LONGEST, self.begin / speed) if speed > 0.0 else LONGEST
 
 
@@ -142,7 +142,7 @@ class Span(NamedTuple):
 SMOOTHING = 0.5
 """Window (s) over which speeds are averaged"""
 _PLACE, _HEADING = 0.02, 0.01
-"""How far a trajectory may leave the recorded positions (m) and headings (rad), where that saves vertices."""
+"""Largest deviation of a trajectory from recorded positions (m) and headings (rad) that saves vertices."""
 _SPACING = 0.5
 """Way (m) from point to point: more than who stands still seems to move about"""
 
@@ -174,7 +174,7 @@ class RecordedPath:
         return cls(columns["time"][rows], x, y, np.unwrap(columns["h"][rows]), station)
 
     def at(self, time: float | FloatArray) -> Any:
-        """How far along the way the participant was at times (s), m."""
+        """Return the distance along the path at times (s), m."""
         return np.interp(time, self.time, self.station)
 
     def trajectory(self, name: str) -> Any:

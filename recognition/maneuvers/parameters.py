@@ -68,7 +68,7 @@ class Values(NamedTuple):
 
     @property
     def named(self) -> dict[str, float]:
-        """Those that there are, by the names of their declarations."""
+        """Return the known values by the names of their declarations."""
         return {PARAMETERS[role].name: value for role, value in self._asdict().items() if value is not None}
 
 

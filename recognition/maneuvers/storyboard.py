@@ -98,7 +98,7 @@ def _opening(maneuver: Maneuver) -> str:
 
 
 _REACHED = 0.5
-"""How much longer than the parameter the gap (m) may be when the manoeuvre begins: it is looked at once a step"""
+"""Tolerance (m) of the gap at the start of the manoeuvre: it is checked once per step"""
 _ANY = 1000.0
 """A gap (m) that is never exceeded"""
 _MIN_MAX = (1, 3)
@@ -208,7 +208,7 @@ class Paths(NamedTuple):
 
 
 def paths(maneuver: Maneuver, network: RoadNetwork, name: str, other: str) -> Paths:
-    """What the ego of a manoeuvre and the other one follow; none for the way straight on.
+    """Return the paths of the ego and the other vehicle; none for straight on.
 
     Args:
         network: the roads that the tracks' road coordinates are on.
@@ -244,7 +244,7 @@ def init(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) 
 
 
 def _ego(maneuver: Maneuver, followed: Paths) -> list[Any]:
-    """Where it was recorded, or where it comes from there to the place of its manoeuvre, on its route or way."""
+    """Return the ego's actions: its recorded start, or the approach to its manoeuvre on its route or path."""
     passage = maneuver.passage
     if passage is None:
         actions = [_recorded(maneuver), maneuvers.speed(f"${START_SPEED if maneuver.ego_acts else EGO_SPEED}")]
@@ -270,7 +270,7 @@ def _row(track: Track, time: float) -> int:
 
 
 def _place(track: Track, time: float) -> RoadPoint:
-    """Where a track is on the road at a time (s)."""
+    """Return the road position of a track at a time (s)."""
     columns, row = track.columns, _row(track, time)
     s, t, offset = (float(columns[name][row]) for name in ("s", "t", "lane_offset"))
     return RoadPoint(str(columns["road_id"][row]), s, t, int(columns["lane_id"][row]), offset)
@@ -326,7 +326,7 @@ _THERE = 0.5
 
 
 class Stage(NamedTuple):
-    """What a scenario stands on: its file, the road file relative to it, and the folders of its catalogues by kind."""
+    """Surroundings of a scenario: its file, the relative road file, and the folders of its catalogues by kind."""
 
     path: Path
     road: str
@@ -408,7 +408,7 @@ def scenario(
 
 
 def _others(maneuver: Maneuver, other: str) -> list[tuple[str, Any]]:
-    """What the one who is not the actor does in a passage."""
+    """Return the actions of the vehicle in a passage that is not the actor."""
     continuation = maneuver.passage.continuation if maneuver.passage is not None else None
     if continuation is None:
         return []

@@ -1,4 +1,4 @@
-"""How much driving recordings have seen: without it, a share of manoeuvres is no rate per hour or per kilometre."""
+"""Driven time and distance of recordings, which turn shares of manoeuvres into rates per hour or kilometre."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _HOUR, _KILOMETRE, _DIGITS = 3600.0, 1000.0, 4
 
 @dataclass(frozen=True)
 class Exposure:
-    """What all vehicles of a recording that may be an ego have driven, and the manoeuvres that happened meanwhile.
+    """Exposure: driving of all possible egos of a recording, and the manoeuvres in it.
 
     Attributes:
         hours: of driving, summed over vehicles.
@@ -42,7 +42,7 @@ class Exposure:
 
     @classmethod
     def of(cls, motion: LaneMotion, units: Iterable[Unit]) -> Exposure:
-        """That of one recording."""
+        """Return the exposure of one recording."""
         scene = motion.scene
         steps = np.where((np.diff(scene.track) == 0) & (np.diff(scene.frame) == 1), np.diff(scene.time), 0.0)
         steps[~scene.egos[scene.track[:-1]]] = 0.0
@@ -52,7 +52,7 @@ class Exposure:
 
     @classmethod
     def total(cls, parts: Iterable[Exposure]) -> Exposure:
-        """That of several recordings together."""
+        """Return the sum over recordings."""
         listed = list(parts)
         counts = sum((Counter(each.counts) for each in listed), Counter[str]())
         return cls(sum(each.hours for each in listed), sum(each.kilometres for each in listed), dict(counts))
@@ -64,7 +64,7 @@ def to_bytes(exposure: Mapping[str, Exposure]) -> bytes:
 
 
 def from_bytes(content: bytes) -> dict[str, Exposure]:
-    """What `to_bytes` made bytes of.
+    """Read the result of `to_bytes`.
 
     Raises:
         ValueError: these are others.
@@ -225,11 +225,11 @@ class Samples:
         return replace(self, **{name: getattr(self, name)[chosen] for name in _COLUMNS})
 
     def of_kind(self, *kinds: str) -> Samples:
-        """Those of some kinds."""
+        """Return the samples of some kinds."""
         return self.where(np.flatnonzero(np.isin(self.kinds, kinds)))
 
     def within(self, low: FloatArray, high: FloatArray) -> Samples:
-        """Those inside a box with sides (7,)."""
+        """Return the samples inside a box with sides (7,)."""
         return self.where(np.flatnonzero(((self.theta >= low) & (self.theta <= high)).all(axis=1)))
 
     @classmethod

@@ -33,7 +33,7 @@ _SPAN = 1e6
 
 
 class Traffic:
-    """Everybody in every frame.
+    """All participants in every frame.
 
     Args:
         frame: of each row. lane: number, counted from left to right as the driver sees them, equal in no two carriageways.

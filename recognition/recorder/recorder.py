@@ -23,7 +23,7 @@ from xodr.sumo_net import SumoNet, build
 WARM_UP = 60.0
 """Time before the recording in which the roads fill, s."""
 _MARGIN = 3.0
-"""What is simulated beyond either end of a recording, so that smoothing sees it, s."""
+"""Simulated time (s) beyond both ends of a recording, for smoothing."""
 _FEWEST = 3
 """Recordings of a site at any scale: one each to train with, to validate and to test."""
 _SHORTEST = 20.0

@@ -3,4 +3,4 @@
 from typing import Literal
 
 Unit = Literal["recording", "vehicle"]
-"""What is never divided between training and test."""
+"""Unit that is never divided between training and test."""

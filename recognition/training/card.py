@@ -41,7 +41,7 @@ class SiteWindows(NamedTuple):
 
 
 class Agreement(NamedTuple):
-    """What a model makes of a data set.
+    """Agreement of a model with a data set.
 
     events: of the rules. agree, nothing, unknown, wrong: shares of them that get the rules' class, none, unknown, another class.
     quiet: windows at the stride in which no rule finds anything. still, odd: shares of them that the model takes for nothing, and
@@ -150,7 +150,7 @@ _SHARES = np.arange(0.0, 0.6, 0.01)
 
 
 class _Given(NamedTuple):
-    """What a model gives windows: labels and their shares of the votes for classes (n,), and what the rules say (n,)."""
+    """Labels of a model for windows, shares of votes for classes (n,), and labels of the rules (n,)."""
 
     labels: IntArray
     shares: FloatArray
@@ -185,7 +185,7 @@ def _least(label: int, sites: Sequence[tuple[_Given, _Given]]) -> float:
 
 
 def _below(shares: FloatArray) -> FloatArray:
-    """How many shares are below each of those that are tried."""
+    """Return the number of shares below each tried threshold."""
     return np.searchsorted(np.sort(shares), _SHARES, side="left").astype(np.float64)
 
 
@@ -202,7 +202,7 @@ _LICENCE = "Those who trained it decide, as far as the terms of the recordings a
 
 
 def card_of(model: TRFE, windows: Windows, parts: Split, data: str, unseen: Sequence[Agreement] = ()) -> str:
-    """What a model was trained on, what it makes of windows of its `parts` that it has not seen, and what it is for; Markdown.
+    """Return the model card in Markdown: training data, results on unseen windows of its `parts`, intended use.
 
     Args:
         unseen: how it agrees with the rules on recordings of other sites.
@@ -224,7 +224,7 @@ def card_of(model: TRFE, windows: Windows, parts: Split, data: str, unseen: Sequ
 
 
 def _elsewhere(unseen: Sequence[Agreement]) -> list[str]:
-    """Where it was measured besides, and where it fails."""
+    """Return the lines on other measured sites, failures included."""
     if not unseen:
         return []
     counts: dict[int, tuple[int, int]] = {}
@@ -257,7 +257,7 @@ def decision(model: TRFE) -> str:
 
 
 def scope(model: TRFE) -> str:
-    """What a model's windows show, as the first of its limits."""
+    """Return the range of a model's windows, the first of its limits."""
     view = model.encoders[0].view
     if isinstance(view, Tokens):
         about = f"one motor vehicle and the {view.others} most relevant others within {view.reach:g} m, for {view.span:g} s"
@@ -267,7 +267,7 @@ def scope(model: TRFE) -> str:
 
 
 def _rates(model: TRFE, windows: Windows, parts: Split) -> str:
-    """How many windows of each class there were, and how many of those for tests are recognised."""
+    """Return the table of windows per class, and the share of test windows recognised."""
     import numpy as np
 
     test = windows.select(parts.test)

@@ -128,11 +128,11 @@ _KINDS = ((4, np.dtype(np.float16)), (5, np.dtype(np.uint8)))
 """Dimensions and types of tokens and grids"""
 _INPUTS, _TABLE = "inputs.npy", "windows.parquet"
 _UNREADABLE = (OSError, EOFError, ValueError, TypeError, KeyError, SyntaxError, RecursionError, TokenError, BadZipFile)
-"""What numpy raises for a damaged file, whose header is a Python literal, or which it takes for an archive"""
+"""Exceptions of numpy for a damaged file, whose header is a Python literal or looks like an archive"""
 
 
 class LabelledMoment(Protocol):
-    """What a window needs of a labelled event, see `recognition.labels`."""
+    """Used part of a labelled event, see `recognition.labels`."""
 
     @property
     def recording(self) -> str: ...

@@ -18,8 +18,8 @@ _NORMAL = 1.4826
 
 @dataclass(frozen=True)
 class Preprocessing:
-    """How the buffer is sifted: by default nothing is set aside, as that loses more samples of new classes than it spares the
-    clustering (docs/recognition-results.md).
+    """Settings for sifting the buffer. By default nothing is set aside, as that loses more samples of new classes than it
+    spares the clustering (docs/recognition-results.md).
 
     Args:
         capacity: W, samples that the buffer holds.
@@ -75,7 +75,7 @@ class Buffer:
 
 
 class Sifted(NamedTuple):
-    """What NVP finds out about the samples of a buffer.
+    """Results of NVP for the samples of a buffer.
 
     Args:
         outlying: (m,) far from its neighbours in the buffer.
@@ -116,7 +116,7 @@ def _isolation(distances: FloatArray, neighbours: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Promotion:
-    """What a cluster must be like.
+    """Requirements on a cluster for promotion.
 
     Args:
         least_samples: samples in it.

@@ -37,7 +37,7 @@ _LEAST = 1e-6
 
 @dataclass(frozen=True)
 class Clustering:
-    """How the heads are trained.
+    """Settings for training the heads.
 
     Args:
         candidates: Q_max, most new classes that one round can find.
@@ -60,7 +60,7 @@ class Clustering:
 
 
 class Clusters(NamedTuple):
-    """What a round finds.
+    """Result of a round.
 
     Args:
         assignment: candidate (n,) with the greatest p for each unknown sample.
@@ -258,7 +258,7 @@ _STABLE = 0.65
 """Prediction strength from which on clusters are taken to be real. The source has 0.8 to 0.9, which one class of two kinds in a
 hundred samples seldom reaches."""
 _DIVISIONS = 16
-"""How often samples are divided in halves."""
+"""Number of times samples are divided in halves."""
 
 
 def likely_count(features: Features, most: int, seed: int) -> int:
@@ -298,7 +298,7 @@ def _stable_strength(features: Features, halves: Sequence[Sequence[IntArray]], c
 
 
 def _bends(features: Features, counts: int, seed: int) -> FloatArray:
-    """How much the inertia of k-means bends at each of so many numbers of clusters, from two on."""
+    """Return the bend of the inertia of k-means at each number of clusters from two on."""
     if not counts:
         return np.zeros(0)
     inertia = [KMeans(count, n_init=5, random_state=seed).fit(features).inertia_ for count in range(1, counts + 3)]

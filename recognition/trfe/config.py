@@ -56,11 +56,11 @@ class Config:
     seed: int = 0
 
     def recognising(self, features: Features) -> Features:
-        """Those of the features (n, d) by which samples are recognised."""
+        """Return the features (n, d) for recognition."""
         return features if self.recognise_by_changes else features[:, self.changes :]
 
     def clustering_parts(self, features: Features) -> list[Features]:
-        """Those of the features (n, d) by which samples are clustered, in the parts that are standardised each for itself."""
+        """Return the features (n, d) for clustering, in parts that are standardised separately."""
         if self.changes:
             return [features[:, : self.changes]]
         return np.split(features, [self.pretrained], axis=1) if self.pretrained else [features]
@@ -103,7 +103,7 @@ def fixed_pairs(task: Task, config: Config) -> PairsOf:
 
 
 def likely_clusters(task: Task, config: Config) -> int:
-    """As many clusters as are likely, and more until most samples are in clusters that are cohesive enough for promotion.
+    """Return the most likely number of clusters, raised until most samples are in clusters cohesive enough for promotion.
 
     The samples in a buffer need not be of classes alone: in few clusters, classes would drown in what is of none.
     """

@@ -152,7 +152,7 @@ def _logarithm(distances: NDArray[np.floating]) -> Features:
 
 
 class Votes(NamedTuple):
-    """What a forest finds in n samples.
+    """Votes of a forest for n samples.
 
     Args:
         counts: votes for the known classes (n, K).
@@ -193,7 +193,7 @@ class VotingForest(NamedTuple):
         return Votes(votes(self.trees, seen), distances)
 
     def inputs(self, features: ArrayLike) -> Features:
-        """What the trees see of features (n, d)."""
+        """Return the trees' inputs for features (n, d)."""
         return self.neighbours.extended(features) if self.neighbours else matrix(features)
 
 

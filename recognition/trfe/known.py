@@ -103,7 +103,7 @@ class Labelled(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known.
+    """Known classes.
 
     Args:
         fitted: samples that the forest was fitted on, with all features.
@@ -168,7 +168,7 @@ SET_ASIDE = -1
 
 
 class Discovery(NamedTuple):
-    """What is found among the m samples of a buffer.
+    """Discovery in the m samples of a buffer.
 
     Args:
         keys: numbers (m,) by which the caller knows the samples.

@@ -60,7 +60,7 @@ class Screening(ABC):
         return self
 
     def score(self, votes: ArrayLike, distances: FloatArray | None = None) -> FloatArray:
-        """How outlying samples with these votes (n, K) and distances (n,) are; higher is more outlying."""
+        """Return outlier scores for votes (n, K) and distances (n,); higher is more outlying."""
         table = np.asarray(votes)
         if not self.trees:
             raise UsageError("the screening has to be fitted before it can score")

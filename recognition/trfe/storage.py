@@ -38,9 +38,9 @@ Arrays = dict[str, NDArray[Any]]
 _MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder"
 _FORMAT = "xosc-toolchain TRFE 5"
 _ABOUT = "about"
-"""The one entry of the metadata: safetensors writes several in an order that differs from time to time"""
+"""The only metadata key: safetensors writes several in an order that varies"""
 _TREE = "sklearn.tree._tree.Tree"
-"""The one type beyond those that skops trusts of itself: the node tables, which `_check_tree` looks through."""
+"""The only type beyond skops' defaults: node tables, which `_check_tree` verifies."""
 LARGEST = 2**30
 """Bytes that a forest may unpack to."""
 

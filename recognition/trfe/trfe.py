@@ -27,7 +27,7 @@ _CALIBRATING = 0.3
 
 
 class Recognition(NamedTuple):
-    """What is recognised in n samples.
+    """Recognition of n samples.
 
     Args:
         labels: known class (n,), 0 = unknown.

@@ -24,7 +24,7 @@ UNIFORM = "uniform"
 
 
 class Model(NamedTuple):
-    """Where a density model is, and what it is.
+    """Density model: location and description.
 
     Attributes:
         module: full name.

@@ -35,7 +35,7 @@ class Gaussian(Density):
 
     @property
     def gaussians(self) -> Components:
-        """The one."""
+        """Components of the only scale."""
         d = len(self._whitening.mean)
         return self._whitening.gaussians(np.zeros(1), np.zeros((1, d)), np.eye(d)[None])
 
@@ -147,7 +147,7 @@ class Student(Density):
 
     @property
     def gaussians(self) -> Components:
-        """Those of all scales."""
+        """Components of all scales."""
         return self._gaussians
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:

@@ -29,7 +29,7 @@ _MOVING = 12
 """Avoidable collisions that are shown as moving pictures"""
 _MEASURES = ("min_ttc", "min_thw", "min_distance", "pet")
 _NOT_PLOTTED = ("cases", "failed", "failures")
-"""What a page's search has in another form, or not at all"""
+"""Fields of a search that its page shows in another form, or not at all"""
 
 Json = dict[str, Any]
 """Values for the page's scripts: numbers, texts from files, and codes whose wording they choose."""
@@ -44,7 +44,7 @@ def write(found: LoopResult, out: Path) -> Path:
 
 
 def _data(found: LoopResult, out: Path) -> Json:
-    """What the page is made from."""
+    """Return the data of the page."""
     rows = rows_of(out / CATALOGUE) if found.recordings else []
     searches = [_search(search, of) for of in found.rounds for search in of.searches]
     _add_previews([case for search in searches for case in search["cases"]], out)
@@ -138,7 +138,7 @@ def _add_previews(cases: list[Json], out: Path) -> None:
 
 
 def _against(found: Against | None) -> Json | None:
-    """What became of the failures of an earlier loop."""
+    """Return the fates of an earlier loop's failures."""
     if found is None:
         return None
     compared = [{**asdict(each), "counts": {fate: each.counts[fate] for fate in Fate}} for each in found.compared]

@@ -20,7 +20,7 @@ DEFAULT = "quality"
 
 
 class Method(NamedTuple):
-    """Where a method is, and what it is.
+    """Search method: location and description.
 
     Attributes:
         module: full name of the module with the method's function.

@@ -32,7 +32,7 @@ METHODS = {
 
 @dataclass(frozen=True)
 class QualitySettings:
-    """How it searches.
+    """Settings of the search.
 
     Attributes:
         emitters: names in `generation.search.emitters.EMITTERS`.

@@ -60,7 +60,7 @@ _MAPS = ("maps", "lanelets", "lanelet2")
 _NEAR = 1.0
 """Origin and place of a recording are no farther apart, degrees of longitude."""
 _LEVELS = 3
-"""How many folders up from the tracks those of the maps may be."""
+"""Number of parent folders of the tracks that are searched for maps."""
 
 
 def claims(path: Path) -> bool:

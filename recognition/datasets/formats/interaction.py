@@ -52,7 +52,7 @@ _CATEGORIES = {
 _FULL_TURN = 7.0
 """Headings beyond this are no angles from 0 to 2π or from −π to π, rad."""
 _LEVELS = 3
-"""How many folders up from the tracks the maps may be."""
+"""Number of parent folders of the tracks that are searched for maps."""
 
 
 def claims(path: Path) -> bool:
@@ -172,7 +172,7 @@ def _free(name: str, taken: frozenset[str], others: Container[str]) -> str:
 
 
 def _participant(table: Table, row: int, name: str, category: str) -> Participant:
-    """Who a track is of, by its first row."""
+    """Return the participant of a track from its first row."""
     if _SIZES[0] not in table.columns:
         return participant(name, category)
     length, width = (float(table[side][row]) for side in _SIZES)

@@ -105,7 +105,7 @@ def _plain(name: str) -> str:
 
 
 def _spelling(path: Path) -> dict[str, str]:
-    """How a file spells its columns, by their plain names.
+    """Return a file's spelling of its columns, by their plain names.
 
     Raises:
         InvalidFile: two of its columns differ in spelling only.
@@ -204,7 +204,7 @@ def _vehicles(table: Table) -> tuple[IntArray, list[str]]:
 def _participants(
     table: Table, rows: Rows, names: Sequence[str], columns: Sequence[str], unit: float, remarks: list[str]
 ) -> list[Participant]:
-    """Who the tracks are of, by the columns with their class, length and width, as far as they are there."""
+    """Return the participants of the tracks from the columns class, length and width, where present."""
     kind, *sizes = columns
     if kind in table.columns:
         unknown = ~np.isin(table[kind], list(_CATEGORIES))

@@ -37,7 +37,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
 
 @lru_cache(maxsize=1)
 def _trace(path: Path, _version: int) -> TraceRecording:
-    """What a trace records, kept for its road, which is asked for next."""
+    """Read a trace; the result is cached for its road, which is read next."""
     return read_trace(path)
 
 

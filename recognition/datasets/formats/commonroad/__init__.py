@@ -38,7 +38,7 @@ _CATEGORIES = {
 }  # fmt: skip
 _ELEMENTS = ("obstacle", "dynamicObstacle", "staticObstacle", "environmentObstacle", "phantomObstacle")
 _OTHERS = ("location", "scenarioTags", "tags", "lanelet", "trafficSign", "trafficLight", "intersection", "planningProblem")
-"""What else there is in a scenario."""
+"""Other elements of a scenario."""
 _MOMENTS = ("initialState", "state", "occupancy")
 _LATEST = 100_000
 """Last time step that is read: hours, where scenarios last for seconds."""
