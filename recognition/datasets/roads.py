@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,10 @@ from schemas.storage import digest, keep, writing
 from xodr.array_types import FloatArray, IntArray
 from xodr.builders.curves import Pose, line
 from xodr.builders.elements import Cubic, Lane, Road, RoadMap, Section
+
+if TYPE_CHECKING:
+    from xodr.lanelet2.lanelet import Lanelet
+    from xodr.lanelet2.reader import Area
 
 
 def keep_road(content: bytes, site: str, folder: Path) -> Path:
@@ -45,6 +50,25 @@ def _converted(osm: Path, _version: int, origin: tuple[float, float] | None, fol
     with tempfile.TemporaryDirectory() as drafts:
         made = convert(osm, origin, Path(drafts) / target.name)
         return SiteRoad(keep(made.path.read_bytes(), target), notes=tuple(f"{osm.name}: {note}" for note in made.notes))
+
+
+def drawn(
+    lanelets: Sequence[Lanelet], site: str, folder: Path, crosswalks: Sequence[Area] = (), notes: Sequence[str] = ()
+) -> SiteRoad:
+    """The road of the lanes of a data set's own map.
+
+    Args:
+        lanelets: see `xodr.lanelet2.Lanelet`; roads of lanelets with lights have lights.
+        crosswalks: outlines on the road.
+        notes: what was assumed to get the lanelets, one sentence each.
+    """
+    from xodr.lanelet2 import write
+
+    with tempfile.TemporaryDirectory() as drafts:
+        made = write(lanelets, site, Path(drafts) / "road.xodr", crosswalks)
+        path = keep_road(made.path.read_bytes(), site, folder)
+    lit = frozenset(made.lanelets[one.id][0] for one in lanelets if one.lights)
+    return SiteRoad(path, lit, notes=(*notes, *made.notes))
 
 
 ROAD_ID = "1"

@@ -18,15 +18,17 @@ if TYPE_CHECKING:
     import numpy as np
     import pyarrow as pa
 
-Kind = Literal["whole", "integer", "number", "optional", "text", "label"]
-"""Of a column: whole numbers from 0, integers (both up to 2⁵³), finite numbers, numbers that may be blank (NaN), text, or text
-that may be blank (None). Text is printable: it becomes names in XML and on terminals."""
+Kind = Literal["whole", "integer", "stamp", "number", "optional", "text", "label"]
+"""Of a column: whole numbers from 0, integers (both up to 2⁵³), time stamps (whole numbers up to 2⁶³), finite numbers, numbers
+that may be blank (NaN), text, or text that may be blank (None). Text is printable: it becomes names in XML and on terminals."""
 
 GREATEST = 1e9
 """Greatest magnitude of a measured value: whatever it measures in m, s or rad, more is a defect of the file."""
 BLANK = ("", "nan", "na", "n/a", "null")
 """Texts for a missing value, in lower case."""
-_GREATEST_WHOLE, _DIGITS = 2**53, 25
+_WHOLE_KINDS = {"whole": (0, 2**53), "integer": (-(2**53), 2**53), "stamp": (0, 2**63 - 1)}
+"""Least and greatest value of each kind of whole numbers"""
+_DIGITS = 25
 _WHOLE = re.compile(r"\s*-?\d+\s*", re.ASCII)
 
 
@@ -34,8 +36,7 @@ def arrow_type(kind: Kind) -> pa.DataType:
     """Arrow's type for the values of a column."""
     import pyarrow as pa
 
-    types = {"whole": pa.int64(), "integer": pa.int64(), "text": pa.string(), "label": pa.string()}
-    return types.get(kind, pa.float64())
+    return pa.int64() if kind in _WHOLE_KINDS else pa.string() if kind in ("text", "label") else pa.float64()
 
 
 def checked(table: pa.Table, kinds: Mapping[str, Kind]) -> dict[str, np.ndarray] | None:
@@ -60,8 +61,8 @@ def _good(values: np.ndarray, blank: int, kind: Kind) -> bool:
         return bool(((np.abs(values) <= GREATEST) | np.isnan(values)).all())
     if kind == "number":
         return bool((np.abs(values) <= GREATEST).all())
-    least = 0 if kind == "whole" else -_GREATEST_WHOLE
-    return not blank and bool(((values >= least) & (values <= _GREATEST_WHOLE)).all())
+    least, greatest = _WHOLE_KINDS[kind]
+    return not blank and bool(((values >= least) & (values <= greatest)).all())
 
 
 def complaint(value: str, kind: Kind) -> str | None:
@@ -71,10 +72,11 @@ def complaint(value: str, kind: Kind) -> str | None:
         return None if value.isprintable() else f"{shown!r} has characters that can't be printed"
     if value.strip().lower() in BLANK:
         return None if kind == "optional" else f"{shown!r} is no value" if value.strip() else "a value is missing"
-    if kind in ("whole", "integer"):
-        if not _WHOLE.fullmatch(value) or (kind == "whole" and "-" in value):
-            return f"{shown!r} is not a whole number" + (" from 0" if kind == "whole" else "")
-        return None if len(value) <= _DIGITS and abs(int(value)) <= _GREATEST_WHOLE else f"{shown} is too large"
+    if kind in _WHOLE_KINDS:
+        least, greatest = _WHOLE_KINDS[kind]
+        if not _WHOLE.fullmatch(value) or (least == 0 and "-" in value):
+            return f"{shown!r} is not a whole number" + (" from 0" if least == 0 else "")
+        return None if len(value) <= _DIGITS and abs(int(value)) <= greatest else f"{shown} is too large"
     number = _number(value)
     if number is None:
         return f"{shown!r} is not a number"
@@ -89,8 +91,9 @@ def _number(text: str) -> float | None:
     return None if math.isnan(number) or "_" in text else number
 
 
-PARQUET, HEADLESS = ".parquet", ".txt"
+PARQUET, FEATHER, HEADLESS = ".parquet", ".feather", ".txt"
 """Endings of files that are no CSV; text without a header has its values between blanks"""
+_ARROW = (PARQUET, FEATHER)
 _SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 _LONGEST_HEADER = 1 << 16
 
@@ -129,13 +132,13 @@ class Table:
 
 
 def column_names(path: Path) -> list[str]:
-    """Names of the columns of a Parquet file, or in the first line of a CSV file ("" where one has none).
+    """Names of the columns of a Parquet or Feather file, or in the first line of a CSV file ("" where one has none).
 
     Raises:
         InvalidFile: the file can't be read, is empty, or is not UTF-8 text.
     """
     current().admit(path)
-    return _parquet_names(path) if path.suffix == PARQUET else _csv_names(path)
+    return _arrow_names(path) if path.suffix in _ARROW else _csv_names(path)
 
 
 def first_numbers(path: Path) -> list[float]:
@@ -164,11 +167,11 @@ def read_table(path: Path, kinds: Mapping[str, Kind], headless: Sequence[str] = 
         return _read_headless(path, headless, kinds)
     names = column_names(path)
     _require(path, names, kinds)
-    return _read_parquet(path, kinds) if path.suffix == PARQUET else _read_csv(path, names, kinds)
+    return _read_arrow(path, kinds) if path.suffix in _ARROW else _read_csv(path, names, kinds)
 
 
 def _require(path: Path, names: list[str], kinds: Mapping[str, Kind]) -> None:
-    line = None if path.suffix == PARQUET else 1
+    line = None if path.suffix in _ARROW else 1
     for name in kinds:
         if names.count(name) > 1:
             raise InvalidFile("this column is there twice", path=path, line=line, element=f"column {name}")
@@ -280,38 +283,57 @@ def _read_headless(path: Path, names: Sequence[str], kinds: Mapping[str, Kind]) 
     return Table(path, columns)
 
 
-# Parquet ------------------------------------------------------------------------------------
+# Parquet and Feather ------------------------------------------------------------------------
 
 
-def _parquet_names(path: Path) -> list[str]:
+def _arrow_names(path: Path) -> list[str]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        return list(pq.read_schema(path).names)
+        if path.suffix == PARQUET:
+            return list(pq.read_schema(path).names)
+        with pa.OSFile(str(path)) as file:
+            return list(pa.ipc.open_file(file).schema.names)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise _unreadable(path, error) from None
 
 
-def _read_parquet(path: Path, kinds: Mapping[str, Kind]) -> Table:
+def _read_arrow(path: Path, kinds: Mapping[str, Kind]) -> Table:
     import pyarrow as pa
+    from pyarrow import feather
 
     try:
-        stored = read_parquet(path, list(kinds))
+        read = read_parquet if path.suffix == PARQUET else feather.read_table
+        stored = read(path, list(kinds))
     except (pa.ArrowException, OSError, ValueError) as error:
         raise _unreadable(path, error) from None
     if not stored.num_rows:
         raise InvalidFile("the table has no rows", path=path)
+    return from_arrow(path, stored, kinds)
+
+
+def from_arrow(path: Path, stored: pa.Table, kinds: Mapping[str, Kind]) -> Table:
+    """Return columns of an Arrow table, checked.
+
+    Args:
+        path: the file, for messages.
+
+    Raises:
+        InvalidFile: a value is not of its kind; names row and column.
+    """
+    import pyarrow as pa
+
     try:
         columns = checked(pa.table({name: stored[name].cast(arrow_type(kind)) for name, kind in kinds.items()}), kinds)
     except pa.ArrowException:
         columns = None
     if columns is None:
-        raise _parquet_fault(path, stored, kinds)
+        raise _fault_of_column(path, stored, kinds)
     return Table(path, columns, lines=False)
 
 
-def _parquet_fault(path: Path, stored: pa.Table, kinds: Mapping[str, Kind]) -> InvalidFile:
+def _fault_of_column(path: Path, stored: pa.Table, kinds: Mapping[str, Kind]) -> InvalidFile:
     for name, kind in kinds.items():
         for row, value in enumerate(stored[name].to_pylist()):
             wrong = complaint(_as_text(value), kind)

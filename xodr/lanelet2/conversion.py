@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from xodr.builders.elements import Geo
 from xodr.lanelet2.assembly import build, with_crosswalks
 from xodr.lanelet2.borders import completed
 from xodr.lanelet2.lanelet import Lanelet, Points, across, lengths, places, points_at
-from xodr.lanelet2.reader import read_lanelets
+from xodr.lanelet2.reader import Area, read_lanelets
 from xodr.network import RoadNetwork
 from xodr.reader import load
 from xodr.road import Road
@@ -110,9 +111,31 @@ def convert(osm: str | PathLike[str], origin: tuple[float, float] | None, target
     source = Path(osm)
     found = read_lanelets(source, origin)
     lanelets, added = completed(found.lanes)
-    built = build(lanelets, source.stem, found.geo, found.priorities)
-    written = replace(built.map, roads=with_crosswalks(built.map.roads, found.crosswalks)).write(target)
+    made = write(lanelets, source.stem, target, found.crosswalks, found.geo, found.priorities)
+    return made._replace(notes=[*found.notes, *added, *made.notes])
+
+
+def write(
+    lanelets: Sequence[Lanelet],
+    name: str,
+    target: str | PathLike[str],
+    crosswalks: Sequence[Area] = (),
+    geo: Geo | None = None,
+    priorities: Sequence[tuple[str, str]] = (),
+) -> Conversion:
+    """Write lanelets of any origin as OpenDRIVE, in their coordinates.
+
+    Args:
+        lanelets, name, geo, priorities: as of `build`.
+        target: the OpenDRIVE file to write.
+        crosswalks: outlines on the road.
+
+    Raises:
+        UsageError: an id is used twice, or a lanelet refers to an unknown one.
+    """
+    built = build(lanelets, name, geo, priorities)
+    written = replace(built.map, roads=with_crosswalks(built.map.roads, crosswalks)).write(target)
     away = deviation(built.parts, built.lanelets, load(written))
     astray = [f"{name} ({distance:.1f} m)" for name, distance in away.items() if distance > _ASTRAY]
     notes = [f"lanes that are not everywhere where their lanelets are: {', '.join(astray)}"] if astray else []
-    return Conversion(written, built.lanelets, [*found.notes, *added, *built.notes, *notes], max(away.values()))
+    return Conversion(written, built.lanelets, [*built.notes, *notes], max(away.values()))
