@@ -187,9 +187,7 @@ def _poses(path: Path, frames: IntArray) -> tuple[FloatArray, FloatArray]:
         InvalidFile: times go back, a quaternion is none, or the poses begin after the frames or end before them.
     """
     if not path.is_file():
-        raise InvalidFile(
-            "this file with the poses of the recording vehicle is not there, so the boxes have no places", path=path
-        )
+        raise InvalidFile("the file with the poses of the recording vehicle is not there", path=path)
     table = read_table(path, _POSE)
     stamps = table["timestamp_ns"]
     back = np.flatnonzero(np.diff(stamps) < 0)
@@ -283,8 +281,9 @@ def _road(path: Path, site: str, _recording: Recording, folder: Path) -> SiteRoa
 
     lanelets = [
         Lanelet(
-            name, *bounds[name], links(name, "predecessors"), links(name, "successors"), beside(name, "left"), beside(name, "right"),
-            _LANES[one["lane_type"]], "town", math.inf, *(_mark(one.get(f"{side}_lane_mark_type")) for side in ("left", "right")),
+            name, *bounds[name], links(name, "predecessors"), links(name, "successors"),
+            beside(name, "left"), beside(name, "right"), _LANES[one["lane_type"]], "town", math.inf,
+            _mark(one.get("left_lane_mark_type")), _mark(one.get("right_lane_mark_type")),
         )
         for name, one in segments.items() if name in known
     ]  # fmt: skip

@@ -29,7 +29,7 @@ def segment(name: int, left: Lines, right: Lines, **more: Any) -> dict[str, Any]
         f"{side}_lane_boundary": [{"x": x, "y": y, "z": 0.0} for x, y in line]
         for side, line in (("left", left), ("right", right))
     }
-    links = {"successors": [], "predecessors": [], "left_neighbor_id": None, "right_neighbor_id": None}
+    links: dict[str, Any] = {"successors": [], "predecessors": [], "left_neighbor_id": None, "right_neighbor_id": None}
     marks = {"left_lane_mark_type": "DASHED_WHITE", "right_lane_mark_type": "SOLID_WHITE"}
     return {"id": name, "lane_type": "VEHICLE", "is_intersection": False, **bounds, **links, **marks, **more}
 
