@@ -35,7 +35,7 @@ class RunSettings:
         seed: of everything random in a run.
         max_time: limit of simulated time, s: scenarios without a StopTrigger have no end of their own.
         world: one of `WORLDS`.
-        end_after_collision: end a run one second after the ego has touched somebody; None for runs with a system under test.
+        end_after_collision: end a run one second after the ego's first contact; None for runs with a system under test.
         fail_if: limits by which a run fails besides collisions of the ego, as `min_ttc<1` or `off-road`; see
             `runner.measures.limits`.
         enforce_constraints: refuse parameter values that violate their constraint groups, and leave such sets of a

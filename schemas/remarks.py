@@ -1,13 +1,13 @@
 """Remarks: what was assumed so that a file could be used which breaks its standard, or which asks for what is not done.
 
-Checking is strict and names every fault; loading and running repair what has one sensible meaning. Each repair is told once,
+Checking is strict and names every fault; loading and running repair what has one sensible meaning. Each repair is reported once,
 as a remark on what was loaded:
 
     remarks = Remarks(strict)
     remarks.add(node.remark("xosc.toolchain:xosc:1.0.0:…", "the speed 'fast' is no number; 0 is assumed"))
     document = Resolved(…, remarks=remarks.found)
 
-A loader that is told to be strict refuses with the same sentence. What would change the meaning is no repair: it is refused
+A strict loader refuses with the same sentence. What would change the meaning is no repair: it is refused
 in any case, by the errors of `schemas.errors`.
 """
 
@@ -55,7 +55,7 @@ _BREACH = re.compile(r"\[[\w.-]+:xo(?:sc|dr):[\w.:-]+\]$")
 
 
 def told_quietly(remarks: Iterable[str]) -> str:
-    """Return what is told of remarks where a command is quiet: the first one on a breach of a rule; "" without one.
+    """Return the summary of remarks for a quiet command: the first one on a broken rule; "" without one.
 
     Args:
         remarks: of one file or several, as text.

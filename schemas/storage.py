@@ -215,7 +215,7 @@ def write_object(values: Mapping[str, Any], path: Path) -> None:
 def check_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
     """Refuse to go on with work that was begun with other settings; fine where none was begun.
 
-    Whoever begins work that can be resumed checks its settings, then keeps them beside it by `write_object`.
+    Resumable work first compares its settings with stored ones, then stores them by `write_object`.
 
     Args:
         path: the file beside the work that holds its settings.
@@ -277,7 +277,7 @@ def alone(folder: Path, what: str) -> Iterator[None]:
 
 
 def keep(content: bytes, path: Path, durable: bool = False) -> Path:
-    """Write a file whole or not at all, also for those who write the same beside; nothing where it has that content already.
+    """Write a file whole or not at all, safe against concurrent writers of the same content; skip a file with that content.
 
     It gets the permissions that the user's umask leaves to a new file.
 
@@ -294,7 +294,7 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
                 draft.write_bytes(content)
                 if durable:
                     sync([draft])
-        except PermissionError:  # Windows replaces no file that is open: one who writes the same was first, and it is read
+        except PermissionError:  # Windows replaces no file that is open: another writer of the same content was first
             if not path.is_file() or path.read_bytes() != content:
                 raise
     if durable:
@@ -370,7 +370,7 @@ class Records:
     """A file of JSON objects, a line each. For one process at a time (see `alone`).
 
     Each line ends with the digest of what is before it. So a line that a full disk or a power cut left in part, or that was
-    edited, is told from a whole one, and the others still count. What `add` has returned from is on the disk.
+    edited, is detected, and the others still count. What `add` has returned from is on the disk.
 
         records = Records(out / "runs.jsonl")
         for record in records.read().records: ...

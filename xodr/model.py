@@ -89,7 +89,7 @@ class Lane:
 
     predecessor, successor: the lane that continues it in the neighbouring section, as resolved by the reader.
     predecessors, successors: every link in the file. layer: PERMANENT or TEMPORARY.
-    road_works: nobody may drive on it (OpenDRIVE 1.8).
+    road_works: closed to traffic (OpenDRIVE 1.8).
     direction: "standard" (by lane id and traffic rule), "reversed" or "both" (OpenDRIVE 1.8).
     opens, closes: s before and after which the lane has no width within its section; infinite where it has some at the end.
     speeds: (s, limit [m/s] or None for none) in ascending s. marks: in ascending s.

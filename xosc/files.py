@@ -21,7 +21,7 @@ class Header:
 
     Attributes:
         description: what the file holds.
-        author: who made it.
+        author: author of the file.
         date: when; it is asked for, so that the same call gives the same bytes.
         properties: names and values of the header's Properties (1.2 and later), tags for example.
     """

@@ -46,7 +46,7 @@ def openlabel(tags: Sequence[Tag], file: str, annotator: str) -> dict[str, Any]:
     Args:
         tags: in any order; they are sorted.
         file: the tagged file, relative to the OpenLABEL file.
-        annotator: who or what has tagged it.
+        annotator: person or program that added the tags.
 
     Raises:
         UsageError: two tags have the same type.

@@ -67,7 +67,7 @@ class SpeedAction(PrivateAction):
         return min(max(speed, -limit), limit)
 
     def start(self, actor: Entity, run: Run) -> Running | None:
-        """Begin; a change that takes no time is complete at once, unless it goes on for ever."""
+        """Begin; a change that takes no time is complete at once, unless it never ends."""
         target = self.target(actor)
         duration = self.dynamics.speed_duration(actor.speed, target, actor.declared.performance)
         if duration <= 0.0:
@@ -87,7 +87,7 @@ def set_speed(actor: Entity, speed: float, run: Run) -> None:
 
 
 def demanded_speed(actor: Entity) -> float:
-    """Speed (m/s) that the scenario has asked for, for the coming step; that driven where someone else drives the entity."""
+    """Speed (m/s) requested for the coming step; the driven speed while another controller drives the entity."""
     controls = actor.controls
     return actor.speed if controls.driver is not None or controls.world_driven else controls.target_speed
 

@@ -107,7 +107,7 @@ class _Segment(NamedTuple):
 
 
 def plan(speed: float, entries: Iterable[Entry], limits: Performance, smooth: bool) -> list[Piece]:
-    """The profile as pieces of constant jerk, the last of which goes on for ever.
+    """The profile as pieces of constant jerk, the last of which has no end.
 
     Args:
         speed: at the start, m/s.

@@ -385,7 +385,7 @@ class TrafficStopAction(GlobalAction):
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> TrafficStopAction:
-        """Read the name, and look for whom it means."""
+        """Read the name, and find the entity it refers to."""
         above = node.parent
         name = above.get("trafficName", None) if above is not None else None
         others = [other for other in context.document.node.iter("TrafficAction") if other.find("TrafficStopAction") is None]

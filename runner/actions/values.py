@@ -132,7 +132,7 @@ class SetMonitorAction(GlobalAction):
 @action("CustomCommandAction")
 @dataclass(frozen=True, slots=True)
 class CustomCommandAction(GlobalAction):
-    """Writes its type and content to the event log, for whoever made the contract to read."""
+    """Write type and content to the event log, for the other party of the contract."""
 
     type: str
     content: str

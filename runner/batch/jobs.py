@@ -104,7 +104,7 @@ def jobs_of(
 
     Args:
         paths: scenarios and distributions; one that can't be read gives an outcome in its place.
-        parameters: values given by the user, for parameters that a distribution leaves alone.
+        parameters: values given by the user, for parameters that no distribution sets.
         enforce_constraints: leave out parameter sets that violate the scenario's constraint groups.
         selection: which sets; by default each.
         repeat: how often each set is run, with seeds that count up from the selection's; None for once, with the settings' seed.

@@ -92,7 +92,7 @@ class Pool:
         return outcome
 
     def _conclude(self, futures: list[Future[Outcome]]) -> None:
-        """End what has not begun, and wait for jobs in work: what they leave counts, though nobody asks for it any more."""
+        """Cancel pending jobs, and wait for running ones: their results count."""
         wait([future for future in futures if not future.cancel()])
         with suppress(OSError):  # which is what it ends for
             for future in futures:

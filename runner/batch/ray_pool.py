@@ -28,7 +28,7 @@ _AHEAD = 2
 _REPEATS = 2
 """Number of repetitions of a run whose process or machine has died"""
 _LEAVING = 60.0
-"""Time (s) that runs in work have to end when nobody waits for them any more"""
+"""Time (s) for running jobs to end after cancellation"""
 _LISTENING = 5.0
 """Time (s) that a cluster has to answer"""
 _STORE = 100_000_000
@@ -164,7 +164,7 @@ def connect(address: str, processes: int) -> tuple[Any, bool]:
 
 
 def _reach(address: str) -> None:
-    """See that somebody listens there, which Ray itself would try for minutes."""
+    """Check that a server listens there, which Ray itself would try for minutes."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if host and port.isdecimal():
         socket.create_connection((host, int(port)), _LISTENING).close()

@@ -33,4 +33,4 @@ def _is_catalog(path: Path) -> bool:
     try:
         return xosc.load(path).kind == "catalog"
     except ToolchainError:
-        return False  # it is told when it is to be run
+        return False  # reported when it is run

@@ -1,4 +1,4 @@
-"""Conditions on the state of one entity: how it moves, whom it touches, whether it is on the road.
+"""Conditions on the state of one entity: motion, contacts, position on or off the road.
 
 Source: OpenSCENARIO XML 1.3, EntityCondition.
 """
@@ -151,7 +151,7 @@ class CollisionCondition(EntityCondition):
         return cls(frozenset(e.name for e in context.declared.values() if e.declared.kind == kind), f"any {kind}")
 
     def keeps(self, entity: Entity, run: Instant) -> float:
-        """Until somebody touches somebody else, or no longer does."""
+        """Until the set of contacts changes."""
         return math.inf
 
     def holds(self, entity: Entity, run: Instant) -> bool:
@@ -289,7 +289,7 @@ class TraveledDistanceCondition(EntityCondition):
         return cls(node.float("value"))
 
     def keeps(self, entity: Entity, run: Instant) -> float:
-        """For ever once it has gone so far, and before until its milestone; that of a trailer goes by without a change."""
+        """Constant once the distance is reached, else until the milestone; trailers pass theirs without a change."""
         left = self.distance - TOLERANCE - self._travelled(entity)
         if left <= 0.0:
             return math.inf

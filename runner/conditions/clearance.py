@@ -88,7 +88,7 @@ class RelativeClearanceCondition(EntityCondition):
         return bool(lanes) and self._first_inside(entity, run, lanes) is None
 
     def describe(self, entity: Entity, run: Instant) -> str:
-        """Which lanes are checked, and who is in them."""
+        """Checked lanes, and the entities in them."""
         lanes = self._lanes(entity, run)
         if not lanes:
             return f"the lanes to be clear beside {entity.name} do not exist"
@@ -109,7 +109,7 @@ class RelativeClearanceCondition(EntityCondition):
         return frozenset(lane for lane in checked if self.opposite or road.direction(existing[lane], point.s) == own)
 
     def _first_inside(self, entity: Entity, run: Instant, lanes: frozenset[int]) -> Entity | None:
-        """Someone in one of the lanes within the distances."""
+        """Entity in one of the lanes within the distances."""
         own = (entity, entity.controls.trailer, entity.controls.tractor)
         for other in self.others:
             if other.active and other.placed and other not in own and self._inside(entity, other, run, lanes):
@@ -137,7 +137,7 @@ class RelativeClearanceCondition(EntityCondition):
 
 
 def _lanes_beside(road: Road, point: RoadPoint, side: int) -> dict[int, int]:
-    """Lanes of the road at a point: relative lane, positive to the left of who faces `side` (±1 for ±s) → lane id."""
+    """Return the lanes of the road at a point: relative lane, positive to the left when facing `side` (±1 for ±s) → lane id."""
     return {side * lanes_between(point.lane_id, lane): lane for lane in road.lane_ids(point.s)}
 
 

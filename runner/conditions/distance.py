@@ -161,7 +161,7 @@ class _DistanceCondition(_Measured, NearCondition):
     def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
         super().__init__(target, measure, comparison)
         self._gaps: dict[Entity, Separation] = {}
-        """of those from whom a gap between boxes is measured that has to become small"""
+        """Entities from which a gap between boxes is measured that has to become small"""
         between_boxes = target.entity is not None and measure.kind == "euclidean" and measure.freespace
         self._small_gap = between_boxes and comparison.greatest < math.inf
 

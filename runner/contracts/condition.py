@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 _SLEEPLESS = 8
-"""Steps from one try to let a condition sleep to the next: where everyone is near all tries are in vain."""
+"""Steps between attempts to let a condition sleep: with all entities near, every attempt fails."""
 
 
 class Condition(ABC):
@@ -126,7 +126,7 @@ class ByEntityCondition(Condition):
         return min((self.condition.keeps(entity, run) for entity in self.entities if entity.active), default=math.inf)
 
     def false_within(self, run: Instant) -> float:
-        """As far as nobody comes near."""
+        """Until an entity comes near."""
         return self._asleep
 
     def evaluate(self, run: Instant) -> bool:

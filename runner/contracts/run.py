@@ -61,8 +61,8 @@ class Instant(Surroundings, Protocol):
 
     @property
     def changes(self) -> int:
-        """Counts the calls of `Run.wake`: all that happens at once to storyboard elements, values and contacts, to who is there,
-        and when somebody has gone as far, or stood as long, as is waited for."""
+        """Number of calls of `Run.wake`: one for each discrete change of storyboard elements, values, contacts and the set of
+        entities, and for each awaited distance or standstill time that an entity reaches."""
         ...
 
     @property

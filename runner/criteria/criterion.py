@@ -53,7 +53,7 @@ class CriterionResult(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """The beginning of a contact: when (s), and with whom."""
+    """Start of a contact: time (s), and partner."""
 
     time: float
     other: str

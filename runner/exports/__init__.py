@@ -3,7 +3,7 @@
 `TARGETS` in such a module is a dict of names and summaries. Its function `export(source, target, folder, settings)` (of
 documents, in `xosc.exports`) or `export(result, name, folder)` (of runs, here; `name` is the run's, see
 `runner.batch.jobs.Job`) returns remarks on what is changed or left out, and refuses by name what the target cannot say. What
-each keeps is told in docs/exports.md.
+each keeps is listed in docs/exports.md.
 """
 
 from __future__ import annotations

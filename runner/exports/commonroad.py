@@ -1,8 +1,8 @@
 """Target `commonroad`: the run as a CommonRoad 2020a scenario, with lanelets, obstacles and the ego's planning problem.
 
 Source: CommonRoad "XML Format" 2020a, and its scheme of benchmark ids. Positions are those of the bounding box's centre. The ego
-is the planning problem: it starts as it did, and its goal is where it ended, or was before it first touched somebody, so that
-its own way up to there solves the problem; that way is not in the file, everybody else's is.
+is the planning problem: it starts as it did, and its goal is where it ended, or was before its first contact, so that
+its own way up to there solves the problem; that way is not in the file, those of all others are.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ def _waiting(first: etree._Element) -> Iterable[etree._Element]:
 
 
 def _goal_row(result: RunResult) -> int:
-    """The row of the ego's track where its goal is: the last one, or the last before it first touches somebody."""
+    """Row of the ego's track with its goal: the last one, or the last before its first contact."""
     times = result.recording.tracks[str(result.ego)].columns["time"]
     contacts = [each for each in result.events if each.kind == "collision"]
     touched = [each.time for each in contacts if each.subject == result.ego or each.text == f"touches {result.ego}"]

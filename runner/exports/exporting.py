@@ -46,7 +46,7 @@ def export_documents(
     settings: RunSettings | None = None,
     selection: Selection | None = None,
 ) -> Iterator[Exported]:
-    """Export files as they are. What is wrong with one of them is told, the others go on.
+    """Export files as they are. What is wrong with one of them is reported, the others go on.
 
     Args:
         settings: of them, what says how files are read; None for the defaults.
@@ -59,7 +59,7 @@ def export_documents(
             with limited():
                 remarks = module.export(source, target.name, folder, chosen)
             yield Exported(str(source), 0, remarks)
-        except Exception as error:  # a defect of ours is told too, the other files go on
+        except Exception as error:  # a defect of ours is reported too, the other files go on
             yield _refused(str(source), error)
 
 
@@ -103,7 +103,7 @@ def export_runs(
                 result.assume(assumptions)
                 remarks = module.export(result, job.name, folder)
             yield _exported(job.name, result, remarks)
-        except Exception as error:  # a defect of ours is told too, the other files go on
+        except Exception as error:  # a defect of ours is reported too, the other files go on
             yield _refused(job.name, error)
 
 
@@ -114,7 +114,7 @@ def _runnable(sources: Sequence[Path]) -> Iterator[Path]:
             if load(source).kind == "catalog":
                 continue
         except ToolchainError:
-            pass  # it is told when it is to be run
+            pass  # reported when it is run
         yield source
 
 

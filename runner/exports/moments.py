@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _STILL = 1e-9
 """Largest distance (m) from its first position of an entity that counts as standing"""
 Moment = tuple[float, list[tuple[int, int]]]
-"""A time (s), and for everyone who is there then the number of the track and of its row."""
+"""Time (s), and for every present entity the numbers of its track and row."""
 
 
 def fixed_point(track: Track, x: float, y: float, z: float) -> FloatArray:
@@ -70,7 +70,7 @@ def decimal(value: float) -> str:
 
 
 def moments(recording: Recording) -> Iterator[Moment]:
-    """The times of a recording in order, with everyone who is there."""
+    """Yield the times of a recording in order, with the present entities."""
     there: dict[float, list[tuple[int, int]]] = {}
     for number, track in enumerate(recording.tracks.values()):
         for row, time in enumerate(track.columns["time"].tolist()):

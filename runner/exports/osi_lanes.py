@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from xodr.lookup.arrays import Points
 
 _REACH = 200.0
-"""m around the ways of the participants within which lanes are told"""
+"""Margin (m) around the paths of the entities within which lanes are exported"""
 _CLOSE = 0.05
 """m by which lines of fewer points may be off"""
 _DRIVING = {
@@ -154,11 +154,11 @@ class Lanes:
         return [each for following in ahead for each in (self._exits(following) if self._is_inside(following) else [following])]
 
     def _present(self, keys: Iterable[Key]) -> list[int]:
-        """Ids of lanes, each once, without those too far away to be told."""
+        """Ids of lanes, each once, without those too far away for export."""
         return list(dict.fromkeys(number for key in keys if (number := self.id(key)) is not None))
 
     def id(self, key: Key) -> int | None:
-        """The id of a lane; None where it is too far away to be told."""
+        """The id of a lane; None if it is too far away for export."""
         road = self._network.roads[key[0]]
         junction = f"junction {road.junction_id}" if road.junction_id in self._network.junctions else None
         return self._ids.get(junction or key)

@@ -2,7 +2,7 @@
 
 Source: ASAM OSI 3.8, ReferenceLine, LogicalLaneBoundary and LogicalLane. A lane of a lane section is a logical lane, in junctions
 too; its reference line is that of its road, with OpenDRIVE's s and t. Boundaries run in the direction of the reference line.
-Overlaps of lanes in junctions are not told.
+Overlaps of lanes in junctions are not exported.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ def export(result: RunResult, name: str, folder: Folder) -> list[str]:
     """Write the files of a run.
 
     Returns:
-        Who has no route, and is in the FCD file only.
+        Vehicles without a route, which are in the FCD file only.
 
     Raises:
         Unsupported: there are no roads, or netconvert can't convert them.
@@ -137,7 +137,7 @@ def _edges(places: _Places) -> list[str]:
 def _routes(
     tracks: Sequence[recording.Track], ids: Sequence[str], places: Sequence[_Places], roads: _Roads
 ) -> tuple[etree._Element, list[str]]:
-    """Vehicle types, and the vehicles in the order of departure, as SUMO wants them; who has no route."""
+    """Vehicle types, and the vehicles in the order of departure, as SUMO requires; vehicles without a route."""
     root, remarks, vehicles = etree.Element("routes"), [], []
     for track, name, way in zip(tracks, ids, places, strict=True):
         edges, first = _edges(way), way[0]
@@ -157,7 +157,7 @@ def _routes(
 
 
 def _hurry(track: recording.Track, way: _Places, roads: _Roads) -> float:
-    """By what factor, at least 1, somebody was faster than allowed; SUMO lets nobody depart faster than his."""
+    """Return the speed-limit factor, at least 1, that lets a vehicle depart at its speed."""
     speeds = zip(track.columns["speed"].tolist(), way, strict=True)
     return max([1.0, *(speed / roads.limits[place.lane] for speed, place in speeds if place is not None)])
 

@@ -20,7 +20,7 @@ _by_name = attrgetter("name")
 _MARGIN = 10.0
 """Distance (m) up to which pairs are kept under observation beyond that at which they might touch"""
 _FEW = 4
-"""Up to so many participants are all looked at: finding out who is near would cost more than it spares."""
+"""Number of entities up to which all pairs are checked: a search for near ones would cost more."""
 _ROUNDING = 1e-6
 _MARGIN_OF_REACH = 1e-3
 """Distance (m) that is no rounding of a reach"""
@@ -42,7 +42,7 @@ class Contacts:
         self._everyone: list[Entity] = []
         """the participants when these were found"""
         self._changes = -1
-        """`Run.changes` when they were looked through last: nobody comes or goes without one"""
+        """`Run.changes` at the last full check: entities appear and disappear only with a change"""
         self._due = -math.inf
         """total displacement at which others may touch"""
         self._partners: dict[str, list[Entity]] = {}
@@ -72,7 +72,7 @@ class Contacts:
             self._compare(found)
 
     def _look_around(self) -> list[tuple[Entity, Entity, float, Separation]]:
-        """The pairs to observe until somebody has moved far enough; all, for good, where these are few."""
+        """Pairs to check until an entity has moved far enough; every pair if there are few entities."""
         if len(self._everyone) <= _FEW:
             self._due = math.inf
             return [_pair(a, b) for a, b in combinations(self._everyone, 2)]

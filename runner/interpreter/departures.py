@@ -49,12 +49,12 @@ def standstill(ego: Track | None, system: str) -> tuple[str, ...]:
 
 
 def egoless(entities: Iterable[Entity], system: str, contacts: Sequence[tuple[float, str, str]] = ()) -> tuple[str, ...]:
-    """A sentence on a scenario without an ego, where it means that nobody is driven, or that a contact fails nothing.
+    """A sentence on a scenario without an ego, if nothing is driven by the system, or no contact can fail.
 
     Args:
         entities: those of the scenario.
         system: name of the system under test that was asked for, `none` for none.
-        contacts: time (s) and names of those who touched, in their order.
+        contacts: time (s) and names of the entities, in order.
     """
     vehicles = [entity.name for entity in entities if entity.declared.kind == "vehicle"]
     effects = [f"{system} drives nobody"] if system != "none" else []

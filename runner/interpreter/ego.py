@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from runner.sut import System
 
 CRUISE = 20.0 / 3.6
-"""Speed (m/s) of an ego that is driven from outside: that of CARLA's BasicAgent unless told otherwise."""
+"""Speed (m/s) of an ego that is driven from outside: by default that of CARLA's BasicAgent."""
 
 
 def find_ego(scenario: Scenario, name: str | None) -> Entity | None:

@@ -89,10 +89,10 @@ class RunResult:
         sut: name of the system under test that drove it, `none` for none.
         settings: timestep, seed, world and time limit of the run.
         events: the event log.
-        recording: who was where when.
+        recording: states of the entities over time.
         name: its name among other runs; where it has none, the scenario file's.
         sut_parameters: parameters of that system, by name.
-        actors: names of those who act in each maneuver group, by its path in the event log.
+        actors: names of the actors of each maneuver group, by its path in the event log.
     """
 
     scenario: Path

@@ -90,7 +90,7 @@ def _given(scenario: Node, logic: Node | None, road: str) -> RoadFile:
 
 def _made(scenario: Node, logic: Node | None) -> RoadFile | None:
     """Roads as the positions of a resolved scenario use them, in a file of the cache folder."""
-    from xodr.builders.roads import assumed_roads  # the builders are for those who ask
+    from xodr.builders.roads import assumed_roads  # imported on demand
 
     used = road_uses(scenario)
     if not used:

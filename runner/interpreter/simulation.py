@@ -246,13 +246,13 @@ class Simulation:
             if entity.at_road_end:
                 entity.road_end += self.dt
             return
-        before = repr(_state(entity))  # tells zeros from negative ones
+        before = repr(_state(entity))  # distinguishes 0.0 from -0.0
         self._move(entity, controls.target_speed, self.dt)
         if still and repr(_state(entity)) == before:
             entity.settled = self.changes
 
     def _reached(self, entity: Entity) -> None:
-        """It has come to its milestone; whoever waits for another one sets it anew."""
+        """Count a change at a milestone; a condition that waits for another one sets it anew."""
         entity.milestone = math.inf
         self.wake()
 

@@ -119,9 +119,9 @@ class Criticality:
             ahead whose box overlaps the ego's laterally.
         distance: shortest distance of boxes to anyone.
         lead: name of the lead, empty where there is none.
-        violation: by RSS parameter set, where the ego and somebody else are closer than safe in both directions.
+        violation: by RSS parameter set, mask of ego and another entity closer than safe in both directions.
         margin: by RSS parameter set, the least `rss_margin` (m) to anyone.
-        active: instants that count for the shares: somebody else is there, and no collision has happened before.
+        active: instants that count for the shares: another entity exists, and no collision has happened before.
     """
 
     time: FloatArray
@@ -153,7 +153,7 @@ class Criticality:
 
     @cached_property
     def risk_field(self) -> tuple[Extreme, ...]:
-        """Greatest collision probability and greatest strength of the risk field of anyone; empty where nobody is there."""
+        """Greatest collision probability and greatest strength of the risk field over all entities; empty without any."""
         return tuple(greatest(*self._motions))
 
     @cached_property
@@ -169,7 +169,7 @@ class Criticality:
 
     @property
     def conflict(self) -> float | None:
-        """When it was nearest (s): the time of the first contact, else of the shortest distance; None where nobody was there."""
+        """Time (s) of the first contact, else of the shortest distance; None without another entity."""
         if self.impact is not None:
             return self.impact.time
         nearest = least(self.distance, self.nearest, self.time)

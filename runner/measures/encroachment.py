@@ -35,7 +35,7 @@ def post_encroachment_time(ego: Motion, others: Sequence[Motion], longest: float
         longest: the time above which there is no encounter, s.
 
     Returns:
-        The time (0 for a collision), when the ego was there, and with whom; None for no encounter.
+        The time (0 for a collision), the instant of the ego, and the partner; None without an encounter.
     """
     step = max(_STEP, float(np.diff(ego.time).min()) if ego.time.size > 1 else 0.0)
     best: Extreme | None = None

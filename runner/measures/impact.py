@@ -1,4 +1,4 @@
-"""The first contact of one participant with another: how hard, on which side, and who hit whom."""
+"""First contact between two entities: severity, side, striking and struck entity."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ class View(NamedTuple):
 class Relations(NamedTuple):
     """Relations of other entities to the ego while both exist, one row per entity and instant.
 
-    rows: of the ego. who: which of the others. distance: shortest distance of the boxes, m. view: how the ego sees it.
+    rows: of the ego. who: index of the other entity. distance: shortest distance of the boxes, m. view: how the ego sees it.
     """
 
     rows: IntArray
@@ -274,7 +274,7 @@ def _along_road(motion: Motion, who: IntArray, rows: IntArray) -> tuple[FloatArr
     """Return the motion of entities along their roads in given rows (n,).
 
     Args:
-        motion, who: rows of one or several, and whose each is (`joined`).
+        motion, who: rows of one or several entities, and the entity of each row (`joined`).
 
     Returns:
         +1 where one faces increasing s, −1 else: by its last movement, or its next one while it has not moved yet. And dt/dτ, its

@@ -1,4 +1,4 @@
-"""The probabilistic driving risk field: how likely somebody is to be hit within seconds, and with how much energy.
+"""The probabilistic driving risk field: probability and energy of a hit within seconds.
 
 Everyone else's motion relative to the ego is foretold with accelerations that are normally distributed and last for the whole of
 a look-ahead time: at time τ the other one's middle is at Δ + Δv τ + ½ a τ². The probability that the boxes overlap then is that
@@ -8,7 +8,7 @@ one's share of both masses.
 
 F. A. Mullakkal-Babu, M. Wang, X. He, B. van Arem, R. Happee, Probabilistic field approach for motorway driving risk assessment,
 Transportation Research Part C 118, 2020. The field there is of one future instant, or of several; here of the worst one within
-`FieldParameters.ahead`. Unlike RSS distances it grows with every risk, and says nothing of who would be to blame.
+`FieldParameters.ahead`. Unlike RSS distances it grows with every risk, and does not attribute blame.
 
 Frame: the ego's, x ahead and y to the left. In bends others are foretold to go straight on.
 
@@ -95,7 +95,7 @@ def risk_field(ego: Motion, other: Motion, parameters: FieldParameters = DEFAULT
 
 
 def greatest(ego: Motion, others: Sequence[Motion], parameters: FieldParameters = DEFAULTS) -> list[Extreme]:
-    """The greatest probability and the greatest risk of the fields of all others; none where nobody else is there.
+    """The greatest probability and the greatest risk of the fields of all others; none without others.
 
     Of equal values those of the first participant, and of its first instant, count.
     """

@@ -110,7 +110,7 @@ class PathMotion:
     def put(self, entity: Entity, speed: float) -> None:
         """Give the entity the pose of the path where it is.
 
-        Where that says nothing of it, the sign of the first speed (m/s) says which way it faces; who stands keeps facing so.
+        If the path does not define the heading, the sign of the first speed (m/s) does; a standing entity keeps its heading.
         """
         reverse = not self._oriented and (self._gear or speed or self._along(entity)) < 0.0
         entity.x, entity.y, entity.z, entity.h, entity.pitch, entity.roll = self.path.at(self.s)

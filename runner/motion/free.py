@@ -28,4 +28,4 @@ class FreeMotion:
 
 
 STRAIGHT_AHEAD = FreeMotion()
-"""The motion of all who follow no lane, path or driver."""
+"""Motion of entities without lane, path or driver."""

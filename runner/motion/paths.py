@@ -318,7 +318,7 @@ def tangent(path: Path, s: float) -> float:
 
 
 def turns_back(path: Path, s: float) -> bool:
-    """Whether a path goes back the way it came at s, so that nobody gets past without a stop."""
+    """Whether a path reverses at s, so that an entity has to stop there."""
     before, here, after = (path.at(min(max(s + shift, 0.0), path.length)) for shift in (-_SHORT, 0.0, _SHORT))
     return (here.x - before.x) * (after.x - here.x) + (here.y - before.y) * (after.y - here.y) < 0.0
 

@@ -76,7 +76,7 @@ def lane_heading(road: Road, point: RoadPoint) -> float:
 def facing(placement: Placement, road: Road, point: RoadPoint, along: float | None = None) -> Placement:
     """The placement tied to a road point, with `direction` and `heading_offset` as its heading says.
 
-    Whoever stands across the road faces the way that the lane's traffic drives.
+    An entity across the road faces the direction of the lane's traffic.
 
     Args:
         along: heading towards +s that counts as straight ahead, rad; the lane's where it is not given.

@@ -103,7 +103,7 @@ def smooth(
     (v' = 2c - v), and no error would ever fade. So an interval has two, before and after its middle, where the speed is
     2c - (v + v') / 2; they are one wherever the vertices allow it. The speed at a vertex is the mean of the intervals at both
     sides, weighted by their durations squared: in a long one a wrong speed leads far off. It is 2c at most, so that no
-    speed is negative, and who stands stands still.
+    speed is negative, and a standing entity stays in place.
 
     Args:
         start: speed at the first vertex, m/s; by default that of a constant acceleration in the first interval.

@@ -74,7 +74,7 @@ def write_picture(result: RunResult, path: Path) -> None:
 
 
 def _named(result: RunResult, tracks: list[Track]) -> list[str]:
-    """Names of those that matter: the ego, whom it came nearest to, then all others."""
+    """Names of the relevant entities: the ego, its nearest partner, then all others."""
     measures = result.criticality
     nearest = [] if measures is None else [extreme["other"] for extreme in measures.summary.values() if isinstance(extreme, dict)]
     there = {track.name for track in tracks}

@@ -20,7 +20,7 @@ CONTACT = ("impact_side", "impact_ahead", "impact_left", "ego_strikes")
 
 
 def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
-    """Write the table, whole or not at all, sorted by name: same runs, same content, whoever did them in whatever order.
+    """Write the table, whole or not at all, sorted by name: the same runs give the same content, in whatever order they ended.
 
     Columns: name, file (that the user named), scenario, parameters (a map of texts), seed (null unless runs were repeated), state
     (`passed`, `failed`, `inconclusive`, `error`), verdict (null where there was no run), exit_code, status, end_time (s),

@@ -25,7 +25,7 @@ EGO = ("speed", "acceleration", "target_speed", "offset", "heading", "right_edge
 """Columns of the ego: m/s, m/s², the speed that the scenario asks for (m/s); from the lane's centre (m), heading relative to the
 lane (rad), distance from the reference point to the road's edges (m, 0 without roads)."""
 PARTICIPANT = ("present", "ahead", "left", "lanes", "speed", "closing", "heading", "length", "width")
-"""Columns of a participant: 1 (0 in a row for nobody); from reference point to reference point (m), lanes between, its
+"""Columns of a participant: 1 (0 in an empty row); from reference point to reference point (m), lanes between, its
 speed along the ego's lane (m/s), how much faster the ego is (m/s), its heading relative to the ego's (rad), its size (m)."""
 STATE = ("x", "y", "z", "h", "vx", "vy", "ax", "ay")
 """Columns of the bare state, as in `runner.sut.Participant`; the ego in the first row, then the participants."""
@@ -124,7 +124,7 @@ class EgoStep(NamedTuple):
         ego: as it is at the end of the step.
         target_speed: speed that the scenario asks of it, m/s.
         dt: length of the step, s.
-        collided: whether it has touched somebody.
+        collided: whether it has had a contact.
         departed: whether it has left the road.
     """
 
@@ -143,14 +143,14 @@ class RewardFunction(Protocol):
 
 @dataclass(frozen=True)
 class Reward:
-    """Drive at the speed that is asked for, gently, and touch nobody.
+    """Drive at the requested speed, smoothly and without contacts.
 
     A step of dt seconds is worth
 
         dt · (progress · min(v, v*) / v* − effort · (a / 8 m/s²)²) − collision − departure
 
     with the ego's speed v along its heading, the target speed v* (without one there is no progress to reward) and acceleration
-    a; the last two count in the step in which the ego touches somebody or leaves the road.
+    a; the last two count in the step of a contact of the ego or its departure from the road.
 
     Args:
         progress: of a second at the target speed.

@@ -15,7 +15,7 @@ from xodr.network import RoadNetwork
 
 
 class Truth:
-    """The messages of one run: ids stay with who has got them.
+    """Messages of one run; an entity keeps its id.
 
     The first message also has the lanes and lane boundaries of all roads, which do not change; all messages have the
     participants, each with the lane that it is on. Rates of angles are those since the message before.

@@ -1,4 +1,4 @@
-"""A participant in a run: its declaration, its state, and who holds which control over it."""
+"""An entity in a run: its declaration, its state, and the owner of each control domain."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class Controls:
     overrides: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """controller inputs that OverrideControllerValueAction holds"""
     driver: Driver | None = None
-    """who drives it for the system under test, if anyone"""
+    """driver of the entity for the system under test, if any"""
     world_driven: bool = False
     """whether the simulator's own driver moves it"""
     tractor: Entity | None = None

@@ -48,11 +48,11 @@ class EntityState:
     odometer: float = 0.0
     """distance travelled, m"""
     milestone: float = math.inf
-    """odometer (m) at which somebody waits for it: the run counts a change (`Run.changes`)"""
+    """awaited odometer reading (m): the run counts a change when it is reached (`Run.changes`)"""
     standstill: float = 0.0
     """time since it last moved, s"""
     patience: float = math.inf
-    """standstill (s) at which somebody waits for it, likewise"""
+    """awaited standstill time (s), likewise"""
     settled: int = -1
     """`Run.changes` at the end of a step in which it stood, which has left it as it was"""
     at_road_end: bool = False

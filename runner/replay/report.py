@@ -32,7 +32,7 @@ _OTHERS = ("name", "file", "seed", "state", "status", "message", "end_time", "pa
 """Columns of the table of runs that the page shows besides measures"""
 _NEVER_ABSENT = ("name", "file", "state", "parameters")
 _DETAILS = (*CONTACT, "impact_speed_other")
-"""Columns from which a contact is told"""
+"""Columns that describe a contact"""
 _STYLES = ("base.css", "report.css")
 _PARTS = ("model", "verdicts", "groups", "distributions", "scatter", "table", "report")
 _SCRIPTS = ("dom.js", "axes.js", *(f"report/{part}.js" for part in _PARTS))

@@ -1,7 +1,7 @@
-"""A run in SUMO's own window: the network that it was on, and everybody moved as recorded.
+"""A run in SUMO's own window: its network, with all entities moved as recorded.
 
 The runner drives SUMO as a library, which has no window. So the run is played again afterwards, in sumo-gui over TraCI;
-SUMO moves nobody by itself here.
+SUMO moves no vehicle by itself here.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _program() -> str:
 
 
 def show(result: RunResult, stay: bool = True) -> None:
-    """Play a run in a window, in real time; returns when somebody closes the window.
+    """Play a run in a window, in real time; returns when the window is closed.
 
     Args:
         stay: keep the window open at the end of the run.
@@ -127,7 +127,7 @@ def _arguments(net: Path, view: Path, dt: float) -> list[str]:
 
 
 def _play(traci: Any, result: RunResult) -> None:
-    """Step by step, everybody to where they were; each participant is in SUMO as long as it was in the run."""
+    """Move all entities step by step; each is in SUMO as long as it was in the run."""
     dt = result.settings["timestep"]
     rows: dict[int, list[tuple[int, int]]] = defaultdict(list)
     tracks = list(result.recording.tracks.values())

@@ -60,7 +60,7 @@ class Displacement:
         self._present, self._places = present, places
 
     def after(self, way: float) -> float:
-        """The total at which somebody may have covered a way (m); the present one where that is not positive."""
+        """Total at which an entity may have covered a distance (m); the present one if that is not positive."""
         return self.total + min(max(way - _ROUNDING, 0.0), LONGEST)
 
 

@@ -13,25 +13,24 @@ SYSTEMS = {
     "aeb": ("EmergencyBraking", "emergency braking in two stages by the time to collision"),
 }
 _FORESEEN = 10.0
-"""Time (s) over which someone's way sideways is foreseen, at most"""
+"""Longest prediction (s) of lateral motion"""
 _FOLLOWS, _HOLDS, _PARTIAL, _FULL = range(4)
 
 
 @dataclass
 class EmergencyBraking:
-    """Brakes in part, then fully, for who is in its way or will be when it is reached; else it follows the scenario.
+    """Brakes in part, then fully, for entities in its path now or when it reaches them; else it follows the scenario.
 
-    Once it brakes it does so, and as hard, until it is no longer faster than who is in its way, or no one is: it does not let
-    go as soon as braking works. It then keeps its speed, and stays where it stands, while that one is near: the scenario's
-    speed would drive it on.
+    Braking continues, at least as hard, until the ego is no longer faster than the entity in its path, or the path is free. It
+    then keeps its speed, or stands, while that entity is near: the scenario's speed would drive it on.
 
     Args:
         partial_time, full_time: times to collision below which it brakes, s.
         partial, full: its decelerations, m/s².
         sensor_range: how far it sees ahead, m.
-        clearance: whoever is less than this far aside counts as in the way, m.
-        hold: having braked, it takes up the scenario's speed when who is in its way is this far ahead, m, and what it drives
-            in `partial_time`.
+        clearance: lateral gap (m) below which an entity is in the path.
+        hold: after braking, the scenario's speed applies again once the entity in its path is this far ahead (m), plus the
+            distance driven in `partial_time`.
     """
 
     partial_time: float = 1.6
@@ -58,13 +57,13 @@ class EmergencyBraking:
         return Control(self.acceleration(self._stage), reason=reason)
 
     def threat(self, found: Encounter) -> float:
-        """Time (s) until the ego reaches someone who is in its way, or will be by then; infinite for all others."""
+        """Return the time (s) until the ego reaches the entity, if it is or will be in the path; else infinity."""
         time = found.time_to_collision
         reached: float = choose((found.gap <= self.sensor_range) & self._in_way(found), time, math.inf)
         return reached
 
     def holds(self, found: Encounter, speed: float) -> bool:
-        """Whether someone in its way is so near that, having braked at a speed (m/s), it does not speed up again."""
+        """Whether an entity in the path is so near that, having braked at a speed (m/s), it does not speed up again."""
         near: bool = (found.gap <= self.hold + self.partial_time * speed) & self._in_way(found)
         return near
 

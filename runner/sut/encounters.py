@@ -96,7 +96,7 @@ def stop_line(observation: Observation) -> Encounter | None:
 def encounter(
     name: str, seen: Outlook, boxes: tuple[BoundingBox, BoundingBox], own: float, speed: float, left: float
 ) -> Encounter:
-    """Someone ahead.
+    """Entity ahead.
 
     Args:
         seen: where the other's centre is.

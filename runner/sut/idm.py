@@ -15,7 +15,7 @@ SYSTEMS = {
 
 @dataclass
 class IntelligentDriver:
-    """Follows whoever is in its way; its desired speed v₀ is what the scenario asks for. It obeys semantics of signals.
+    """Follows the entity in its path; its desired speed v₀ is the scenario's. It obeys semantics of signals.
 
     a = `accelerate`·(1 − (v/v₀)⁴ − (s*/s)²), s* = `standstill` + max(0, v·`headway` + v·Δv/(2·√(`accelerate`·`comfortable`)))
 
@@ -27,7 +27,7 @@ class IntelligentDriver:
         standstill: gap at standstill, m.
         accelerate, comfortable: acceleration and comfortable deceleration, m/s².
         brake: greatest deceleration, m/s².
-        clearance: whoever is less than this far aside counts as in the way, m.
+        clearance: lateral gap (m) below which an entity is in the path.
     """
 
     headway: float = 1.5
@@ -41,7 +41,7 @@ class IntelligentDriver:
         """Nothing is carried from run to run."""
 
     def control(self, observation: Observation, dt: float) -> Control:
-        """The model's acceleration where somebody is in the way or the speed is not the desired one; else nothing."""
+        """Return the model's acceleration if the path is occupied or the speed differs from the desired one; else nothing."""
         speed, target = observation.ego.speed, observation.target_speed
         ahead = [found for found in encounters(observation) if found.aside < self.clearance]
         line = stop_line(observation)
@@ -54,7 +54,7 @@ class IntelligentDriver:
         return Control(self.acceleration(found, speed, target), reason=reason)
 
     def acceleration(self, found: Encounter, speed: float, target: float) -> float:
-        """The model's acceleration behind someone, at a speed and with a desired one (m/s)."""
+        """Return the model's acceleration behind an entity, at a speed and with a desired one (m/s)."""
         dynamic = speed * self.headway + speed * found.closing / (2.0 * math.sqrt(self.accelerate * self.comfortable))
         needed = (self.standstill + greatest(dynamic, 0.0)) / greatest(found.gap, 0.1)
         free = ratio(speed, target, 1.0) ** 4

@@ -107,7 +107,7 @@ class ReferenceDriver:
 
 @dataclass
 class CarefulCompetent(ReferenceDriver):
-    """Reacts to who is in its way with a time to collision of less than a critical one (see `runner.sut.reference`).
+    """Reacts to entities in its path below a critical time to collision (see `runner.sut.reference`).
 
     Args:
         reaction: time before it brakes, s.
@@ -126,10 +126,10 @@ class CarefulCompetent(ReferenceDriver):
 
 @dataclass
 class Regulation157(ReferenceDriver):
-    """Reacts to who is less than a lateral distance away and nearer in time than the braking to its speed takes.
+    """Reacts to entities less than a lateral distance away and nearer in time than the braking to their speed takes.
 
-    Danger is: lateral gap ≤ `lateral`, and TTC ≤ Δv/(2·`brake`) + `reaction` + 0.1 s. For who is beside the ego already, the time
-    since their bumpers met counts as TTC, as in the JRC's implementation: only who has just come beside it is braked for.
+    Danger is: lateral gap ≤ `lateral`, and TTC ≤ Δv/(2·`brake`) + `reaction` + 0.1 s. For an entity beside the ego, the time
+    since their bumpers met counts as TTC, as in the JRC's implementation: it brakes only for those that have just come beside it.
 
     Args:
         reaction: time before it brakes, s.
@@ -190,7 +190,7 @@ class FuzzySafety(ReferenceDriver):
 
     PFS compares the gap with what is needed if the one ahead brakes suddenly, CFS with what is needed at constant speed of the
     one ahead. The deceleration is `comfortable` + CFS·(`hard` − `comfortable`) where CFS > 0, else PFS·`comfortable`, built up
-    as fast as a human can. It reacts to who is in its way, or comes into it before the ego could have passed.
+    as fast as a human can. It reacts to entities in its path, or entering it before the ego could have passed.
 
     Source: Mattas, Makridis, Botzoris, Kriston, Minarini, Papadopoulos, Re, Rognelund, Ciuffo, "Fuzzy Surrogate Safety
     Metrics for real-time assessment of rear-end collision risk" (Accident Analysis and Prevention 148, 2020).
@@ -200,7 +200,7 @@ class FuzzySafety(ReferenceDriver):
         comfortable, hard: its own decelerations, m/s².
         other: deceleration that the one ahead may apply, m/s².
         margin: gap at standstill, m; kept once more where braking is comfortable.
-        ahead_of_time: it reacts to who comes into its way up to this time after the ego could have passed, s.
+        ahead_of_time: it also reacts to entities entering its path up to this time (s) after the ego could have passed.
     """
 
     reaction: float = 0.75

@@ -141,7 +141,7 @@ class KinematicWorld:
 
 
 class RehearsalWorld(KinematicWorld):
-    """For the beginning of a run only: no step is made, so whoever is to be driven may wait for it."""
+    """World for the start of a run: it makes no step, so entities may wait for their drivers."""
 
     def drive(self, entity: Entity) -> bool:
         """No one is driven yet."""

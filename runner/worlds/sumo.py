@@ -1,9 +1,9 @@
-"""SUMO as the world, begun when there is somebody whom it drives.
+"""SUMO as the world, started with the first entity that it drives.
 
-Participants that the scenario moves are mirrored into SUMO for its drivers to see them; nothing comes back to them. While SUMO
-drives no one, it would be stepped for nobody, so what is shown to it is kept, and SUMO begins with the first participant that
-it is to drive: it goes through all that was kept, in the same order, and is then in the state in which it would have been. Of a
-long run only the latest places are kept; SUMO steps without participants up to these.
+Entities that the scenario moves are mirrored into SUMO, where its drivers see them; SUMO does not move them. As long as SUMO
+drives no entity, its commands are stored instead of executed. SUMO starts with the first entity that it drives: it executes the
+stored commands in order and reaches the same state. Of a long run only the latest positions are stored; SUMO steps without
+entities up to these.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class SumoWorld:
     """A SUMO simulation on the network derived from the scenario's road file.
 
     Attributes:
-        simulation: SUMO, once it drives or has driven somebody.
+        simulation: SUMO, once it drives or has driven an entity.
     """
 
     name = "sumo"

@@ -10,8 +10,8 @@ Lengths: all lanes of an edge have one length in SUMO, so in curves its drivers 
 speed says (3 % for a lane 5 m from the middle of the edge's lanes where the radius is 150 m).
 
 Widths: a mirrored participant is as narrow as can be, so that it is on one lane only. Where moveToXY puts a wide one onto two
-lanes of a junction, SUMO 1.28 crashes as soon as somebody comes up behind. SUMO's drivers see who changes lane once its middle
-has.
+lanes of a junction, SUMO 1.28 crashes as soon as a vehicle comes up behind. SUMO's drivers see a lane change once the middle
+of the vehicle has changed lane.
 
 Drivers: SUMO's default car-following (Krauss) and lane-changing (LC2013) models without imperfection and without
 differences in desired speed between drivers, so that nothing in them is random; lane changes take 3 s.
@@ -116,11 +116,11 @@ class SumoSimulation:
         self._network, self._net, self._dt = network, net, timestep
         self._shown: dict[Entity, _Shown] = {}
         self._arriving: dict[Entity, _Arrival] = {}
-        """those whom SUMO's driver takes over in the coming step"""
+        """entities that SUMO's driver takes over in the coming step"""
         self._driven: dict[Entity, float] = {}
-        """those whom SUMO drives, with the odometer (m) at which their route is found anew"""
+        """entities that SUMO drives, with the odometer (m) at which their route is found anew"""
         self._arrived: dict[Entity, _Arrival] = {}
-        """those whom SUMO's driver has taken over in the step before, at the speed that they had"""
+        """entities that SUMO's driver took over in the step before, at the speed that they had"""
         self._requests: dict[Entity, DriverRequest] = {}
         self._types: dict[tuple[str, BoundingBox, Performance], str] = {}
         self._dark: dict[str, str] = {}
@@ -211,7 +211,7 @@ class SumoSimulation:
                 move(name, "", -1, x + ahead * c - aside * s, y + ahead * s + aside * c, 90.0 - degrees(h), _ANYWHERE, _NEAR)
 
     def step(self) -> None:
-        """Advance SUMO; those who arrive are its drivers' from then on."""
+        """Advance SUMO and hand arriving entities to SUMO's drivers."""
         try:
             for entity, (_, h) in self._arriving.items():
                 shown, way = self._shown[entity], entity.speed * self._dt

@@ -318,7 +318,7 @@ def interruptible(name: str, hint: str = "") -> Iterator[None]:
 def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[float], None]]:
     """A bar on standard error, where that is a terminal; yields a function to advance it by finished items, or shares of one.
 
-    It tells the time that has passed, which goes on where an item takes long, and the time that is left.
+    It shows the elapsed time, which advances during long items too, and the remaining time.
     """
     if quiet or not sys.stderr.isatty():
         yield lambda count: None

@@ -78,7 +78,7 @@ _FIELDS = {
     "TrafficSign.SupplementarySign.Classification.Arrow": {"lane_id": "Lane"},
 }  # fmt: skip
 """Rules of fields by message: set, unique among all ids, the message type that an id refers to, ranges, and conditions. Rules
-that demand presence of a repeated field are left out: its presence can't be told from its being empty."""
+that demand presence of a repeated field are left out: an absent one is the same as an empty one."""
 _RANGE = re.compile(r"(>=|<=|<) (-?[\d.]+)")
 _COMPARE: dict[str, Callable[[float, float], bool]] = {
     ">=": lambda a, b: a >= b, "<=": lambda a, b: a <= b, "<": lambda a, b: a < b,
@@ -287,7 +287,7 @@ def _collect(message: Any, here: dict[int, Any]) -> None:
 
 
 def _is_repeated(field: Any) -> bool:
-    """Whether a field is repeated; protobuf renamed what tells it."""
+    """Whether a field is repeated; the name of the property depends on the version of protobuf."""
     repeated = getattr(field, "is_repeated", None)
     return bool(repeated if repeated is not None else field.label == field.LABEL_REPEATED)
 

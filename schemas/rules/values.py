@@ -19,7 +19,7 @@ from schemas.xml import local_name
 def default_is_of_the_declared_type(document: Document) -> Iterator[Finding]:
     """The value of a ParameterDeclaration or VariableDeclaration must be of the declared type.
 
-    A warning in a catalogue, where it matters only to those who use the entry with its default.
+    A warning in a catalogue, where it matters only if the entry is used with its default.
     """
     for element in document.elements("ParameterDeclaration", "VariableDeclaration"):
         text = document.value(element, "value")

@@ -100,7 +100,7 @@ def _mouth(road: Road, lane: int, width: float, entering: bool) -> tuple[Pose, s
 
 _WIDTH, _SPEED_LIMIT = 3.5, 100 / 3.6
 _APART = 200.0
-"""Distance between the reference lines of two roads, m: nobody on one of them meets anybody on another."""
+"""Distance (m) between the reference lines of two roads: entities on different roads do not meet."""
 
 
 class RoadUse(NamedTuple):

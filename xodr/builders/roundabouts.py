@@ -2,7 +2,7 @@
 
 Right-hand traffic circulates counterclockwise. Ring segment k leads from the junction of arm k to that of
 the next arm; its lanes are -1 (inner) to -lanes (outer). Each junction has one connecting road for each lane
-that passes, enters and leaves; who circulates has priority over who enters.
+that passes, enters and leaves; circulating traffic has priority over entering traffic.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ class Traveller:
         """Return the change of heading (rad, ≥ 0) on the road that a link enters (first 50 m, or all in a junction), and if
         right.
 
-        Not at all where it enters a road inside: whoever follows that road passes by.
+        Zero where it enters a road in between: traffic on that road passes by.
         """
         if link.s is not None:
             return 0.0, False

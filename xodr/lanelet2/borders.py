@@ -92,7 +92,7 @@ def _joined(lines: list[tuple[str, ...]]) -> tuple[str, ...] | None:
 
 
 def linked(lanes: list[Lanelet], bounds: list[Bounds]) -> list[Lanelet]:
-    """The lanes with who follows them and who lies on their right. Sidewalks are walked both ways and stay alone."""
+    """Return the lanes with their successors and right neighbours. Sidewalks are two-way and stay alone."""
     from scipy.spatial import KDTree
 
     starts = np.array([[*edges.left[0], *edges.right[0]] for edges in bounds])
@@ -162,7 +162,7 @@ def _beside(line: Nodes, starts: Mapping[str, Sequence[tuple[str, Nodes]]]) -> t
 
 
 def _cut(table: dict[str, Lanelet], nodes: dict[str, list[Nodes]], name: str, side: int, count: int) -> str:
-    """Split a lanelet, and who shares a whole bound with it, after as many nodes of one of its bounds; its second part."""
+    """Split a lanelet, and lanelets that share a whole bound with it, after a number of nodes; return the second part."""
     points, line = getattr(table[name], _SIDES[side]), nodes[name][side]
     seconds = split(table, row_of(table, table[name]), frame_at(points, float(lengths(points)[count - 1])))
     for part in (*seconds, *seconds.values()):

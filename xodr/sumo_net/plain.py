@@ -236,7 +236,7 @@ class _Writer:
         return pieces
 
     def _edge(self, road: Road, piece: _Piece, edge: str, direction: int, nodes: tuple[str, str]) -> _Row:
-        """The edge with all lanes of one direction, none where nobody may use any of them; says where each lane is in SUMO."""
+        """Return the edge with all lanes of one direction, none if all are closed, and the position of each lane in SUMO."""
         lanes = self._from_the_kerb(road, piece, direction)
         if all(_use(lane) is CLOSED for lane in lanes):
             return {}

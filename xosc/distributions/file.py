@@ -106,7 +106,7 @@ def respelled(distribution: Document, scenario: Document, values: Mapping[str, s
             kind = type_named(declaration.get("parameterType", ""))
             spelled = meant(kind, text) if text is not None else None
         except ValueError:
-            continue  # whoever uses them refuses them
+            continue  # refused where they are used
         if text is not None and spelled != text:
             message = f"the value of the parameter {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
             yield from (place.remark(DECLARED_TYPE_UID, message) for place in _places(distribution.node, name, text))

@@ -185,7 +185,7 @@ def first_distances(document: Document, known: Mapping[str, Start]) -> Iterator[
     """Say distances that Init sets at once by the first positions and speeds that come of them; a remark for each.
 
     Args:
-        known: how everybody starts, poses included.
+        known: initial states of all entities, poses included.
     """
     for private in document.node.need("Storyboard", "Init").iter("Private"):
         start = known.get(private.get("entityRef"), Start())
@@ -196,7 +196,7 @@ def first_distances(document: Document, known: Mapping[str, Start]) -> Iterator[
             yield f"{action.where}: {action.tag}: left out, the first position has the distance"
             holders[-1].element.replace(holders[-1].only().element, first_position(start))
             private.element.remove(next(each for each in action.element.iterancestors("PrivateAction")))
-            for target in private.iter("AbsoluteTargetSpeed"):  # who keeps a distance has the other one's speed
+            for target in private.iter("AbsoluteTargetSpeed"):  # keeping a distance implies the other entity's speed
                 target.element.set("value", repr(start.speed))
 
 

@@ -219,7 +219,7 @@ class Geometry(Protocol):
         """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on what happens.
 
         Args:
-            actor: who follows it; None leaves out trajectories that begin where their actor is.
+            actor: follower; None leaves out trajectories that begin where their actor is.
             pose: where the actor is then; the default gives places in the actor's frame.
         """
         ...

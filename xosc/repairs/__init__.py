@@ -1,7 +1,7 @@
 """Repairs of documents as they are loaded.
 
 Each repair is a function of a root and its version that changes the tree where something has one sensible meaning, and yields a
-remark on each change. What has no such meaning is left to those who refuse it; where they do not need it, a remark says that
+remark on each change. What has no such meaning is left to be refused; where they do not need it, a remark says that
 it was there.
 """
 

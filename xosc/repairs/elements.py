@@ -187,7 +187,7 @@ def _unknown(root: Node, version: tuple[int, int]) -> Iterator[tuple[Node, Itera
 
 
 def remarks_on_violations(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """A remark on each violation; elements of the storyboard that are empty are left to those who execute them."""
+    """A remark on each violation; elements of the storyboard that are empty are left to the runner."""
     unknown = list(_unknown(root, version))
     for child, absent in unknown:
         text = f"the element {child.tag} is in no version of the standard here; it is NOT executed"

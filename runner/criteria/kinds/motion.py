@@ -11,7 +11,7 @@ from runner.criteria.criterion import Contact, Drive, Finding, criterion, interv
 _STANDING = 0.1
 """Speed below which a collision is not its own fault, m/s"""
 _SAME_TIME, _SAME_PLACE = 5.0, 5.0
-"""A contact with the same participant within this time (s), or with anybody within this distance (m), is the same collision."""
+"""A contact with the same entity within this time (s), or with any within this distance (m), is the same collision."""
 
 
 @criterion(

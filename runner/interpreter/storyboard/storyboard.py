@@ -160,7 +160,7 @@ class ManeuverGroup(Element):
             self.start(run)
 
     def reset(self) -> None:
-        """No executions are counted, and nobody has acted."""
+        """Reset: no executions, no actors."""
         super().reset()
         self.executions = 0
         self.acted.clear()
@@ -253,7 +253,7 @@ class Storyboard:
 
     @property
     def actors(self) -> dict[str, tuple[str, ...]]:
-        """Names of those who act in each maneuver group, by the group's path: declared, and selected by triggers so far."""
+        """Names of the actors of each maneuver group, by the group's path: declared, and selected by triggers so far."""
         groups = [group for act in self.acts for group in act.children if isinstance(group, ManeuverGroup)]
         return {group.path: tuple(entity.name for entity in {**dict.fromkeys(group.actors), **group.acted}) for group in groups}
 

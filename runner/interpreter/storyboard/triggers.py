@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 EDGES = ("none", "rising", "falling", "risingOrFalling")
 _EPSILON = 1e-6
 _SLEEPLESS = 16
-"""Steps from one try to leave conditions alone to the next; twice as many after each try in vain."""
+"""Steps between attempts to let conditions sleep; doubled after each failed attempt."""
 _RETRY = 8
 """Steps from one try to find a trigger dormant to the next"""
 _LONGEST = 128
@@ -190,7 +190,7 @@ class Trigger:
                 condition.rearm()
 
     def missed(self, run: Instant) -> str:
-        """Why it can fire no more, with the conditions that each group waits for in vain; empty while it can."""
+        """Return the reason why it can never fire, with the false conditions of each group; empty while it can."""
         vain = [[condition for condition in group if condition.missed][:1] for group in self.groups]
         return " and ".join(condition.describe(run) for (condition,) in vain) if all(vain) else ""
 
@@ -227,7 +227,7 @@ class Trigger:
         return True
 
     def rests(self, run: Instant) -> float:
-        """Time (s) until which it does not fire, whoever asks, while `run.changes` stays; in the past where that is not known."""
+        """Earliest time (s) at which it may fire while `run.changes` is unchanged; in the past if unknown."""
         known = self._resting and not self._looking and self._changes == run.changes
         return self._until if known else -math.inf
 
@@ -256,7 +256,7 @@ class Trigger:
         """groups, their conditions that are evaluated, and whether the others of the group are true"""
 
     def _rest(self, run: Instant) -> None:
-        """Leave alone what stays as it is: true conditions, and groups with a false one, but for what these have to remember."""
+        """Skip conditions whose value cannot change: true ones, and groups with a false one, except those with a memory."""
         self._looking, self._until, self._changes = [], math.inf, run.changes
         soon = run.time + _SLEEPLESS * run.dt
         for group in self.groups:

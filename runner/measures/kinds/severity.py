@@ -1,7 +1,7 @@
 """Severity of the ego's first contact: impact speed, change of velocity, and risk of a death by published curves.
 
 A contact is taken as plastic and central: both participants move on together. That is an upper bound of the change of velocity
-where they hit each other off centre. Who hit whom, on which side and at which point: `runner.measures.impact`.
+where they hit each other off centre. Striking entity, side and point: `runner.measures.impact`.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _is_unprotected(motion: Motion) -> bool:
 
 
 def _risk(motion: Motion, other: Motion, speed: float) -> float:
-    """Probability that somebody of a participant dies."""
+    """Probability of a fatality in an entity."""
     if motion.kind == FIXED:
         return 0.0
     if _is_unprotected(motion):
@@ -115,7 +115,7 @@ class ChangeOfVelocity(_OfContact):
 
 @measure
 class FatalityRisk(_OfContact):
-    """Risk that somebody dies by the first contact, of the participant with the greater risk."""
+    """Fatality risk of the first contact, for the entity with the greater risk."""
 
     name = "fatality_risk"
     label = "Fatality risk"

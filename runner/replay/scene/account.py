@@ -36,7 +36,7 @@ def main_partner(measures: Criticality) -> str | None:
 
 
 def partners(measures: Criticality, dt: float, stride: int) -> Stretches:
-    """The partner over time: the main one while it is near, else whoever is nearest, if near; empty for nobody."""
+    """The partner over time: the main one while it is near, else the nearest, if near; empty for none."""
     near = measures.distance.valid & (measures.distance.value <= _FAR)
     found = np.where(near, measures.nearest, "").astype(object)
     main = main_partner(measures)
@@ -60,7 +60,7 @@ def stretches(time: NDArray[np.float64], values: Sequence[str] | NDArray[np.obje
 
 
 def _steady(found: Stretches, shortest: int) -> Stretches:
-    """Without stretches that are too short to look at: whoever was there before stays."""
+    """Merge stretches that are too short to look at into the preceding one."""
     kept: Stretches = []
     ends = [start for start, _ in found[1:]]
     for index, (start, name) in enumerate(found):

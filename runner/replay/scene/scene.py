@@ -94,7 +94,7 @@ def steps() -> dict[str, float]:
 
 
 def extent(tracks: Iterable[Track]) -> Area:
-    """The rectangle that all ways lie in; around the origin where nobody was there."""
+    """Bounding rectangle of all paths; around the origin without entities."""
     columns = [track.columns for track in tracks if len(track.columns["time"])]
     if not columns:
         return Area(0.0, 0.0, 0.0, 0.0)

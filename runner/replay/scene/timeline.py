@@ -31,7 +31,7 @@ class Row:
     Args:
         level: one of act, event, action, intervention, collision, note.
         label: its own name. subject: its whole name, as in the event log.
-        who: the participants whom it is about; empty for what is of the whole run.
+        who: entities it concerns; empty for the whole run.
         bars: from when to when (s; None: to the end of the run), and why.
     """
 
@@ -43,7 +43,7 @@ class Row:
 
 
 def is_shown(entry: LogEntry) -> bool:
-    """Whether a line of the event log tells more than the bookkeeping of the storyboard: what is worth a line in a list."""
+    """Whether a line of the event log is worth a line in a list, beyond the bookkeeping of the storyboard."""
     return not entry.kind.endswith("Transition") or (not entry.subject.startswith(_INIT) and _level(entry) != "")
 
 
@@ -51,7 +51,7 @@ def rows(events: Iterable[LogEntry], actors: Mapping[str, tuple[str, ...]], name
     """Rows in the order of the storyboard's levels, then of their first appearance.
 
     Args:
-        actors: who acts in each maneuver group, by its path.
+        actors: actors of each maneuver group, by its path.
         names: of all participants.
     """
     found: dict[tuple[str, str], Row] = {}
@@ -99,7 +99,7 @@ def _level(entry: LogEntry) -> str:
 
 
 def _whole(entry: LogEntry) -> str:
-    """Return the text that tells rows of one level apart: both entities of a collision, the kind of notes."""
+    """Return the text that distinguishes rows of one level: both entities of a collision, the kind of notes."""
     level = _level(entry)
     if level == "collision":
         return f"{entry.subject}{_PAIR}{entry.text.removeprefix('no longer ').removeprefix('touches ')}"

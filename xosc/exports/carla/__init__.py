@@ -70,7 +70,7 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
 
 
 def prepare(scenario: Document, geometry: Geometry, draft: Draft) -> Mapping[str, Start]:
-    """Say what scenario_runner has no word for by what the roads make of it, in place; how everybody starts.
+    """Say what scenario_runner has no word for by what the roads make of it, in place; the initial states of all entities.
 
     Raises:
         Unsupported: a way is not known before the scenario runs.

@@ -25,7 +25,7 @@ def begin(document: Document, known: Mapping[str, Start]) -> Iterator[str]:
     """Change the Init of a worked-out scenario, in place; remarks.
 
     Args:
-        known: how everybody starts, poses included.
+        known: initial states of all entities, poses included.
     """
     scenario = document.node
     yield from first_distances(document, known)

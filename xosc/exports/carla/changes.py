@@ -89,7 +89,7 @@ def change(document: Document, known: Mapping[str, Start], state: State, network
     """Make all changes; remarks on those that are approximations.
 
     Args:
-        known: how everybody starts.
+        known: initial states of all entities.
         state: how they are when an action begins.
         network: the file of its roads; None where it has none.
 
@@ -197,7 +197,7 @@ def change_lanes(document: Document, state: State, network: Path | None, geometr
     Args:
         state: how entities are when an action begins.
         network: the file of the roads; None where there are none.
-        geometry: the scenario on its roads; None refuses what only a run tells.
+        geometry: the scenario on its roads; None refuses values that only a run gives.
 
     Raises:
         Unsupported: something can't be said, named with file and line.

@@ -70,7 +70,7 @@ def starts_with_scenario(action: Node) -> bool:
 
 
 def steer(document: Document) -> None:
-    """Give those who follow trajectories without times a controller that does not look at them; in a document of 1.0."""
+    """Give followers of trajectories without times a controller that ignores them; in a document of 1.0."""
     untimed = [each for each in document.node.iter("FollowTrajectoryAction") if each.find("TimeReference", "Timing") is None]
     for entity in dict.fromkeys(name for action in untimed for name in actors(action)):
         for private in document.node.need("Storyboard", "Init").iter("Private"):
@@ -95,7 +95,7 @@ _CURVES = ("Clothoid", "ClothoidSpline", "Nurbs")
 _MOVING = ("RelativeLanePosition", "RelativeRoadPosition", "RelativeObjectPosition", "RoutePosition", "TrajectoryPosition")
 """Positions that depend on what happens, where they are not in the world by now."""
 _ENDS = ("LateralAction", "RoutingAction", "TeleportAction", "SynchronizeAction")
-"""Actions that end the way of one who follows a trajectory."""
+"""Actions that end the motion along a trajectory."""
 _KINDS = ("LongitudinalAction", "LateralAction", "RoutingAction")
 _DISTANCE = "LongitudinalDistanceAction"
 _APART = 0.5
@@ -115,7 +115,7 @@ def trajectories(document: Document, geometry: Geometry) -> Iterator[str]:
 
 
 def profiles(document: Document, geometry: Geometry) -> Iterator[str]:
-    """Say profiles of speeds that depend on nobody else, while nothing else leads their actor, by its way and times; remarks."""
+    """Replace speed profiles independent of other entities by timed trajectories, if nothing else moves the actor; remarks."""
     stories = document.node.need("Storyboard").children("Story")
     for action in [each for story in stories for each in story.iter("SpeedProfileAction")]:
         begin, end, doing = geometry.begins(action), geometry.ends(action), set(actors(action))
@@ -203,7 +203,7 @@ def follow_on(action: Node, scenario: Node, geometry: Geometry, refusal: Unsuppo
 
 
 def _from_its_start(places: Sequence[Place]) -> Sequence[Place]:
-    """The way of one who is put on a trajectory: it begins there, as far before the next place as that is before the next."""
+    """Return the path of an entity teleported onto a trajectory; it begins one step's distance before the next place."""
     if len(places) < 3 or math.dist(places[0][:3], places[1][:3]) < _JUMP * math.dist(places[1][:3], places[2][:3]) + _APART:
         return places
     x, y, z = (2.0 * a - b for a, b in zip(places[1][:3], places[2][:3], strict=True))
