@@ -88,7 +88,7 @@ def generate(
 
     Runs are kept in the folder as they come: after an interruption the same call goes on where it was, and one with another
     budget, seed or method extends the search. Edge cases are chosen from all runs that are kept; files of a search before that
-    nobody has changed are replaced. Draws of the density and runs of an estimate are among those that cases are chosen from.
+    no user has changed are replaced. Draws of the density and runs of an estimate are among those that cases are chosen from.
 
     A quarter of the budget are unguided draws of the density, which no method sees: they bound the probability of failures that
     the search did not find. The method spends the rest.

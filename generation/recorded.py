@@ -90,7 +90,7 @@ class Recorded(NamedTuple):
         return found
 
     def _admitted(self, space: Space, theta: FloatArray) -> BoolArray:
-        """Rows (n, d) that keep the scenario's constraints, with nobody driving through another one: (n,)."""
+        """Rows (n, d) that keep the scenario's constraints, without overlap of vehicles: (n,)."""
         found = space.admits(theta)
         if self.pairs is not None:
             pinned = {name: np.full(len(theta), float(value)) for name, value in space.pinned.items()}
@@ -207,7 +207,7 @@ def of_samples(
     mapped: Mapping[str, Role] = MappingProxyType({}),
     marginals: Mapping[str, Marginal] = MappingProxyType({}),
 ) -> Recorded:
-    """The columns of a table that belong to a space: the seven of its actor, and the speed of the one who is not.
+    """The columns of a table that belong to a space: the seven of its actor, and the speed of the other vehicle.
 
     Two actors of pairs have those of the same pair. Several actors otherwise have the values of as many units, of egos that are
     about as fast.

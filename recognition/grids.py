@@ -361,7 +361,7 @@ def _vehicles(frames: Frames, egos: IntArray, poses: IntArray, grid: Grid) -> di
 
 
 def _about(frames: Frames, egos: IntArray, poses: IntArray, grid: Grid) -> Boxes:
-    """Everyone who is in the frames of the egos' rows and within reach of the grids at the given poses."""
+    """Participants in the frames of the egos' rows and within reach of the grids at the given poses."""
     start, end = frames.starts[frames.frame[egos]], frames.starts[frames.frame[egos] + 1]
     frame = np.repeat(np.arange(len(egos)), end - start)
     row = np.arange(len(frame)) + np.repeat(start - np.concatenate([[0], np.cumsum(end - start)[:-1]]), end - start)

@@ -59,7 +59,7 @@ class Tokens:
     Attributes:
         span, frames: length of a window, s, and how many equally long parts it has; a frame is the middle of each.
         others: most other participants: the ego's leads and followers, then the nearest.
-        reach: nobody farther away than this counts, but for leads, m.
+        reach: greatest distance of participants that count, except leads, m.
         core: time about the middle for which the ego has to be there, s; beyond it a track may begin or end.
     """
 
@@ -98,7 +98,7 @@ CHANGES = 2 * len(_CHANGING) + 2 * len(_ROLES)
 def changes(inputs: NDArray[np.float16]) -> NDArray[np.float32]:
     """Return the changes of the ego's motion, gap and lane in windows, and the roles of its lanes.
 
-    How a scenario ends otherwise than it began tells what happens in it. Levels, such as of speed or the number of lanes, tell
+    The difference of end and start characterises a scenario. Levels, such as of speed or the number of lanes, show
     where it is, and are left out, but for the roles.
 
     Args:
@@ -232,7 +232,7 @@ Moments = Sequence[tuple[str, float]]
 _ANCHORS = 5
 """Frames of a window in which others are looked for."""
 _ASIDE = 2.5
-"""Distances to the side count so many times: who is on the same lane matters from farther away."""
+"""Weight of lateral distance: vehicles in the same lane matter from farther away."""
 
 
 class _Index:
@@ -293,7 +293,7 @@ def _others(scene: Scene, index: _Index, own: IntArray, egos: IntArray, tokens: 
 
 
 def _near(scene: Scene, index: _Index, own: IntArray, reach: float) -> tuple[IntArray, IntArray, FloatArray]:
-    """Windows, tracks and distances of everybody near to egos' rows (n, anchors); leads and followers at distance 0."""
+    """Windows, tracks and distances of participants near to egos' rows (n, anchors); leads and followers at distance 0."""
     window = np.repeat(np.arange(len(own)), own.shape[1])[own.ravel() != ABSENT]
     ego = own.ravel()[own.ravel() != ABSENT]
     start, end = index.starts[scene.frame[ego]], index.starts[scene.frame[ego] + 1]

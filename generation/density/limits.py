@@ -109,7 +109,7 @@ class Reading(NamedTuple):
 
     Attributes:
         closing: how much faster the one behind is than the one ahead, m/s. headway: time headway of the one behind, s.
-        ego: speed of the one who is not the actor, m/s.
+        ego: speed of the vehicle that is not the actor, m/s.
     """
 
     closing: FloatArray | None
@@ -118,7 +118,7 @@ class Reading(NamedTuple):
 
 
 def by_actor(values: Mapping[str, FloatArray], roles: Mapping[str, Role]) -> dict[str, dict[str, FloatArray]]:
-    """Values (n,) in SI units by role for each actor, with the speed of the one who is not an actor in all of them.
+    """Values (n,) in SI units by role for each actor, with the speed of the vehicle that is not an actor in all of them.
 
     Args:
         values: by parameter. roles: of parameters; those without values are left out.

@@ -192,7 +192,7 @@ class RecordedPrior(Prior):
         name: of the density (`generation.density.models`).
 
     Attributes:
-        left_out: how many units have no logarithm, with those of followers who are nearer than the least gap.
+        left_out: number of units without a logarithm, those of followers below the least gap included.
 
     Raises:
         UsageError: there is no such density, it can't be conditioned, or the units make none.

@@ -10,7 +10,7 @@ from recognition.maneuvers.parameters import EGO_SPEED as CATALOGUED_EGO_SPEED
 from recognition.maneuvers.parameters import OTHER_SPEED as CATALOGUED_OTHER_SPEED
 
 EGO_SPEED = "ego_speed"
-"""Role of the speed of the one who is not the actor, when the manoeuvre begins."""
+"""Role of the initial speed of the vehicle that is not the actor."""
 ROLES = (*PARAMETERS, EGO_SPEED, JERK)
 """Names of the values of a recorded unit: seven of its actor, the other one's speed, and the actor's jerk where it is known."""
 ON_REQUEST = (JERK,)
@@ -41,7 +41,7 @@ class Role(NamedTuple):
 def roles_of(names: Iterable[str], mapped: Mapping[str, Role] | None = None, ego: str = EGO) -> dict[str, Role]:
     """The roles of those parameters that have one: by their names, or as they are mapped.
 
-    `CutIn_Gap_m` is the gap of the actor CutIn. The speed of the one who is not an actor is the ego's, or where the ego acts
+    `CutIn_Gap_m` is the gap of the actor CutIn. The speed of the vehicle that is not an actor is the ego's, or where the ego acts
     the leader's. Scenarios of catalogues have one actor, whose parameters have no name in front.
     """
     names, found = list(names), dict(mapped or {})

@@ -28,17 +28,17 @@ class Maneuver:
     Attributes:
         description: what happens.
         actor: whose parameters the seven are.
-        leader: who is ahead of the ego when it begins.
+        leader: vehicle ahead of the ego at the start.
         ego_lane, leader_lane: "left" or "right" of the geometry's lanes, where the ego and the leader are at the beginning.
         change: lanes to the left that the actor changes: +1, −1, or 0 for none.
         kind: of recorded units that are such manoeuvres (`recognition.maneuvers.units.KINDS`).
         geometries: where it makes sense.
         label, urban_label: the class of it for the ego on motorways, and elsewhere; None where it is none of the 17.
         braking: limits of the speeds at and after the end, m/s, where the actor slows down whatever the road.
-        ahead: who is ahead of the leader in its lane, at a speed of its own.
-        beside: who is beside the leader in the other lane, with its speeds.
+        ahead: vehicle ahead of the leader in its lane, at a speed of its own.
+        beside: vehicle beside the leader in the other lane, with its speeds.
         turns: whether the leader turns off afterwards.
-        jerk: by default, m/s³, of an actor who has one; None for changes of speed with accelerations that jump.
+        jerk: default (m/s³) of an actor with a jerk; None for changes of speed with discontinuous accelerations.
         pace: default speed of the slower one, as a share of the faster one's.
         dense: greatest default speed (m/s) before the manoeuvre, where traffic is dense; None for that of the geometry.
     """
@@ -229,7 +229,7 @@ class ManeuverScenario:
         return self._roles[role]
 
     def _speed(self, name: str) -> str:
-        """The speed that someone keeps until the manoeuvre begins."""
+        """Constant speed until the manoeuvre begins."""
         if name == self.maneuver.beside:
             name = self.maneuver.leader
         return self._role("start_speed") if name == self.maneuver.actor else f"${name}_Speed_mps"

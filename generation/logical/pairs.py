@@ -44,7 +44,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Follower:
-    """An adversary who drives behind the ego and keeps its distance, as fast as its reaction and its brakes let it.
+    """Adversary behind the ego that keeps its distance, as fast as its reaction and its brakes allow.
 
     Attributes:
         actor: its name.
@@ -60,7 +60,7 @@ class Pair:
     Attributes:
         description: what happens.
         ego_lane: where the ego drives.
-        first: the one who acts ahead of the ego, the nearer one of two. second: the one ahead of that, or behind the ego.
+        first: actor ahead of the ego, the nearer of two. second: actor ahead of the first, or behind the ego.
     """
 
     description: str
@@ -112,7 +112,7 @@ REACTION = Reaction(acceleration=3.0, deceleration=7.59, jerk=3.6)
 until then as that driver, who reacts after 0.75 s and needs 0.6 s to full braking: the jerk is 7.59 / (2 · (0.75 + 0.6 /
 2))"""
 _FOLLOWED = (0.5, 50.0)
-"""Limits of the gap (m) of one who follows"""
+"""Limits of a follower's gap (m)"""
 _DEFAULTS = {"gap": 15.0, "start_speed": 24.0, "end_speed": 22.0, "duration": 4.0, "final_speed": 22.0, "rest_time": 4.0}
 
 
@@ -121,9 +121,9 @@ class PairScenario:
     """Two adversaries on a straight motorway.
 
     Attributes:
-        name: of the scenario. pair: who does what.
-        without: name of an adversary who does nothing instead: it keeps its lane, and its speed unless someone follows the ego,
-            as a change then ends the scene; one who would follow the ego is not there. None for none.
+        name: of the scenario. pair: roles of the two.
+        without: name of a passive adversary: it keeps its lane, and its speed unless a vehicle follows the ego,
+            as a change then ends the scene; a follower of the ego is absent. None for none.
     """
 
     name: str
@@ -140,7 +140,7 @@ class PairScenario:
 
     @property
     def follower(self) -> str | None:
-        """Name of the one who follows the ego; None where nobody does."""
+        """Name of the ego's follower; None without one."""
         second = self.pair.second
         return second.actor if isinstance(second, Follower) and self.without != second.actor else None
 
@@ -264,7 +264,7 @@ class PairUnits(ABC):
 
     Attributes:
         every: all units, of pairs or not.
-        first: who does what, as the first one.
+        first: role of the first one.
     """
 
     every: Samples
@@ -277,7 +277,7 @@ class PairUnits(ABC):
 
     @property
     def alone(self) -> list[Alone]:
-        """Of each adversary who acts; gap and speed of the ego are those of the first one."""
+        """Parameters of each acting adversary; gap and speed of the ego are those of the first one."""
         return [_alone(self.every, part, nearest=part is self.first) for part in self.parts]
 
     @property
@@ -335,10 +335,10 @@ def _known(samples: Samples, kind: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class AheadUnits(PairUnits):
-    """Pairs of two who act ahead of the ego.
+    """Pairs of two actors ahead of the ego.
 
     Attributes:
-        second: who does what, as the second one. ego_lane: where the ego drives. units: the pairs.
+        second: role of the second one. ego_lane: where the ego drives. units: the pairs.
     """
 
     second: Part
@@ -403,10 +403,10 @@ class AheadUnits(PairUnits):
 
 @dataclass(frozen=True, eq=False)
 class BehindUnits(PairUnits):
-    """Pairs of one who acts ahead of the ego and one who follows it.
+    """Pairs of an actor ahead of the ego and a follower of it.
 
     Attributes:
-        second: who follows. units: what the first one does, and how far behind the ego the second one is.
+        second: follower. units: units of the first one, with the gap of the second one behind the ego.
     """
 
     second: Follower
@@ -453,7 +453,7 @@ def _alone(every: Samples, part: Part, nearest: bool) -> Alone:
 
 
 def _acting(actor: str, samples: Samples) -> dict[str, FloatArray]:
-    """Values (n,) of the parameters of one who acts."""
+    """Values (n,) of the parameters of one actor."""
     table = dict(zip(PARAMETERS, samples.theta.T, strict=True))
     return {declared_name(actor, role): table[role] for role in ROLES}
 

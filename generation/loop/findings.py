@@ -315,7 +315,7 @@ class LoopResult:
 
     @property
     def sound(self) -> bool:
-        """Whether everything was done: all was read and is valid, no run ended with an error, no search was in vain.
+        """Whether everything was done: all inputs were read and are valid, no run ended with an error, no search was empty.
 
         What the system under test does wrong is another matter, and what a loop is for.
         """

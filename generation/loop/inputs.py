@@ -205,7 +205,7 @@ def of_scenario(path: Path, own: Samples | None, name: str | None = None, title:
 
 
 def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Iterator[Target | Refused]:
-    """The scenarios and variation files of the user; one that is not searched is told with those that are in its place.
+    """The scenarios and variation files of the user; one that is not searched is reported with its replacements.
 
     Args:
         names: of the targets, by file.

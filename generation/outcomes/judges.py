@@ -15,7 +15,7 @@ from runner.sut.base import Control, Observation, Participant
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
 _CHANGED = 1e-3
-"""Change of a speed (m/s) or of a place in the lane (m) from which somebody is doing something"""
+"""Change of a speed (m/s) or of a lateral position (m) above which a vehicle is active"""
 
 
 @dataclass

@@ -63,7 +63,7 @@ class Outcomes:
         risk: share of the `RISK_WINDOW` up to the conflict in which a participant is nearer than both RSS distances; time before
             the scene's start counts as safe, so that a short scene gains nothing.
         max_drac: greatest deceleration that just avoids a collision with the lead, m/s²; 0 where there never was a lead.
-        clearance: least distance of the ego's box to another one, m; 0 with a collision, infinite where nobody was there.
+        clearance: least distance of the ego's box to another one, m; 0 with a collision, infinite without others.
         conflict: time of the first contact, else of the least clearance, s.
         impact_speed: relative speed at the first contact, m/s; 0 without one.
         side: side of the ego that is touched first: `front`, `rear`, `left`, `right`; empty without contact.

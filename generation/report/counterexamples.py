@@ -93,7 +93,7 @@ LIKELIEST, NEAREST = "likeliest_failure", "nearest_failure"
 @dataclass(frozen=True)
 class Unit:
     """A recorded unit: its recording, values of what is searched, distance from a point as a share of the ranges (root mean
-    square over all that tells cases apart)."""
+    square over all that distinguishes cases)."""
 
     recording: str
     values: Mapping[str, float]

@@ -40,7 +40,7 @@ class Fate(StrEnum):
 
 
 _ALWAYS = (Fate.FIXED, Fate.STILL_THERE, Fate.NEW)
-"""Fates that are told though no failure has them"""
+"""Fates that are reported even with no failure"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ def _same(before: Before, scenario: Path, run: RunSettings) -> bool:
 
 
 def _far(tried: Tried, before: Before, least: float) -> BoolArray:
-    """Whether failures of before (n,) are unlike points (m,), by all that tells cases apart: (n, m)."""
+    """Whether failures of before (n,) are unlike points (m,), by all that distinguishes cases: (n, m)."""
     space, columns = tried.space, distinctive(tried.space)
     found = np.ones((len(before.values), len(tried.theta)), bool)
     for row, values in enumerate(before.values):

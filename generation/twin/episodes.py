@@ -224,7 +224,7 @@ class _Found:
         self._risky, self._instants = np.zeros((n, round(RISK_WINDOW / dt)), bool), 0
 
     def add(self, time: float, ego: Body, others: list[Body], rss: RssParameters) -> BoolArray:
-        """Measure an instant; where the ego touches someone (n,)."""
+        """Measure an instant; return the mask of contacts of the ego (n,)."""
         now, count = self.now, len(ego.x)
         touching, risky = np.zeros(count, bool), np.zeros(count, bool)
         gap, closing, distance = np.full(count, np.inf), np.zeros(count), np.full(count, np.inf)

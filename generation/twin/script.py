@@ -101,10 +101,10 @@ class Change:
 
 @dataclass(frozen=True)
 class Following:
-    """A gap that is kept from the beginning on, behind someone.
+    """Constant gap behind another vehicle from the start on.
 
     Attributes:
-        leader: who that is. gap: of the boxes, m; a term of the parameters. limits: of what is done for it.
+        leader: that vehicle. gap: of the boxes, m; a term of the parameters. limits: of what is done for it.
     """
 
     leader: str
@@ -119,7 +119,7 @@ class Actor:
     Attributes:
         box, performance: of its vehicle.
         s: terms that add up to where it begins along the road, m. lane: where it begins.
-        speed: at the beginning, m/s. change: None where it keeps its speed and lane. following: None where it follows nobody.
+        speed: at the beginning, m/s. change: None where it keeps its speed and lane. following: None without a leader.
     """
 
     name: str

@@ -171,7 +171,7 @@ def _settings(scenes: str, signalised: bool, standard: str) -> CatalogueSettings
 
 
 def _recogniser(labels: str, model: Path | None, discover: bool = False) -> tuple[Callable[[], Recogniser], str]:
-    """Makes who labels and sorts; and why that is not the model, where it is not and was not asked for."""
+    """Recogniser factory, and the reason if it is not the model by default."""
     from recognition.catalogue.detect import MODEL, RULES
     from recognition.catalogue.pipeline import SHIPPED, ByRules
 

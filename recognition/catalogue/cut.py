@@ -103,7 +103,7 @@ EGO = "Ego"
 _SAME_TIME = 1e-6
 """Times (s) that are the same but for rounding."""
 _STEP, _SOON = 0.05, 0.25
-"""Step of runs (s): who enters between two steps is late by up to one. Time (s) by which one may enter later instead."""
+"""Step of runs (s): an entity that enters between two steps is late by up to one. Latest entry (s) instead."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +230,7 @@ def _between(time: FloatArray, start: float, end: float) -> IntArray:
 
 
 def _entrance(time: FloatArray) -> int:
-    """The first of the rows of one who comes, at times (s) from the scene's start, that is at a step of usual runs."""
+    """First row of an entering vehicle, at times (s) from the scene's start, that is at a step of usual runs."""
     soon = time[: min(int(np.searchsorted(time, time[0] + _SOON)), len(time) - 1)]  # a trajectory has two rows
     at_step = np.abs(np.remainder(soon / _STEP + 0.5, 1.0) - 0.5) < _SAME_TIME / _STEP
     return int(np.argmax(at_step))

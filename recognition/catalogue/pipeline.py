@@ -162,15 +162,15 @@ def build(
     bar: Bar,
     workers: Workers = Workers(),  # noqa: B008 - immutable
 ) -> Summary:
-    """Make a catalogue of the recordings in files and folders, with the same bytes whoever works.
+    """Make a catalogue of the recordings in files and folders, with the same bytes for any number of workers.
 
     A recording that can't be read does not keep the others from their place in the catalogue. Recordings that were read before
     an interruption are not read again by the next call.
 
     Args:
-        recogniser: makes who labels; several processes read meanwhile.
+        recogniser: recogniser factory; other processes read meanwhile.
         bar: shows how many recordings are recognised, and how many scenarios are written.
-        workers: who reads, labels and writes the recordings.
+        workers: processes that read, label and write the recordings.
 
     Raises:
         InvalidFile: there is no recording of a known format in a path.

@@ -139,10 +139,10 @@ class CatalogueSettings:
     """Settings for recognising and writing.
 
     Attributes:
-        scenes: what a scenario is made for: every event, or every usable vehicle.
+        scenes: subject of a scenario: every event, or every suitable vehicle.
         road: the OpenDRIVE file of all recordings, instead of those that they have.
         rules: thresholds of the labelling rules.
-        needs: what makes a vehicle usable.
+        needs: requirements on a suitable vehicle.
         around: time before and after an event that belongs to its scenario.
         gap: greatest time between two windows of one event, s.
         config: how the catalogue is written.

@@ -44,7 +44,7 @@ def write_replay(path: Path, out: Path, *, ego: str | None = None, road: Path | 
         version: of the standard.
 
     Raises:
-        InvalidFile, Unsupported: the recording can't be read, or has nobody in it.
+        InvalidFile, Unsupported: the recording can't be read, or has no participants.
         UsageError: there are several recordings, no such participant, or the files can't be written.
     """
     source = _only(opened((path,), road), path)

@@ -219,7 +219,7 @@ def smooth_pedestrians(rows: Rows, seen: Observations) -> FloatArray:
 
 
 def _turning(h: FloatArray, rows: Rows) -> FloatArray:
-    """Headings as means over `_TURNS` to either side: who turns on the spot takes that time for it."""
+    """Headings as means over `_TURNS` to either side: a turn on the spot takes that time."""
     reach = max(1, round(_TURNS / rows.step))
     here = np.arange(len(rows))
     start, end = rows.each(rows.starts[:-1]), rows.each(rows.starts[1:])

@@ -40,7 +40,7 @@ LIMITS = {
     "pedestrian": Limits(10.0, 0.0, 5.0, 5.0, 5.0, 30.0, 3.2),
 }
 """Sources. Acceleration up to 5 m/s², jerk up to 15 m/s³: Punzo, Borzacchiello and Ciuffo (Transp. Res. C 19, 2011), Montanino
-and Punzo (Transp. Res. B 80, 2015), who find no more in what is sound of NGSIM. Braking of 9 m/s² and 8 m/s² across: tyres on dry
+and Punzo (Transp. Res. B 80, 2015), with no more in the sound part of NGSIM. Braking of 9 m/s² and 8 m/s² across: tyres on dry
 asphalt; SUMO's emergency braking of cars is 9 m/s² too. Heavy vehicles brake at up to 8 m/s², and tip over beyond 5 m/s² across
 (Gillespie, Fundamentals of Vehicle Dynamics, 1992). Yaw rates: what the smallest turning circle (11 m, 20 m of heavy vehicles)
 allows at a walking speed of 5 m/s. Speeds are those that catalogue entries of the category have."""

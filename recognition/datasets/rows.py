@@ -207,7 +207,7 @@ def columns_of(
     """Columns of a `Recording` from those of box centres; the places on the road are left open.
 
     Args:
-        who: the participant of each track.
+        who: participant of each track.
         x, y: centres of the boxes, m. h: headings, rad, of any turn.
         speed, acceleration: along the heading, m/s and m/s².
     """

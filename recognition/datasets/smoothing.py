@@ -174,9 +174,9 @@ def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: R
     """Cut tracks where they jump, and smooth them.
 
     Args:
-        who: the participant of each track.
+        who: participant of each track.
         columns: those of a recording; x, y of the reference points.
-        report: is told what was cut.
+        report: called with the removed rows.
         noise: of the recording.
 
     Raises:

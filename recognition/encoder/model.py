@@ -145,7 +145,7 @@ class TokenEncoder(Encoder):
             nn.init.normal_(self.kind, std=_SPREAD)
 
     def forward(self, values: Tensor) -> Tensor:
-        """Features (n, dim) of windows (n, participants, frames, features), NaN where nobody is.
+        """Features (n, dim) of windows (n, participants, frames, features), NaN for absent participants.
 
         Raises:
             UsageError: windows of another shape.
@@ -160,7 +160,7 @@ class TokenEncoder(Encoder):
         return self.norm(ego.float())
 
     def embedded(self, values: Tensor) -> tuple[Tensor, Tensor]:
-        """Tokens (n, participants, times, dim) before the blocks, and whether anybody is there in each."""
+        """Tokens (n, participants, times, dim) before the blocks, and the mask of present participants."""
         there = ~values[..., 0].isnan()
         seen = torch.cat([torch.nan_to_num(values.float()).clamp(-_FURTHEST, _FURTHEST), there.unsqueeze(-1)], dim=-1)
         frames = self.frame(seen) * there.unsqueeze(-1)
@@ -180,7 +180,7 @@ class TokenEncoder(Encoder):
         return values.masked_fill(missed[..., None, None], torch.nan)
 
     def _cut(self, values: Tensor) -> Tensor:
-        """In a share of the windows, nobody is there before or after some time, as where a recording begins or ends."""
+        """Remove the participants before or after some time in a share of the windows, as at the ends of a recording."""
         count, frames = values.shape[0], values.shape[2]
         most = frames // 2 - 1
         lost = torch.rand((2, count, 1), device=values.device)

@@ -52,7 +52,7 @@ def passing(recording: Recording, site: Site, config: Rules = Rules()) -> dict[s
     """From when to when (s) vehicles are on their ways through junctions, by their names.
 
     There a rule may say nothing and yet no one can say that nothing happens: a way that bends by 20 to 45 degrees is neither
-    straight nor a turn, one that is cut off may become either, and whether a straight one crosses depends on who else was seen.
+    straight nor a turn, one that is cut off may become either, and a straight one crosses or not by the vehicles seen.
     """
     scene = prepare(recording, site, config)
     found: dict[str, list[tuple[float, float]]] = {}

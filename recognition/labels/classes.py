@@ -100,7 +100,7 @@ class Rules:
         parked: least diagonal of the area in which a vehicle that drives moves, over its whole track; jitter has a speed, too.
         smoothing: time over which accelerations are averaged before they are compared.
         cruise_acceleration, cruise_speed_deviation: greatest |a| and standard deviation of the speed in free cruise.
-        cruise_speed: least speed of free cruise: who stands in a jam is as steady.
+        cruise_speed: least speed of free cruise: a vehicle standing in a jam is as steady.
         following_headway: greatest THW of following, and least of free cruise.
         following_ttc: TTC below which following gets the tag `ttc_below_4s`.
         hold: how long a lane is held before and after a change; shorter stays in a lane are none.
@@ -114,7 +114,7 @@ class Rules:
         oblique: greatest angle between vehicle and lane where a lane change crosses the border.
         turning, turning_time: greatest change of heading, beyond the road's own, so long before and after that; more is a turn.
         shift_time: time before and after a change in which the displacement is measured.
-        cut_gap, cut_speed: greatest gap to who cuts in or out, and least speed of both then: standing vehicles cut nobody off.
+        cut_gap, cut_speed: greatest gap to a vehicle that cuts in or out, and least speed of both: standing vehicles do not.
         lateral_gap: lateral gap below which a cut-in gets the tag `lateral_gap_below_2m`.
         braking: acceleration below which a cut-out gets the tag `ego_brakes`.
         reaction: time after a cut-in or cut-out in which TTC or acceleration are looked at; before and after, ego does not change
@@ -123,7 +123,7 @@ class Rules:
         urban_speed_limit: greatest speed limit of an urban lane.
         ramp_length: way along the ramp.
         ramp_shift: least lateral shift between ramp and main lane.
-        yield_speed, yield_time: who was slower, or has a lower PET, gets the tag `yields`.
+        yield_speed, yield_time: a vehicle that was slower, or has a lower PET, gets the tag `yields`.
         ring_spacing: least time between two events of circulating.
         passage: least way through a junction that counts.
         turn: least and greatest change of heading of a turn.

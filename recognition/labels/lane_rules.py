@@ -14,7 +14,7 @@ from xodr.array_types import BoolArray, FloatArray, IntArray
 
 
 class Cuts(NamedTuple):
-    """Ego's row at t*, and the row of who changes lane in the same frame; gap between them along the lane, m."""
+    """Ego's row at t*, the row of the vehicle changing lane in that frame, and the gap (m) between them along the lane."""
 
     ego: IntArray
     other: IntArray
@@ -73,7 +73,7 @@ def _lead_track(scene: Scene, row: IntArray) -> IntArray:
 
 
 def _concerned(scene: Scene, row: IntArray) -> BoolArray:
-    """Rows of egos that drive, and change lane neither then nor within `rules.reaction`: who stands has no headway."""
+    """Rows of driving egos that change lane neither then nor within `rules.reaction`; a standing ego has no headway."""
     own = np.append(scene.changes.row, scene.changes.partial.row)
     kept = scene.steady(0.5 * scene.rules.window)[row] & ~near(scene, row, own, scene.rules.reaction)
     return kept & scene.complete[row] & (scene.speed[row] >= scene.rules.cut_speed)
@@ -88,7 +88,7 @@ def _leaves(scene: Scene) -> BoolArray:
 def free_cruise(scene: Scene) -> Hits:
     """1: steady speed on one lane, without a lead or with one far ahead, in the window and its margins.
 
-    Who stands has no headway, whoever stands ahead.
+    A standing vehicle has no headway.
     """
     rules = scene.rules
     far = ~scene.leads.thw.valid | (scene.leads.thw.value > rules.following_headway)

@@ -35,7 +35,7 @@ class Leads:
         row: the lead's row in the same frame, ABSENT without one in sight.
         gap: between the boxes along the lane, m, negative where they overlap; 0 without a lead.
         thw, ttc: time headway and time to collision, where they are defined.
-        follower: row of who has this row as the lead, the nearest of several; ABSENT for none.
+        follower: row of the nearest vehicle with this row as its lead; ABSENT for none.
     """
 
     row: IntArray

@@ -251,7 +251,7 @@ class Estimate(NamedTuple):
 
     Attributes:
         values: of its parameters.
-        other_speed: of the one who is not the actor, when the manoeuvre begins, m/s; 0 without another.
+        other_speed: initial speed of the other vehicle, m/s; 0 without one.
         jerk: how suddenly the acceleration of the manoeuvre builds up, m/s³; NaN where that can't be said.
     """
 
@@ -322,13 +322,13 @@ class Segmentation:
         return index if index is not None and abs(scene.time[self.changes[index].row] - time) <= reach else None
 
     def leader(self, index: int) -> int:
-        """Track ahead in the lane of who changes it, when the change begins; ABSENT for none in sight."""
+        """Track ahead of the lane-changing vehicle in its lane, at the start of the change; ABSENT for none in sight."""
         scene = self.motion.scene
         lead = int(scene.leads.row[self.changes[index].start])
         return int(scene.track[lead]) if lead != ABSENT else ABSENT
 
     def of_change(self, index: int, kind: str, other: int) -> Unit:
-        """The unit of a lane change, by index, for one whom it concerns."""
+        """Return the unit of a lane change, by index, for one affected vehicle."""
         change = self.changes[index]
         return self.between(kind, other, change.start, change.end, change.shift)
 
@@ -341,7 +341,7 @@ class Segmentation:
 
 
 def segment(motion: LaneMotion, thresholds: Thresholds = Thresholds()) -> list[Unit]:
-    """The units of a recording, by actor and time; a lane change is a unit for each one whom it concerns."""
+    """Return the units of a recording, by actor and time; a lane change is a unit for each affected vehicle."""
     segmentation = Segmentation(motion)
     units = [*_lane_changes(segmentation), *_phases(motion, segmentation.changes, thresholds)]
     return sorted(units, key=lambda unit: (unit.start, unit.kind, unit.other))

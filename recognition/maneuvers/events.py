@@ -130,12 +130,12 @@ _STEP = 0.25
 
 
 def nearest_conflict(recording: Recording, ego: Track, path: RecordedPath, time: float, partner: str | None) -> Conflict | None:
-    """The conflict with whom the ego has least time between them, of those whose path meets its own from the side.
+    """Return the conflict with the least time between the ego and a vehicle whose path meets its own from the side.
 
     Args:
         path: the ego's.
         time: when its passage begins, s; the other one has not reached it yet then.
-        partner: whom the event is about; None for any participant at the same place up to `_SOON` s earlier or later.
+        partner: partner of the event; None for any participant at the same place up to `_SOON` s earlier or later.
     """
     from scipy.spatial import cKDTree
 
@@ -226,10 +226,10 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
 
 
 def _inside(track: Track, network: RoadNetwork, time: float, timestep: float, turns: bool) -> tuple[float, float]:
-    """When a track comes into the junction that it is in or has just left at a time (s), and when it leaves it.
+    """Return the times at which a track enters and leaves the junction that it is in, or has just left, at a time (s).
 
-    Who turns comes to it where the heading begins to change, and leaves it where it has changed. Who stands in it comes to it
-    when setting off for the last time. Of who was first or last recorded inside, it is what was recorded.
+    A turning vehicle enters where its heading begins to change, and leaves where the change ends. A vehicle that stands in the
+    junction enters when it last sets off. For a track that begins or ends inside, the recorded times are returned.
     """
     at = track.columns["time"]
     inside = np.array([network.road(road).junction_id is not None for road in track.columns["road_id"]], np.int64)
@@ -277,7 +277,7 @@ class Maneuvers:
         """The manoeuvre of an event.
 
         Args:
-            partner: whom the event is about besides the ego.
+            partner: partner of the ego in the event.
 
         Raises:
             Unsupported: the class is none of the 17, or what was recorded is no manoeuvre that the parameters describe.

@@ -79,14 +79,14 @@ class Maneuver:
     Attributes:
         kind: cut_in, cut_out, lane_change, following, cruise, ramp (a lane change at one) or passage.
         ego: its track.
-        other: who is ahead of the ego when it begins, in a passage whose path the ego's meets; None without another one.
+        other: vehicle ahead of the ego at the start, in a passage the one whose path the ego's meets; None without one.
         left: whether the lane change is to the left; None without a lane change.
         values: of the parameters.
-        speed: of the one who is not the actor, before the manoeuvre, m/s.
+        speed: of the other vehicle before the manoeuvre, m/s.
         begin: when it begins, in the recording, s.
-        approach: how long before that the one who is not the actor was recorded in its lane, s, at most `LONGEST`.
-        passage: the place, in a passage and at ramps; None for a manoeuvre that may be anywhere on its road. In a passage those
-            who take part keep to the paths that were recorded, elsewhere to lanes.
+        approach: time before that in which the other vehicle was recorded in its lane, s, at most `LONGEST`.
+        passage: the place, in a passage and at ramps; None for a manoeuvre that may be anywhere on its road. In a passage the
+            vehicles keep to their recorded paths, elsewhere to lanes.
     """
 
     kind: str
@@ -144,7 +144,7 @@ SMOOTHING = 0.5
 _PLACE, _HEADING = 0.02, 0.01
 """Largest deviation of a trajectory from recorded positions (m) and headings (rad) that saves vertices."""
 _SPACING = 0.5
-"""Way (m) from point to point: more than who stands still seems to move about"""
+"""Distance (m) from point to point above the apparent motion of a standing vehicle"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ DECLARED: Mapping[str, Parameter] = {
 }
 """All that scenarios may declare, by role; jerk up to what vehicles can do (`recognition.datasets.observations`)."""
 EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
-"""In scenarios of catalogues, names of the speed of the one who is not the actor, by who that is."""
+"""Parameter names, in scenarios of catalogues, of the other vehicle's speed, by that vehicle's role."""
 
 
 class Values(NamedTuple):

@@ -45,7 +45,7 @@ def values(maneuver: Maneuver) -> dict[str, float]:
 
 
 def passive(maneuver: Maneuver) -> str:
-    """Name of the speed of the one who is not the actor."""
+    """Name of the other vehicle's speed."""
     return OTHER_SPEED if maneuver.ego_acts else EGO_SPEED
 
 

@@ -107,7 +107,7 @@ class Pairs:
 def pairs(samples: Samples, first: str, second: str) -> Pairs:
     """The pairs of units of two kinds that overlap in time, have the same ego, and the second actor ahead of the first one.
 
-    The second unit's ego may be the first actor instead, who is between the two by then. Speeds before the units are taken to be
+    The second unit's ego may be the first actor instead, then between the two. Speeds before the units are taken to be
     those at their beginning.
     """
     chosen = _overlapping(samples, first, second)
@@ -123,7 +123,7 @@ def pairs(samples: Samples, first: str, second: str) -> Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """Units while someone drives behind their egos.
+    """Units while a vehicle drives behind their egos.
 
     Attributes:
         units: as many.
@@ -138,7 +138,7 @@ class Followed:
 
 
 def followed(samples: Samples, kind: str) -> Followed:
-    """The units of a kind whose egos brake or accelerate before someone else, within `MOST_LAG` of the unit's beginning.
+    """The units of a kind whose egos brake or accelerate ahead of a vehicle, within `MOST_LAG` of the unit's beginning.
 
     Where an ego does so several times, the time nearest to the unit's beginning counts. Speeds from one to the other are taken to
     be those of that time.
@@ -203,7 +203,7 @@ class Samples:
         theta: the seven in the order of `PARAMETERS` (n, 7).
         recordings, kinds, actors, others: texts (n,); see `recognition.maneuvers.units.Unit`.
         times: when the manoeuvre begins in the recording, s (n,).
-        ego_speeds: of the one who is not the actor, when the manoeuvre begins, m/s (n,).
+        ego_speeds: initial speed of the other vehicle, m/s (n,).
         errors: lateral and longitudinal root mean square of the reconstruction, m (n, 2).
         jerks: how suddenly the acceleration builds up, m/s³ (n,); NaN where it was not measured.
         exposure: by recording, of those without a unit too; none where it is not known.

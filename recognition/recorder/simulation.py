@@ -74,7 +74,7 @@ class Sensor:
     Attributes:
         noise: standard deviation of positions, m; velocities and headings are off in proportion.
         distortion: standard deviation of displacements that vary slowly from place to place, m, half of them the same for all
-            vehicles, as where map and camera do not agree, and half each one's own, as of drivers who leave the lane's centre.
+            vehicles, as where map and camera do not agree, and half each one's own, as of drivers off the lane's centre.
         dropped: share of the vehicles that are never seen.
         cut: share of the others of which only a part of the way is seen, a quarter of it or more.
     """

@@ -40,7 +40,7 @@ class Uniform(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """A kind of vehicle with the people who drive it.
+    """A kind of vehicle with its drivers.
 
     Attributes:
         vehicle_class: SUMO's name. agent: INTERACTION's name.

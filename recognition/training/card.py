@@ -146,7 +146,7 @@ def _joined(parts: Sequence[Windows], view: View) -> Windows:
 
 
 _SHARES = np.arange(0.0, 0.6, 0.01)
-"""Shares of the votes for classes that are tried; who has more than all of them has the majority"""
+"""Tried shares of the votes for classes; above all of them is a majority"""
 
 
 class _Given(NamedTuple):

@@ -107,7 +107,7 @@ def likely_clusters(task: Task, config: Config) -> int:
 
     The samples in a buffer need not be of classes alone: in few clusters, classes would drown in what is of none.
     """
-    from sklearn.cluster import KMeans  # here: without torch the line that is told is the one about it, not about this
+    from sklearn.cluster import KMeans  # late: a missing torch is reported first
 
     most = config.clustering.candidates
     for count in range(likely_count(task.samples, most, config.seed), most):
