@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "docs" / "reference"
 
 MODULES = (
-    "xosc", "xosc.distributions", "xosc.maneuvers", "xosc.listing", "xosc.tags",
+    "xosc", "xosc.distributions", "xosc.maneuvers", "xosc.listing", "xosc.listing.questions", "xosc.tags",
     "xodr", "xodr.builders", "xodr.lanelet2", "xodr.sumo_net",
     "schemas", "schemas.errors",
     "runner", "runner.settings", "runner.batch.batch", "runner.batch.jobs", "runner.recording",

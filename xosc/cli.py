@@ -10,12 +10,16 @@ import typer
 
 from schemas.commands.help import epilog
 from schemas.commands.options import Version, deliver, guarded, new_app, protected, say
-from schemas.errors import ExitCode, ToolchainError, exit_codes, gravest
+from schemas.errors import ExitCode, ToolchainError, UsageError, exit_codes, gravest
 
 if TYPE_CHECKING:
     from xosc.tags import Tag
 
-_EXAMPLES = ('xosc-list --class "highway cut in" --verbose',)
+_EXAMPLES = (
+    'xosc-list --class "highway cut in" --verbose',
+    "xosc-list CATALOGUE --where \"class = 'highway cut in' and min_ttc < 2 and ego_speed between 22 and 33\" --sort min_ttc",
+    "xosc-list CATALOGUE --where \"trust = 'agree'\" --distinct --copy-to DIR",
+)
 _EPILOG = exit_codes("listed", "")
 
 app = new_app()
@@ -31,15 +35,36 @@ def xosc_list(
     tag: Annotated[
         list[str] | None, typer.Option(metavar="NAME[=VALUE]", help="Scenarios with this tag only; may be given several times.")
     ] = None,
+    where: Annotated[
+        str | None, typer.Option(metavar="CONDITION", help="Rows of a catalogue's index that meet this condition only.")
+    ] = None,
+    sort: Annotated[
+        list[str] | None, typer.Option(metavar="[-]COLUMN", help="Order of the index's rows, - descending; repeatable.")
+    ] = None,
+    distinct: Annotated[bool, typer.Option("--distinct", help="Leave out near-duplicates, and name them.")] = False,
+    like: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Order the index's rows by their distance from this scenario.")
+    ] = None,
+    copy_to: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Copy the scenarios with their roads, catalogues and index.")
+    ] = None,
     format: Annotated[Literal["text", "json", "csv"], typer.Option(help="csv has the scenarios only.")] = "text",
     output: Annotated[Path | None, typer.Option(metavar="FILE", help="Write to a file.")] = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print parameters, variations and tags as well.")] = False,
     _version: Version = False,
 ) -> None:
-    """List scenarios: class, road, parameters with their limits, variations; and the catalogues that they use."""
+    """List scenarios: class, road, parameters with their limits, variations; and the catalogues that they use.
+
+    --where, --sort, --distinct, --like and --copy-to ask the index of a catalogue that xosc-recognize wrote.
+    """
     from xosc import tables
     from xosc.listing import LIBRARY, Listing, listing
 
+    if where is not None or sort or distinct or like or copy_to:
+        if label or tag or paths is None or len(paths) != 1:
+            raise UsageError("questions are to one catalogue: name its folder; --where \"class = '…'\" is for --class and --tag")
+        deliver(_asked(paths[0], where, sort or [], distinct, like, copy_to, format, verbose), "the list", output)
+        return
     codes = [ExitCode.PASSED]
 
     def tell(error: ToolchainError) -> None:
@@ -55,6 +80,28 @@ def xosc_list(
     content = tables.text(chosen, verbose) if format == "text" else tables.FORMATS[format](chosen)
     deliver(content, "the list", output)
     raise typer.Exit(gravest(codes))
+
+
+def _asked(
+    path: str, where: str | None, sort: list[str], distinct: bool, like: Path | None, out: Path | None, format: str, verbose: bool
+) -> str:
+    """Answer of an index to a question, in a format."""
+    from xosc import tables
+    from xosc.listing import questions
+
+    index, shown = questions.read_index(path), ["file", "class"]
+    table = questions.similar(index, like) if like is not None else index.table
+    if where is not None:
+        question = questions.condition(where, table.schema)
+        table, shown = table.filter(question.expression), [*shown, *question.columns]
+    if sort or like is None:
+        table = questions.ordered(table, sort)
+    if distinct:
+        table = questions.distinct(table)
+    shown += [name.removeprefix("-") for name in sort] + ["distance"] * (like is not None)
+    if out is not None:
+        say(f"{questions.copy(index, table, out)} files copied to {out}", to=sys.stderr)
+    return tables.of_rows(table.to_pylist(), table.column_names if verbose else list(dict.fromkeys(shown)), format)
 
 
 def _tag(text: str) -> Tag:

@@ -67,6 +67,28 @@ def _sets(listed: Listed) -> int:
     return sum(each.size for each in listed.variations)
 
 
+def of_rows(rows: Sequence[Mapping[str, Any]], shown: Sequence[str], format: str) -> str:
+    """Rows of an index as text, JSON or CSV.
+
+    Args:
+        shown: columns of the text; the other formats have all. Near-duplicates are listed below the row that stands for them.
+    """
+    if format == "json":
+        return json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
+    names = list(rows[0]) if rows else list(shown)
+    if format == "csv":
+        return csv_text([names, *([row[name] for name in names] for row in rows)])
+    shown = [name for name in shown if name != "duplicates"]
+    cells = [[_cell(row[name]) for name in shown] for row in rows]
+    details = [[f"near-duplicate: {name}" for name in (row.get("duplicates") or "").split("; ") if name] for row in rows]
+    left_out = f", {many(sum(map(len, details)), 'near-duplicate')} left out" if rows and "duplicates" in rows[0] else ""
+    return "\n".join([*_aligned(shown, cells, details), f"{many(len(rows), 'scenario')}{left_out}", ""])
+
+
+def _cell(value: Any) -> str:
+    return "–" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
 def _aligned(columns: Sequence[str], rows: Sequence[Sequence[str]], details: Sequence[Sequence[str]]) -> list[str]:
     """Rows under their columns, the last column as long as it is; below each row its details."""
     rows, details = ([[one_line(text) for text in texts] for texts in table] for table in (rows, details))

@@ -43,9 +43,9 @@ _DIGITS = 6
 
 _INPUTS = (
     "paths", "path", "files", "folders", "folder", "source", "road", "road_path", "catalog_path", "against", "recorded", "model",
-    "encoders", "develop", "unseen", "cache",
+    "encoders", "develop", "unseen", "cache", "like",
 )  # fmt: skip
-_OUTPUTS = ("out", "osi", "junit", "output", "keep_model")
+_OUTPUTS = ("out", "osi", "junit", "output", "keep_model", "copy_to")
 """Parameters of commands that name files and folders to read from, and to write into"""
 _LIMITS: dict[str, Any] = {
     "untrusted": Annotated[

@@ -17,7 +17,7 @@ from xosc.node import Node
 from xosc.parameters import Scope
 from xosc.tags import Tag, Value, tags_of
 
-LIBRARY = Path(__file__).parent / "library"
+LIBRARY = Path(__file__).parents[1] / "library"
 """The shipped one."""
 CLASS = "Class"
 """Type of the tag that names a scenario's class."""
