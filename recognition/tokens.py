@@ -49,7 +49,7 @@ SCALES = {
     "left": 10.0, "closing_ahead": 8.0, "closing_left": 4.0, "gap": 40.0, "headway": 3.0, "border_left": 1.5, "border_right": 1.5,
     "lanes_to_left": 2.0, "lanes_to_right": 2.0, "lane_behind": 50.0, "lane_ahead": 50.0, "limit": 20.0,
 }  # fmt: skip
-"""What features are divided by, so that they are mostly between -1 and 1; those that are not listed stay."""
+"""Divisors that scale features to between -1 and 1, mostly; features not listed stay."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The style of messages: what is wrong in lower case, active and short, and what would be right; no full stop."""
+"""The style of words: messages name the fault and the remedy in one short sentence; docstrings begin with a verb or a noun."""
 
 from __future__ import annotations
 
@@ -56,6 +56,41 @@ def faults(text: str) -> list[str]:
 
 
 MODULES = [module for package in PACKAGES for module in sorted((ROOT / package).rglob("*.py"))]
+
+
+PRODUCT = tuple(package for package in PACKAGES if package != "studies")
+OPENING = re.compile(
+    r"(What|Who|Whom|Whose|How|Where|Of which|Those|That of|The one|One that|One who|Whoever|Nobody|Somebody|Everybody|As many)\b"
+)
+"""Beginnings of docstrings that make a reader work out the noun that is meant."""
+PEOPLE = re.compile(r"\b(nobody|somebody|everybody|anybody|whoever|whom|one who|those who|in vain|for ever|is told)\b", re.I)
+"""Words for persons, where the field has a noun: entity, vehicle, ego, actor, partner, follower."""
+
+
+def docstrings(module: Path) -> Iterator[tuple[int, str]]:
+    """Line and text of the docstrings of a module, of its classes and functions, and of its constants and attributes."""
+    for node in ast.walk(ast.parse(module.read_text("utf-8"))):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            yield node.lineno, node.value.value
+
+
+def unclear(text: str) -> list[str]:
+    """Return the faults of a docstring."""
+    opening = [f"begins with {OPENING.match(text.strip()).group()!r}"] if OPENING.match(text.strip()) else []  # type: ignore[union-attr]
+    return opening + [f"says {word.group()!r}" for word in PEOPLE.finditer(text)]
+
+
+def test_docstrings_begin_with_a_verb_or_a_noun_and_name_things() -> None:
+    modules = [module for package in PRODUCT for module in sorted((ROOT / package).rglob("*.py"))]
+    written = [(module, line, text) for module in modules for line, text in docstrings(module)]
+    assert len(written) > 5000
+    wrong = [f"{module.relative_to(ROOT)}:{line}: {fault}" for module, line, text in written for fault in unclear(text)]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("text", ["What a file holds.", "Those that are left.", "Wait until somebody comes.", "Where it is now."])
+def test_unclear_docstrings_are_found(text: str) -> None:
+    assert unclear(text)
 
 
 def test_messages_are_in_one_style() -> None:

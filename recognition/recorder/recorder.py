@@ -167,7 +167,7 @@ def _attempt(site: Site, net: SumoNet, length: float, rng: np.random.Generator) 
 
 
 def _seen(moving: VehicleMotion, view: View, rate: int, length: float) -> VehicleMotion:
-    """What is in view during the recording, whose frames count from 0."""
+    """Return the vehicles in view during the recording; its frames count from 0."""
     moving = moving._replace(frame=moving.frame - round(WARM_UP * rate))
     inside = (view.left <= moving.x) & (moving.x <= view.right) & (view.bottom <= moving.y) & (moving.y <= view.top)
     return moving.where(inside & (moving.frame >= 0) & (moving.frame < length * rate))

@@ -69,7 +69,7 @@ _WAVELENGTHS = 30.0, 120.0
 
 @dataclass(frozen=True)
 class Sensor:
-    """How exact a sensor is; the default misses nothing.
+    """Errors of a sensor; the default has none.
 
     Attributes:
         noise: standard deviation of positions, m; velocities and headings are off in proportion.
@@ -85,7 +85,7 @@ class Sensor:
     cut: float = 0.0
 
     def sees(self, moving: VehicleMotion, rng: np.random.Generator) -> VehicleMotion:
-        """What is seen of vehicles, with noise."""
+        """Return the motion of vehicles as observed, with noise."""
         if self == EXACT:
             return moving
         moving = self._distorted(moving.where(self._seen(moving, rng)), rng)
@@ -266,7 +266,7 @@ class Fronts(NamedTuple):
 
 
 def simulate(departing: Sequence[Departure], net: SumoNet, begin: float, end: float, seed: int) -> Fronts:
-    """Where everybody is from `begin` to `end`, s.
+    """Return the positions of all vehicles from `begin` to `end`, s.
 
     Raises:
         ToolchainError: SUMO fails.

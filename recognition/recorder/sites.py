@@ -64,7 +64,7 @@ Layout = Literal["highD", "INTERACTION"]
 
 
 class View(NamedTuple):
-    """What the camera sees, a rectangle of the map, m."""
+    """View of the camera, a rectangle of the map, m."""
 
     left: float
     bottom: float
@@ -340,4 +340,4 @@ KINDS: dict[str, Callable[[str, Draw], Site]] = {
     "arterial": _arterial,
     "arterial_bend": _arterial_bend,
 }
-"""What draws a site of each kind, by the beginning of its name."""
+"""Functions that draw a site of a kind, by the beginning of its name."""

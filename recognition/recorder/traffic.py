@@ -128,7 +128,7 @@ TOWN = Fleet(
         "lcSpeedGainLookahead": Uniform(0.0, 2.0),
     },
 )
-"""Where drivers are less patient and keep smaller gaps."""
+"""Fleet with less patient drivers and smaller gaps."""
 
 
 class Vehicle(NamedTuple):

@@ -115,7 +115,7 @@ class LaneGraph:
         return road.heading(of.start + way) if of.forward else road.heading(of.end - way) + math.pi
 
     def lanes_left(self, one: int, other: int) -> int | None:
-        """How many lanes to the left a strip lies as seen from another one that is beside it or before it; None for neither.
+        """Return the number of lanes that a strip lies to the left of another one beside or before it; None for neither.
 
         A strip that follows counts as 0, as do those that follow it within a few steps: short ones are skipped between rows.
         """

@@ -1,4 +1,5 @@
-"""What shapes tell: rings of roundabouts are short, round cycles of one-way lanes; at crossings ways cross or turn."""
+"""Roles of lanes by their shapes: rings of roundabouts are short, round cycles of one-way lanes; at crossings ways cross or
+turn."""
 
 from __future__ import annotations
 
@@ -260,7 +261,7 @@ _TOLERANCE = 0.01
 
 
 class Role(StrEnum):
-    """What a lane is for."""
+    """Role of a lane."""
 
     MAIN = "main"
     """through lane of a motorway or another road faster than 70 km/h"""
