@@ -86,6 +86,8 @@ class FollowTrajectoryAction(PrivateAction):
         if timing is not None and trajectory.timeless:
             context.repair(node, TIMING_UID, f"Timing needs times in the trajectory {trajectory.name!r}; it is followed without")
             timing = None
+        for motion in trajectory.shape.untimed_motions() if timing is not None else ():
+            context.repair(motion, TIMING_UID, f"{motion.tag} at a place without a time, which Timing needs; it is left out")
         return cls(
             node,
             trajectory,

@@ -73,12 +73,18 @@ class Shape(ABC):
     timed: bool = False
     motions: Sequence[Motion] = ()
 
-    def __init__(self, positions: Sequence[Position]) -> None:
+    def __init__(self, positions: Sequence[Position], motions: Sequence[Node | None] = ()) -> None:
         self.positions = positions
+        self._motions = motions
+        self.motions = [_motion(node) for node in motions]
         self.fixed = all(position.fixed is not None for position in positions)
         self.grounded = all(position.grounded for position in positions)
         self.faces = False
         """Whether positions say how one faces along the track; the first one of clothoids says where the track leads."""
+
+    def untimed_motions(self) -> list[Node]:
+        """Motion elements at places without a time: a Timing leaves them out, unless the shape has no times at all."""
+        return [node for node, time in zip(self._motions, self.times, strict=True) if node is not None and time is None]
 
     @classmethod
     @abstractmethod
@@ -106,8 +112,7 @@ class PolylineShape(Shape):
     """Vertices joined by straight lines; with an Interpolation, by a smooth curve."""
 
     def __init__(self, node: Node, positions: Sequence[Position], times: Sequence[float | None]) -> None:
-        super().__init__(positions)
-        self.motions = [_motion(vertex.find("Motion")) for vertex in node.children("Vertex")]
+        super().__init__(positions, [vertex.find("Motion") for vertex in node.children("Vertex")])
         self.curved = node.find("Interpolation") is not None
         self.faces = any(position.oriented for position in positions)
         self.node, self.times = node, times
@@ -189,7 +194,7 @@ class ClothoidShape(Shape):
     """
 
     def __init__(self, node: Node, position: Position) -> None:
-        super().__init__([position])
+        super().__init__([position], [node.find("MotionStart"), node.find("MotionEnd")])
         self.node = node
         length, curvature = node.finite("length"), node.finite("curvature")
         if length <= 0.0:
@@ -199,7 +204,6 @@ class ClothoidShape(Shape):
         self.bend = _Bend(curvature, curvature + prime * length, length)
         self.times = [node.finite("startTime", None), node.finite("stopTime", None)]
         self.timed = None not in self.times
-        self.motions = [_motion(node.find("MotionStart")), _motion(node.find("MotionEnd"))]
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> ClothoidShape:
@@ -232,7 +236,8 @@ class ClothoidSplineShape(Shape):
             raise node.invalid("a clothoid spline needs a segment")
         starts = [(s, s.find("PositionStart")) for s in segments]
         found = [context.position(start) if start is not None else None for _, start in starts]
-        super().__init__([position for position in found if position is not None])
+        motions = [*(segment.find("MotionStart") for segment in segments), node.find("MotionEnd")]
+        super().__init__([position for position in found if position is not None], motions)
         self.fixed = self.fixed and found[0] is not None
         self.node = node
         # runs of segments that continue each other, each with the position where it begins
@@ -243,7 +248,6 @@ class ClothoidSplineShape(Shape):
             self.runs[-1][1].append(_read_bend(segment))
         self.times = [*(segment.finite("timeStart", None) for segment in segments), node.finite("timeEnd", None)]
         self.timed = self.times[0] is not None and self.times[-1] is not None
-        self.motions = [*(_motion(segment.find("MotionStart")) for segment in segments), _motion(node.find("MotionEnd"))]
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> ClothoidSplineShape:
@@ -283,7 +287,7 @@ class NurbsShape(Shape):
 
     def __init__(self, node: Node, context: Context) -> None:
         controls = node.children("ControlPoint")
-        super().__init__([context.position(control.need("Position")) for control in controls])
+        super().__init__([context.position(control.need("Position")) for control in controls], [None] * len(controls))
         self.node = node
         self.order = int(node.int("order"))
         self.times = [control.finite("time", None) for control in controls]

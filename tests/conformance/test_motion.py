@@ -68,6 +68,17 @@ def test_a_standing_start_with_an_acceleration_gets_away(tmp_path: Path) -> None
     assert at(columns, 4.0, "x") == pytest.approx(116.0, abs=0.2)
 
 
+def test_motions_at_places_without_a_time_are_left_out_with_a_remark(tmp_path: Path) -> None:
+    path = changed(SCENARIOS / "Motion.xosc", tmp_path, ('<Vertex time="6">', "<Vertex>"))
+    result = run_scenario(str(path.with_suffix("")), world="kinematic")
+    (remark,) = (remark for remark in result.remarks if "left out" in remark)
+    line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if 'x="180"' in text) + 2
+    assert remark.startswith(f"{path}:{line}: Motion at a place without a time")
+    assert at(track(result, "Timed"), 11.99, "x") == pytest.approx(259.9, abs=0.1)
+    with pytest.raises(InvalidFile, match="Motion at a place without a time"):
+        run_scenario(str(path.with_suffix("")), world="kinematic", strict=True)
+
+
 @pytest.mark.parametrize(
     ("motion", "error", "text"),
     [

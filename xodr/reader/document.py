@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from lxml import etree
 
@@ -26,6 +27,10 @@ from xodr.road import Road
 _CACHED_FILES = 64
 _VALID = "asam.net:xodr:1.0.0:xml.valid_schema"
 _UNIQUE = "asam.net:xodr:1.4.0:ids.id_unique_in_class"
+_TOUCH = "asam.net:xodr:1.7.0:road.geometry.contact_point"
+
+_JUMP = 1.0
+"""Distance (m) between the ends of linked lanes from which a link is reported when a file is read."""
 
 T = TypeVar("T")
 
@@ -54,12 +59,15 @@ def _load(path: Path, _stamp: Stamp, strict: bool) -> RoadNetwork:
         try:
             network = _network(path, root, tuple(outside))
             Remarks(strict).add(*faults)
-            return network
         except InvalidFile:
             remarks = () if strict else _repaired(root, path)
             if not remarks:
                 raise
-            return _network(path, root, (*outside, *remarks))
+            network = _network(path, root, (*outside, *remarks))
+        broken = _broken_links(network, root)
+        Remarks(strict).add(*broken)
+        network.remarks = (*network.remarks, *broken)
+        return network
     except ToolchainError as error:
         error.path = error.path or str(path)
         raise
@@ -98,6 +106,72 @@ def _doubled_signals(root: etree._Element, path: Path) -> Iterator[Remark]:
         more = f" (and {len(doubled) - 1} more ids used again)" if len(doubled) > 1 else ""
         message = f"the id {quoted(doubled[0].get('id', ''))} is that of another signal, too{more}; the first with an id is meant"
         yield Remark(_UNIQUE, message, str(path), line_of(doubled[0]), element="signal")
+
+
+class LinkedEnds(NamedTuple):
+    """Two ends of roads that a link joins: the element that declares it, and of each road whether it is its start."""
+
+    element: etree._Element
+    road: Road
+    at_start: bool
+    other: Road
+    other_at_start: bool
+
+    def __str__(self) -> str:
+        here, there = ("start" if at_start else "end" for at_start in (self.at_start, self.other_at_start))
+        return f"the {here} of the road {self.road.id!r} and the {there} of the road {self.other.id!r}"
+
+    def apart(self, t: float = 0.0, other_t: float = 0.0) -> float:
+        """Distance (m) between the points at t (m) of both ends; by default of the reference lines."""
+        here, there = _end(self.road, self.at_start), _end(self.other, self.other_at_start)
+        return math.dist(self.road.pose(here, t)[:3], self.other.pose(there, other_t)[:3])
+
+
+def _end(road: Road, at_start: bool) -> float:
+    return 0.0 if at_start else road.length
+
+
+def linked_roads(network: RoadNetwork, root: etree._Element) -> Iterator[LinkedEnds]:
+    """Ends of roads that links between roads join: once for each link element that names a contact point."""
+    for element in root.iterfind("{*}road"):
+        road = network.roads.get(element.get("id", ""))
+        for at_start, name in ((True, "predecessor"), (False, "successor")):
+            link = element.find(f"{{*}}link/{{*}}{name}")
+            if road is None or link is None or link.get("elementType") != "road" or link.get("elementS"):
+                continue
+            other, contact = network.roads.get(link.get("elementId", "")), link.get("contactPoint")
+            if other is not None and contact in ("start", "end"):
+                yield LinkedEnds(link, road, at_start, other, contact == "start")
+
+
+def _broken_links(network: RoadNetwork, root: etree._Element) -> tuple[Remark, ...]:
+    """A remark where lanes are linked whose ends are apart, so that road users jump from one to the other."""
+    broken = list[tuple[float, LinkedEnds]]()
+    seen: set[tuple[str, bool, str, bool]] = set()
+    for ends in linked_roads(network, root):
+        pair, back = (ends.road.id, ends.at_start), (ends.other.id, ends.other_at_start)
+        if (*back, *pair) in seen:
+            continue
+        seen.add((*pair, *back))
+        distance = min(_lanes_apart(network, ends), default=0.0)
+        if distance > _JUMP:
+            broken.append((distance, ends))
+    if not broken:
+        return ()
+    distance, ends = max(broken, key=lambda each: each[0])
+    more = f" (and {len(broken) - 1} more links of roads that are apart)" if len(broken) > 1 else ""
+    message = f"a link joins {ends}, {distance:.3g} m apart{more}; road users jump there"
+    return (Remark(_TOUCH, message, str(network.path), line_of(ends.element), element="road"),)
+
+
+def _lanes_apart(network: RoadNetwork, ends: LinkedEnds) -> Iterator[float]:
+    """Distances (m) between the centres of lanes that are linked at two ends of roads."""
+    here, there = _end(ends.road, ends.at_start), _end(ends.other, ends.other_at_start)
+    sections = ends.road.section(here), ends.other.section(there)
+    for lane in sections[0].lanes.values():
+        for link in network.links(ends.road.id, lane.id, not ends.at_start) if lane.id else ():
+            if link.road_id == ends.other.id and link.at_start == ends.other_at_start:
+                yield ends.apart(lane.center(here), sections[1].lanes[link.lane_id].center(there))
 
 
 def _plain_names(root: etree._Element) -> None:

@@ -15,7 +15,7 @@ from schemas.checks.registry import Finding, rule
 from schemas.errors import ToolchainError
 from schemas.rules.lanes import DRIVABLE
 from xodr.network import RoadNetwork
-from xodr.reader import load
+from xodr.reader.document import linked_roads, load
 from xodr.road import Road
 
 _GAP = 0.01
@@ -30,20 +30,10 @@ def linked_roads_touch(document: Document) -> Iterator[Finding]:
     The rule is of version 1.7; in older files a gap is a warning.
     """
     network = _network(document)
-    for element in document.elements("road") if network else ():
-        road = network.roads.get(element.get("id") or "") if network else None
-        for at_start, name in ((True, "predecessor"), (False, "successor")):
-            link = element.find(f"{{*}}link/{{*}}{name}")
-            if road is None or network is None or link is None or link.get("elementType") != "road" or link.get("elementS"):
-                continue
-            other, contact = network.roads.get(link.get("elementId") or ""), link.get("contactPoint")
-            if other is None or contact not in ("start", "end") or road.junction_id or other.junction_id:
-                continue
-            gap = math.dist(road.pose(_end(road, at_start))[:3], other.pose(_end(other, contact == "start"))[:3])
-            if gap > _GAP:
-                end = "start" if at_start else "end"
-                message = f"the {end} of the road {road.id!r} is {gap:.3g} m away from the {contact} of the road {other.id!r}"
-                yield Finding(link, message, None if document.type.version >= _SINCE else "warning")
+    for ends in linked_roads(network, document.root) if network else ():
+        if not ends.road.junction_id and not ends.other.junction_id and (gap := ends.apart()) > _GAP:
+            level = None if document.type.version >= _SINCE else "warning"
+            yield Finding(ends.element, f"a link joins {ends}, {gap:.3g} m apart", level)
 
 
 def _network(document: Document) -> RoadNetwork | None:
@@ -52,10 +42,6 @@ def _network(document: Document) -> RoadNetwork | None:
         return load(document.path)
     except ToolchainError:
         return None
-
-
-def _end(road: Road, at_start: bool) -> float:
-    return 0.0 if at_start else road.length
 
 
 @rule("asam.net:xodr:1.7.0:lane_smoothness.contact_point_no_horizontal_gaps", since=_SINCE)

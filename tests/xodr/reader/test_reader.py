@@ -208,3 +208,26 @@ def test_missing_roads_and_lanes_are_named(files) -> None:
 def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InvalidFile, match="no such file"):
         load(tmp_path / "none.xodr")
+
+
+GAPPED = """<OpenDRIVE><header revMajor="1" revMinor="6"/>{}</OpenDRIVE>"""
+ROAD = """<road id="{id}" length="100" junction="-1"><link>{link}</link>
+<planView><geometry s="0" x="{x}" y="0" hdg="0" length="100"><line/></geometry></planView>
+<lanes><laneSection s="0"><center><lane id="0" type="none"/></center><right><lane id="-1" type="driving"><link>{lane}</link>
+<width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane></right></laneSection></lanes></road>"""
+
+
+@pytest.mark.parametrize(("x", "told"), [(100.5, False), (150.0, True)])
+def test_linked_lanes_whose_ends_are_apart_are_remarked_and_refused_where_strict(x: float, told: bool, tmp_path: Path) -> None:
+    onward = '<successor elementType="road" elementId="2" contactPoint="start"/>'
+    back = '<predecessor elementType="road" elementId="1" contactPoint="end"/>'
+    roads = ROAD.format(id=1, link=onward, x=0, lane='<successor id="-1"/>')
+    roads += ROAD.format(id=2, link=back, x=x, lane='<predecessor id="-1"/>')
+    path = tmp_path / "gap.xodr"
+    path.write_text(GAPPED.format(roads))
+    remarks = [str(remark) for remark in load(path).remarks]
+    text = "gap.xodr:1: a link joins the end of the road '1' and the start of the road '2', 50 m apart"
+    assert [text in remark for remark in remarks] == ([True] if told else [])
+    if told:
+        with pytest.raises(InvalidFile, match="50 m apart"):
+            load(path, strict=True)
