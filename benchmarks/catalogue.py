@@ -1,4 +1,4 @@
-"""How long a recording of highD's size (17 minutes, 1,000 vehicles) takes to become a catalogue.
+"""Time to make a catalogue of a recording of highD's size (17 minutes, 1,000 vehicles).
 
     python benchmarks/catalogue.py [--recording FOLDER] [--seconds 1020] [--labels auto|rules] [--jobs N] [--parts]
 

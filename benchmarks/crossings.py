@@ -1,4 +1,4 @@
-"""How many of the borders that vehicles cross the rules find as lane changes, or as entering and leaving by ramps.
+"""Share of crossed borders that the rules find as lane changes, or as entering and leaving by ramps.
 
     python benchmarks/crossings.py PATH...
 
@@ -24,7 +24,7 @@ from recognition.sites import Role, site_of
 from schemas.errors import ToolchainError
 
 _BACK = 1.0
-"""Who comes back within this time (s) has crossed nothing"""
+"""Time (s) within which a return undoes a crossing"""
 _NEAR = 1.6
 """Greatest time (s) between a crossing and the event that shows it"""
 _TO = {True: Label.LANE_CHANGE_LEFT, False: Label.LANE_CHANGE_RIGHT}
@@ -32,7 +32,7 @@ _RAMPS = (Label.RAMP_ENTERING, Label.RAMP_EXITING)
 
 
 class Crossing(NamedTuple):
-    """Who crosses a border when (s), whether to the left, and what the two lanes are for."""
+    """Crossing of a border: vehicle, time (s), direction, and roles of the two lanes."""
 
     ego: str
     time: float
@@ -68,7 +68,7 @@ def main() -> None:
 
 
 def share(found: Counter[tuple[str, bool]], crossed: Counter[tuple[str, bool]], kind: str, left: bool) -> str:
-    """How many of how many."""
+    """Format a share with its counts."""
     return f"{found[kind, left]} of {crossed[kind, left]}"
 
 

@@ -1,4 +1,4 @@
-"""What becomes of scenario files in exports of documents: exported or refused and why, and whether they then move as before.
+"""Exports of scenario documents: exported or refused with the reason, and equality of motion afterwards.
 
     python benchmarks/exports.py FOLDER... [--to 1.0 --to carla] [--jobs 2] [--no-runs]
 
@@ -39,7 +39,7 @@ Motion = dict[str, np.ndarray]
 
 
 class Answer(NamedTuple):
-    """What became of one file. distance: greatest distance (m) between the two runs; NaN where there is none to compare."""
+    """Outcome of one file. distance: greatest distance (m) between the two runs; NaN without a comparison."""
 
     path: Path
     target: str
@@ -83,7 +83,7 @@ def answer(path: Path, target: str, runs: bool) -> Answer:
 
 @cache
 def motion(path: Path) -> Motion:
-    """How everyone moves, in the first set of parameters of a distribution."""
+    """Return the motion of all entities, in the first parameter set of a distribution."""
     parameters: dict[str, str] = {}
     if xosc.load(path).kind == "distribution":
         path, parameters = next(iter(xosc.variations(path)))

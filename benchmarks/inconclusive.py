@@ -1,4 +1,4 @@
-"""How many runs are inconclusive, and for which causes.
+"""Number of inconclusive runs, and their causes.
 
     python benchmarks/inconclusive.py FOLDER... [--sut NAME] [--world NAME] [--sets N] [--road-path DIR] [--jobs N]
 

@@ -1,4 +1,4 @@
-"""Kill a batch at random, again and again, resume it each time, and compare what it leaves with a batch that nobody killed.
+"""Kill a batch at random, again and again, resume it each time, and compare what it leaves with an undisturbed batch.
 
     python benchmarks/interrupt.py [PATH...] [--kills 200] [--seed 0]
 
@@ -74,7 +74,7 @@ def _run(paths: list[str], out: Path) -> subprocess.Popen[bytes]:
 
 
 def _content(out: Path) -> dict[str, object]:
-    """What a batch has left: its files by name, and the entries of its journal, sorted."""
+    """Return the content of a batch folder: its files by name, and the sorted entries of its journal."""
     files: dict[str, object] = {
         str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*") if path.is_file() and path.name not in _OWN
     }

@@ -33,7 +33,7 @@ _OK = (0, 1)
 
 
 class Load(NamedTuple):
-    """What one run asks of SUMO, and where its longest road begins (m, rad)."""
+    """SUMO's load of one run, and the start of its longest road (m, rad)."""
 
     net: str
     steps: int
@@ -73,7 +73,7 @@ def main() -> None:
 
 
 def _load(outcome: Outcome, settings: RunSettings) -> Load:
-    """What a run asked of SUMO."""
+    """Return SUMO's load of a run."""
     scenario = prepare(outcome.job.scenario, outcome.job.parameters).scenario
     assert scenario.network is not None
     net = sumo_net.build(scenario.network.path)

@@ -1,10 +1,10 @@
-"""How many recorded runs of esmini this runner repeats: the table of docs/parity.md, a line a set.
+"""Number of recorded runs of esmini that this runner repeats: the table of docs/parity.md, a line per set.
 
     python benchmarks/parity.py REFERENCE CORPORA... [--set alks] [--differ]
 
 REFERENCE holds NAME.runs.csv (run, file, permutation, end, end_time; files relative to one of the CORPORA) and
 NAME.parquet (run, time, entity, x, y) of each set. Runs are those of `tests/test_parity.py`, all of them: a fixed step of
-0.01 s, nothing but what the scenario scripts, constraint groups not enforced. A run is equal when everybody is within 0.25 m
+0.01 s, nothing but what the scenario scripts, constraint groups not enforced. A run is equal when all entities are within 0.25 m
 of where the reference has it at every sample, and the ends are at most 0.25 s apart; the end of a run that was cut is not judged.
 """
 

@@ -1,4 +1,4 @@
-"""How many scenario files play, and why the others do not.
+"""Number of scenario files that play, and reasons of the others.
 
     python benchmarks/playable.py FOLDER... [--road-path DIR] [--catalog-path DIR] [--sut NAME] [--jobs N]
 

@@ -102,7 +102,7 @@ def _read(source: Source) -> Seen:
 
 
 def _numbers(number: int, row: dict[str, Any], recording: Recording, network: RoadNetwork) -> str:
-    """What happens about an event, second by second: places on the map, motion, and where others are as the ego sees them."""
+    """Describe an event second by second: places on the map, motion, and positions of others relative to the ego."""
     ego = recording.tracks[row["vehicle"]]
     partner = recording.tracks.get(row["partner"])
     head = f"{number}: {row['class']}, ego {ego.name} ({ego.category}, {ego.box.length:.1f} m long)"
@@ -144,7 +144,7 @@ def _place(network: RoadNetwork, at: dict[str, float]) -> str:
 
 
 def _seen(network: RoadNetwork, at: dict[str, float], other: Track, time: float) -> str:
-    """Who, how far ahead and to the left of the ego, how fast and where."""
+    """Describe a vehicle: offset ahead and to the left of the ego, speed, place."""
     there = _at(other, time)
     if there is None:
         return f"{other.name} not there"
@@ -162,13 +162,13 @@ def _nearest(at: dict[str, float], others: Sequence[Track], time: float) -> list
 
 
 def _from(at: dict[str, float], there: dict[str, float]) -> tuple[float, float]:
-    """How far ahead and to the left of one another is, m."""
+    """Return the offset of one vehicle ahead and to the left of another, m."""
     x, y, sin, cos = there["x"] - at["x"], there["y"] - at["y"], np.sin(at["h"]), np.cos(at["h"])
     return float(cos * x + sin * y), float(cos * y - sin * x)
 
 
 def _panel(axes: Axes, row: dict[str, Any], recording: Recording, network: RoadNetwork) -> None:
-    """What happens about an event, with the speed of the ego before, at and after it."""
+    """Draw an event, with the speed of the ego before, at and after it."""
     for road in network.roads.values():
         for section, end in zip(road.sections, [*(each.s for each in road.sections[1:]), road.length], strict=True):
             s = np.linspace(section.s, end - 1e-6, max(2, int((end - section.s) / 2.0)))

@@ -1,4 +1,4 @@
-"""How closely catalogues of vehicles' scenes repeat data sets when they are run: places, speeds, accelerations, criticality.
+"""Fidelity of played catalogues of vehicles' scenes to data sets: places, speeds, accelerations, criticality.
 
     python benchmarks/replay_fidelity.py PATH... [--world sumo|kinematic] [--limit 0.3]
 

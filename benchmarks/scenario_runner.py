@@ -1,4 +1,4 @@
-"""What the parser of CARLA's scenario_runner makes of exports for CARLA: how many it reads, and what it stops at.
+"""Result of CARLA's scenario_runner's parser on exports for CARLA: files read, and first errors.
 
     python benchmarks/scenario_runner.py FOLDER... --checkout DIR --python PYTHON
 
@@ -30,7 +30,7 @@ AT_ONCE, SETS = 20, 3
 
 
 def exported(sources: list[Path], folder: Path) -> list[Path]:
-    """What the export writes for each source that it does not refuse, into a folder of its own."""
+    """Export each source that is not refused, into a folder of its own."""
     files: list[Path] = []
     for number, source in enumerate(sources):
         (done,) = export_documents([source], TARGETS["carla"], Folder(folder / str(number)))

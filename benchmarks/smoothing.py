@@ -1,4 +1,4 @@
-"""What smoothing does to recordings: how far states are from what was recorded, what motion is left, and what it costs.
+"""Effect of smoothing on recordings: distance from the recorded positions, remaining motion, time.
 
 python benchmarks/smoothing.py PATH...
 """

@@ -6,7 +6,7 @@ Two roads (a motorway, an intersection) with 2, 6 and 20 scripted participants; 
 waits for an event that watches another one, some change lanes. The bare loop moves the same number of participants to the
 same places on the same network in the same process; the kinematic world does without SUMO. SUMO drives no one here, so a run
 would not begin it (`runner.worlds.sumo`); the interpreter is measured both ways, with SUMO begun at time 0, as it is where SUMO
-drives somebody, and left alone. The same steps are done in several rounds, and the least processor time of each stretch of them
+drives a vehicle, and not. The same steps are done in several rounds, and the least processor time of each stretch of them
 counts. Then once more, with SUMO, with a clock around each part of the step.
 """
 
@@ -36,7 +36,7 @@ WORLDS = {"begun": "SUMO begun", "sumo": "SUMO left alone", "kinematic": "kinema
 
 
 class Start(NamedTuple):
-    """Where a participant starts, and how fast (m/s)."""
+    """Start of an entity, and its speed (m/s)."""
 
     road: int
     lane: int
@@ -175,7 +175,7 @@ def interpreter(path: Path, steps: int, timestep: float, world: str) -> list[flo
 
 
 def moves_of(path: Path, steps: int, timestep: float) -> Moves:
-    """What the interpreter sends to SUMO: id, front bumper and angle of every participant in every step."""
+    """Return the interpreter's commands to SUMO: id, front bumper and angle of every entity in every step."""
     sim = simulation(path, timestep)
     moves: Moves = []
     try:

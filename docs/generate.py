@@ -61,7 +61,7 @@ def pages() -> dict[Path, str]:
 
 
 def index_page(packages: Iterable[str]) -> str:
-    """What there is a reference of."""
+    """Return the index page of the reference."""
     lines = [f"- [`import {name}`]({name}.md): {_first_line(inspect.getdoc(import_module(name)) or '')}" for name in packages]
     commands = f"- [Commands](commands.md): {', '.join(f'`{name}`' for name, _ in apps())}"
     measured = "- [Measures](measures.md): criticality of a run, in results, tables, reports and `--fail-if`"

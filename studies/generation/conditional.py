@@ -160,7 +160,7 @@ MODELS: dict[str, Callable[[], Conditional]] = {
     "conditional neural spline flow": lambda: Flow("NSF", {"bins": 4}),
     "conditional masked autoregressive flow": lambda: Flow("MAF", {}),
 }
-"""What is compared, the judge of today first."""
+"""Compared models, the present judge first."""
 
 
 class _Held(NamedTuple):

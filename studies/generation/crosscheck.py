@@ -19,7 +19,7 @@ from xodr.array_types import FloatArray
 _BLOCK, _BLOCKS, _LEVEL = 2000, 2, 0.1
 """Points of a level at once, how often, and the share of them that is beyond the next level"""
 _FAILS, _SAFE, _IMPOSSIBLE = -1e3, -999.0, 1e3
-"""What a collision has, what no other point is below, and what a point has that no traffic makes"""
+"""Values of a collision, of the lowest other point, and of a point that no traffic makes"""
 
 
 class Found(NamedTuple):
@@ -43,9 +43,9 @@ def openturns() -> Any:
 
 
 def subset_simulation(prior: RecordedPrior, twin: Plays, seed: int) -> Found:
-    """How often draws of a prior collide.
+    """Estimate the probability of a collision of draws of a prior.
 
-    Levels are of the greatest deceleration that avoids a crash (DRAC). By the least clearance, those who pass each other closely
+    Levels are of the greatest deceleration that avoids a crash (DRAC). By the least clearance, vehicles that pass each other closely
     are mistaken for near misses, and most failures are not found.
 
     Args:
@@ -68,7 +68,7 @@ def subset_simulation(prior: RecordedPrior, twin: Plays, seed: int) -> Found:
 
 
 class Level:
-    """How far standard normal points are from a collision: −DRAC, less than all of these with a collision.
+    """Distance of standard normal points from a collision: −DRAC, less than all of these with a collision.
 
     The last column chooses the Gaussian that the others are turned into.
 

@@ -50,5 +50,5 @@ def _described(way: FloatArray, ego_speed: float, between: float, shift: float, 
 
 
 def _half_cosine(time: FloatArray, start: float, duration: float) -> FloatArray:
-    """How far a lane change has come (k,), 0 to 1."""
+    """Return the progress of a lane change (k,), 0 to 1."""
     return 0.5 - 0.5 * np.cos(np.pi * np.clip((time - start) / duration, 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""What the limit of what is foreseeable lets pass, of recorded pairs, draws, and the whole space: how much it says."""
+"""Effect of the limit of the foreseeable on recorded pairs, draws, and the whole space."""
 
 from __future__ import annotations
 

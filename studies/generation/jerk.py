@@ -1,4 +1,4 @@
-"""What a limited jerk changes: the same draws of recorded braking, played with their jerk and with accelerations that jump."""
+"""Effect of a limited jerk: the same draws of recorded braking, played with their jerk and with discontinuous accelerations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WITH, WITHOUT = (SCENARIOS / f"{name}_highway.xosc" for name in ("braking_leader
 
 @dataclass(frozen=True)
 class Compared:
-    """What came of draws.
+    """Results of draws.
 
     Attributes:
         jerk: of each (n,), m/s³.

@@ -7,4 +7,4 @@ from generation.search.methods import methods_of, offered
 ABLATIONS = methods_of("studies.generation.ablations")
 METHODS = {**offered(), **methods_of("studies.generation.baselines"), **ABLATIONS}
 TRAJECTORIES = frozenset({"no-maneuver"})
-"""Those whose problem is that of trajectories (`studies.generation.knots`), not that of manoeuvres."""
+"""Methods that search trajectories (`studies.generation.knots`), not manoeuvres."""

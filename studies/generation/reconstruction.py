@@ -1,4 +1,4 @@
-"""How far the seven parameters lead from the recordings that they are from (METHOD §3)."""
+"""Deviation of the seven parameters' motion from its recording (METHOD §3)."""
 
 from __future__ import annotations
 

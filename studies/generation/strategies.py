@@ -16,7 +16,7 @@ from xodr.array_types import FloatArray
 
 @dataclass(frozen=True)
 class GeneticSettings:
-    """How it searches.
+    """Settings of the search.
 
     Attributes:
         population: points to a generation.

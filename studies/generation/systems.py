@@ -26,7 +26,7 @@ SYSTEMS = ("cas", "aeb", "idm", "r157-cc", "r157-reg", "rss", "fsm")
 
 
 class Row(NamedTuple):
-    """What is said of one system.
+    """Results of one system.
 
     Args:
         system: its name.
@@ -47,7 +47,7 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What every system did in n cases.
+    """Outcomes of every system in n cases.
 
     Args:
         cases: the runs; what could not be read is an outcome.

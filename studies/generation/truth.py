@@ -1,4 +1,4 @@
-"""What estimates on the twin are held against, crude Monte Carlo with many draws, and what they begin with."""
+"""References for estimates on the twin: crude Monte Carlo with many draws, and their initial data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How closely the scenarios of a catalogue, when they are run, repeat what was recorded."""
+"""Fidelity of played catalogue scenarios to their recordings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SAME_TIME = 1e-6
 
 
 class Deviation(NamedTuple):
-    """How far a participant of a run is from its recorded motion.
+    """Deviation of a participant of a run from its recorded motion.
 
     greatest, mean: distance over the recorded rows, m. speed, acceleration: root mean square of the difference, m/s and m/s²;
         accelerations from the second row on, as a run has none before its first step.
@@ -94,7 +94,7 @@ def replayed(path: Path, scene: Scene, world: str = "sumo") -> Replay:
 
 
 def _within(part: Part, scene: Scene) -> Track:
-    """What was recorded of a participant during the scene, at times from its start, without places on the road."""
+    """Return the recorded track of a participant during the scene, at times from its start, without places on the road."""
     rows = slice(int(part.rows[0]), int(part.rows[-1]) + 1)
     columns = {name: values[rows] for name, values in part.track.columns.items()}
     columns["time"] = columns["time"] - scene.start
@@ -103,7 +103,7 @@ def _within(part: Part, scene: Scene) -> Track:
 
 
 def _at_rows(recorded: Track, result: RunResult) -> Track:
-    """What a participant of a run did, at the times at which it was recorded."""
+    """Return the track of a participant of a run, at the times of its recording."""
     driven, time = result.recording.tracks[recorded.name].columns, recorded.columns["time"]
     time = time[(time >= driven["time"][0] - _SAME_TIME) & (time <= driven["time"][-1] + _SAME_TIME)]
     columns = {name: np.interp(time, driven["time"], driven[name]) for name in ("x", "y", "z", "speed", "s", "t")}

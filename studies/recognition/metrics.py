@@ -1,4 +1,4 @@
-"""How well windows are recognised: with all classes known, with unknown ones among them, and when these are clustered.
+"""Measures of recognition: with all classes known, with unknown ones among them, and for clusters of these.
 
 Labels are class ids from 1; 0 is unknown. Scores of outlyingness are higher for what looks less like the known classes.
 """

@@ -11,7 +11,7 @@ _STATIC = ("lanes_to_left", "lanes_to_right", "lane_behind", "lane_ahead", "limi
 
 
 def static(inputs: NDArray[np.float16]) -> NDArray[np.float32]:
-    """What the map alone tells of the middle of windows (n, participants, frames, features): the ego's lane, without anybody."""
+    """Return map-only features of the middle of windows (n, participants, frames, features): the ego's lane, without traffic."""
     columns = [number for number, name in enumerate(FEATURES) if name in _STATIC or name.startswith("role_")]
     return _middle(inputs)[:, columns]
 

@@ -59,7 +59,7 @@ def _squares(samples: FloatArray, centres: FloatArray) -> FloatArray:
 
 
 def likely_classes(unknown: Features, known: Features, labels: IntArray, seed: int = 0) -> int:
-    """How many classes the unknown samples likely form.
+    """Return the likely number of classes among the unknown samples.
 
     Half of the known classes lose their labels and join the unknown samples; with the count of clusters that suits best, these
     classes are found again and clusters lie apart: the greatest sum of accuracy on the held-out classes and mean silhouette, over

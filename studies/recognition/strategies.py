@@ -122,7 +122,7 @@ class MarginPrototypes(EuclideanPrototypes):
         return np.array([np.quantile(margins[columns == column, column], 1.0 - 0.95) for column in range(len(self.classes))])
 
     def _margins(self, standard: Features) -> FloatArray:
-        """How much further than class c the nearest other class is (n, K)."""
+        """Return the margin of the nearest other class over class c (n, K)."""
         distances = self.distances(standard, self.centres)
         first, second = np.partition(distances, 1, axis=1)[:, :2].T[:, :, None]
         return np.where(distances == first, second, first) - distances

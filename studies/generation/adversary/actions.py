@@ -1,4 +1,4 @@
-"""What drivers did who cut in: recorded states around the one whom they cut in on, and the accelerations that came next."""
+"""Actions of recorded drivers that cut in: states around the vehicle they cut in on, and the accelerations that followed."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ INTERVAL = 0.5
 DECISIONS = 16
 """Most decisions of an episode"""
 STATE = ("gap", "aside", "drift", "closing", "speed", "along", "across")
-"""What a driver is in, relative to the ego, which is the one whom it cuts in on.
+"""State of a driver relative to the ego, the vehicle it cuts in on.
 
 gap: from the ego's front to the driver's rear along the road, m, negative where they are beside each other. aside: distance of
 their middles across the road, m, positive on the side that the driver comes from. drift: the driver's speed across the road,
 m/s, positive away from the ego. closing: speed of the ego less the driver's, m/s. speed: the driver's, m/s. along, across: its
 accelerations, m/s²."""
 ACTION = ("along", "across")
-"""What a driver does: its accelerations (m/s²) at the next decision."""
+"""Action of a driver: its accelerations (m/s²) at the next decision."""
 OWN = Path(__file__).with_name("own.parquet")
 """Actions in our own recordings of motorways, by `benchmarks/record.py` and `python -m studies.generation actions --out`"""
 _LEAD_IN = 1.0
@@ -70,7 +70,7 @@ class Actions:
 
     @property
     def rank(self) -> IntArray:
-        """How many decisions of its episode come before each (n,)."""
+        """Number of decisions of its episode before each (n,)."""
         begins = np.flatnonzero(np.diff(self.episodes, prepend=-1))
         return np.arange(len(self)) - np.repeat(begins, np.diff(np.append(begins, len(self))))
 
@@ -117,13 +117,13 @@ class Actions:
 
 
 def extract(path: str | PathLike[str], roads: str | PathLike[str]) -> Actions:
-    """The decisions of all drivers who cut in in the recordings of a folder.
+    """The decisions of all drivers that cut in in the recordings of a folder.
 
     Args:
         roads: folder for roads that recordings don't bring with them.
 
     Raises:
-        UsageError: nobody cuts in.
+        UsageError: no vehicle cuts in.
         InvalidFile: a recording is malformed.
     """
     found = Actions.joined([_extracted(source, Path(roads)) for source in open_data(path, roads).sources])

@@ -1,4 +1,4 @@
-"""Courses of many episodes at once: an ego with its system under test beside an actor that somebody moves.
+"""Courses of many episodes at once: an ego with its system under test beside an actor that the caller moves.
 
 The ego is that of `generation.twin`: its verdicts are SUMO's, as far as `python -m studies.generation twin` says, and everything
 that is found here is run on SUMO before it is reported.
@@ -21,13 +21,13 @@ from schemas.errors import Unsupported
 from xodr.array_types import BoolArray, FloatArray
 
 START = 100.0
-"""Where (s in m) the ego begins"""
+"""Initial station (s, m) of the ego"""
 _CHANGED = 1e-3
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Where and with whom episodes take place: what a manoeuvre scenario of one actor on a straight road says of them.
+    """Setting of episodes: the content of a manoeuvre scenario with one actor on a straight road.
 
     Attributes:
         script: of the scenario. ego, actor: the participants. side: +1 where the actor begins to the left of the ego, else −1.
@@ -40,7 +40,7 @@ class Scene:
 
     @classmethod
     def of(cls, path: Path, settings: RunSettings | None = None) -> Scene:
-        """That of a scenario, read as settings of runs say.
+        """Read the scene of a scenario with settings of runs.
 
         Raises:
             Unsupported: it is no manoeuvre of one actor who begins in a lane beside the ego's, on a straight road.
@@ -59,7 +59,8 @@ class Scene:
         return a.x + a.length / 2 + b.length / 2 - b.x
 
     def inside(self, y: FloatArray) -> BoolArray:
-        """Where lateral positions (m) are between the middles of the outermost lanes, or half a metre beyond (n,)."""
+        """Return a mask of lateral positions (m) between the middles of the outermost lanes, or up to half a metre beyond
+        (n,)."""
         lanes = list(self.script.lanes.values())
         return (y >= min(lanes) - 0.5) & (y <= max(lanes) + 0.5)
 

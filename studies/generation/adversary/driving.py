@@ -1,4 +1,4 @@
-"""How recorded drivers act: the density of their next accelerations given the state they are in, and how far they go.
+"""Density of the next accelerations of recorded drivers given their state, and its limits.
 
 p(action | state) = p(state, action) / p(state) of a mixture of Gaussians over both. An episode is foreseeable as long as its
 decisions are, on average, no less likely than those of 99 % of recorded episodes after as many decisions, each judged by the
@@ -23,14 +23,14 @@ from xodr.array_types import BoolArray, FloatArray
 _COMPONENTS = 8
 _GIVEN = range(len(STATE))
 _SHARES = np.linspace(1.0, 0.0, 11)
-"""How much of the way from the likeliest action to the wanted one is tried, in this order"""
+"""Tried shares of the difference from the likeliest action to the wanted one, in this order"""
 _LEAST = 30
 """Fewest recorded episodes"""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What all but 0.1 % of recorded decisions keep within.
+    """Limits that all but 0.1 % of recorded decisions keep.
 
     Attributes:
         low, high: least and greatest acceleration along and across (2,), m/s². change: greatest change of them in an
@@ -43,7 +43,7 @@ class Limits:
 
     @classmethod
     def of(cls, actions: Actions) -> Limits:
-        """Those of recorded decisions."""
+        """Return the limits of recorded decisions."""
         rare = 0.5 * (1.0 - QUANTILE)
         low, high = np.quantile(actions.actions, [rare, 1.0 - rare], axis=0)
         return cls(low, high, np.quantile(np.abs(actions.actions - actions.states[:, -len(ACTION) :]), QUANTILE, axis=0))

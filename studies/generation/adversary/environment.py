@@ -20,7 +20,7 @@ OBSERVED = len(STATE) + 3
 _SPENT, _BRAKING = 10.0, 5.0
 """Log-density, and acceleration of the ego (m/s²), that the policy sees as 1"""
 _UNPREVENTED = 0.1
-"""What a collision is worth that no careful driver prevents: a tenth of one that is a finding"""
+"""Value of a collision that no careful driver prevents, relative to a finding"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class Episodes:
 
 
 class Transitions(NamedTuple):
-    """What a policy learns from: rows of what it saw, did (−1 to 1), got, saw then, and whether that was the end."""
+    """Training data of a policy: rows of observation, action (−1 to 1), reward, next observation, and end flag."""
 
     seen: FloatArray
     done: FloatArray
@@ -69,7 +69,7 @@ class Environment:
     """Plays episodes of a policy.
 
     Args:
-        scene: where and with whom. driving: of recorded drivers. sut: the system under test. dt: time step, s.
+        scene: place and entities. driving: of recorded drivers. sut: the system under test. dt: time step, s.
         discount: of what comes later, for the shape of the reward.
         objective: shapes it, a name in `studies.generation.adversary.OBJECTIVES`.
 
@@ -119,7 +119,7 @@ class Environment:
     def _transitions(
         self, episodes: Episodes, seen: FloatArray, done: FloatArray, near: FloatArray, contacts: IntArray
     ) -> Transitions:
-        """Those up to each contact, with shaped rewards."""
+        """Return the transitions up to each contact, with shaped rewards."""
         before, after = contacts[:-1] < 0, contacts[1:] < 0
         worth = np.where(episodes.failing, 1.0, _UNPREVENTED * episodes.foreseeable)
         hit = before & ~after
@@ -151,7 +151,7 @@ class _Adversary:
         return np.stack([self.course.gap, aside, drift, ego.speed - speed, speed, own[:, 0], own[:, 1]], axis=1)
 
     def observed(self) -> FloatArray:
-        """What the policy sees (n, `OBSERVED`), about −1 to 1."""
+        """Observations of the policy (n, `OBSERVED`), about −1 to 1."""
         driving, count = self._driving, min(self._count, DECISIONS - 1)
         left = self._sums - driving.least[count] * self._count
         time, likely = np.full(len(left), self._count / DECISIONS), np.clip(left / _SPENT, -1.0, 1.0)
@@ -180,7 +180,7 @@ class _Adversary:
         self._acceleration = then
 
     def inside(self) -> BoolArray:
-        """Where the actor has kept to the road (n,), up to the contact."""
+        """Mask of actors that kept to the road (n,), up to the contact."""
         inside = np.array([self._scene.inside(way[:, 1]) for way in self.ways])
         steps, contact = np.arange(len(inside))[:, None], self.course.contact
         return np.asarray(np.all(inside | ((contact >= 0) & (steps > contact)), axis=0), bool)

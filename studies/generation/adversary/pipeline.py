@@ -34,7 +34,7 @@ _START = ("gap", "start_speed", EGO_SPEED)
 
 @dataclass(frozen=True)
 class Settings:
-    """What to search for.
+    """Settings of the search.
 
     Attributes:
         run: how scenarios are run, with the system under test.
@@ -59,7 +59,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Written:
-    """What came of it.
+    """Result of the search.
 
     Attributes:
         files: scenarios, each of which fails as in the search. found: failures on the twin, those that were not run as well.
@@ -130,7 +130,7 @@ def starts_of(scenario: Path, pinned: Mapping[str, str]) -> Starts:
 
 
 def _run(files: list[Path], settings: Settings) -> dict[str, Outcomes]:
-    """What comes of the files with the system under test, and with the judges."""
+    """Run the files with the system under test, and with the judges."""
     systems = dict.fromkeys([system_name(settings.run.sut), *JUDGES])
     with Simulator(run=settings.run, processes=settings.processes, ray=settings.ray) as simulator:
         jobs = [Episode(f"{name} {path.stem}", path, path, {}, sut=name) for name in systems for path in files]

@@ -25,12 +25,12 @@ from xodr.array_types import FloatArray
 Starts = Callable[[int, np.random.Generator], FloatArray]
 """Draws gaps (m), speeds of the actor and of the ego (m/s) (n, 3) at which traffic begins."""
 _REACH = np.array([80.0, 40.0, 40.0, DECISIONS * INTERVAL, 40.0, 4.0])
-"""What counts as the whole range of each of `described`"""
+"""Whole range of each of `described`"""
 
 
 @dataclass(frozen=True)
 class AdversarySettings:
-    """How it searches.
+    """Settings of the search.
 
     Attributes:
         rounds, episodes: how often so many episodes are played. updates: of the networks after each round.
@@ -52,7 +52,7 @@ class AdversarySettings:
 
 
 class Round(NamedTuple):
-    """What came of the episodes of a round: how many were foreseeable, collided, and were failures worth fixing."""
+    """Results of a round: numbers of foreseeable episodes, collisions, and failures worth fixing."""
 
     episodes: int
     foreseeable: int
@@ -62,7 +62,7 @@ class Round(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a search found on the twin.
+    """Results of a search on the twin.
 
     Attributes:
         failures: foreseeable and preventable, none much like another, in the order in which they were found.
@@ -80,7 +80,7 @@ def search(
     """Have an adversary learn, and keep what it finds.
 
     Args:
-        scene: where and with whom. driving: of recorded drivers. starts: draws how episodes begin. sut: the system under test.
+        scene: place and entities. driving: of recorded drivers. starts: draws how episodes begin. sut: the system under test.
         dt: time step, s. seed: of all that is drawn.
         progress: called with the number of episodes after each round.
     """
@@ -103,8 +103,8 @@ def search(
 
 
 def described(episodes: Episodes, dt: float) -> FloatArray:
-    """What tells failures apart (n, 6): gap (m), speeds of the actor and of the ego (m/s) at the beginning, time of the contact
-    (s), speed of the actor then (m/s), and how far it has moved aside (m)."""
+    """Return the coordinates that distinguish failures (n, 6): gap (m), initial speeds of actor and ego (m/s), time of the
+    contact (s), the actor's speed then (m/s), and its lateral displacement (m)."""
     rows, at = np.arange(len(episodes.contact)), episodes.contact.clip(1)
     last, before = episodes.ways[rows, at], episodes.ways[rows, at - 1]
     speed = np.hypot(*(last - before).T) / dt

@@ -1,1 +1,1 @@
-"""What MCSG is compared with, one file a method or ablation, all on one problem and one budget of simulator calls."""
+"""Baselines and ablations of MCSG, one file each, all on one problem and one budget of simulator calls."""

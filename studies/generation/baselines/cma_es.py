@@ -17,7 +17,7 @@ METHODS = {"cma-es": {"title": "CMA-ES", "meaning": "evolution strategy on MCSG'
 
 @dataclass(frozen=True)
 class CmaSettings:
-    """How it searches.
+    """Settings of the search.
 
     Attributes:
         population: points to a generation.

@@ -17,7 +17,7 @@ METHODS = {"ibo": {"title": "IBO", "meaning": "Bayesian optimisation of critical
 
 @dataclass(frozen=True)
 class BayesSettings:
-    """How it searches.
+    """Settings of the search.
 
     Attributes:
         starts: Sobol points before the process is asked.

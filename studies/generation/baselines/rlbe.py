@@ -25,7 +25,7 @@ METHODS = {
 
 @dataclass(frozen=True)
 class PPOSettings:
-    """How it learns.
+    """Settings of the learning.
 
     Attributes:
         batch: episodes to an update.
@@ -43,7 +43,7 @@ class PPOSettings:
 
 
 class _Steps(NamedTuple):
-    """What happened in a batch, step by step, all flat: states (n, 2d), edits, their log-probabilities, and returns (n,)."""
+    """Steps of a batch, all flat: states (n, 2d), edits, their log-probabilities, and returns (n,)."""
 
     states: Tensor
     edits: Tensor

@@ -29,7 +29,7 @@ METHODS = {
 
 @dataclass(frozen=True)
 class DQNSettings:
-    """How it learns.
+    """Settings of the learning.
 
     Attributes:
         walkers: episodes side by side. length: steps, each a simulator call, of an episode.

@@ -1,4 +1,4 @@
-"""What a search is judged by."""
+"""Measures of a search."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def results(study: Study, complete: bool = False) -> Results:
 
 
 def title(name: str) -> str:
-    """What a method's row is called."""
+    """Return the title of a method's row."""
     return METHODS[name].title + (" †" if METHODS[name].realistic else "")
 
 
@@ -113,7 +113,7 @@ def _introduction(study: Study, last: Results) -> str:
 
 
 def _verdict(found: Results) -> str:
-    """Where MCSG leads and where it does not, among all methods that are no ablation of it."""
+    """Return the measures in which MCSG leads or not, among all methods that are no ablation of it."""
     means = {
         name: {figure: fmean(getattr(one, figure) for one in seeds.values()) for figure in FIGURES}
         for name, seeds in found.items()

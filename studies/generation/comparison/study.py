@@ -33,7 +33,7 @@ from xodr.array_types import FloatArray
 
 @dataclass(frozen=True)
 class StudySettings:
-    """What makes results comparable: only results of the same settings share a folder.
+    """Settings that make results comparable: only results of the same settings share a folder.
 
     Attributes:
         sut: name of the system under test.
@@ -132,7 +132,7 @@ class Study:
 
     @cached_property
     def trajectories(self) -> Trajectories:
-        """What methods are given that search trajectories: the same recorded manoeuvres, described by knots.
+        """Inputs of methods that search trajectories: the same recorded manoeuvres, described by knots.
 
         Raises:
             UsageError: there are no trajectories beside the scenario.
@@ -148,11 +148,11 @@ class Study:
         return sorted(found, key=lambda key: (list(METHODS).index(key.method), key.seed))
 
     def history(self, key: Key) -> History:
-        """What a search left, in the parameters of the scenario: of trajectories, the manoeuvres nearest to them."""
+        """Return a search's history in the parameters of the scenario; for trajectories, the manoeuvres nearest to them."""
         return History.load(self._path(key))
 
     def knots(self, key: Key) -> History:
-        """What a search of trajectories left, in its own parameters."""
+        """Return the history of a search of trajectories in its own parameters."""
         return History.load(self._knots(key))
 
     def avoidable(self, key: Key) -> float | None:

@@ -1,4 +1,4 @@
-"""What the ablation No-Maneuver searches: trajectories, judged beside manoeuvres by both kinds of parameters."""
+"""Search space of the ablation No-Maneuver: trajectories, judged with manoeuvres by both kinds of parameters."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""How many distinct, foreseeable and preventable failures a method finds, and what the twin is worth."""
+"""Number of distinct, foreseeable and preventable failures of a method, and the value of the twin."""

@@ -1,4 +1,4 @@
-"""How often the twin's verdicts are SUMO's: at draws of the prior, and at failures that the twin has found."""
+"""Agreement of the twin's verdicts with SUMO's: at draws of the prior, and at failures of the twin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What counts: failures on SUMO that are foreseeable, preventable, and distinct."""
+"""Counted failures: on SUMO, foreseeable, preventable, and distinct."""
 
 from __future__ import annotations
 
@@ -107,8 +107,8 @@ def table(out: Path, budget: int) -> Table:
 
 
 def _ratios(found: Mapping[tuple[str, str, str], Mapping[str, Counts]]) -> Iterator[str]:
-    """How many times as many distinct failures without nuisances the default method finds as each other one, with a paired t test
-    over the seeds that both have."""
+    """Yield the ratios of distinct failures without nuisances between the default method and each other one, with a paired t
+    test over their common seeds."""
     for (scenario, system, name), each in sorted(found.items(), key=lambda item: _order(item[0])):
         own = found.get((scenario, system, DEFAULT), {})
         seeds = sorted(own.keys() & each.keys())

@@ -26,7 +26,7 @@ SLOW: Mapping[str, int] = {"ibo": 300}
 
 @dataclass(frozen=True)
 class Comparison:
-    """What all searches of a comparison have in common.
+    """Common parts of all searches of a comparison.
 
     Attributes:
         out: folder of its counts. budget: runs of each search.
@@ -54,7 +54,7 @@ class Comparison:
         return counts
 
     def _method(self, name: str) -> Search:
-        """As many proposals for all methods, where they are screened, on a twin or by the prior alone."""
+        """Return a method with the same number of proposals as all others, screened on a twin or by the prior alone."""
         settings = dict(self.tuned.get(name, {}))
         if self.extras is None:
             return with_settings(name, settings)

@@ -26,7 +26,7 @@ _DRAWS = 5000
 
 
 class Setting(NamedTuple):
-    """What trajectories are described by.
+    """Description of trajectories.
 
     Attributes:
         ego_speed: that the ego would keep, m/s.
@@ -119,7 +119,7 @@ def _curves(row: FloatArray, aside: float, shares: FloatArray) -> tuple[float, F
 
 
 def weights(shares: FloatArray) -> FloatArray:
-    """What each knot weighs at shares (n,) of the time: (n, knots)."""
+    """Return the weight of each knot at shares (n,) of the time: (n, knots)."""
     from scipy.interpolate import CubicSpline
 
     found: FloatArray = CubicSpline(_SHARES, np.eye(NUMBER), bc_type="natural")(shares)

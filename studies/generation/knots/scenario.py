@@ -41,7 +41,7 @@ ASIDE = tuple(f"{_ACTOR}_Aside{number}_m" for number in range(1, NUMBER - 1))
 
 
 def setting_of(scenario: Path, space: Space) -> Setting:
-    """What trajectories beside a logical scenario are described by.
+    """Return the description of trajectories for a logical scenario.
 
     Raises:
         UsageError: there are none beside this scenario, or beside a part of its parameters.

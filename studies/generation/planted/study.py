@@ -35,7 +35,7 @@ PLANS: Mapping[str, Sequence[Plan]] = {
         Plan("timing", 1, 3e-3, False),
     ),
 }
-"""What each generator plants"""
+"""Plans of each generator"""
 FIRST_SEED = {"development": 1000, "reported": 5000}
 NEAR = (0.05, 0.1)
 """Distances within which a failing draw counts as recalled by a found failure"""
@@ -64,7 +64,7 @@ ROWS: Mapping[str, Search] = {"draws": draws, "cells": cells, "quality": quality
 
 
 class Found(NamedTuple):
-    """What a search found.
+    """Result of a search.
 
     Attributes:
         regions: share of the planted regions with a run that fails there.

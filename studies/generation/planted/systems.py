@@ -79,7 +79,7 @@ class Region:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is planted.
+    """Plan of a planted failure.
 
     Attributes:
         shape: of the regions, a name in `SHAPES`. number: of regions.
@@ -128,7 +128,7 @@ class Planted:
 
 
 class Place(NamedTuple):
-    """Where a region is put: its middle as a point (1, d), drawn columns of coordinates, and scales (k,) of all coordinates."""
+    """Place of a region: its middle as a point (1, d), drawn columns of coordinates, and scales (k,) of all coordinates."""
 
     frame: Frame
     space: Space

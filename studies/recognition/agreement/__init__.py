@@ -1,1 +1,1 @@
-"""How labels agree with what else is known of real recordings, as a report with plots."""
+"""Agreement of labels with other knowledge of real recordings, as a report with plots."""

@@ -1,4 +1,4 @@
-"""What the bare positions tell of a vehicle, without lanes or maps."""
+"""Facts about a vehicle from bare positions, without lanes or maps."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from xodr.array_types import FloatArray, IntArray
 
 LEAST_WAY = 10.0
-"""Who goes less than this (m) is not moving."""
+"""Distance (m) below which a vehicle does not move."""
 _END = 3.0
 """Length of way at each end from which its direction is taken, m."""
 
@@ -24,5 +24,5 @@ def net_turn(x: FloatArray, y: FloatArray) -> float | None:
 
 
 def own_lane_changes(lane: IntArray) -> int:
-    """How often a lane id of the data set changes."""
+    """Return the number of changes of the data set's lane id."""
     return int(np.count_nonzero(np.diff(lane)))

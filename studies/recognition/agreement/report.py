@@ -89,7 +89,7 @@ def _turns(places: Sequence[Place]) -> str:
 
 
 def _reasons(places: Sequence[Place]) -> str:
-    """What keeps moving vehicles that have no label at a junction from one."""
+    """Count the reasons why moving vehicles at a junction have no label."""
     found = Counter(
         (place.name, one.unlabelled)
         for place in places

@@ -88,7 +88,8 @@ def survey(data: Path, roads: Path, rules: Rules) -> list[Place]:
 
 
 def _place(source: Source) -> str:
-    """What the report calls a place: CommonRoad's scenarios of one city, highD's recordings of one folder are together."""
+    """Return the report's name of a place; CommonRoad's scenarios of one city and highD's recordings of one folder are one
+    place."""
     if source.format == commonroad.FORMAT:
         return source.site.split("-")[0]
     return source.path.parent.name if source.format == highd.FORMAT else source.site

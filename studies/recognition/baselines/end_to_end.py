@@ -30,7 +30,7 @@ class Whole(nn.Module):
         self.encoder, self.head, self.numbers = deepcopy(encoder), head, numbers
 
     def forward(self, samples: Tensor) -> Tensor:
-        """What the head reads of samples; in training, of augmented windows."""
+        """Return the head's inputs for samples; in training, for augmented windows."""
         inputs = samples[:, self.numbers :].unflatten(1, self.encoder.view.shape)
         encoded = self.encoder(self.encoder.augmented(inputs) if self.training else inputs)
         return torch.cat([samples[:, : self.numbers], encoded], dim=1).float()

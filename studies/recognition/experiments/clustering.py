@@ -31,7 +31,7 @@ OWN = {
 }
 """TRFE's own ways to cluster, by name, with the titles of their rows in the report."""
 _OF_ENCODERS = (ENCODED_GIVEN_K, ALL_FEATURES, LINKAGE)
-"""Those besides that see the encoders' features alone."""
+"""Further methods, on the encoders' features alone."""
 TITLES = {**OWN, MAP_ONLY: "map only, one frame: k-means, given K", **kinds.titles(kinds.CLUSTERING)}
 """Methods by name."""
 

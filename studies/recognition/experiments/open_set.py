@@ -20,7 +20,7 @@ from xodr.array_types import FloatArray, IntArray
 COMMON = "trfe"
 """TRFE's forest and screening under the common rejection rule, as all others are."""
 OWN_RULE = "trfe-own-rule"
-"""The one method with a rejection rule of its own: δ chosen by leaving one known class out."""
+"""Method with a rejection rule of its own: δ chosen by leaving one known class out."""
 ONLY_ENCODED = "encoded"
 """TRFE on the encoders' features alone."""
 ONLY_TUNED = "trfe-tuned"
@@ -28,7 +28,7 @@ ONLY_TUNED = "trfe-tuned"
 ONLY_CHANGES = "only-changes"
 """TRFE on what changes in windows alone, without an encoder: tokens only."""
 MAP_ONLY = "map-only"
-"""TRFE on what the map alone tells of one frame, without anybody: tokens only."""
+"""TRFE on what the map alone tells of one frame, without traffic: tokens only."""
 ON_ALL, ENCODED_ON_ALL = "pretrained-on-all", "encoded-pretrained-on-all"
 """TRFE on all and on the encoders' features alone, by encoders whose pretraining saw windows of all classes: tokens only."""
 
@@ -120,7 +120,7 @@ def seen_by(name: str, trial: Trial) -> Trial:
 
 
 def judged(model: OpenSetMethod, features: Features) -> Judged:
-    """What a fitted method makes of samples; `predict` would classify and score them once more."""
+    """Return a fitted method's results for samples in one pass; `predict` would classify and score them again."""
     closed, scores = model.classify(features), model.score(features)
     return Judged(closed, scores, np.where(scores > model.threshold, UNKNOWN, closed), model.threshold)
 

@@ -29,7 +29,7 @@ def probe(training: NDArray[np.floating], labels: IntArray, testing: NDArray[np.
 
 
 def speed_code(grids: NDArray[np.uint8], grid: Grid) -> FloatArray:
-    """What is to be known of the classes from the ego's speed: features (n, 21) of it that a linear classifier can use.
+    """Return features (n, 21) of the ego's speed that a linear classifier can use.
 
     Raises:
         UsageError: the grids have no channel `speed` to read it from.

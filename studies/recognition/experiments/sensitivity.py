@@ -1,4 +1,4 @@
-"""How much the open-set figures depend on δ and on the number of trees T, and what the features hold."""
+"""Sensitivity of the open-set figures to δ and to the number of trees T, and the content of the features."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ _OF_TOKENS = (
 
 @dataclass(frozen=True)
 class ProtocolSettings:
-    """What makes results comparable: only results of the same settings share a folder.
+    """Settings that make results comparable: only results of the same settings share a folder.
 
     Attributes:
         events_per_class: to which classes are thinned; None takes all.

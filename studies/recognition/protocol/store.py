@@ -15,7 +15,7 @@ _REMEDY = "remove it to have it made again"
 
 
 class Key(NamedTuple):
-    """What a result is of: a kind of experiment, a method, a seed, a round (from 1)."""
+    """Key of a result: kind of experiment, method, seed, round (from 1)."""
 
     kind: str
     method: str

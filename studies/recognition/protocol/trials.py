@@ -1,4 +1,4 @@
-"""What the methods see in one round: frozen features of one encoder for each seed and round, kept on disk."""
+"""Inputs of the methods in one round: frozen features of one encoder for each seed and round, kept on disk."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Samples(NamedTuple):
     rows: IntArray
 
     def only(self, chosen: NDArray[Any] | slice) -> Samples:
-        """Those of a mask, index or slice."""
+        """Select samples by a mask, index or slice."""
         return Samples(self.features[chosen], self.labels[chosen], self.rows[chosen])
 
 
@@ -137,7 +137,8 @@ class Trial:
 
     @cached_property
     def stream(self) -> Samples:
-        """What arrives without labels in the round: all training samples of the new classes, and known ones kept apart; mixed."""
+        """Samples that arrive without labels in the round: all training samples of the new classes, and held-back known ones;
+        mixed."""
         new = self._rows(np.concatenate([self.split.labelled, self.split.stream]), self.round.new)
         rows = np.concatenate([new, self._rows(self.split.stream, self.round.known)])
         return self._samples(np.random.default_rng([self.seed, self.round.number]).permutation(rows))

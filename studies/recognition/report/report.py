@@ -22,7 +22,7 @@ TITLES = {
     "open-world": {name: variant.title for name, variant in VARIANTS.items()},
     "chain": {name: VARIANTS[name].title for name in CHAINED},
 }
-"""What rows are called, by kind of experiment and name."""
+"""Titles of rows, by kind of experiment and name."""
 PUBLISHED = (
     "Published figures, on highD and INTERACTION, for orientation only: TRFE F1 0.906, ACC 0.972, ACC_cluster 0.964; MDENet F1 "
     "0.883; CEVT F1 0.875; AutoNovel ACC_cluster 0.902. Here: same protocol, other data."

@@ -1,4 +1,4 @@
-"""What smoothing is judged by: rows of recordings that are hidden from it, and exact recordings with noise put on them."""
+"""Test cases of smoothing: hidden rows of recordings, and exact recordings with added noise."""
 
 from __future__ import annotations
 

@@ -110,6 +110,6 @@ _COMPARED = ("hidden likelihood", "hidden place", "exact")
 
 
 def _compared(found: Judged, than: Judged) -> list[str]:
-    """How much more the likelihood of hidden places is, and how much greater errors are."""
+    """Compare the likelihood of hidden places, and errors."""
     more = [f"{100.0 * (a / b - 1.0):+.1f} %" for a, b in ((found.place, than.place), (found.error, than.error))]
     return [f"{found.likelihood - than.likelihood:+.3f}", *more]

@@ -1,4 +1,4 @@
-"""How near a way of smoothing comes to what it was not shown."""
+"""Scores of smoothing methods on hidden data."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Score(NamedTuple):
 
 
 def score(way: Way, cases: Sequence[Case]) -> Score:
-    """How near a way comes to the truth, over all rows of all cases together."""
+    """Return the score of a method over all rows of all cases together."""
     columns = zip(*(_off(way, case) for case in cases), strict=True)
     means = (float(np.mean(np.concatenate(values))) for values in columns)
     place, heading, speed, acceleration, likelihood, beyond = means

@@ -97,7 +97,7 @@ BY_HAND = Noise()._asdict()
 
 
 def judged(way: Way, material: Material) -> Judged:
-    """How a way does on everything."""
+    """Score a method on all material."""
     return Judged({name: score(way, cases) for name, cases in material.recordings.items()}, score(way, material.exact))
 
 

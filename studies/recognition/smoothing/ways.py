@@ -62,7 +62,7 @@ def spline(weight: float | None, case: Case) -> States:
 
 
 def _seen(case: Case, noise: Noise) -> Observations:
-    """What smoothers are given, and nothing of what is not seen but how exact its row was."""
+    """Return the inputs of smoothers; of hidden rows only their accuracy."""
     seen = observed(*case.tracks, case.unseen, noise)
     return seen._replace(off=case.off, facing=np.where(case.unseen, np.inf, noise.heading))
 

@@ -1,4 +1,4 @@
-"""What every clustering method is: samples of unknown classes in, cluster numbers out."""
+"""Contract of clustering methods: samples of unknown classes in, cluster numbers out."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from xodr.array_types import FloatArray, IntArray
 
 
 class Training(NamedTuple):
-    """How a head is trained: Adam with weight decay, batches in an order of its own seed."""
+    """Training of a head: Adam with weight decay, batches in an order of its own seed."""
 
     epochs: int = 60
     batch: int = 128
@@ -79,7 +79,7 @@ class HeadMethod(OpenSetMethod):
                 optimiser.step()
 
     def _finish(self, features: Tensor, indices: Tensor) -> None:
-        """What remains to be set from the training samples once the network is trained."""
+        """Fit the remaining parts to the training samples once the network is trained."""
 
     def _standardise(self, features: Features) -> Tensor:
         return torch.from_numpy(((features - self._mean) / self._deviation).astype(np.float32))

@@ -1,4 +1,4 @@
-"""What every open-set method is: fitted on features of known classes, it classifies, scores, and rejects by one rule."""
+"""Contract of open-set methods: fitted on features of known classes, they classify, score, and reject by one rule."""
 
 from __future__ import annotations
 
