@@ -45,7 +45,7 @@ def openturns() -> Any:
 def subset_simulation(prior: RecordedPrior, twin: Plays, seed: int) -> Found:
     """Estimate the probability of a collision of draws of a prior.
 
-    Levels are of the greatest deceleration that avoids a crash (DRAC). By the least clearance, vehicles that pass each other closely
+    Levels are of the greatest deceleration that avoids a crash (DRAC). By the least clearance, vehicles that pass closely
     are mistaken for near misses, and most failures are not found.
 
     Args:

@@ -25,7 +25,7 @@ _CLOSING = (-4.0, 0.0, 4.0)
 _WEIGHT = np.array([[1.0, 1.0, 1.0], [0.5, 0.75, 1.0], [0.5, 0.75, 1.0]])
 """A rule for each two of these: the weight of the risk field's probability; the rest is that of nearness.
 
-Beside the ego nearness leads nowhere, as recorded drivers have no contacts there; where one is far ahead and opening, the risk field is
+Beside the ego nearness leads nowhere, as recorded drivers have no contact; where one is far ahead and opening, the risk field is
 flat. Of three tables tried on development seeds this one finds most."""
 _SLOWEST = 1.0
 """Speed (m/s) that headways are worked out with at least"""
