@@ -1,0 +1,113 @@
+"""Caches of the product: each names its key and the reason why an entry can't be stale.
+
+A cache that is not in `CACHES` fails here. `cached_property` is allowed anywhere: its key is an object, and it ends with it.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "xosc_toolchain")
+PROGRAM = "program"
+"""Key: names of modules, types or versions. The entry is a fact about installed code, which a process does not change."""
+VALUE = "value"
+"""Key: all inputs of a pure function."""
+FILE = "file"
+"""Key: path and stamp (time of change, size, inode). A changed file has another stamp, so that it is read again."""
+OBJECT = "object"
+"""Key: an object that does not change once it is built. The size is bounded, so that a cache does not keep all of them."""
+INPUTS = "inputs"
+"""Key: paths that one command reads. They are read once per process; a command does not read what it has written."""
+CACHES = {
+    "generation.twin.motion._blank": VALUE,
+    "recognition.catalogue.recordings._loaded": FILE,
+    "recognition.catalogue.recordings._material": OBJECT,
+    "recognition.catalogue.recordings.opened": INPUTS,
+    "recognition.catalogue.recordings.recorded": INPUTS,
+    "recognition.catalogue.replay._entry": VALUE,
+    "recognition.catalogue.replay._form": VALUE,
+    "recognition.datasets.formats.commonroad._archive": FILE,
+    "recognition.datasets.formats.interaction._cases": FILE,
+    "recognition.datasets.formats.ngsim._public": FILE,
+    "recognition.datasets.formats.osi._trace": FILE,
+    "recognition.datasets.roads._converted": FILE,
+    "recognition.grids.picture": OBJECT,
+    "recognition.sites.lanes.graph": OBJECT,
+    "recognition.tokens._ways": OBJECT,
+    "recognition.trfe.storage._parsed": VALUE,
+    "runner.batch.inputs._by_stamp": FILE,
+    "runner.batch.inputs._program": PROGRAM,
+    "runner.batch.inputs._referred": FILE,
+    "runner.criteria.criterion.kinds": PROGRAM,
+    "runner.exports.lanelets.lanelets": OBJECT,
+    "runner.measures.measure.measures": PROGRAM,
+    "runner.measures.relations.common": OBJECT,
+    "runner.measures.relations.joined": OBJECT,
+    "runner.motion.nurbs.sampled": VALUE,
+    "runner.motion.trajectories._bent": VALUE,
+    "runner.positions.world._projection": OBJECT,
+    "runner.replay.frames._font": PROGRAM,
+    "runner.sut._installed": PROGRAM,
+    "runner.sut._own": PROGRAM,
+    "runner.traffic.traffic.places_of": OBJECT,
+    "schemas.catalogs._catalog": FILE,
+    "schemas.checks.registry.all_rules": PROGRAM,
+    "schemas.checks.roads._read": FILE,
+    "schemas.discovery.described": PROGRAM,
+    "schemas.discovery.names": PROGRAM,
+    "schemas.expressions.parser.parse": VALUE,
+    "schemas.osi.rules._concerned": PROGRAM,
+    "schemas.osi.rules._rules": PROGRAM,
+    "schemas.osi.rules.all_osi_rules": PROGRAM,
+    "schemas.packages.version": PROGRAM,
+    "schemas.registry._schemas": PROGRAM,
+    "schemas.validate._compiled": PROGRAM,
+    "schemas.validate._explainer": PROGRAM,
+    "schemas.values.number": VALUE,
+    "xodr.lookup.placing._parts": OBJECT,
+    "xodr.reader.document._load": FILE,
+    "xodr.sumo_net.building._build": FILE,
+    "xodr.sumo_net.building.sumo_home": PROGRAM,
+    "xosc.distributions.values._plugin": PROGRAM,
+    "xosc.document._load": FILE,
+    "xosc.maneuvers.base._place": VALUE,
+    "xosc.maneuvers.base.enum_value": PROGRAM,
+    "xosc.maneuvers.files._around_trajectories": VALUE,
+    "xosc.node._path": VALUE,
+    "xosc.repairs.declared.attributes": PROGRAM,
+    "xosc.repairs.declared.children": PROGRAM,
+    "xosc.repairs.declared.content": PROGRAM,
+    "xosc.repairs.declared.names": PROGRAM,
+}
+"""Kind of each cached function."""
+STAMPED = ("Stamp", "version")
+"""Parts of a parameter's declaration by which a file's state is in the key."""
+
+
+def cached() -> dict[str, tuple[str, str]]:
+    """Return parameters and decorator of each cached function, by the function's full name."""
+    found = {}
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            module = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                for each in node.decorator_list if isinstance(node, ast.FunctionDef) else ():
+                    text = ast.unparse(each)
+                    if "cache" in text and "cached_property" not in text:
+                        assert isinstance(node, ast.FunctionDef)
+                        found[f"{module}.{node.name}"] = ast.unparse(node.args), text
+    return found
+
+
+def test_each_cache_names_its_key() -> None:
+    assert sorted(cached()) == sorted(CACHES)
+
+
+def test_files_are_keyed_by_their_state_and_objects_are_not_all_kept() -> None:
+    for name, (parameters, decorator) in cached().items():
+        if CACHES[name] == FILE:
+            assert any(each in parameters for each in STAMPED), name
+        if CACHES[name] in (OBJECT, FILE):
+            assert "maxsize" in decorator, name
