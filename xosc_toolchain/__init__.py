@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from runner.sut import Control as Control
     from runner.sut import Observation as Observation
     from runner.sut import Participant as Participant
+    from runner.sut import Pose as Pose
     from runner.sut import SystemUnderTest as SystemUnderTest
     from runner.sut import load_system as load_system
     from runner.sut import systems as systems
@@ -59,6 +60,7 @@ else:
             "Document": "xosc",
             "Observation": "runner.sut",
             "Participant": "runner.sut",
+            "Pose": "runner.sut",
             "Prepared": "runner.interpreter.execution",
             "Problem": "schemas",
             "RoadNetwork": "xodr",
@@ -96,6 +98,7 @@ __all__ = [
     "Document",
     "Observation",
     "Participant",
+    "Pose",
     "Prepared",
     "Problem",
     "RoadNetwork",

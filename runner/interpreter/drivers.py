@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runner.contracts.action import LATERAL, LONGITUDINAL
 from runner.sut import System, system_name
-from runner.sut.base import Control, Observation, SystemUnderTest, seen
+from runner.sut.base import Control, Observation, Pose, SystemUnderTest, seen
 from runner.worlds.base import DriverRequest
 from schemas.errors import ToolchainError, blame
 
@@ -28,8 +28,12 @@ _RETURN = 3.5
 """Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
 _SAME = 1e-9
 _GRAVITY = 9.81
-_PEDAL = 8.0
+PEDAL = 8.0
 """Most that a fully pressed pedal gives, m/s²; less where the vehicle's Performance is less"""
+_OFF = 1.0
+"""Distance (m), beside that of 1 g in a step, of a pose from where the ego would be at its speed: farther no vehicle comes"""
+_UNLIKE = 1.0
+"""Difference (m/s) of a pose's speed and that of the displacement above which they contradict each other"""
 
 
 class Decision(NamedTuple):
@@ -38,10 +42,12 @@ class Decision(NamedTuple):
     Args:
         speed: at its end, m/s.
         steering: angle of the front wheels, rad; None to go on along lane or path.
+        pose: where it is at its end; None to move there by speed and steering.
     """
 
     speed: float
     steering: float | None = None
+    pose: Pose | None = None
 
 
 class EgoDriver(ABC):
@@ -138,11 +144,15 @@ class SystemDriver(EgoDriver):
         self._cruise = cruise
         self._intervening = False
         self._returning = cruise is not None
+        self.implausible = ""
+        """Sentence on the first pose that no vehicle reaches; empty where there is none"""
 
     def decide(self, ego: Entity, run: Run) -> Decision:
-        """The system's acceleration and steering, within the ego's limits; the scripted speed where it gives none."""
+        """The system's pose, or its acceleration and steering within the ego's limits; the scripted speed where it gives none."""
         target = self._target(ego)
         control = self._ask(ego, target, run) if self.longitudinal or self.lateral else Control()
+        if isinstance(control, Pose):
+            return self._put(ego, control, run)
         steering = control.steering if self.lateral else None
         control = _overridden(control, ego) if self.longitudinal else Control()
         if control.acceleration is not None:
@@ -164,28 +174,53 @@ class SystemDriver(EgoDriver):
             self._cruise = None
         return controls.target_speed if self._cruise is None else self._cruise
 
-    def _ask(self, ego: Entity, target: float, run: Run) -> Control:
+    def _ask(self, ego: Entity, target: float, run: Run) -> Control | Pose:
         """The system's answer, checked."""
         try:
-            control = self.system.control(observe(run, ego, target), run.dt)
-            if not isinstance(control, Control):
-                raise TypeError(f"control() returned {control!r}, a runner.sut.Control is expected")
-            for value in (control.acceleration, control.steering):
-                if value is not None and not math.isfinite(value):
-                    raise ValueError(f"control() returned {control}, finite numbers are expected")
+            answer = self.system.control(observe(run, ego, target), run.dt)
+            if not isinstance(answer, Control | Pose):
+                raise TypeError(f"control() returned {answer!r}, a runner.sut.Control or Pose is expected")
+            if not is_finite(answer):
+                raise ValueError(f"control() returned {answer}, finite numbers are expected")
+            if isinstance(answer, Pose) and not (self.longitudinal and self.lateral):
+                domain = "longitudinal" if self.longitudinal else "lateral"
+                raise ValueError(f"control() returned a Pose, which needs both domains; the scenario hands over the {domain} one")
         except Exception as error:
             raise failed(self.system, error, run.time) from error
-        return control
+        return answer
+
+    def _put(self, ego: Entity, pose: Pose, run: Run) -> Decision:
+        """The pose as it is, with its speed; the first one that no vehicle reaches is noted."""
+        self._begin(ego, pose.reason, run)
+        dt, c, s = run.dt, math.cos(pose.h), math.sin(pose.h)
+        dx, dy = pose.x - ego.x, pose.y - ego.y
+        speed = (dx * c + dy * s) / dt if pose.speed is None else pose.speed
+        if not self.implausible:
+            off = math.hypot(dx - ego.vx * dt, dy - ego.vy * dt)
+            before, now = abs(ego.speed), abs(speed)
+            moved = math.hypot(dx, dy) / dt
+            if off > _OFF + _GRAVITY * dt * dt:
+                self.implausible = f"{ego.name} is put {off:.2f} m from where it would be at {run.time + dt:.2f} s"
+            elif not min(before, now) - _UNLIKE <= moved <= max(before, now) + _UNLIKE:
+                told = f"is put {moved * dt:.2f} m further at {run.time + dt:.2f} s, at a speed of {speed:.2f} m/s"
+                self.implausible = f"{ego.name} {told}"
+            if self.implausible:
+                run.note("implausiblePose", ego.name, f"{self.implausible}: no vehicle moves so")
+        return Decision(speed, pose=pose)
 
     def _intervene(self, ego: Entity, acceleration: float, reason: str, run: Run) -> float:
         """Speed after a step of the system's acceleration, m/s: a change of the direction of travel ends in standstill."""
-        if not self._intervening:
-            self._intervening = self._returning = True
-            run.note("interventionStart", ego.name, reason)
+        self._begin(ego, reason, run)
         limits = ego.declared.performance
         grip = _GRAVITY * run.environment.friction
         speed = ego.speed + max(-min(limits.max_deceleration, grip), min(limits.max_acceleration, grip, acceleration)) * run.dt
         return min(max(speed, 0.0), max(limits.max_speed, ego.speed)) if ego.speed >= 0.0 else min(speed, 0.0)
+
+    def _begin(self, ego: Entity, reason: str, run: Run) -> None:
+        """Log the beginning of an intervention."""
+        if not self._intervening:
+            self._intervening = self._returning = True
+            run.note("interventionStart", ego.name, reason)
 
 
 def observe(run: Run, ego: Entity, target: float) -> Observation:
@@ -203,6 +238,13 @@ def _stop_line(run: Run, ego: Entity) -> StopLine | None:
         return None
     along = ego.direction > 0 if ego.on_lane else math.cos(ego.h - run.roads.network.pose(point).h) >= 0.0
     return run.signals.stop_line(point, along == (ego.speed >= 0.0), abs(ego.speed), ego.controls.route)
+
+
+def is_finite(answer: Control | Pose) -> bool:
+    """Whether all numbers of a system's answer are finite."""
+    values: tuple[float | None, ...]
+    values = (answer.x, answer.y, answer.h, answer.speed) if isinstance(answer, Pose) else (answer.acceleration, answer.steering)
+    return all(value is None or math.isfinite(value) for value in values)
 
 
 def failed(system: System, error: Exception, time: float) -> ToolchainError:
@@ -229,10 +271,10 @@ def _overridden(control: Control, ego: Entity) -> Control:
     limits, own = ego.declared.performance, control.acceleration or 0.0
     forwards, backwards = max(own, 0.0), max(-own, 0.0)
     if "Throttle" in pedals:
-        forwards = pedals["Throttle"] * min(limits.max_acceleration, _PEDAL)
+        forwards = pedals["Throttle"] * min(limits.max_acceleration, PEDAL)
     if "Brake" in pedals:
-        backwards = pedals["Brake"] * min(limits.max_deceleration, _PEDAL)
-    backwards = max(backwards, pedals.get("ParkingBrake", 0.0) * min(limits.max_deceleration, _PEDAL))
+        backwards = pedals["Brake"] * min(limits.max_deceleration, PEDAL)
+    backwards = max(backwards, pedals.get("ParkingBrake", 0.0) * min(limits.max_deceleration, PEDAL))
     if control.acceleration is None and forwards == backwards == 0.0:
         return control
     return replace(control, acceleration=forwards - backwards, reason="overridden controller inputs")

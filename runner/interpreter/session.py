@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from runner.interpreter.compiler import Scenario, compile_scenario
 from runner.interpreter.departures import Departures, absences, egoless, standstill
-from runner.interpreter.drivers import observe
+from runner.interpreter.drivers import is_finite, observe
 from runner.interpreter.ego import cruise_speed, driver_of, find_ego
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
@@ -22,7 +22,7 @@ from runner.interpreter.verdict import apply_limits, criteria_remarks, judge
 from runner.participants.controllers import controller_remarks
 from runner.settings import RunSettings
 from runner.sut import load_system, system_name
-from runner.sut.base import Control, Observation
+from runner.sut.base import Control, Observation, Pose
 from runner.sut.commanded import Commanded
 from runner.sut.parameters import parameters_of
 from schemas.errors import UsageError
@@ -153,7 +153,7 @@ class Session:
         pairs = (names for _, *names in self._sim.contacts.history if ego in names)
         return tuple(dict.fromkeys(second if first == ego else first for first, second in pairs))
 
-    def step(self, control: Control | None = None) -> bool:
+    def step(self, control: Control | Pose | None = None) -> bool:
         """Do one time step; whether there is another one.
 
         Args:
@@ -190,13 +190,13 @@ class Session:
             self.close()
         return self.result()
 
-    def _check(self, control: Control) -> None:
+    def _check(self, control: Control | Pose) -> None:
         """Refuse a control that the ego can't be given."""
         if self._ego is None:
             raise self._refused("the scenario has no ego that step() could control")
         if not isinstance(self._system, Commanded):
             raise self._refused(f"{system_name(self.settings.sut)!r} drives the ego: leave `sut` out to control it by step()")
-        if not all(math.isfinite(value) for value in (control.acceleration, control.steering) if value is not None):
+        if not is_finite(control):
             raise self._refused(f"step() was given {control}, finite numbers are expected")
 
     def _refused(self, message: str) -> UsageError:

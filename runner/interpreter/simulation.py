@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from runner.contracts.action import LATERAL
 from runner.interpreter.collision import Contacts
 from runner.motion.roads import Roads
-from runner.motion.steering import SteeredMotion
+from runner.motion.steering import PosedMotion, SteeredMotion
 from runner.participants.trailers import disconnect, line_up, tow, train
 from runner.recording import LogEntry, Recorder
 from runner.spacing.displacement import Displacement
@@ -195,10 +195,13 @@ class Simulation:
     def _move_ego(self, ego: Entity, driver: EgoDriver) -> None:
         decision = driver.decide(ego, self)
         motion = ego.controls.motion
-        if decision.steering is not None:
+        if decision.pose is not None:
+            posed = motion if isinstance(motion, PosedMotion) else PosedMotion(self.roads)
+            posed.put(ego, decision.pose.x, decision.pose.y, decision.pose.h)
+        elif decision.steering is not None:
             steered = motion if isinstance(motion, SteeredMotion) else SteeredMotion(self.roads)
             steered.steer(ego, decision.steering)
-        elif isinstance(motion, SteeredMotion):
+        elif isinstance(motion, SteeredMotion | PosedMotion):
             self.roads.back_to_lane(ego)
         self._move(ego, decision.speed, self.dt)
 

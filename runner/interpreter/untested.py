@@ -11,6 +11,7 @@ import numpy as np
 from runner.contracts.action import PrivateAction
 from runner.contracts.run import Transition
 from runner.interpreter.departures import egoless
+from runner.interpreter.drivers import SystemDriver
 from runner.interpreter.result import Cause
 from runner.interpreter.storyboard.elements import ActionElement
 from runner.interpreter.storyboard.storyboard import Act
@@ -33,7 +34,7 @@ CAUSES: Mapping[str, str] = {
     "stopped-at-once": "the stop trigger was true at time 0",
     "no-event": "no event of the storyboard started",
     "off-road": "the ego left the road, or came to its end, before the first event",
-    "performance": "a speed or acceleration beyond the declared Performance",
+    "performance": "a speed or acceleration beyond the declared Performance, or a pose that no vehicle reaches",
     "parameters": "parameter values outside the constraints that the file declares",
 }
 """Causes by name, and their meaning"""
@@ -125,10 +126,13 @@ def _departures(sim: Simulation, departures: Departures) -> Iterator[Cause]:
 
 
 def _beyond(scenario: Scenario, recording: Recording, ego: Entity | None) -> Iterator[Cause]:
-    """Participants faster than their Performance allows, and an ego that changes its speed faster; one cause each.
+    """Participants faster than their Performance allows, an ego that changes its speed faster or jumps; one cause each.
 
     Others may: `SynchronizeAction`, whose purpose is to arrive in time, is bounded by no Performance.
     """
+    driver = ego.controls.driver if ego is not None else None
+    if isinstance(driver, SystemDriver) and driver.implausible:
+        yield Cause("performance", f"{driver.implausible}: no vehicle moves so")
     for track in recording.tracks.values():
         entity = scenario.entities.get(track.name)
         if entity is None or not len(track.columns["time"]):

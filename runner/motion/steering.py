@@ -1,4 +1,4 @@
-"""Motion of an entity that a system under test steers."""
+"""Motion of an entity off its lane that a system under test steers, or puts at a pose."""
 
 from __future__ import annotations
 
@@ -45,6 +45,32 @@ class SteeredMotion:
         entity.x += speed * dt * math.cos(h)
         entity.y += speed * dt * math.sin(h)
         entity.h = wrap(entity.h + turn)
+        self._roads.lift(entity)
+        return speed
+
+    def distance_to(self, entity: Entity, placement: Placement) -> float | None:
+        """Return the distance straight ahead to the place."""
+        return STRAIGHT_AHEAD.distance_to(entity, placement)
+
+
+class PosedMotion:
+    """Pose by pose as a system under test with a vehicle model of its own gives them, on the surface of the road."""
+
+    stands = False
+
+    def __init__(self, roads: Roads) -> None:
+        self._roads = roads
+        self._pose = (0.0, 0.0, 0.0)
+
+    def put(self, entity: Entity, x: float, y: float, h: float) -> None:
+        """Take the entity off its lane or path and give it a pose for the end of the step; m, rad."""
+        self._pose = (x, y, wrap(h))
+        entity.on_lane = False
+        entity.controls.motion = self
+
+    def advance(self, entity: Entity, speed: float, dt: float) -> float:
+        """Move to the pose."""
+        entity.x, entity.y, entity.h = self._pose
         self._roads.lift(entity)
         return speed
 

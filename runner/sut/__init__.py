@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from functools import cache, partial
 from importlib.metadata import EntryPoint
 
-from runner.sut.base import Control, Observation, Participant, SystemUnderTest, WorldDriven
+from runner.sut.base import Control, Observation, Participant, Pose, SystemUnderTest, WorldDriven
 from runner.sut.parameters import arguments, split
 from schemas.discovery import described
 from schemas.errors import ToolchainError, UsageError, blame
@@ -20,6 +20,7 @@ __all__ = [
     "Control",
     "Observation",
     "Participant",
+    "Pose",
     "System",
     "SystemUnderTest",
     "WorldDriven",

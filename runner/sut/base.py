@@ -1,7 +1,7 @@
 """Systems under test: what they see, what they answer, and how they are found.
 
-A system under test drives one entity, the ego. Each step it is given an `Observation` and answers with a `Control`;
-what it leaves as None stays as the scenario scripts it. It never sees the storyboard.
+A system under test drives one entity, the ego. Each step it is given an `Observation` and answers with a `Control`, or with a
+`Pose` where it has a vehicle model of its own. What a `Control` leaves as None stays as scripted. It never sees the storyboard.
 """
 
 from __future__ import annotations
@@ -120,6 +120,27 @@ class Control:
     reason: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Pose that a system under test with a vehicle model of its own gives the ego at the end of this step.
+
+    The ego is put there as it is: no limit of its `Performance` is applied. A pose that no vehicle can reach makes the run
+    inconclusive (cause `performance`). Height, pitch and roll are those of the road.
+
+    Args:
+        x, y: position of the reference point (vehicles: rear axle centre) in the world frame, m.
+        h: heading, mathematical, rad.
+        speed: along the heading, signed, m/s; None for that of the displacement.
+        reason: why, for the event log, where the system intervenes.
+    """
+
+    x: float
+    y: float
+    h: float
+    speed: float | None = None
+    reason: str = ""
+
+
 class SystemUnderTest(Protocol):
     """A driver or driver assistance system: `control` is called once a step.
 
@@ -130,7 +151,7 @@ class SystemUnderTest(Protocol):
         """Called once before the run."""
         ...
 
-    def control(self, observation: Observation, dt: float) -> Control:
+    def control(self, observation: Observation, dt: float) -> Control | Pose:
         """Decide for the coming dt (s)."""
         ...
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from runner.outside.frames import Frames, accept
 from runner.outside.truth import Truth
-from runner.sut.base import Control, Observation, Participant
+from runner.sut.base import Control, Observation, Participant, Pose
 from schemas.errors import ToolchainError, UsageError
 
 SYSTEMS = {
@@ -20,7 +20,8 @@ SYSTEMS = {
 }
 VERSION = 2
 """Version of the messages"""
-_FIELDS = {"acceleration", "steering", "reason"}
+_CONTROL = {"acceleration", "steering", "reason"}
+_POSE = {"x", "y", "h", "speed"}
 _LONGEST_SHOWN = 60
 TOKEN = "XOSC_BRIDGE_TOKEN"  # noqa: S105  # the name of the variable
 """Environment variable with what a client has to know; the bridge makes one up, and prints it, where it is not set"""
@@ -72,14 +73,14 @@ class Bridge:
         start = {"bridge": VERSION, "ego": ego.name, "timestep": timestep, "seed": seed}
         self._client.send(_json({**start, "limits": {**limits, "max_steering": steering}}))
 
-    def control(self, observation: Observation, dt: float) -> Control:
+    def control(self, observation: Observation, dt: float) -> Control | Pose:
         """Return the client's answer."""
         client = self._client
         if client is None:
             raise ToolchainError("the bridge has no client: reset() comes first")
         client.send(_json({"time": observation.time, "target_speed": observation.target_speed}))
         client.send(self._truth.of(observation).SerializeToString(deterministic=True))
-        return control_of(client.receive())
+        return answer_of(client.receive())
 
     def close(self) -> None:
         """End the connection: the run is over."""
@@ -92,7 +93,7 @@ def _json(message: dict[str, Any]) -> bytes:
     return json.dumps(message).encode()
 
 
-def control_of(body: bytes) -> Control:
+def answer_of(body: bytes) -> Control | Pose:
     """A client's answer.
 
     Raises:
@@ -103,15 +104,31 @@ def control_of(body: bytes) -> Control:
         answer = json.loads(body)
     except (ValueError, RecursionError):
         raise ToolchainError(f"the client of the bridge answers {shown}, a JSON object is expected") from None
-    if not isinstance(answer, dict) or not answer.keys() <= _FIELDS:
-        raise ToolchainError(f"the client of the bridge answers {shown}, acceleration, steering and reason are expected")
-    for name in ("acceleration", "steering"):
-        value = answer.get(name)
-        if value is not None and (isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value)):
-            raise ToolchainError(f"the client of the bridge answers {shown}, a finite number or null is expected as {name}")
-    if not isinstance(answer.get("reason", ""), str):
+    if not isinstance(answer, dict) or not (answer.keys() <= _CONTROL or answer.keys() <= {"pose", "reason"}):
+        expected = "acceleration, steering and reason, or pose and reason,"
+        raise ToolchainError(f"the client of the bridge answers {shown}, {expected} are expected")
+    reason = answer.get("reason", "")
+    if not isinstance(reason, str):
         raise ToolchainError(f"the client of the bridge answers {shown}, a text is expected as reason")
-    return Control(answer.get("acceleration"), answer.get("steering"), answer.get("reason", ""))
+    if "pose" not in answer:
+        return Control(_number(answer, "acceleration", shown), _number(answer, "steering", shown), reason)
+    pose = answer["pose"]
+    if not isinstance(pose, dict) or not _POSE - {"speed"} <= pose.keys() <= _POSE:
+        raise ToolchainError(f"the client of the bridge answers {shown}, x, y, h and speed are expected in pose")
+    x, y, h = (_number(pose, name, shown, needed=True) for name in ("x", "y", "h"))
+    assert x is not None and y is not None and h is not None
+    return Pose(x, y, h, _number(pose, "speed", shown), reason)
+
+
+def _number(answer: dict[str, Any], name: str, shown: str, needed: bool = False) -> float | None:
+    """A value of an answer; None where that is left out or null and not needed."""
+    value = answer.get(name)
+    if value is None and not needed:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
+        expected = "a finite number" if needed else "a finite number or null"
+        raise ToolchainError(f"the client of the bridge answers {shown}, {expected} is expected as {name}")
+    return value
 
 
 def _finite(value: float) -> bool:

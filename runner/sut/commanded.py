@@ -6,7 +6,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from runner.sut.base import Control, Observation, Participant, WorldDriven
+from runner.sut.base import Control, Observation, Participant, Pose, WorldDriven
 
 SYSTEMS = {
     "sumo": ("SumoDriver", "SUMO's driver: keeps distance, yields, changes lanes"),
@@ -21,13 +21,13 @@ class Commanded:
         command: what the ego does in each step until it is replaced; by default all is left to the scenario.
     """
 
-    command: Control = field(default_factory=Control)
+    command: Control | Pose = field(default_factory=Control)
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Each run begins with all left to the scenario."""
         self.command = Control()
 
-    def control(self, observation: Observation, dt: float) -> Control:
+    def control(self, observation: Observation, dt: float) -> Control | Pose:
         """The command."""
         return self.command
 
@@ -40,13 +40,13 @@ class Scripted:
         script: time (s) and control from that time on, in ascending order; before the first it leaves all to the scenario.
     """
 
-    script: Sequence[tuple[float, Control]] = ()
+    script: Sequence[tuple[float, Control | Pose]] = ()
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Nothing is carried from run to run."""
 
-    def control(self, observation: Observation, dt: float) -> Control:
-        """Return the scripted control for this time."""
+    def control(self, observation: Observation, dt: float) -> Control | Pose:
+        """Return the scripted answer for this time."""
         index = bisect_right(self.script, observation.time + 1e-9, key=lambda entry: entry[0])
         return self.script[index - 1][1] if index else Control()
 

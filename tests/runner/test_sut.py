@@ -18,13 +18,13 @@ from runner.participants.boxes import gap as gap_between
 from runner.participants.boxes import outlook
 from runner.participants.declaration import BoundingBox
 from runner.surroundings.environment import Environment
-from runner.sut import Control, Observation, Participant, find_system, load_system, system_name
+from runner.sut import Control, Observation, Participant, Pose, find_system, load_system, system_name
 from runner.sut.base import seen
 from runner.sut.cas import CollisionAvoidance
 from runner.sut.commanded import Scripted
 from schemas.errors import ToolchainError, UsageError
-from tests.conformance.support import at, track
-from tests.runner.files import scenario
+from tests.conformance.support import at, events, track
+from tests.runner.files import car, place, scenario
 
 
 class HalfSpeed:
@@ -135,6 +135,8 @@ class Failing(HalfSpeed):
         (Control(acceleration=math.inf), "finite numbers"),
         (Control(steering=math.nan), "finite numbers"),
         (Control(acceleration="full"), "TypeError"),  # type: ignore[arg-type]
+        (Pose(1.0, math.nan, 0.0), "finite numbers"),
+        (Pose(1.0, 2.0, 0.0, speed=math.inf), "finite numbers"),
     ],
 )
 def test_a_failing_system_is_named(tmp_path: Path, answer: object, complaint: str) -> None:
@@ -147,6 +149,65 @@ def test_a_failing_system_is_named(tmp_path: Path, answer: object, complaint: st
 def test_a_system_may_complain_in_its_own_words(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no map"):
         runner.run(scenario(tmp_path), world="kinematic", sut=Failing(UsageError("no map")))
+
+
+# poses --------------------------------------------------------------------------------------
+
+
+class Gliding(HalfSpeed):
+    """Moves by so many m in each step, and from a time on by a jump (m) once more; says this speed (m/s)."""
+
+    def __init__(self, forward: float, aside: float = 0.0, jump: float = 0.0, speed: float | None = None) -> None:
+        self.forward, self.aside, self.jump, self.speed = forward, aside, jump, speed
+
+    def control(self, observation: Observation, dt: float) -> Pose:  # type: ignore[override]
+        ego, jump = observation.ego, self.jump if abs(observation.time - 0.5) < 1e-9 else 0.0
+        return Pose(ego.x + self.forward, ego.y + self.aside + jump, ego.h, self.speed, "gliding")
+
+
+@pytest.mark.parametrize("world", ["kinematic", "sumo"])
+def test_a_system_may_answer_with_poses(tmp_path: Path, world: str) -> None:
+    result = runner.run(scenario(tmp_path, stop=1.0), world=world, sut=Gliding(0.95, 0.02))
+    ego = track(result, "Ego")
+    assert at(ego, 1.0, "x") - at(ego, 0.0, "x") == pytest.approx(19.0)
+    assert at(ego, 1.0, "y") - at(ego, 0.0, "y") == pytest.approx(0.4)
+    assert at(ego, 1.0, "speed") == pytest.approx(19.0)
+    assert result.verdict.outcome == "passed"
+    assert [event.text for event in events(result, "interventionStart")] == ["gliding"]
+
+
+@pytest.mark.parametrize(
+    ("system", "told"),
+    [
+        (Gliding(1.0, jump=3.5), "Ego is put 3.50 m from where it would be at 0.55 s"),
+        (Gliding(0.0, speed=20.0), "Ego is put 0.00 m further at 0.05 s, at a speed of 20.00 m/s"),
+        (Gliding(2.1), "Ego is put 1.10 m from where it would be at 0.05 s"),
+    ],
+)
+def test_poses_that_no_vehicle_reaches_test_nothing(tmp_path: Path, system: Gliding, told: str) -> None:
+    result = runner.run(scenario(tmp_path, stop=1.0), world="kinematic", sut=system)
+    assert result.verdict.outcome == "inconclusive"
+    assert result.verdict.causes[0].name == "performance"
+    assert told in result.verdict.causes[0].text
+    assert [event.text for event in events(result, "implausiblePose")] == [f"{told}: no vehicle moves so"]
+
+
+def test_a_pose_needs_both_domains(tmp_path: Path) -> None:
+    activate = (
+        '<PrivateAction><ControllerAction><ActivateControllerAction longitudinal="true" lateral="false"/></ControllerAction>'
+        "</PrivateAction>"
+    )
+    init = place("Ego", 100, 20, more=activate) + place("Lead", 150, 10)
+    file = scenario(tmp_path, entities=[car("Ego", "driver"), car("Lead")], init=init)
+    with pytest.raises(ToolchainError, match="a Pose, which needs both domains; the scenario hands over the longitudinal one"):
+        runner.run(file, world="kinematic", sut=Gliding(1.0))
+
+
+def test_what_comes_after_poses_follows_the_lane(tmp_path: Path) -> None:
+    pose = Pose(101.0, -1.5, 0.0)
+    result = runner.run(scenario(tmp_path, stop=1.0), world="kinematic", sut=Scripted([(0.0, pose), (0.05, Control())]))
+    ego = track(result, "Ego")
+    assert (at(ego, 0.05, "x"), at(ego, 1.0, "y")) == (101.0, pytest.approx(-1.5)) and at(ego, 1.0, "x") == pytest.approx(120.0)
 
 
 # what they see ------------------------------------------------------------------------------

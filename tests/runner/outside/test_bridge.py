@@ -17,14 +17,15 @@ from typing import Any
 import pytest
 
 import runner
-from runner.sut import Control
-from runner.sut.bridge import Bridge, control_of
+from runner.sut import Control, Pose
+from runner.sut.bridge import Bridge, answer_of
 from runner.sut.commanded import Scripted
 from schemas.errors import ToolchainError, UsageError
 from schemas.osi.rules import breaches
 from schemas.osi.traces import Frame
 from tests.commands import Command
-from tests.runner.files import scenario
+from tests.conformance.support import at, track
+from tests.runner.files import distribution, scenario
 from xosc.listing import LIBRARY
 
 osi = pytest.importorskip("osi3.osi_groundtruth_pb2")
@@ -280,8 +281,13 @@ def test_a_run_ends_with_one_line(answer: Answer, complaint: str, tmp_path: Path
 @pytest.mark.parametrize(
     ("body", "complaint"),
     [
-        (b"[]", "acceleration, steering and reason are expected"),
-        (b'{"speed": 3}', "acceleration, steering and reason are expected"),
+        (b"[]", "acceleration, steering and reason, or pose and reason, are expected"),
+        (b'{"speed": 3}', "or pose and reason, are expected"),
+        (b'{"pose": {"x": 1, "y": 2, "h": 0}, "steering": 0.1}', "or pose and reason, are expected"),
+        (b'{"pose": {"x": 1, "y": 2}}', "x, y, h and speed are expected in pose"),
+        (b'{"pose": [1, 2, 3]}', "x, y, h and speed are expected in pose"),
+        (b'{"pose": {"x": 1, "y": null, "h": 0}}', "a finite number is expected as y"),
+        (b'{"pose": {"x": 1, "y": 2, "h": 0, "speed": "3"}}', "a finite number or null is expected as speed"),
         (b'{"acceleration": "3"}', "expected as acceleration"),
         (b'{"acceleration": true}', "expected as acceleration"),
         (b'{"acceleration": 1' + b"0" * 400 + b"}", "expected as acceleration"),
@@ -292,12 +298,45 @@ def test_a_run_ends_with_one_line(answer: Answer, complaint: str, tmp_path: Path
 )
 def test_answers_that_are_none_are_refused(body: bytes, complaint: str) -> None:
     with pytest.raises(ToolchainError, match=complaint):
-        control_of(body)
+        answer_of(body)
 
 
 def test_answers_may_leave_everything_out() -> None:
-    assert control_of(b'{"acceleration": null}') == control_of(b"{}") == Control()
-    assert control_of(b'{"acceleration": -1, "steering": 0.5, "reason": "r"}') == Control(-1, 0.5, "r")
+    assert answer_of(b'{"acceleration": null}') == answer_of(b"{}") == Control()
+    assert answer_of(b'{"acceleration": -1, "steering": 0.5, "reason": "r"}') == Control(-1, 0.5, "r")
+
+
+def test_a_client_may_answer_with_poses(tmp_path: Path, port: int) -> None:
+    def drawn(connection: socket.socket, step: dict[str, Any], truth: Any) -> None:
+        base = next(each.base for each in truth.moving_object if each.id == truth.host_vehicle_id)
+        pose = {"x": base.position.x - 1.5 + 0.95, "y": base.position.y, "h": base.orientation.yaw, "speed": 19.0}
+        connection.sendall(frame(json.dumps({"pose": pose}).encode()))
+
+    with client(port, drawn):
+        result = runner.run(scenario(tmp_path, stop=1.0), world="kinematic", sut=Bridge(port))
+    ego = track(result, "Ego")
+    assert at(ego, 1.0, "speed") == 19.0 and at(ego, 1.0, "x") - at(ego, 0.0, "x") == pytest.approx(19.0)
+    assert answer_of(b'{"pose": {"x": 1, "y": 2, "h": 3, "speed": null}, "reason": "r"}') == Pose(1, 2, 3, None, "r")
+
+
+def test_clients_one_after_another_each_drive_a_run_of_the_command(tmp_path: Path, port: int, command: Command) -> None:
+    """Four runs of a variation file, four clients: each is connected to one run, and none to another."""
+    runs: list[int] = []
+
+    def clients() -> None:
+        for _ in range(4):
+            with client(port, braking) as seen:
+                pass
+            runs.append(len(seen))
+
+    thread = Thread(target=clients, daemon=True)
+    thread.start()
+    scenario(tmp_path)
+    file = distribution(tmp_path, "gaps", {"Gap": (20.0, 50.0, 10.0)})
+    answer = command("xosc-run", "--sut", f"bridge:port={port}", "--world", "kinematic", "--max-time", "0.5", file)
+    thread.join(10)
+    assert answer.code == 0 and not thread.is_alive()
+    assert runs == [1 + 10] * 4
 
 
 def test_there_is_one_client(tmp_path: Path, port: int) -> None:
