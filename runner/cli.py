@@ -14,7 +14,7 @@ import typer
 from runner.measures.limits import NEW_FAILURE
 from runner.run_options import Only, Param, Sample, selection_of, with_run_settings
 from runner.settings import RunSettings
-from schemas.commands.help import epilog
+from schemas.commands.help import epilog, explain
 from schemas.commands.options import (
     AllowInconclusive,
     Verbose,
@@ -39,6 +39,7 @@ _EXAMPLES = (
     "xosc-run xosc/library/simple_cut_in.xosc",
     "xosc-run --sut adas xosc/library --jobs 4 --out results --replay",
     'xosc-run -p CutIn_Gap_m=8 --fail-if "min_ttc<1" xosc/library/simple_cut_in.xosc',
+    "xosc-run --sut adas --assess euro-ncap-2023 OSC-NCAP-scenarios/OpenSCENARIO --out assessed",
 )
 _EPILOG = exit_codes("passed", "a verdict is a failure (collision of the ego)", "a run did not test what its file describes")
 
@@ -62,6 +63,10 @@ Replay = Annotated[
 Against = Annotated[
     Path | None, typer.Option(metavar="BATCH", help="Folder of an earlier batch to compare with; --fail-if new-failure needs it.")
 ]
+Assess = Annotated[
+    str | None,
+    typer.Option(metavar="PROTOCOL", help="Write the runs as the table of a test protocol to --out: assessment.html and .csv."),
+]
 Ray = Annotated[
     str | None,
     typer.Option(metavar="ADDRESS", help="Run on this Ray cluster; 'local' starts one of --jobs processes on this machine."),
@@ -83,6 +88,7 @@ def xosc_run(
     plot: Annotated[bool, typer.Option("--plot", help="Add a picture of each run to --out.")] = False,
     replay: Replay = False,
     against: Against = None,
+    assess: Assess = None,
     gui: Annotated[bool, typer.Option("--gui", help="Play each run in SUMO's own window.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
@@ -107,6 +113,8 @@ def xosc_run(
 
     if out is None and (resume or plot):
         raise UsageError("--resume and --plot need the --out folder of the results")
+    if assess is not None:
+        _check_assessment(assess, out, dry_run)
     if resume and (osi is not None or gui):
         option, instead = ("--gui", "xosc-replay shows them") if gui else ("--osi", "xosc-export --to osi writes their traces")
         raise UsageError(f"{option} is of runs that are played, and --resume leaves out finished ones: {instead}")
@@ -139,7 +147,30 @@ def xosc_run(
         table.tell(f"report: {write_report(out, against)}")
     elif out is not None and not dry_run:
         table.tell(f"results: {out}")
+    if assess is not None and out is not None:
+        from runner.assessment.table import write_assessment
+
+        for path in write_assessment(out, assess, settings):
+            table.tell(f"assessment: {path}")
     raise typer.Exit(code)
+
+
+def _assessments() -> tuple[str, list[tuple[str, str]]]:
+    from runner.assessment.profiles import profiles
+
+    return "Protocols of --assess", list(profiles().items())
+
+
+explain("assess", _assessments)
+
+
+def _check_assessment(name: str, out: Path | None, dry_run: bool) -> None:
+    """Refuse an unknown protocol, and an assessment of runs that are not kept, before anything runs."""
+    from runner.assessment.profiles import profile
+
+    profile(name)
+    if out is None or dry_run:
+        raise UsageError("--assess reads the results of runs: it needs --out DIR" + " and no --dry-run" * dry_run)
 
 
 def _need_runs(dry_run: bool) -> None:

@@ -39,7 +39,7 @@ def of_batch(run: RunSettings) -> str:
     Raises:
         UsageError: there is no such system under test.
     """
-    return digest(repr((run.as_json(), _system(run), _program(OURS))).encode())
+    return digest(repr((run.as_json(), _system(run), program(OURS))).encode())
 
 
 def of_job(job: Job, run: RunSettings, shared: str) -> str:
@@ -58,7 +58,7 @@ def of_job(job: Job, run: RunSettings, shared: str) -> str:
 def _files_of(job: Job, run: RunSettings) -> tuple[list[str], str]:
     """Digests of the scenario and of all that it refers to, and what is wrong with them."""
     try:
-        paths, fault = _referred_by(job.scenario, run, job.parameters), ""
+        paths, fault = referred_by(job.scenario, run, job.parameters), ""
     except ToolchainError as error:
         paths, fault = (), str(error)
     return [_by_stamp(path, stamp(path)) for path in (job.scenario, *paths)], fault
@@ -90,7 +90,7 @@ def inputs(
         **files(scenario, run, pinned),
         "system": _system(run),
         "settings": {name: value for name, value in run.as_json().items() if name != "sut"},
-        "program": _program(packages),
+        "program": program(packages),
     }
 
 
@@ -103,7 +103,7 @@ def _system(run: RunSettings) -> list[Any]:
 
 
 @cache
-def _program(packages: tuple[str, ...]) -> str:
+def program(packages: tuple[str, ...]) -> str:
     """Digest of code of ours, and the versions of the libraries that it runs on."""
     versions = [f"{name} {version(name)}" for name in _LIBRARIES]
     return digest("\n".join([*map(_content, packages), *versions]).encode())
@@ -117,11 +117,11 @@ def files(scenario: Path, run: RunSettings, pinned: Mapping[str, str] = MappingP
     """
     return {
         "scenario": digest(scenario.read_bytes()),
-        "roads and catalogues": {path.name: digest(path.read_bytes()) for path in _referred_by(scenario, run, pinned)},
+        "roads and catalogues": {path.name: digest(path.read_bytes()) for path in referred_by(scenario, run, pinned)},
     }
 
 
-def _referred_by(scenario: Path, run: RunSettings, given: Mapping[str, str]) -> tuple[Path, ...]:
+def referred_by(scenario: Path, run: RunSettings, given: Mapping[str, str]) -> tuple[Path, ...]:
     """The road network and the catalogues of a scenario; where a path has no value, or is nowhere, every run says so itself."""
     root = xosc.load(scenario, strict=run.strict).node.element
     varies = any("$" in element.get(attribute, "") for name, attribute in _PATHS.items() for element in root.iter(name))

@@ -62,7 +62,7 @@ def write_report(out: Path, against: Path | None = None) -> Path:
 def report(out: Path) -> dict[str, Any]:
     """Return the data of the page: one row per run, sorted by name, files that failed to load included."""
     settings = journal.settings(out)
-    runs = _table(out)
+    runs = runs_of(out)
     return {
         "title": out.resolve().name,
         "settings": {name: str(value) for name, value in settings.items()},
@@ -87,8 +87,8 @@ def _with_earlier(values: dict[str, Any], out: Path, against: Path) -> dict[str,
     A run is that of before when its file has the same name, and it the same parameters and seed.
     """
     journal.settings(against)
-    earlier = {_identity(run): run for run in _table(against)}
-    now = [_identity(run) for run in _table(out)]
+    earlier = {_identity(run): run for run in runs_of(against)}
+    now = [_identity(run) for run in runs_of(out)]
     address = quote(Path(os.path.relpath(against / REPORT, out)).as_posix())
     return values | {
         "runs": [run | {"before": _before(earlier.get(own))} for run, own in zip(values["runs"], now, strict=True)],
@@ -108,7 +108,7 @@ def _before(run: dict[str, Any] | None) -> dict[str, Any] | None:
     return None if run is None else {"state": run["state"], "measures": _values(run)}
 
 
-def _table(out: Path) -> list[dict[str, Any]]:
+def runs_of(out: Path) -> list[dict[str, Any]]:
     """The batch's table of runs; made from its journal where it was interrupted before there was one."""
     import pyarrow as pa
 

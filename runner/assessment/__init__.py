@@ -1,0 +1,1 @@
+"""Assessment of batches by published test protocols: `xosc-run --assess PROFILE`."""
