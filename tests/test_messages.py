@@ -88,6 +88,21 @@ def test_docstrings_begin_with_a_verb_or_a_noun_and_name_things() -> None:
     assert wrong == []
 
 
+def test_documents_name_things_not_people() -> None:
+    pages = [
+        *ROOT.glob("*.md"),
+        *(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name not in ("reference", "verdicts")),
+    ]
+    assert len(pages) > 40
+    wrong = [
+        f"{page.relative_to(ROOT)}:{number}: says {word.group()!r}"
+        for page in sorted(pages)
+        for number, line in enumerate(page.read_text("utf-8").splitlines(), 1)
+        for word in PEOPLE.finditer(line)
+    ]
+    assert wrong == []
+
+
 @pytest.mark.parametrize("text", ["What a file holds.", "Those that are left.", "Wait until somebody comes.", "Where it is now."])
 def test_unclear_docstrings_are_found(text: str) -> None:
     assert unclear(text)
