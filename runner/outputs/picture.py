@@ -171,6 +171,6 @@ def _criticality(axes: Axes, result: RunResult, impact: Impact | None) -> None:
     nearest = float(np.min(table["distance"][table["distance_valid"]], initial=math.inf))
     axes.set_ylim(0.0, _NEAR if nearest < _NEAR or not math.isfinite(nearest) else 1.5 * nearest)
     axes.set_xlabel("time / s")
-    axes.set_title("ego and whoever is nearest or ahead", fontsize=9)
+    axes.set_title("ego and the nearest entity or the one ahead", fontsize=9)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="best")
