@@ -74,6 +74,11 @@ def fit(at: FloatArray, samples: FloatArray, ends: FloatArray, slopes: FloatArra
 _MOST_CUT = 0.5
 """Largest share of a road that may be cut off at one end."""
 
+_ONE_PLACE = 1.5
+"""Largest distance (m) of the borders of lanes at one place from their mean."""
+_LEVEL = 0.005
+"""Reference lines of linked roads that are no farther apart than this (m) meet."""
+
 End = tuple[int, bool]
 """A bundle, and whether its end (True) or its start is meant."""
 
@@ -86,10 +91,19 @@ class Edge(NamedTuple):
 
 
 class Mouth(NamedTuple):
-    """The end of a road: the line across it, and where its borders pass, from left to right."""
+    """The end of a road: the line across it, and where its borders pass, from left to right.
+
+    centre: offset (m) at which the reference line passes, where a linked road has it; None for half-way between the borders.
+    """
 
     frame: Frame
     edges: tuple[Edge, ...]
+    centre: float | None = None
+
+    @property
+    def t(self) -> float:
+        """Offset at which the reference line passes, m."""
+        return (self.edges[0].t + self.edges[-1].t) / 2 if self.centre is None else self.centre
 
 
 class Borders:
@@ -137,13 +151,17 @@ def mouths(borders: Borders) -> dict[End, Mouth]:
     for joint in layout.joints:
         owner = _owner(layout, joint)
         frame = _meeting(borders, joint) if owner is None else _cut(borders, owner)
-        edges = _lane_edges(borders, owner, frame) if owner else {}
+        edges = _lane_edges(borders, owner, frame) if owner else _shared_edges(borders, joint, frame)
         links = [*joint.lanes, *((after, before) for before, after in joint.lanes)]
         for end in [*((number, True) for number in joint.ending), *((number, False) for number in joint.beginning)]:
             partner = (
                 {lane: edges[other] for lane, other in links if lane[0] == end[0] and other in edges} if end != owner else edges
             )
             found[end] = Mouth(frame, tuple(_edges(borders, end, frame, partner)))
+        if joint.plain and owner:
+            other = (joint.beginning[0], False) if owner[1] else (joint.ending[0], True)
+            if abs(found[other].t - found[owner].t) > _LEVEL:
+                found[other] = found[other]._replace(centre=found[owner].t)
     for number in range(len(layout.bundles)):
         for end in ((number, False), (number, True)):
             if end not in found:
@@ -205,6 +223,24 @@ def _lane_edges(borders: Borders, end: End, frame: Frame) -> dict[_Lane, tuple[E
     """The left and right edges of each lane of the owner."""
     edges = [_edge(line, frame, end[1]) for line in borders.own(end[0])]
     return {(end[0], lane): (edges[lane], edges[lane + 1]) for lane in range(len(edges) - 1)}
+
+
+def _shared_edges(borders: Borders, joint: Joint, frame: Frame) -> dict[_Lane, tuple[Edge, Edge]]:
+    """Return mean edges of the lanes that lead into each other where several roads end and several begin, if at one place."""
+    ends = [*((number, True) for number in joint.ending), *((number, False) for number in joint.beginning)]
+    own = {(lane, end[1]): pair for end in ends for lane, pair in _lane_edges(borders, end, frame).items()}
+    alike = {(key, side): {(key, side)} for key in own for side in (0, 1)}
+    pairs = [(((before, True), side), ((after, False), side)) for before, after in joint.lanes for side in (0, 1)]
+    pairs += [((key, 1), (right, 0)) for key in own if (right := ((key[0][0], key[0][1] + 1), key[1])) in own]
+    for one, other in pairs:
+        both = alike[one] | alike[other]
+        alike |= dict.fromkeys(both, both)
+    found: dict[_Lane, tuple[Edge, Edge]] = {}
+    for key, pair in own.items():
+        shared = [np.array([own[each][place] for each, place in sorted(alike[key, side])]).mean(axis=0) for side in (0, 1)]
+        if all(abs(edge.t - mean[0]) <= _ONE_PLACE for edge, mean in zip(pair, shared, strict=True)):
+            found[key[0]] = Edge(*shared[0].tolist()), Edge(*shared[1].tolist())
+    return found
 
 
 def _edges(borders: Borders, end: End, frame: Frame, known: dict[_Lane, tuple[Edge, Edge]]) -> list[Edge]:
@@ -284,16 +320,18 @@ def shape(lines: list[Points], start: Mouth, end: Mouth) -> Shape:
 
 
 def _own(mouth: Mouth) -> list[float]:
-    """The borders as measured from the reference line, which passes half-way between the outer ones."""
-    t = [edge.t for edge in mouth.edges]
-    return [value - (t[0] + t[-1]) / 2 for value in t]
+    """Return the offsets of the borders from the reference line, m."""
+    return [edge.t - mouth.t for edge in mouth.edges]
 
 
 def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> PPoly:
     """The spline along the middle that does not turn too sharply for the road's width; of those the coarsest one near to it."""
     samples = middle(left, right, STEP)
     half = np.hypot(*(resampled(left, len(samples)) - resampled(right, len(samples))).T) / 2
-    ends = np.array([mouth.frame.world(0.0, (mouth.edges[0].t + mouth.edges[-1].t) / 2) for mouth in (start, end)])
+    ends = np.array([mouth.frame.world(0.0, mouth.t) for mouth in (start, end)])
+    for mouth, to_end, place in ((start, np.linspace(1.0, 0.0, len(samples)), 0), (end, np.linspace(0.0, 1.0, len(samples)), 1)):
+        if mouth.centre is not None:  # the line leaves the middle little by little
+            samples += to_end[:, None] * (ends[place] - samples[-place])
     samples[[0, -1]] = ends
     at = lengths(samples)
     slopes = np.array([(math.cos(mouth.frame.heading), math.sin(mouth.frame.heading)) for mouth in (start, end)])

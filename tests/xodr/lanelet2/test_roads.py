@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import libsumo
 import numpy as np
@@ -282,3 +283,47 @@ def test_sumo_drives_every_connection(name: str, tmp_path: Path, simulation: Cal
             track.road_id for vehicle in libsumo.vehicle.getIDList() if (track := net.track(libsumo.vehicle.getLaneID(vehicle)))
         }
     assert passed == set(network.roads)
+
+
+def _strip(name: str, start: tuple[float, float], end: tuple[float, float], width: float = 3.5, **more: Any) -> Lanelet:
+    """A straight lanelet to the east between two places on its middle."""
+    (x0, y0), (x1, y1) = start, end
+    sides = [np.array([(x0, y0 + aside), (x1, y1 + aside)]) for aside in (width / 2, -width / 2)]
+    return Lanelet(name, *sides, **more)
+
+
+def _borders_meet(network: xodr.RoadNetwork) -> bool:
+    """Whether the borders of linked lanes meet, and so do the reference lines of roads that follow each other."""
+    for road in network.roads.values():
+        for lane in road.sections[-1].lanes:
+            for link in network.links(road.id, lane, True) if lane else ():
+                other = network.roads[link.road_id]
+                for side in ("inner", "outer"):
+                    here = road.pose(road.length, getattr(road.lane(road.length, lane), side)(road.length))
+                    there = other.pose(0.0, getattr(other.lane(0.0, link.lane_id), side)(0.0))
+                    if math.hypot(here[0] - there[0], here[1] - there[1]) > 0.01:
+                        return False
+    return True
+
+
+def test_lanes_meet_where_several_end_and_several_begin(tmp_path: Path) -> None:
+    ways = ("c", "d")
+    lanelets = [
+        _strip("a", (0.0, 0.0), (50.0, 0.0), 3.5, successors=ways),
+        _strip("b", (0.0, -9.0), (50.0, 0.2), 3.2, successors=ways),
+        _strip("c", (50.0, 0.1), (90.0, 0.1), 3.6),
+        _strip("d", (50.0, 0.0), (90.0, 12.0), 3.0),
+    ]
+    assert _borders_meet(xodr.load(build(lanelets, "x").map.write(tmp_path / "x.xodr")))
+
+
+def test_a_road_whose_second_lane_ends_leads_on_from_its_reference_line(tmp_path: Path) -> None:
+    lanelets = [
+        _strip("a", (0.0, 0.0), (50.0, 0.0), beside_right=Neighbour("b", True), successors=("c",)),
+        _strip("b", (0.0, -3.5), (50.0, -3.5)),
+        _strip("c", (50.0, 0.0), (120.0, 0.0)),
+    ]
+    network = xodr.load(build(lanelets, "x").map.write(tmp_path / "x.xodr"))
+    first, second = (network.roads[network.locate(x, 0.0).road_id] for x in (20.0, 100.0))
+    assert np.allclose(first.pose(first.length, 0.0)[:2], second.pose(0.0, 0.0)[:2], atol=0.01)
+    assert _borders_meet(network)

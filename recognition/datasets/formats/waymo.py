@@ -1,0 +1,214 @@
+"""Waymo Open Motion scenes as GPUDrive's (and Nocturne's) JSON files: one scene a file, 91 steps at 10 Hz.
+
+Source: Ettinger et al., "Large Scale Interactive Motion Forecasting for Autonomous Driving: The Waymo Open Motion Dataset" (ICCV
+2021); Kazemkhani et al., "GPUDrive" (ICLR 2025), and its public converter. `objects` have a type, a size, and lists of positions
+(middles of boxes, m), headings (rad) and velocities (m/s), which count where `valid` is true. `metadata.sdc_track_index` is the
+index of the recording vehicle. `roads` are lines: centre lines of lanes, marks, edges, crosswalks; `map_element_id` tells
+freeways. Which lanes follow each other or lie beside each other is not in the files, nor are speed limits. `tl_states` has the
+states of traffic lights by the ids of the lanes that they are for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from recognition.datasets.records import points, value
+from recognition.datasets.roads import drawn
+from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
+from recognition.datasets.smoothing import smoothed
+from recognition.datasets.source import Exclusion, Participant, Report, SiteRoad, Source, participant
+from recognition.datasets.table import GREATEST, Table
+from runner.recording import Recording
+from schemas.errors import InvalidFile
+from schemas.storage import read_object
+from xodr.array_types import FloatArray, IntArray
+
+FORMAT = "Waymo"
+TITLE = "Waymo Open Motion (GPUDrive's JSON)"
+BY_CONTENT = True
+_STEP = 0.1
+_HEAD = 4096
+_CATEGORIES = {"vehicle": "car", "pedestrian": "pedestrian", "cyclist": "bicycle", "other": "obstacle", "unset": "obstacle"}
+_LONG = 7.0
+"""Vehicles longer than this (m) are trucks"""
+_FREEWAY, _BIKE_LANE = 1, 3
+"""`map_element_id` of lanes that are not of streets"""
+_LANE_TYPES = (0, _FREEWAY, 2, _BIKE_LANE)
+_EDGES = ("road_line", "road_edge")
+_SHORTEST = 1.0
+"""Shorter centre lines are no lanes, m"""
+
+
+def claims(path: Path) -> bool:
+    """Whether a file is a scene, by the first keys of its object."""
+    if path.suffix != ".json":
+        return False
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError:
+        return False
+    return b'"name"' in head and b'"objects"' in head and b'"position"' in head
+
+
+def sources(path: Path, roads: Path) -> list[Source]:
+    """The recording of a scene, which is a site of its own."""
+    return [
+        Source(path.stem, path.stem, FORMAT, path, partial(_read, path), path, road=partial(_road, path), ego=partial(_ego, path))
+    ]
+
+
+class _Object(NamedTuple):
+    """A participant, and its values in each valid step: step, x, y, heading, velocity along x and y."""
+
+    who: Participant
+    values: FloatArray
+
+
+def _ego(path: Path) -> str | None:
+    """Name of the recording vehicle of a scene; None where it has none."""
+    document = read_object(path)
+    return _name_of_ego(document, path)
+
+
+def _name_of_ego(document: Mapping[str, Any], path: Path) -> str:
+    objects = value(document, "objects", list, path, "scene")
+    index = value(value(document, "metadata", dict, path, "scene"), "sdc_track_index", int, path, "metadata")
+    if not 0 <= index < len(objects):
+        raise InvalidFile(f"sdc_track_index {index} is none of the {len(objects)} objects", path=path, element="metadata")
+    return str(objects[index].get("id"))
+
+
+def _read(path: Path) -> tuple[Recording, Report]:
+    document = read_object(path)
+    ego = _name_of_ego(document, path)
+    objects, exclusions = [], []
+    for number, one in enumerate(document["objects"], 1):
+        found = _object(one, path, f"object {number}")
+        if len(found.values):
+            objects.append(found)
+        else:
+            exclusions.append(Exclusion(f"object {found.who.name}", 0, "it has no valid step"))
+    names = [each.who.name for each in objects]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InvalidFile(f"two objects have the id {twice}", path=path, element="objects")
+    if ego not in names:
+        raise InvalidFile(f"object {ego}, the recording vehicle, has no valid step", path=path, element="metadata")
+    step, x, y, h, vx, vy = np.concatenate([each.values for each in objects]).T
+    track: IntArray = np.repeat(np.arange(len(objects)), [len(each.values) for each in objects])
+    table = Table(path, {"step": step.astype(np.int64)}, lines=False)
+    rows = in_order(table, track, Clock("step", table["step"], 1.0 / _STEP, _STEP), names=names)
+    report = rows.report(names)
+    report.exclusions += exclusions
+    who = [each.who for each in objects]
+    speed = vx * np.cos(h) + vy * np.sin(h)
+    report.remarks.append("accelerations are derived from the speeds")
+    report.remarks.append(f"vehicles longer than {_LONG:g} m are taken for trucks")
+    report.remarks += _on_lights(document, path)
+    columns = columns_of(rows, who, x, y, h, speed, rate(speed, rows))
+    return Recording(cut(*smoothed(rows, who, columns, report)), _STEP, None), report
+
+
+def _on_lights(document: Mapping[str, Any], path: Path) -> list[str]:
+    """A remark on states of traffic lights, where there are some."""
+    states = document.get("tl_states") or {}
+    if not isinstance(states, dict):
+        raise InvalidFile("tl_states is no object", path=path, element="scene")
+    if not states:
+        return ["the scene has no states of traffic lights: its junctions are taken for some without"]
+    return [f"{len(states)} lanes have traffic lights; how these change is not in the recording"]
+
+
+def _object(one: Any, path: Path, element: str) -> _Object:
+    if not isinstance(one, dict):
+        raise InvalidFile("an object is expected", path=path, element=element)
+    kind = value(one, "type", str, path, element)
+    if kind not in _CATEGORIES:
+        raise InvalidFile(f"type {kind!r} is none of {', '.join(_CATEGORIES)}", path=path, element=element)
+    valid = value(one, "valid", list, path, element)
+    if "id" not in one or not all(isinstance(each, bool) for each in valid):
+        raise InvalidFile("there is no id, or valid has other values than true and false", path=path, element=element)
+    steps = np.flatnonzero(valid)
+    place, velocity = (_vectors(one, key, steps, len(valid), path, element) for key in ("position", "velocity"))
+    headings = value(one, "heading", list, path, element)
+    if len(headings) != len(valid):
+        raise InvalidFile(f"{len(headings)} headings of {len(valid)} steps", path=path, element=element)
+    turns = _numbers([headings[step] for step in steps], "heading", path, element)
+    size = _numbers([one.get("length"), one.get("width")], "length or width", path, element)
+    if len(steps) and not (size > 0.0).all():
+        raise InvalidFile(f"{size.min():g} is no size", path=path, element=element)
+    category = "truck" if kind == "vehicle" and size[0] > _LONG else _CATEGORIES[kind]
+    who = participant(str(one["id"]), category, *size.tolist())
+    return _Object(who, np.column_stack([steps, place, turns, velocity]))
+
+
+def _vectors(one: Mapping[str, Any], key: str, steps: IntArray, count: int, path: Path, element: str) -> FloatArray:
+    """x and y (n, 2) of a vector in the valid steps."""
+    listed = value(one, key, list, path, element)
+    if len(listed) != count:
+        raise InvalidFile(f"{key} has {len(listed)} values for {count} steps", path=path, element=element)
+    chosen = [listed[step] for step in steps]
+    if not all(isinstance(each, dict) for each in chosen):
+        raise InvalidFile(f"{key} is no list of x and y", path=path, element=element)
+    return _numbers([each.get(axis) for each in chosen for axis in "xy"], key, path, element).reshape(-1, 2)
+
+
+def _numbers(values: list[Any], what: str, path: Path, element: str) -> FloatArray:
+    wrong = next((each for each in values if type(each) not in (int, float) or not abs(each) <= GREATEST), None)
+    if wrong is not None or None in values:
+        raise InvalidFile(f"{what}: {str(wrong)[:40]} is no measured value", path=path, element=element)
+    return np.array(values, np.float64)
+
+
+# the road -----------------------------------------------------------------------------------
+
+
+def _elements(document: Mapping[str, Any], path: Path) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Id, type and values of each element of the map."""
+    for number, one in enumerate(value(document, "roads", list, path, "scene"), 1):
+        if not isinstance(one, dict):
+            raise InvalidFile("an object is expected", path=path, element=f"road {number}")
+        yield str(one.get("id", f"r{number}")), value(one, "type", str, path, f"road {number}"), one
+
+
+def _road(path: Path, _recording: Recording, folder: Path) -> SiteRoad:
+    """The road of a scene's lines: successors, neighbours and widths of its lanes are inferred.
+
+    Raises:
+        InvalidFile: there is no lane, or a line is malformed.
+    """
+    from xodr.lanelet2.centre_lines import CentreLine, lanelets_of
+    from xodr.lanelet2.lanelet import lengths
+    from xodr.lanelet2.reader import Area
+
+    document = read_object(path)
+    lit = {str(lane) for lane in document.get("tl_states") or {}}
+    lanes, edges, crosswalks, short = [], [], [], []
+    for name, kind, one in _elements(document, path):
+        element = f"{kind} {name}"
+        if kind in _EDGES:
+            edges.append(points(one, "geometry", path, element))
+        elif kind == "crosswalk":
+            crosswalks.append(Area(name, points(one, "geometry", path, element)))
+        elif kind == "lane":
+            line, number = points(one, "geometry", path, element), one.get("map_element_id")
+            if number not in _LANE_TYPES:
+                raise InvalidFile(f"map_element_id {number!r} is no lane's", path=path, element=element)
+            if len(line) < 2 or lengths(line)[-1] < _SHORTEST:
+                short.append(name)
+                continue
+            types = "biking" if number == _BIKE_LANE else "driving", "motorway" if number == _FREEWAY else "town"
+            lanes.append(CentreLine(name, line, *types, math.inf, None, (name,) if name in lit else ()))
+    if not lanes:
+        raise InvalidFile("the scene has no lanes, so its roads are unknown", path=path, element="roads")
+    lanelets, inferred = lanelets_of(lanes, edges)
+    notes = ["the map gives no speed limits; freeways are taken for motorways, other roads for those of a town"]
+    notes += [f"lanes of less than {_SHORTEST:g} m are left out: {' '.join(short)}"] if short else []
+    return drawn(lanelets, path.stem, folder, [each for each in crosswalks if len(each.outline) > 2], [*notes, *inferred])
