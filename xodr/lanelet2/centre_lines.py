@@ -191,7 +191,7 @@ class _Lanes:
         return found
 
     def _cuts(self, runs: Sequence[_Run]) -> dict[int, list[float]]:
-        """Where lanes are split, in ascending order: a split of one is one of those beside it."""
+        """Return places where lanes are split, in ascending order: a split of one is one of those beside it."""
         cuts: dict[int, list[float]] = defaultdict(list)
 
         def add(number: int, s: float) -> None:
@@ -285,7 +285,7 @@ def _headings(line: Points) -> FloatArray:
 
 
 def _local(origin: Points, heading: FloatArray, there: Points) -> tuple[FloatArray, FloatArray]:
-    """How far places are ahead of and to the left of others, m."""
+    """Return distances of places ahead of and to the left of others, m."""
     (dx, dy), cos, sin = (there - origin).T, np.cos(heading), np.sin(heading)
     return cos * dx + sin * dy, cos * dy - sin * dx
 
