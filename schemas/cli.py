@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,16 +13,32 @@ import typer
 
 from schemas.checks.problems import LEVELS, Problem
 from schemas.commands.help import epilog
-from schemas.commands.options import CatalogPath, RoadPath, Version, deliver, guarded, new_app, protected
-from schemas.errors import ExitCode, exit_codes
+from schemas.commands.options import (
+    CatalogPath,
+    RoadPath,
+    Version,
+    deliver,
+    guarded,
+    new_app,
+    progress_bar,
+    protected,
+    say,
+)
+from schemas.errors import ExitCode, UsageError, exit_codes
 from schemas.security.text import one_line
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 _EXAMPLES = (
     "xosc-check xosc/library xodr/library",
     "xosc-check --format sarif --output check.sarif xosc/library",
+    "xosc-check --triage --format html --output triage.html scenarios",
 )
 _EPILOG = exit_codes("all files are accepted (no error; with --strict no warning either)", "some are not")
+
+_TRIAGE = "runner.batch.triage"
+"""Module of --triage, loaded by its name: it plays files, which is a floor above"""
+_TRIAGED = ("text", "json", "html")
+"""Formats of --triage"""
 
 app = new_app()
 
@@ -40,10 +57,15 @@ def _print_rules(requested: bool) -> None:
 @protected("max_runs")
 def xosc_check(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Files, folders (with all below them) and globs.")],
-    format: Annotated[Literal["text", "json", "junit", "xqar", "sarif"], typer.Option(help="Format of the report.")] = "text",
+    format: Annotated[
+        Literal["text", "json", "junit", "xqar", "sarif", "html"], typer.Option(help="Format of the report; html of --triage.")
+    ] = "text",
     output: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the report to a file.")] = None,
     severity: Annotated[Literal["error", "warning", "info"], typer.Option(help="Least severe level that is reported.")] = "info",
     strict: Annotated[bool, typer.Option("--strict", help="Do not accept files with warnings.")] = False,
+    triage: Annotated[
+        bool, typer.Option("--triage", help="Load the files too, and group them: fine, plays with repairs, refused by cause.")
+    ] = False,
     road_path: RoadPath = None,
     catalog_path: CatalogPath = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Name the sound files as well.")] = False,
@@ -56,6 +78,11 @@ def xosc_check(
 
     files = expand(paths)
     missing = any(not os.path.lexists(path) for path in files)
+    if triage != (format in _TRIAGED) and format not in ("text", "json"):
+        raise UsageError(f"--format {format} is {'not ' * triage}of --triage")
+    if triage:
+        some = _triaged(files, catalog_path or (), road_path or (), format, output, quiet)
+        raise typer.Exit(ExitCode.INVALID if missing else ExitCode.FINDING if some else ExitCode.PASSED)
     results = _check(files, catalog_path or (), road_path or (), progress=not quiet and sys.stderr.isatty())
     refused = {"error", "warning"} if strict else {"error"}
     failed = any(problem.level in refused for _, problems in results for problem in problems)
@@ -66,6 +93,23 @@ def xosc_check(
     else:
         _write(results, format, output, quiet)
     raise typer.Exit(ExitCode.INVALID if missing else ExitCode.FINDING if failed else ExitCode.PASSED)
+
+
+def _triaged(
+    paths: Sequence[Path], catalog_path: Sequence[str], road_path: Sequence[str], format: str, output: Path | None, quiet: bool
+) -> bool:
+    """Write the triage of files; whether one is refused."""
+    module = import_module(_TRIAGE)
+    with progress_bar("trying", len(paths), quiet) as advance:
+        found = []
+        for file in module.triage(paths, catalog_path, road_path):
+            found.append(file)
+            advance(1)
+    deliver(module.FORMATS[format](found), "the triage", output)
+    if output is not None and not quiet:
+        print(module.summary(found))
+        say(f"triage: {output}")
+    return any(file.group == module.REFUSED for file in found)
 
 
 def _check(
@@ -114,6 +158,7 @@ def _write(results: Sequence[tuple[Path, list[Problem]]], format: str, output: P
     deliver(report.FORMATS[format](results), "the report", output)
     if output is not None and not quiet:
         print(report.summary(results))
+        say(f"report: {output}")
 
 
 def main() -> None:

@@ -51,7 +51,8 @@ class Remark:
         return InvalidFile(f"{self.message} [{self.rule}]", path=self.path, line=self.line)
 
 
-_BREACH = re.compile(r"\[[\w.-]+:xo(?:sc|dr):[\w.:-]+\]$")
+BREACH = re.compile(r"\[[\w.-]+:xo(?:sc|dr):[\w.:-]+\]$")
+"""End of a remark on a breach of a rule"""
 
 
 def told_quietly(remarks: Iterable[str]) -> str:
@@ -60,7 +61,7 @@ def told_quietly(remarks: Iterable[str]) -> str:
     Args:
         remarks: of one file or several, as text.
     """
-    repairs = dict.fromkeys(remark for remark in remarks if _BREACH.search(remark))
+    repairs = dict.fromkeys(remark for remark in remarks if BREACH.search(remark))
     first = next(iter(repairs), "")
     more = f" (and {len(repairs) - 1} more, see without --quiet)" if len(repairs) > 1 else ""
     return f"read though it breaks its standard: {first}{more}" if first else ""
