@@ -1,12 +1,16 @@
 """Time to make a catalogue of a recording of highD's size (17 minutes, 1,000 vehicles).
 
     python benchmarks/catalogue.py [--recording FOLDER] [--seconds 1020] [--labels auto|rules] [--jobs N] [--parts]
+    python benchmarks/catalogue.py --page CATALOGUE [--scenarios 5000]
 
 The recording is made first, by the recorder in highD's format, unless the folder has it; only what comes after is timed, in
 seconds and in seconds of processors, which tell more where others work on the machine. Then what took most of the time is
 compared with the plain ways: measuring all others of a scene at once with one after the other, and catalogues of trajectories as
 text with documents of scenariogeneration's objects. With --parts the catalogue is made in this process instead, and what each
-part took of the processor is printed.
+part took of the processor is printed; so are the bytes of a recorded hour.
+
+With --page the scenarios of a catalogue are repeated to that number on one page, and headless Chromium measures how long it takes
+to show the page and to answer a filter and an order.
 """
 
 from __future__ import annotations
@@ -27,7 +31,7 @@ from pathlib import Path
 from scenariogeneration import xosc as sg
 
 from recognition import datasets
-from recognition.catalogue import recordings, write
+from recognition.catalogue import index, recordings, write
 from recognition.catalogue.cut import Part, Scene, SceneCutter, Scope
 from recognition.catalogue.model import ByModel, load
 from recognition.catalogue.pipeline import SHIPPED, ByRules, build
@@ -60,7 +64,13 @@ def main() -> None:
     arguments.add_argument("--labels", choices=("auto", "rules"), default="auto")
     arguments.add_argument("--jobs", type=int, default=2, help="processes of the command")
     arguments.add_argument("--parts", action="store_true", help="in this process instead, with the time of each part")
+    arguments.add_argument("--page", type=Path, metavar="CATALOGUE", help="measure the page of this catalogue instead")
+    arguments.add_argument("--scenarios", type=int, default=5000, help="scenarios of the page")
     options = arguments.parse_args()
+    if options.page:
+        with tempfile.TemporaryDirectory() as scratch:
+            show(options.page, options.scenarios, Path(scratch))
+        return
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.recording or Path(scratch) / "recording"
         if not folder.exists():
@@ -84,9 +94,10 @@ def main() -> None:
 def in_parts(folder: Path, out: Path, labels: str) -> None:
     """Make the catalogue in this process, and print what its parts took of the processor."""
     taken = dict.fromkeys(("reading and smoothing", "rules", "model", "cutting scenes", "measuring scenes", "writing"), 0.0)
+    taken |= dict.fromkeys(("films", "lanes of the page", "page", "exposure"), 0.0)
     places: list[tuple[object, str]] = [
-        (datasets.Source, "load"), (recordings, "label"), (ByModel, "look"), (SceneCutter, "cut"), (write, "measures"),
-        (CatalogWriter, "add"),
+        (datasets.Source, "load"), (recordings, "label"), (ByModel, "look"), (SceneCutter, "cut"), (write, "criticality_of"),
+        (CatalogWriter, "add"), (write, "film"), (index, "lanes"), (index, "catalogue_page"), (recordings, "exposure_of"),
     ]  # fmt: skip
     for part, (owner, name) in zip(taken, places, strict=True):
         setattr(owner, name, _timed(getattr(owner, name), part, taken))
@@ -95,10 +106,51 @@ def in_parts(folder: Path, out: Path, labels: str) -> None:
     loading = time.process_time() - start
     summary = build([folder], out, CatalogueSettings(), lambda: recogniser, functools.partial(progress_bar, quiet=True))
     whole, count = time.process_time() - start, sum(summary.classes.values())
-    taken["writing"] -= taken["cutting scenes"] + taken["measuring scenes"]
+    taken["writing"] -= taken["cutting scenes"] + taken["measuring scenes"] + taken["films"]
     print(f"{count} scenarios: {whole:.1f} s of processors, {1e3 * taken['writing'] / count:.1f} ms to write one")
     for part, seconds in ({"reading the model": loading} | taken | {"rest": whole - loading - sum(taken.values())}).items():
         print(f"{part:<22}{seconds:6.1f} s {seconds / whole:4.0%}")
+    size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+    hours = sum(_duration(source) for source in datasets.open(folder).sources) / 3600.0
+    print(f"{size / 1e6:.1f} MB, {size / 1e6 / hours:.0f} MB for a recorded hour")
+
+
+def _duration(source: datasets.Source) -> float:
+    """Time from the first to the last row of a recording, s."""
+    times = [track.columns["time"] for track in source.load().tracks.values()]
+    return float(max(time[-1] for time in times) - min(time[0] for time in times))
+
+
+def show(catalogue: Path, count: int, scratch: Path) -> None:
+    """Print how long a page of many scenarios takes to load, to filter and to sort, and its size."""
+    from tests.runner.chromium import Browser
+
+    head, mark, rest = (catalogue / "index.html").read_text().partition('<script type="application/json" id="data">')
+    text, end, rest = rest.partition("</script>")
+    data = json.loads(text)
+    rows = [row % len(data["films"]) for row in range(count)]
+    for name in ("coded", "texts", "measures"):
+        data[name] = {key: [values[row] for row in rows] for key, values in data[name].items()}
+    for name in ("partial", "films"):
+        data[name] = [data[name][row] for row in rows]
+    text = json.dumps(data, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+    path = scratch / "page.html"
+    path.write_text(f"{head}{mark}{text}{end}{rest}", encoding="utf-8")
+    print(f"{count} scenarios: {path.stat().st_size / 1e6:.1f} MB")
+    with Browser(scratch / "profile") as browser:
+        for width in (1400, 390):
+            browser.open(path, width=width)
+            shown = browser.run("performance.now()")
+            change = (
+                "const all = document.getElementById('choose-{0}'); all.value = '{1}'; all.dispatchEvent(new Event('change'))"
+            )
+            times = [
+                browser.run(f"(() => {{ const start = performance.now(); {change.format(*each)}; document.body.offsetHeight; "
+                            "return performance.now() - start; })()")
+                for each in (("class", data["names"]["class"][0]), ("class", ""), ("sort", "-gap"))
+            ]  # fmt: skip
+            told = ", ".join(f"{name} {took:.0f} ms" for name, took in zip(("filter", "all", "order"), times, strict=True))
+            print(f"{width} px: shown within {shown:.0f} ms, {told}; errors: {browser.errors}")
 
 
 def _timed(work: Callable[..., object], part: str, taken: dict[str, float]) -> Callable[..., object]:

@@ -7,7 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from recognition.catalogue import exposure
 from recognition.catalogue.detect import plain
+from recognition.catalogue.exposure import Exposure, rates
+from recognition.catalogue.page import Film, catalogue_page, lanes
+from recognition.catalogue.recordings import loaded
 from recognition.catalogue.store import Store
 from recognition.catalogue.write import CatalogueConfig, Entries, Written, write_catalog
 from recognition.datasets import Exclusion, Report, Source
@@ -103,18 +107,18 @@ def as_json(rows: Sequence[Row], more: Mapping[str, Any]) -> bytes:
     return (json.dumps({**more, "scenarios": listed}, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def as_csv(rows: Sequence[Row]) -> bytes:
+def as_csv(rows: Sequence[Row], columns: Mapping[str, type] = COLUMNS) -> bytes:
     """A header and a line a row; absent values are blank."""
-    return csv_text([[*COLUMNS], *([row.get(name) for name in COLUMNS] for row in rows)]).encode()
+    return csv_text([[*columns], *([row.get(name) for name in columns] for row in rows)]).encode()
 
 
-def as_parquet(rows: Sequence[Row]) -> bytes:
+def as_parquet(rows: Sequence[Row], columns: Mapping[str, type] = COLUMNS) -> bytes:
     """The same as a Parquet table."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     types = {str: pa.string(), float: pa.float64(), int: pa.int64(), bool: pa.bool_()}
-    table = pa.table({name: pa.array([row.get(name) for row in rows], types[kind]) for name, kind in COLUMNS.items()})
+    table = pa.table({name: pa.array([row.get(name) for row in rows], types[kind]) for name, kind in columns.items()})
     target = pa.BufferOutputStream()
     pq.write_table(table, target, compression="zstd")
     return target.getvalue().to_pybytes()
@@ -139,6 +143,9 @@ class Catalogue:
         self._version, self._sorted_by = config.version, sorted_by
         self._entries: Entries = {}
         self._roads: dict[str, str] = {}
+        self._films: dict[str, Film] = {}
+        self._lanes: dict[str, list[list[int]]] = {}
+        self._exposures: list[tuple[str, Exposure]] = []
 
     def road(self, path: Path) -> str:
         """Write the road of a site, once for each content; its name in the catalogue."""
@@ -148,11 +155,14 @@ class Catalogue:
             name = f"roads/{plain(path.stem)}.xodr"
             self._roads[key] = name if name not in self._roads.values() else f"roads/{plain(path.stem)}-{key}.xodr"
             self.store.write(self._roads[key], content)
+            self._lanes[self._roads[key]] = lanes(loaded(path))
         return self._roads[key]
 
-    def register(self, source: Source, report: Report, exclusions: Iterable[Exclusion]) -> None:
-        """Enter a recording into the index, with what reading it found, and which vehicles are no egos."""
-        found = {"rows": report.rows, "tracks": report.tracks, "missing_rows": report.missing}
+    def register(self, source: Source, report: Report, seen: Exposure, exclusions: Iterable[Exclusion]) -> None:
+        """Enter a recording into the index, with its exposure, what reading it found, and which vehicles are no egos."""
+        self._exposures.append((source.site, seen))
+        found: dict[str, float] = {"rows": report.rows, "tracks": report.tracks, "missing_rows": report.missing}
+        found |= {"vehicle_hours": round(seen.time / 3600.0, 4), "vehicle_km": round(seen.distance / 1000.0, 3)}
         excluded = [exclusion._asdict() for exclusion in report.exclusions]
         recording = {"name": source.name, "data_set": source.format, "site": source.site, **found}
         self._recordings.append({**recording, "excluded_rows": excluded, "remarks": report.remarks})
@@ -161,6 +171,7 @@ class Catalogue:
     def take(self, written: Written) -> None:
         """Take in what has been written of a recording."""
         self.rows += written.rows
+        self._films |= written.films
         self.store.take(written.files, written.edited)
         for place, entries in written.entries.items():
             own = self._entries.setdefault(place, {})
@@ -176,4 +187,8 @@ class Catalogue:
         self.store.write(FILE, as_json(rows, more))
         self.store.write("index.csv", as_csv(rows))
         self.store.write("index.parquet", as_parquet(rows))
+        found = rates(rows, self._exposures)
+        self.store.write("exposure.csv", as_csv(found, exposure.COLUMNS))
+        self.store.write("exposure.parquet", as_parquet(found, exposure.COLUMNS))
+        self.store.write("index.html", catalogue_page(rows, self._films, self._lanes, found).encode())
         return self.store.close()

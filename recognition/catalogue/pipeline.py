@@ -262,7 +262,7 @@ class _Work:
     def _blocks(self, source: Source) -> Iterator[Block]:
         """Yield the blocks to be written of a recording, whose road and index entry are written first."""
         seen = self.seen[source.name]
-        self._catalogue.register(source, seen.report, seen.exclusions)
+        self._catalogue.register(source, seen.report, seen.exposure, seen.exclusions)
         road = self._catalogue.road(seen.ground.road)
         episodes = recordings.episodes(self._settings, seen, self._recogniser.moments(source.name))
         for start in range(0, len(episodes), _EPISODES):

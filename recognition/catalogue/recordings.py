@@ -19,6 +19,7 @@ from recognition import datasets
 from recognition.catalogue import detect
 from recognition.catalogue.cut import Scope
 from recognition.catalogue.detect import Around, Episode, Moment, Vehicle, of_findings, of_vehicles
+from recognition.catalogue.exposure import Exposure, exposure_of
 from recognition.catalogue.write import CatalogueConfig, CatalogWriter, Material, Written
 from recognition.datasets import Cut, Exclusion, Gap, Report, Source, cache_roads
 from recognition.labels import Event, Rules, label
@@ -192,6 +193,7 @@ class LabelledRecording(NamedTuple):
 
     ground: PlacedRecording
     report: Report
+    exposure: Exposure
     events: list[Event]
     egos: list[Vehicle]
     exclusions: list[Exclusion]
@@ -250,7 +252,8 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
     except _REFUSALS as error:
         return _of(source, error)
     egos, exclusions = detect.vehicles(recording, site.network, settings.needs) if settings.scenes == VEHICLES else ([], [])
-    return LabelledRecording(PlacedRecording(place, site.path, site.roles), report, events, egos, exclusions)
+    ground, exposure = PlacedRecording(place, site.path, site.roles), exposure_of(recording, settings.rules)
+    return LabelledRecording(ground, report, exposure, events, egos, exclusions)
 
 
 def episodes(settings: CatalogueSettings, seen: LabelledRecording, moments: Iterable[Moment]) -> list[Episode]:

@@ -14,6 +14,7 @@ import numpy as np
 from recognition.catalogue import replay
 from recognition.catalogue.cut import EGO, Part, Scene, SceneCutter, Scope
 from recognition.catalogue.detect import Detection, Episode, plain
+from recognition.catalogue.page import Film, film
 from recognition.catalogue.replay import entry
 from recognition.catalogue.store import Store
 from recognition.datasets import Source
@@ -178,10 +179,11 @@ class Written(NamedTuple):
     """Parts of the catalogue that remain to be written after the scenarios of a recording.
 
     rows: of the index. entries: of OpenSCENARIO catalogues that other recordings have entries of, too.
-    files: digests of the files written, by name. edited: files that a person has edited, left alone.
+    files: digests of the files written, by name. edited: files that a person has edited, left alone. films: by scenario's file.
     """
 
     rows: list[dict[str, Any]]
+    films: dict[str, Film]
     entries: Entries
     files: dict[str, str]
     edited: list[str]
@@ -215,6 +217,7 @@ class CatalogWriter:
     def __init__(self, root: Path, config: CatalogueConfig, sorted_by: str) -> None:
         self._store = Store(root)
         self._rows: list[dict[str, Any]] = []
+        self._films: dict[str, Film] = {}
         self._config, self._sorted_by = config, sorted_by
         self._entries: Entries = {}
 
@@ -229,7 +232,7 @@ class CatalogWriter:
     @property
     def written(self) -> Written:
         """Return the result of writing so far."""
-        return Written(self._rows, self._entries, self._store.written, self._store.edited)
+        return Written(self._rows, self._films, self._entries, self._store.written, self._store.edited)
 
     def _enter(self, entries: Iterable[_Entry]) -> None:
         for each in entries:
@@ -254,6 +257,9 @@ class CatalogWriter:
             row["no_maneuver"] = reason.message
         row["openlabel"] = self._put(episode, ".openlabel.json", xosc_tags.to_bytes(tagged, f"{episode.name}.xosc", AUTHOR))
         self._rows.append(row)
+        moment = episode.finding.moment if episode.finding is not None else None
+        middle = moment.time if moment is not None else 0.5 * (scene.start + scene.end)
+        self._films[row["file"]] = film(scene, middle, moment.partner if moment is not None else None)
 
     def _put(self, episode: Episode, ending: str, content: bytes) -> str:
         """Write a file of an episode; its name in the catalogue."""

@@ -1,0 +1,92 @@
+"""Exposure: time and distance that vehicles were observed, and rates of events per hour and per 1,000 km by class and site."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from recognition.labels.classes import Rules
+from recognition.labels.scene import EGOS, is_parked
+from runner.recording import Recording
+
+EVERYWHERE = "all"
+"""Site and class of totals"""
+COLUMNS: dict[str, type] = {
+    "site": str, "class": str, "events": int, "vehicles": int, "vehicle_hours": float, "vehicle_km": float,
+    "per_hour": float, "per_hour_low": float, "per_hour_high": float,
+    "per_1000_km": float, "per_1000_km_low": float, "per_1000_km_high": float,
+}  # fmt: skip
+"""Columns of the table beside the index: events, the exposure they are counted in, rates with their 95 % intervals"""
+_LEVEL = 0.95
+_HOUR, _KM = 3600.0, 1000.0
+
+
+class Exposure(NamedTuple):
+    """Motor vehicles that were not parked: their number, the sum of their times (s) and of their distances (m)."""
+
+    vehicles: int
+    time: float
+    distance: float
+
+
+def exposure_of(recording: Recording, rules: Rules) -> Exposure:
+    """Return the exposure of a recording: that of the vehicles that rules may find as egos."""
+    motor = [track for track in recording.tracks.values() if track.kind == "vehicle" and track.category in EGOS]
+    moving = [track.columns for track in motor if len(track.columns["time"]) and not is_parked(track, rules)]
+    time = sum(float(np.ptp(columns["time"])) for columns in moving)
+    distance = sum(float(np.hypot(np.diff(columns["x"]), np.diff(columns["y"])).sum()) for columns in moving)
+    return Exposure(len(moving), time, distance)
+
+
+def rates(rows: Iterable[Mapping[str, Any]], sites: Sequence[tuple[str, Exposure]]) -> list[dict[str, Any]]:
+    """Return the rates of all classes at all sites and at all sites together.
+
+    A class that occurs at one site has a row for each: its upper limit says what absence shows. Rates are absent without
+    exposure.
+
+    Args:
+        rows: of the index.
+        sites: site and exposure of each recording.
+    """
+    events = Counter((str(row["site"]), str(row["class"])) for row in rows)
+    total: dict[str, Exposure] = {}
+    for site, one in sites:
+        for name in (site, EVERYWHERE):
+            before = total.get(name, Exposure(0, 0.0, 0.0))
+            vehicles, time, distance = before.vehicles + one.vehicles, before.time + one.time, before.distance + one.distance
+            total[name] = Exposure(vehicles, time, distance)
+    for (_, title), count in list(events.items()):
+        events[EVERYWHERE, title] += count
+    for (site, _), count in list(events.items()):
+        events[site, EVERYWHERE] += count
+    classes = sorted({title for _, title in events} - {EVERYWHERE})
+    return [
+        _row(site, title, events[site, title], total[site])
+        for site in (*sorted(total.keys() - {EVERYWHERE}), *([EVERYWHERE] if total else []))
+        for title in (*classes, *([EVERYWHERE] if classes else []))
+    ]
+
+
+def _row(site: str, title: str, count: int, seen: Exposure) -> dict[str, Any]:
+    hours, km = seen.time / _HOUR, seen.distance / _KM
+    row = {"site": site, "class": title, "events": count, "vehicles": seen.vehicles}
+    row |= {"vehicle_hours": round(hours, 4), "vehicle_km": round(km, 3)}
+    for name, amount in (("per_hour", hours), ("per_1000_km", km / 1000.0)):
+        values = [each / amount for each in (count, *interval(count))] if amount > 0.0 else [None] * 3
+        row |= {f"{name}{end}": value and round(value, 4) for end, value in zip(("", "_low", "_high"), values, strict=True)}
+    return row
+
+
+def interval(count: int) -> tuple[float, float]:
+    """Return the exact two-sided 95 % interval of the mean of a Poisson variable that was observed once.
+
+    Source: F. Garwood, Fiducial Limits for the Poisson Distribution, Biometrika 28 (1936).
+    """
+    from scipy.stats import chi2
+
+    tail = 0.5 * (1.0 - _LEVEL)
+    low = 0.5 * float(chi2.ppf(tail, 2 * count)) if count else 0.0
+    return low, 0.5 * float(chi2.ppf(1.0 - tail, 2 * count + 2))
