@@ -157,6 +157,7 @@ function card(row) {
     canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": `Film of ${name("class", row)}` }),
     file = data.texts.file[row],
     maneuver = data.texts.maneuver[row];
+  const where = [name("site", row), data.texts.vehicle[row], fact("time", row) ?? "–", name("trust", row)].join(", ");
   const known = measured.filter(each => data.measures[each][row] !== null);
   const pair = [["ego", "ego_speed"], ["partner", "partner_speed"], ["gap", "gap"], ["THW", "pair_thw"], ["TTC", "pair_ttc"]];
   const facts = pair.map(([title, each]) => [title, fact(each, row)]).filter(([, value]) => value !== null);
@@ -165,7 +166,7 @@ function card(row) {
     { class: "card" },
     canvas,
     el("h3", null, name("class", row), data.partial[row] ? " (partial)" : ""),
-    el("p", { class: "muted" }, [name("site", row), data.texts.vehicle[row], fact("time", row) ?? "–", name("trust", row)].join(", ")),
+    el("p", { class: "muted" }, where),
     el("p", null, facts.map(([title, value]) => `${title} ${value}`).join(", ")),
     el(
       "p",
