@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 from runner.contracts.action import LATERAL, PrivateAction, need_places
 from runner.contracts.registry import action
 from runner.contracts.run import Running
-from runner.motion.dynamics import EPSILON, SHAPES, Shape, TransitionDynamics
+from runner.motion.dynamics import EPSILON, SHAPES, Easing, Shape, TransitionDynamics
 from runner.participants.entity import Entity
 from runner.positions.lane import LAYERS
 from schemas.rules.entities import KEPT_LANE_OFFSET_UID
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 _DEFAULT_ACCELERATION = 0.5
 """Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no default."""
+_OTHER_LANE = 1e-6
+"""Difference (m) between an entity's offset and that asked for from which it is on another lane than before."""
 
 
 @action("LaneChangeAction")
@@ -244,9 +246,26 @@ def settle_lane(actor: Entity) -> None:
 
 
 class _Transition(Running):
-    """On the way to a lateral goal along a shape, over time (s) or over the distance travelled (m)."""
+    """On the way to a lateral goal along a shape, over time (s) or over the distance travelled (m).
 
-    __slots__ = ("_actor", "_compensated", "_extent", "_origin", "_over_distance", "_past", "_start", "_value", "goal")
+    Where the lane bound for does not go on, as at a junction, the entity is on another lane from there on: it goes on to the goal
+    in that one, gently (`Easing`).
+    """
+
+    __slots__ = (
+        "_actor",
+        "_asked",
+        "_compensated",
+        "_easing",
+        "_extent",
+        "_origin",
+        "_over_distance",
+        "_past",
+        "_slope",
+        "_start",
+        "_value",
+        "goal",
+    )
 
     def __init__(self, actor: Entity, goal: float, shape: Shape, extent: float, over_distance: bool, compensated: bool) -> None:
         self.goal = goal
@@ -258,21 +277,38 @@ class _Transition(Running):
         self._compensated = compensated
         self._origin = actor.odometer
         self._past = 0.0
+        self._asked = self._start
+        self._slope = 0.0
+        self._easing: Easing | None = None
 
     def step(self, dt: float) -> bool:
         """Ask for the shape's offset at the end of the step, as far as the entity's motion carries it."""
         actor = self._actor
-        way = abs(actor.speed) * dt
-        self._past = actor.odometer - self._origin + way if self._over_distance else self._past + dt
-        progress = self._past / self._extent if self._extent > 0.0 else 1.0
-        over = progress >= 1.0 - EPSILON
-        offset = self.goal if over else self._start + (self.goal - self._start) * self._value(progress)
+        way, left = abs(actor.speed) * dt, actor.offset * actor.direction
+        if abs(left - self._asked) > _OTHER_LANE and actor.controls.target_offset is None:
+            self._easing = Easing(self.goal, left, self._slope, actor.speed)
+        offset, over = self._next(way, dt) if self._easing is None else self._eased(self._easing, way)
         if self._extent > 0.0:
-            left = actor.offset * actor.direction
             offset = min(max(offset, left - way), left + way)
+        if way:
+            self._slope = (offset - left) / way
+        self._asked = offset
         actor.controls.target_offset = offset * actor.direction
         actor.controls.path_compensated = self._compensated
         return over and offset == self.goal
+
+    def _next(self, way: float, dt: float) -> tuple[float, bool]:
+        """Return the shape's offset (m) after a step along a way (m) for dt (s), and whether the shape ends there."""
+        actor = self._actor
+        self._past = actor.odometer - self._origin + way if self._over_distance else self._past + dt
+        progress = self._past / self._extent if self._extent > 0.0 else 1.0
+        over = progress >= 1.0 - EPSILON
+        return self.goal if over else self._start + (self.goal - self._start) * self._value(progress), over
+
+    def _eased(self, easing: Easing, way: float) -> tuple[float, bool]:
+        """Return the same for the way to the goal in the lane that the entity is on now."""
+        offset = easing.advance(way)
+        return (self.goal if easing.done else offset), easing.done
 
     def stop(self) -> None:
         """After a lane change the entity belongs to the lane that it is on, which may not be the one it was bound for."""

@@ -155,6 +155,30 @@ def test_a_lane_change_goes_on_where_the_next_road_is_laid_the_other_way_round(d
     assert np.diff(car["x"]).min() > 0.0
 
 
+ENDING = """<road id="{id}" length="{length}" junction="-1"><link>{link}</link>
+<planView><geometry s="0" x="{x}" y="0" hdg="0" length="{length}"><line/></geometry></planView>
+<lanes><laneSection s="0"><center><lane id="0" type="none"/></center><right>{lanes}</right></laneSection></lanes></road>"""
+ENDING_LANE = '<lane id="{}" type="driving"><link>{}</link><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'
+
+
+def test_a_change_to_a_lane_that_does_not_go_on_ends_in_the_lane_that_does(tmp_path: Path) -> None:
+    onward, back = (
+        '<{} elementType="road" elementId="{}" contactPoint="{}"/>'.format(*link)
+        for link in (("successor", 2, "start"), ("predecessor", 1, "end"))
+    )
+    lanes = ENDING_LANE.format(-1, '<successor id="-1"/>') + ENDING_LANE.format(-2, "")
+    first = ENDING.format(id=1, length=300, link=onward, x=0, lanes=lanes)
+    second = ENDING.format(id=2, length=700, link=back, x=300, lanes=ENDING_LANE.format(-1, '<predecessor id="-1"/>'))
+    path = tmp_path / "ending.xodr"
+    path.write_text(f'<OpenDRIVE><header revMajor="1" revMinor="6"/>{first}{second}</OpenDRIVE>', encoding="utf-8")
+    car = track(change_run(Road=str(path), S=270.0, Shape="sinusoidal", Value=4.0), "Car")
+    assert set(car["road_id"]) == {"1", "2"}
+    steps = np.hypot(np.diff(car["x"]), np.diff(car["y"]))
+    assert steps == pytest.approx(steps[0], abs=1e-4), "without a jump"
+    assert np.abs(np.diff(car["h"])).max() < 0.2, "without sliding sideways"
+    assert (car["y"][-1], int(car["lane_id"][-1])) == (pytest.approx(-0.5 * LANE), -1)
+
+
 # LaneOffsetAction ---------------------------------------------------------------------------
 
 
