@@ -15,6 +15,7 @@ from runner.motion.paths import Chain, turns_back
 from runner.motion.schedules import Schedule, delayed, paced, prescribed, smooth, steady
 from runner.motion.trajectories import Track, Trajectory
 from runner.participants.declaration import Performance
+from runner.participants.trailers import line_up
 from schemas.rules.positions import TIMING_UID
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 _SAME_PLACE = 1e-6
 """Distance (m) within which an entity is where it was to be."""
 _ROUNDING = 0.01
-"""Distance (m) by which a trajectory may be shorter than its rounded vertices say."""
+"""Distance (m) by which a trajectory may be shorter than its rounded vertices say, or begin beside its actor."""
 _STANDSTILL = 1e-3
 """Speed (m/s) below which a schedule ends in standstill."""
 _SAME_TIME = 1e-9
@@ -133,7 +134,10 @@ class FollowTrajectoryAction(PrivateAction):
         else:
             if pace is not None and self.trajectory.moved:
                 actor.controls.target_speed = pace.speed(run.time)
+            here = actor.x, actor.y
             motion.put(actor, actor.controls.target_speed)
+            if not actor.placed or math.dist(here, (actor.x, actor.y)) > _ROUNDING:
+                line_up(run.roads, actor)
             actor.placed = True
         actor.controls.motion, actor.on_lane, actor.controls.target_offset = motion, False, None
         return _Following(actor, run, motion, pace, self._limits(actor))

@@ -11,7 +11,7 @@ import pytest
 
 import runner
 from schemas.errors import InvalidFile
-from tests.conformance.support import SCENARIOS, at, run, track
+from tests.conformance.support import SCENARIOS, at, changed, run, track
 
 HITCH, COUPLER = -1.0, 3.0
 
@@ -66,6 +66,25 @@ def test_an_inline_trailer_is_an_entity_of_its_own_placed_behind_its_tractor_and
     assert at(trailer, 3.9, "speed") == 0.0
     assert at(trailer, 3.9, "x") == pytest.approx(216.0, abs=0.11)
     assert at(car, 3.9, "x") == pytest.approx(239.0)
+
+
+TRAJECTORY = """<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="Path" closed="false"><Shape><Polyline>
+<Vertex time="0"><Position><WorldPosition x="300" y="-1.75" h="0"/></Position></Vertex>
+<Vertex time="8"><Position><WorldPosition x="380" y="-1.75" h="0"/></Position></Vertex></Polyline></Shape></Trajectory></TrajectoryRef>
+<TimeReference><Timing domainAbsoluteRelative="relative" scale="1" offset="0"/></TimeReference>
+<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>"""
+
+
+@pytest.mark.parametrize("teleported", [False, True])
+def test_a_trajectory_puts_a_tractor_on_its_start_with_its_trailer_behind(teleported: bool, tmp_path: Path) -> None:
+    text = (SCENARIOS / "DisconnectTrailerAction.xosc").read_text(encoding="utf-8")
+    begin, end = text.index("<TeleportAction>"), text.index("</TeleportAction>") + len("</TeleportAction>")
+    placed = f"{text[begin:end]}</PrivateAction><PrivateAction>{TRAJECTORY}" if teleported else TRAJECTORY
+    path = changed(SCENARIOS / "DisconnectTrailerAction.xosc", tmp_path, (text[begin:end], placed))
+    trailer = track(run(str(path.with_suffix("")), world="kinematic"), "Trailer")
+    assert at(trailer, 0.0, "x") == pytest.approx(300.0 + HITCH - COUPLER)
+    assert at(trailer, 1.0, "x") == pytest.approx(310.0 + HITCH - COUPLER, abs=0.01)
+    assert np.abs(np.diff(trailer["x"])).max() < 0.11
 
 
 def test_a_vehicle_without_the_element_around_it_is_a_trailer_with_a_remark(tmp_path: Path) -> None:
