@@ -133,8 +133,9 @@ def _check_lane(target: Node, value: int, absolute: bool, network: RoadNetwork) 
 @action("LaneOffsetAction")
 @dataclass(frozen=True, slots=True)
 class LaneOffsetAction(PrivateAction):
-    """Brings an entity to an offset from its lane's centre, absolute or from another entity's offset in its lane.
+    """Brings an entity to an offset from its lane's centre, absolute or from where another entity is across that lane.
 
+    In scenarios for CARLA it is the other entity's offset in its own lane that counts.
     The duration is what the shape needs to stay within the lateral acceleration. Where `continuous`, the offset is
     then kept (to the reference's at any time), and the action never ends by itself. From one's own offset, what is kept is
     the goal of when the action starts: anything else would run away.
@@ -186,7 +187,9 @@ class LaneOffsetAction(PrivateAction):
         left = -self.value if self.to_right else self.value * actor.direction
         if self.reference is None:
             return left
-        return _place(self.reference, run, self.node)[0].offset * actor.direction + left
+        there = _place(self.reference, run, self.node)[0]
+        aside = there.offset if self.to_right else _aside(actor, there, run)
+        return aside * actor.direction + left
 
     def _duration(self, change: float) -> float:
         if self.shape.bend == 0.0 or change == 0.0:
@@ -215,6 +218,17 @@ def _place(entity: Entity, run: Run, node: Node) -> tuple[RoadPoint, int]:
     if entity.on_lane:
         return point, entity.direction
     return point, 1 if math.cos(entity.h - run.roads.network.pose(point).h) >= 0.0 else -1
+
+
+def _aside(actor: Entity, place: RoadPoint, run: Run) -> float:
+    """Offset (m, towards +t) of a place from the centre of an entity's lane; from its own lane's where no way leads there."""
+    road = actor.road
+    assert road is not None and run.roads.network is not None
+    if place.road_id == road.id and actor.lane in road.lane_ids(place.s):
+        return place.t - road.lane_t(place.s, actor.lane)
+    here = RoadPoint(road.id, actor.s, actor.t, actor.lane, actor.offset, actor.layer)
+    relative = run.roads.network.relative_in_lane(here, place)
+    return place.offset if relative is None else actor.offset + relative.dt
 
 
 def _begin(running: _Transition, extent: float, actor: Entity, run: Run) -> Running | None:

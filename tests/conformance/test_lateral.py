@@ -215,12 +215,23 @@ def test_an_offset_stays_on_its_side_where_the_next_road_is_laid_the_other_way_r
     assert car["lane_offset"][-1] == pytest.approx(-0.7)
 
 
-def test_a_relative_offset_adds_to_the_references() -> None:
-    result = offset_run(Continuous=False, Offset=1.0)
-    assert track(result, "Other")["lane_offset"][-1] == pytest.approx(0.5)  # the reference was on its centre at the start
-    result = offset_run(Continuous=True, Offset=1.0)
-    assert track(result, "Other")["lane_offset"][-1] == pytest.approx(1.5)
+@pytest.mark.parametrize("lane", [-2, -1])
+def test_a_relative_offset_is_from_the_references_place_on_the_road(lane: int) -> None:
+    center = (lane + 0.5) * LANE
+    result = offset_run(Continuous=False, Offset=1.0, Lane=lane)
+    assert track(result, "Other")["t"][-1] == pytest.approx(center + 0.5)  # the reference was on its centre at the start
+    result = offset_run(Continuous=True, Offset=1.0, Lane=lane)
+    assert track(result, "Other")["t"][-1] == pytest.approx(center + 1.5)
     assert not events(result, "endTransition", "OtherAction")
+
+
+def test_a_relative_offset_counts_across_the_border_of_roads(tmp_path: Path) -> None:
+    other = ('roadId="1" laneId="-2" s="$S" offset="0"', 'roadId="2" laneId="1" s="250" offset="0"')
+    path = changed(SCENARIOS / "LaneOffsetAction.xosc", tmp_path, other)
+    roads = str(SCENARIOS.parent / "roads" / "opposed.xodr")
+    parameters = {"Road": roads, "S": 250.0, "Lane": -2, "Offset": 0.0, "Continuous": False}
+    columns = track(run(str(path.with_suffix("")), world="kinematic", parameters=parameters, max_time=8.0), "Other")
+    assert columns["y"][-1] == pytest.approx(-1.5 * LANE - 0.5, abs=0.01)  # +t of its road is -y
 
 
 def test_a_step_offset_is_there_at_once_and_no_acceleration_never() -> None:

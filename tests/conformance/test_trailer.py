@@ -70,8 +70,8 @@ def test_an_inline_trailer_is_an_entity_of_its_own_placed_behind_its_tractor_and
 
 TRAJECTORY = """<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="Path" closed="false"><Shape><Polyline>
 <Vertex time="0"><Position><WorldPosition x="300" y="-1.75" h="0"/></Position></Vertex>
-<Vertex time="8"><Position><WorldPosition x="380" y="-1.75" h="0"/></Position></Vertex></Polyline></Shape></Trajectory></TrajectoryRef>
-<TimeReference><Timing domainAbsoluteRelative="relative" scale="1" offset="0"/></TimeReference>
+<Vertex time="8"><Position><WorldPosition x="380" y="-1.75" h="0"/></Position></Vertex></Polyline></Shape></Trajectory>
+</TrajectoryRef><TimeReference><Timing domainAbsoluteRelative="relative" scale="1" offset="0"/></TimeReference>
 <TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>"""
 
 
