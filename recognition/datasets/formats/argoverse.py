@@ -291,7 +291,10 @@ def _road(path: Path, site: str, _recording: Recording, folder: Path) -> SiteRoa
         Area(name, np.concatenate([points(one, "edge1", path, name), points(one, "edge2", path, name)[::-1]]))
         for name, one in document.get("pedestrian_crossings", {}).items()
     ]
-    notes = ["the map gives no speed limits; its roads are taken for those of a town"]
+    notes = [
+        "the map gives no speed limits; its roads are taken for those of a town",
+        "the map has no traffic lights: whether its junctions have some is not known, they count as some without",
+    ]
     notes += [f"lane segments without a length are left out: {' '.join(short)}"] if short else []
     return drawn(lanelets, site, folder, crosswalks, notes)
 
