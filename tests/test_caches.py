@@ -37,6 +37,7 @@ CACHES = {
     "recognition.sites.lanes.graph": OBJECT,
     "recognition.tokens._ways": OBJECT,
     "recognition.trfe.storage._parsed": VALUE,
+    "runner.assessment.table._declared": INPUTS,
     "runner.batch.inputs._by_stamp": FILE,
     "runner.batch.inputs._program": PROGRAM,
     "runner.batch.inputs._referred": FILE,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from runner.contracts import registry
 from runner.contracts.action import Action, PrivateAction
 from runner.contracts.condition import ByEntityCondition, Condition
-from runner.criteria.declared import Criterion, declared
+from runner.criteria.judge import Criterion, declared
 from runner.interpreter.departures import absence
 from runner.interpreter.storyboard.checks import check_actors, placeable
 from runner.interpreter.storyboard.elements import ActionElement

@@ -13,7 +13,7 @@ from runner.interpreter.result import Verdict
 from runner.measures.limits import Facts
 
 if TYPE_CHECKING:
-    from runner.criteria.declared import Criterion
+    from runner.criteria.judge import Criterion
     from runner.interpreter.collision import Contacts
     from runner.interpreter.compiler import Scenario
     from runner.interpreter.result import Cause, RunResult

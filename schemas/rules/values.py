@@ -10,7 +10,7 @@ from schemas.checks.document import Document
 from schemas.checks.findings import negative
 from schemas.checks.registry import Finding, rule
 from schemas.expressions import FIRST_VERSION, FUNCTIONS, ExpressionError, evaluate, functions, is_expression, references
-from schemas.rules.distributions import scenario_of
+from schemas.rules.parameters import scenario_of
 from schemas.values import TYPES, holds, typed
 from schemas.xml import local_name
 

@@ -14,8 +14,8 @@ from xosc.document import Document, load, to_bytes
 from xosc.exports.conversion import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
+from xosc.exports.omissions import Rule, refuse, remarks
 from xosc.exports.references import catalog_name
-from xosc.exports.refusals import Rule, refuse, remarks
 from xosc.exports.standard import distribution, scenario, write_sets
 from xosc.resolve import resolve
 

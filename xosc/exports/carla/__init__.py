@@ -19,9 +19,8 @@ from xosc.exports.concrete import concrete_scenarios
 from xosc.exports.conversion import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
 from xosc.exports.folder import Folder
-from xosc.exports.omissions import leave_out, omit
+from xosc.exports.omissions import leave_out, omit, refuse, remarks
 from xosc.exports.references import take_roads
-from xosc.exports.refusals import refuse, remarks
 from xosc.exports.shapes import earlier, in_world, polylines, to_init
 from xosc.exports.starts import Geometry, Start, as_expected, as_started, starts
 from xosc.node import Node

@@ -11,7 +11,7 @@ from pathlib import Path
 from schemas.errors import nearest
 from schemas.xml import parse
 from xosc.document import Document
-from xosc.exports.refusals import Rule
+from xosc.exports.omissions import Rule
 from xosc.node import Node
 from xosc.roads import RoadFile
 
