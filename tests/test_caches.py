@@ -39,7 +39,7 @@ CACHES = {
     "recognition.trfe.storage._parsed": VALUE,
     "runner.assessment.table._declared": INPUTS,
     "runner.batch.inputs._by_stamp": FILE,
-    "runner.batch.inputs._program": PROGRAM,
+    "runner.batch.inputs.program": PROGRAM,
     "runner.batch.inputs._referred": FILE,
     "runner.criteria.criterion.kinds": PROGRAM,
     "runner.exports.lanelets.lanelets": OBJECT,
