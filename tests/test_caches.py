@@ -31,6 +31,8 @@ CACHES = {
     "recognition.datasets.formats.commonroad._archive": FILE,
     "recognition.datasets.formats.interaction._cases": FILE,
     "recognition.datasets.formats.ngsim._public": FILE,
+    "recognition.datasets.formats.nuscenes._document": FILE,
+    "recognition.datasets.formats.nuscenes._table": FILE,
     "recognition.datasets.formats.osi._trace": FILE,
     "recognition.datasets.roads._converted": FILE,
     "recognition.grids.picture": OBJECT,
