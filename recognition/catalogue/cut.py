@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -113,10 +113,12 @@ class Scope:
     Attributes:
         reach: distance (m) within which others matter, at any time of the scene.
         tolerance: how far the run of a trajectory may leave the recorded motion, where that saves vertices.
+        bystanders: the same for participants beside an event: neither the ego nor its partner.
     """
 
     reach: float = 100.0
     tolerance: Tolerance = field(default_factory=Tolerance)
+    bystanders: Tolerance = field(default_factory=lambda: Tolerance(0.1, 0.02, 0.3, 2.0))
 
 
 class Part(NamedTuple):
@@ -177,24 +179,29 @@ class SceneCutter:
 
     def __init__(self, recording: Recording, scope: Scope) -> None:
         self.recording, self.scope = recording, scope
-        self._vertices: dict[str, IntArray] = {}
+        self._vertices: dict[tuple[str, Tolerance], IntArray] = {}
         self._numbers: dict[str, IntArray] = {}
         self._tracks = list(recording.tracks.values())
         self._rows = _Rows.of(self._tracks, [self._frames(track) for track in self._tracks])
 
-    def cut(self, ego: str, start: float, end: float) -> Scene:
-        """The scene of an ego from its first row to its last one between two times (s)."""
+    def cut(self, ego: str, start: float, end: float, involved: Collection[str] | None = None) -> Scene:
+        """Return the scene of an ego from its first row to its last one between two times (s).
+
+        Args:
+            involved: tracks beside the ego that keep the narrow tolerance; None for all.
+        """
         track = self.recording.tracks[ego]
         time = track.columns["time"]
         mine = _between(time, start, end)
         start, end = float(time[mine[0]]), float(time[mine[-1]])
-        parts = [self._part(EGO, track, mine)]
+        parts = [self._part(EGO, track, mine, self.scope.tolerance)]
         taken = {EGO}
         for other in self._others(track, mine, start, end):
             rows = _between(other.columns["time"], start, end)
             rows = rows[_entrance(other.columns["time"][rows] - start) :]
             name = _free(f"{other.category}_{other.name}".replace("::", "_").replace("$", "_"), taken)
-            parts.append(self._part(name, other, rows))
+            beside = involved is not None and other.name not in involved
+            parts.append(self._part(name, other, rows, self.scope.bystanders if beside else self.scope.tolerance))
         return Scene(start, end, tuple(parts))
 
     def _others(self, ego: Track, mine: IntArray, start: float, end: float) -> Iterator[Track]:
@@ -215,11 +222,12 @@ class SceneCutter:
             self._numbers[track.name] = np.round(track.columns["time"] / self.recording.timestep).astype(np.int64)
         return self._numbers[track.name]
 
-    def _part(self, name: str, track: Track, rows: IntArray) -> Part:
+    def _part(self, name: str, track: Track, rows: IntArray, tolerance: Tolerance) -> Part:
         """A participant with the vertices of its track within the scene, and its first and last row there."""
-        if track.name not in self._vertices:
-            self._vertices[track.name] = vertices(track.columns, self.scope.tolerance)
-        found = self._vertices[track.name]
+        key = track.name, tolerance
+        if key not in self._vertices:
+            self._vertices[key] = vertices(track.columns, tolerance)
+        found = self._vertices[key]
         first, last = np.searchsorted(found, [rows[0] + 1, rows[-1]])
         return Part(name, track, np.concatenate([rows[:1], found[first:last], rows[1:][-1:]]))
 

@@ -74,7 +74,9 @@ def _entry(group: str, category: str, recorded: BoundingBox) -> Entry:
 _EARLY = 1e-3
 """Times that are to be reached are passed this much (s) earlier: every version of the standard has `greaterThan`."""
 _DIGITS = 4
-"""Decimals of positions and headings"""
+"""Decimals of times, speeds, and positions and headings at the beginning"""
+_OF_VERTEX = (_DIGITS, 3, 3, _DIGITS)
+"""Decimals of time, x, y and heading at vertices: millimetres are a thirtieth of the tolerance"""
 _OF_EACH = ("ScenarioObject", "Private", "ManeuverGroup")
 """Elements of which a scenario has one for each participant"""
 
@@ -86,7 +88,7 @@ def trajectories(scene: Scene) -> list[Any]:
 
 def _trajectory(part: Part, start: float) -> Any:
     columns = np.stack([part.time - start, *(part.column(name) for name in ("x", "y", "h"))])
-    time, x, y, h = np.round(columns, _DIGITS) + 0.0
+    time, x, y, h = (np.round(values, digits) + 0.0 for values, digits in zip(columns, _OF_VERTEX, strict=True))
     return maneuvers.trajectory(part.name, time, x, y, h=h)
 
 

@@ -224,7 +224,8 @@ class CatalogWriter:
     def add(self, material: Material, road: str, episodes: Iterable[Episode]) -> None:
         """Write the scenarios of a recording on the catalogue's road file of this name."""
         for episode in episodes:
-            scene = material.scenes.cut(episode.ego, episode.start, episode.end)
+            involved = None if episode.passage is not None or episode.finding is None else [episode.finding.moment.partner or ""]
+            scene = material.scenes.cut(episode.ego, episode.start, episode.end, involved)
             self._write(_Context(material, road, episode, scene))
             for place in sorted(place for place in self._entries if place.kind == "Trajectory"):  # of this scenario alone
                 write_catalog(self._store, place, self._entries.pop(place), self._config.version)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import canonicalize
 
 import pytest
 from scenariogeneration import xosc as sg
@@ -282,7 +283,12 @@ def test_catalogues_of_trajectories_are_written_as_their_documents_would_be(vers
     ]
     document = m.catalog("c.xosc", HEADER, "TrajectoryCatalog", entries, version)
     assert is_valid(document)
-    assert m.trajectory_catalog(HEADER, entries, version) == xosc.document.to_bytes(document)
+    assert same(m.trajectory_catalog(HEADER, entries, version), xosc.document.to_bytes(document))
+
+
+def same(one: bytes, other: bytes) -> bool:
+    """Whether two files are the same but for the blanks between elements."""
+    return canonicalize(one.decode(), strip_text=True) == canonicalize(other.decode(), strip_text=True)
 
 
 def _following(names: tuple[str, ...], speeds: tuple[m.Number, ...], version: tuple[int, int]) -> xosc.Document:
@@ -311,7 +317,7 @@ def test_forms_with_values_are_written_as_their_document_would_be(version: tuple
     form = m.Form(_following(("$name",), ("$speed",), version), TAGS)
     more = [form.filled({"name": name}, {"speed": speed}) for name, speed in zip(names[1:], speeds[1:], strict=True)]
     content = m.extended(_following(names[:1], speeds[:1], version), more)
-    assert content == xosc.document.to_bytes(_following(names, speeds, version))
+    assert same(content, xosc.document.to_bytes(_following(names, speeds, version)))
 
 
 def test_forms_refuse_what_is_no_number() -> None:

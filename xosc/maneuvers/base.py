@@ -40,19 +40,11 @@ def enum_value(kind: str, name: str) -> Any:
     return members[name]
 
 
-_TRAJECTORY = """    <Trajectory name="{name}" closed="false">
-      <Shape>
-        <Polyline>
-{vertices}        </Polyline>
-      </Shape>
-    </Trajectory>
+_TRAJECTORY = """<Trajectory name="{name}" closed="false"><Shape><Polyline>
+{vertices}</Polyline></Shape></Trajectory>
 """
-_VERTEX = """          <Vertex time="%r">
-            <Position>
-              <WorldPosition %s/>
-            </Position>
-          </Vertex>
-"""
+_VERTEX = '<Vertex time="%r"><Position><WorldPosition %s/></Position></Vertex>\n'
+"""A line per vertex without indentation: half of a catalogue of recorded motion would be blanks"""
 _PLACES = 1 << 17
 """Places of vertices whose texts are kept, some 50 MB: scenes of one recording that overlap have them in common"""
 _BETWEEN = re.compile(r">\n *<")

@@ -114,7 +114,8 @@ def trajectory_catalog(header: Header, entries: Sequence[Polyline], version: Ver
 def _around_trajectories(header: Header, version: Version) -> tuple[str, str]:
     """Return the text before and after the entries of a catalogue of polylines."""
     few = Polyline("few", dict.fromkeys("txy", (0.0, 1.0)))
-    before, _, after = to_bytes(catalog("", header, "TrajectoryCatalog", [few], version)).decode().partition(few.text)
+    text = to_bytes(catalog("", header, "TrajectoryCatalog", [few], version)).decode()
+    before, after = re.split(r" *<Trajectory .*</Trajectory>\n", text, maxsplit=1, flags=re.DOTALL)
     return before, after
 
 
@@ -172,11 +173,11 @@ class Form:
 
     def __init__(self, document: Document, tags: Sequence[str]) -> None:
         text = to_bytes(document).decode()
-        found = {tag: re.search(rf" *<{tag} .*?</{tag}>\n", text, re.DOTALL) for tag in tags}
-        self._texts = {tag: Template(match[0]) for tag, match in found.items() if match is not None}
+        found = {tag: re.search(rf"<{tag} .*?</{tag}>\n", text, re.DOTALL) for tag in tags}
+        self._texts = {tag: Template(re.sub(r">\n *<", "><", match[0])) for tag, match in found.items() if match is not None}
 
     def filled(self, names: Mapping[str, str], numbers: Mapping[str, Number]) -> dict[str, str]:
-        """The elements by their tags, indented as they stand in the document, with values in place of references.
+        """The elements by their tags, a line for each without indentation, with values in place of references.
 
         Raises:
             UsageError: a number is not finite.

@@ -102,10 +102,14 @@ def test_the_page_filters_plays_and_links_to_files_that_are_there(made: Path, tm
         )
         links = browser.run("[...document.querySelectorAll('.links a')].map(each => decodeURI(each.getAttribute('href')))")
         assert links and all((made / link).is_file() for link in links)
-        picture = "document.querySelector('.card canvas').toDataURL()"
-        before = browser.run(picture)
-        browser.run("document.querySelector('.card canvas').dispatchEvent(new Event('pointerenter'))")
-        browser.settle()
-        assert browser.run(picture) != before, "the film plays"
+        film = "document.querySelector('.card canvas')"
+        browser.run(f"{film}.dispatchEvent(new Event('pointerenter'))")
+        script = f"""new Promise(done => {{
+            const before = {film}.toDataURL();
+            const changed = () => {film}.toDataURL() !== before;
+            const look = left => changed() || !left ? done(left) : requestAnimationFrame(() => look(left - 1));
+            look(300);
+        }})"""
+        assert browser.run(script) > 0, "the film plays"
         assert browser.unnamed() == [] and browser.errors == []
         assert all(address.startswith(("file:", "about:")) for address in browser.requests)
