@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from runner.measures.limits import NEW_FAILURE
-from runner.run_options import Only, Param, Sample, selection_of, with_run_settings
+from runner.run_options import FailIf, Only, Param, Sample, selection_of, with_run_settings
 from runner.settings import RunSettings
 from schemas.commands.help import epilog, explain
 from schemas.commands.options import (
@@ -75,7 +76,7 @@ Ray = Annotated[
 
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
 @protected()
-@with_run_settings()
+@with_run_settings
 def xosc_run(
     files: Files,
     settings: RunSettings,
@@ -83,6 +84,7 @@ def xosc_run(
     only: Only = None,
     sample: Sample = None,
     repeat: Repeat = None,
+    fail_if: FailIf = None,
     out: Annotated[Path | None, out_folder("Folder for trajectories, event log and result of each run.")] = None,
     osi: Osi = None,
     plot: Annotated[bool, typer.Option("--plot", help="Add a picture of each run to --out.")] = False,
@@ -120,8 +122,11 @@ def xosc_run(
         raise UsageError(f"{option} is of runs that are played, and --resume leaves out finished ones: {instead}")
     if against is not None:
         _need_runs(dry_run)
-    if NEW_FAILURE in settings.fail_if and against is None:
+    limits = [limit.strip() for limit in fail_if or []]
+    by_new = NEW_FAILURE in limits
+    if by_new and against is None:
         raise UsageError(f"--fail-if {NEW_FAILURE} needs the earlier batch: --against BATCH")
+    settings = replace(settings, fail_if=tuple(limit for limit in limits if limit != NEW_FAILURE))
     earlier = Comparison.with_batch(against) if against is not None else None
     selection, times = selection_of(only, sample, settings.seed), None if dry_run else repeat
     source = jobs_of(runnable(files), parameters_of(param or []), settings.enforce_constraints, selection, times)
@@ -138,7 +143,7 @@ def xosc_run(
         else:
             how: dict[str, Any] = {"plot": plot, "processes": jobs, "resume": resume, "also": also, "ray": ray}
             outcomes = run_batch(chosen, settings, out=out, needs=_needed(replay), **how)
-        code = _follow(outcomes, table, kept, allow_inconclusive, source.left_out, earlier, NEW_FAILURE in settings.fail_if)
+        code = _follow(outcomes, table, kept, allow_inconclusive, source.left_out, earlier, by_new)
     if earlier is not None:
         table.compare(earlier, out if replay else None)
     if replay and out is not None and not dry_run:

@@ -1,4 +1,4 @@
-"""The command-line options of a run, one for each of its settings and the values of the scenario's parameters."""
+"""The command-line options of a run, one for each of its settings but `fail_if`, and the values of the scenario's parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from runner.measures.limits import EVENTS, UNITS
+from runner.measures.limits import EVENTS, NEW_FAILURE, UNITS
 from runner.settings import RunSettings
 from schemas.commands.help import explain
 from schemas.commands.options import CatalogPath, RoadPath
@@ -40,6 +40,15 @@ def _systems() -> tuple[str, list[tuple[str, str]]]:
 
 
 explain("sut", _systems)
+FailIf = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fail-if",
+        metavar="LIMIT",
+        help=f"Fail runs by a measure, as min_ttc<1 ({', '.join(UNITS)}), or by {', '.join((*EVENTS, NEW_FAILURE))} "
+        "(repeatable).",
+    ),
+]
 Timestep = Annotated[float, typer.Option(metavar="SECONDS", help="Time step.")]
 _OPTIONS: dict[str, Any] = {
     "sut": Sut,
@@ -54,14 +63,6 @@ _OPTIONS: dict[str, Any] = {
             "--end-after-collision/--continue-after-collision",
             help="End a run one second after the ego's first contact.  [default: with a system under test]",
             show_default=False,
-        ),
-    ],
-    "fail_if": Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fail-if",
-            metavar="LIMIT",
-            help=f"Fail runs by a measure, as min_ttc<1 ({', '.join(UNITS)}), or by {', '.join(EVENTS)} (repeatable).",
         ),
     ],
     "enforce_constraints": Annotated[
@@ -85,7 +86,7 @@ _OPTIONS: dict[str, Any] = {
     "catalog_path": CatalogPath,
 }
 """By the name of the setting; the defaults are those of `RunSettings`, but where a command's own is None."""
-_LISTS = ("fail_if", "road_path", "catalog_path")
+_LISTS = ("road_path", "catalog_path")
 """Settings of options that can be repeated."""
 
 
@@ -100,31 +101,23 @@ def selection_of(only: str | None, sample: int | None, seed: int) -> Selection:
     return Selection(spans(only) if only is not None else (), sample, seed)
 
 
-def with_run_settings(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command the options of a run in the place of its parameter `settings`, a `RunSettings`.
+def with_run_settings(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of a run in the place of its parameter `settings`, a `RunSettings`."""
 
-    Args:
-        left_out: names of settings that make no difference to the command.
-    """
-    options = {name: option for name, option in _OPTIONS.items() if name not in left_out}
+    @wraps(command)
+    def with_options(**given: Any) -> None:
+        command(settings=_settings({name: given.pop(name) for name in _OPTIONS}), **given)
 
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        @wraps(command)
-        def with_options(**given: Any) -> None:
-            command(settings=_settings({name: given.pop(name) for name in options}), **given)
-
-        own = inspect.signature(command, eval_str=True).parameters.values()
-        in_place = [_parameter(name, _default(name), option) for name, option in options.items()]
-        parameters = [
-            each
-            for one in own
-            for each in (in_place if one.name == "settings" else [_parameter(one.name, one.default, one.annotation)])
-        ]
-        with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        with_options.__annotations__ = {each.name: each.annotation for each in parameters}
-        return with_options
-
-    return decorate
+    own = inspect.signature(command, eval_str=True).parameters.values()
+    in_place = [_parameter(name, _default(name), option) for name, option in _OPTIONS.items()]
+    parameters = [
+        each
+        for one in own
+        for each in (in_place if one.name == "settings" else [_parameter(one.name, one.default, one.annotation)])
+    ]
+    with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {each.name: each.annotation for each in parameters}
+    return with_options
 
 
 def _parameter(name: str, default: Any, annotation: Any) -> inspect.Parameter:

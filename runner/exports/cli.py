@@ -52,7 +52,7 @@ def _print_targets(wanted: bool) -> None:
 
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
 @protected()
-@with_run_settings("fail_if")
+@with_run_settings
 def xosc_export(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs.")],
     to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],

@@ -17,7 +17,7 @@ from runner.interpreter.ego import cruise_speed, driver_of, find_ego
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
 from runner.interpreter.storyboard.checks import idleness
-from runner.interpreter.untested import of_run
+from runner.interpreter.untested import of_run, untested_remarks
 from runner.interpreter.verdict import apply_limits, criteria_remarks, judge
 from runner.participants.controllers import controller_remarks
 from runner.settings import RunSettings
@@ -232,6 +232,7 @@ class Session:
             *self._departures.remarks,
             *standstill(recording.tracks.get(ego.name) if ego is not None else None, sut),
             *idleness(compiled.storyboard, sim),
+            *untested_remarks(sim),
             *criteria_remarks(compiled.criteria, verdict),
         )
         result = RunResult(

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from runner.conditions.by_value import SimulationTimeCondition
+from runner.conditions.storyboard_state import StoryboardElementStateCondition
 from runner.contracts.action import PrivateAction
-from runner.contracts.run import Transition
+from runner.contracts.run import ElementState, Transition
 from runner.interpreter.departures import egoless
 from runner.interpreter.drivers import SystemDriver
 from runner.interpreter.result import Cause
-from runner.interpreter.storyboard.elements import ActionElement
 from runner.interpreter.storyboard.storyboard import Act
 
 if TYPE_CHECKING:
+    from runner.contracts.condition import Condition
     from runner.interpreter.compiler import Scenario
     from runner.interpreter.departures import Departures
     from runner.interpreter.simulation import Simulation
+    from runner.interpreter.storyboard.elements import Element
     from runner.interpreter.storyboard.storyboard import Event
+    from runner.interpreter.storyboard.triggers import Trigger
     from runner.participants.entity import Entity
     from runner.recording import Recording, Track
     from schemas.remarks import Remark
@@ -33,6 +37,7 @@ CAUSES: Mapping[str, str] = {
     "no-ego": "the system under test drives no vehicle: the scenario has no ego",
     "stopped-at-once": "the stop trigger was true at time 0",
     "no-event": "no event of the storyboard started",
+    "unfinished": "a limit of time ended the run while events of the storyboard were waiting",
     "off-road": "the ego left the road, or came to its end, before the first event",
     "performance": "a speed or acceleration beyond the declared Performance, or a pose that no vehicle reaches",
     "parameters": "parameter values outside the constraints that the file declares",
@@ -81,23 +86,72 @@ def of_run(
     yield from at_beginning(scenario, sim, recording, departures, ego, system)
     awaited = [event for event in _events(sim) if Transition.START not in event.first]
     if awaited and _first_event(sim) == math.inf:
-        yield Cause("no-event", _idle(awaited, sim))
+        yield Cause("no-event", f"{awaited[0].where}: no event has started: {_idle(awaited, sim)}")
+    elif _out_of_time(sim):
+        yield from (Cause("unfinished", text) for text in _left_out(sim))
+
+
+def untested_remarks(sim: Simulation) -> Iterator[str]:
+    """A sentence on events that a run had no use for before the storyboard ended it by more than the time."""
+    if sim.finished and not _out_of_time(sim) and _first_event(sim) < math.inf:
+        yield from _left_out(sim)
+
+
+def _left_out(sim: Simulation) -> Iterator[str]:
+    """A sentence on events that were waiting when the run ended, where there are some."""
+    waiting = [event for event in _events(sim) if Transition.START not in event.first and _waits(event, sim)]
+    if waiting:
+        yield f"{waiting[0].where}: not all events have started: {_idle(waiting, sim)}"
 
 
 def _events(sim: Simulation) -> list[Event]:
     """Events of the scene that a sound run may have.
 
-    Those that wait for a contact, or for the end of the road, are none; nor are those that only switch controllers, as they hand
-    over the ego and change nothing about it.
+    Those that wait for a contact, for the end of the road, or for another event that does, are none; nor are those without
+    actions, and those that only switch controllers, as they hand over the ego and change nothing about it.
     """
-    events = (event for act in sim.storyboard.acts for event in act.events if not _switches(event))
-    return [event for event in events if event.trigger is None or not event.trigger.awaits_mishap]
+    events = [event for act in sim.storyboard.acts for event in act.events]
+    mishaps: set[Element] = set()
+    for event in events:  # an event that waits for a later one is rare, and counts
+        if any(_awaits_mishap(trigger, mishaps) for trigger in (event.trigger, _act_of(event).trigger)):
+            mishaps |= {event, *event.children}
+    return [event for event in events if event not in mishaps and not _acts_on_nothing(event)]
 
 
-def _switches(event: Event) -> bool:
-    """Whether all actions of an event switch controllers."""
-    actions = [action for element in event.children if isinstance(element, ActionElement) for action in element.actions]
-    return bool(actions) and all(isinstance(action, PrivateAction) and action.activates_controller for action in actions)
+def _awaits_mishap(trigger: Trigger | None, mishaps: Container[Element]) -> bool:
+    """Whether each group of a trigger waits for a mishap, or for what one of these elements does."""
+
+    def follows(condition: Condition) -> bool:
+        return isinstance(condition, StoryboardElementStateCondition) and condition.element in mishaps
+
+    groups = trigger.groups if trigger is not None else []
+    return bool(groups) and all(any(timed.condition.mishap or follows(timed.condition) for timed in group) for group in groups)
+
+
+def _acts_on_nothing(event: Event) -> bool:
+    """Whether an event has no action, or none but switches of controllers."""
+    actions = [action for element in event.actions for action in element.actions]
+    return all(isinstance(action, PrivateAction) and action.activates_controller for action in actions)
+
+
+def _act_of(event: Event) -> Act:
+    act = event.group.parent
+    assert isinstance(act, Act)
+    return act
+
+
+def _waits(event: Event, sim: Simulation) -> bool:
+    """Whether an event waited when the run ended: it was not skipped, and no stop trigger of its act came before."""
+    return event.state is not ElementState.COMPLETE or event.first.get(Transition.STOP, -math.inf) >= sim.time
+
+
+def _out_of_time(sim: Simulation) -> bool:
+    """Whether a limit of time ended the run: that of the run, or a stop trigger by the simulation time alone."""
+    trigger = sim.storyboard.stop_trigger
+    if not sim.finished:
+        return True
+    fired = trigger.fired if trigger is not None else ()
+    return bool(fired) and all(isinstance(timed.condition, SimulationTimeCondition) for timed in fired)
 
 
 def _first_event(sim: Simulation) -> float:
@@ -110,11 +164,11 @@ def _idle(awaited: list[Event], sim: Simulation) -> str:
     trigger = sim.storyboard.stop_trigger
     end = (trigger.reason if trigger is not None else "the end of all stories") if sim.finished else "a limit of the run"
     first = awaited[0]
-    act = first.group.parent
-    waiting = act.trigger if isinstance(act, Act) and Transition.START not in act.first else first.trigger
+    act = _act_of(first)
+    waiting = act.trigger if Transition.START not in act.first else first.trigger
     what = f"{first.kind} {first.name!r} waited for {waiting.describe(sim)}" if waiting is not None else f"{first.name!r} waited"
     more = f" (and {len(awaited) - 1} more)" if len(awaited) > 1 else ""
-    return f"{first.where}: no event has started: the run ended at {sim.time:.2f} s, by {end}; {what}{more}"
+    return f"the run ended at {sim.time:.2f} s, by {end}; {what}{more}"
 
 
 def _departures(sim: Simulation, departures: Departures) -> Iterator[Cause]:

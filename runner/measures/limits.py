@@ -15,10 +15,10 @@ from schemas.errors import UsageError
 _RSS = "rss_risk_ad_rss"
 """Measure that `rss` stands for"""
 NEW_FAILURE = "new-failure"
-"""Says nothing of one run: with it, a batch fails by those failures only that an earlier batch does not have"""
+"""Word of `xosc-run --fail-if` that is no limit of a run: a batch fails by failures that an earlier one does not have"""
 UNITS = units() | {"end_time": "s"}
 """Measures of a run by name, and their units; see `runner.measures.measure` and `RunResult`."""
-EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": "", NEW_FAILURE: ""}
+EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": ""}
 """Limits without a number, each with the kind of its event in the log: the ego leaves the road or reaches its end; the time
 limit is reached first; RSS distances (parameter set `ad-rss`) are violated."""
 _COMPARISONS: dict[str, Callable[[float, float], bool]] = {
@@ -71,11 +71,13 @@ class Limit:
                 f"--fail-if {text!r}: inconclusive runs fail a batch without it (exit code 6, see --allow-inconclusive); "
                 "--junit-inconclusive error makes them errors of the report"
             )
+        if text.strip() == NEW_FAILURE:
+            raise UsageError(f"{NEW_FAILURE} compares batches, no run fails by it alone: type xosc-run --against BATCH")
         match = _FORM.fullmatch(text)
         if match is None or match[1] not in (UNITS if match[2] else EVENTS):
             raise UsageError(
                 f"--fail-if {text!r}: a measure with a limit is expected, such as min_ttc<1 (of {', '.join(UNITS)}), "
-                f"or one of {', '.join(EVENTS)}"
+                f"or one of {', '.join(EVENTS)}, or with --against {NEW_FAILURE}"
             )
         try:
             value = float(match[3] or 0.0)
@@ -89,8 +91,6 @@ class Limit:
         """Why a run fails by it; empty where it does not."""
         if self.name == "timeout":
             return f"{self.text}: the time limit came first, at {facts.end_time:.2f} s" if facts.status == "timeout" else ""
-        if self.name == NEW_FAILURE:
-            return ""
         if self.name == "rss":
             return Limit(self.text, _RSS, ">").reason(facts)
         if not self.comparison:
@@ -106,4 +106,4 @@ class Limit:
     @property
     def needs_ego(self) -> bool:
         """Whether it says nothing about a run without an ego."""
-        return self.name not in ("timeout", "end_time", NEW_FAILURE)
+        return self.name not in ("timeout", "end_time")

@@ -100,8 +100,14 @@ def test_the_command_fails_and_says_why_everywhere(xosc_run: Command, tmp_path: 
         2,
         "xosc-run: --fail-if 'min_distanc<5': a measure with a limit is expected, such as min_ttc<1 (of min_ttc, min_thw, "
         "max_drac, min_distance, pet, max_collision_probability, max_risk_field, rss_risk_ad_rss, rss_risk_r157, "
-        "impact_speed, delta_v, fatality_risk, end_time), or one of off-road, road-end, timeout, rss, new-failure\n",
+        "impact_speed, delta_v, fatality_risk, end_time), or one of off-road, road-end, timeout, rss, "
+        "or with --against new-failure\n",
     )
+
+
+def test_a_comparison_of_batches_is_no_limit_of_a_run() -> None:
+    with pytest.raises(UsageError, match="new-failure compares batches"):
+        runner.RunSettings(fail_if=("min_ttc<1", " new-failure"))
 
 
 def test_leaving_the_road_is_said_once(xosc_run: Command, tmp_path: Path) -> None:

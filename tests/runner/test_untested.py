@@ -71,6 +71,35 @@ def test_an_event_that_a_sound_run_does_not_have_is_not_missed(tmp_path: Path) -
     assert causes(write(tmp_path, {at_time(0.5): CONTACT})) == []
 
 
+AFTER = """<ConditionGroup><Condition name="after" delay="0" conditionEdge="none"><ByValueCondition>
+  <StoryboardElementStateCondition storyboardElementType="event" storyboardElementRef="event0" state="completeState"/>
+</ByValueCondition></Condition></ConditionGroup>"""
+
+
+def test_a_limit_of_time_that_cuts_events_off_leaves_the_run_unfinished(tmp_path: Path) -> None:
+    late = story("Lead", [(0.2, speed_action(5)), (0.6, speed_action(9))])
+    path = write(tmp_path, {at_time(0.6): NEAR}, stories=late)
+    (cause,) = runner.run(path, KINEMATIC).verdict.causes
+    assert cause.name == "unfinished" and "by end: simulation time" in cause.text
+    assert f"{path}:{line_of(path, chr(34) + 'event1')}: not all events have started" in cause.text
+    assert causes(path, max_time=0.5) == ["unfinished"]
+    assert causes(write(tmp_path, stories=late)) == []
+    assert causes(write(tmp_path, {at_time(0.2): CONTACT, at_time(0.6): AFTER}, stories=late)) == []  # after a mishap
+    empty = write(tmp_path, {at_time(0.6): NEAR}, stories=late)
+    text = re.sub(r'(<Action name="action1">).*?(</Action>)', r"\1\2", empty.read_text(encoding="utf-8"), flags=re.DOTALL)
+    empty.write_text(text, encoding="utf-8")
+    assert causes(empty) == []
+
+
+def test_a_branch_that_a_stop_trigger_of_the_scene_leaves_out_is_a_remark(tmp_path: Path) -> None:
+    late = story("Lead", [(0.2, speed_action(5)), (0.6, speed_action(9))])
+    far = WAITS.format('<TraveledDistanceCondition value="5"/>')
+    result = runner.run(write(tmp_path, {at_time(0.6): NEAR, at_time(1.0, "end"): far}, stories=late), KINEMATIC)
+    assert result.verdict.passed
+    (remark,) = result.remarks
+    assert "not all events have started: the run ended at 0.5" in remark and "event 'event1' waited for near" in remark
+
+
 def test_an_event_that_only_switches_controllers_is_no_event_of_the_scene(tmp_path: Path) -> None:
     switch = '<PrivateAction><ControllerAction><ActivateControllerAction longitudinal="true"/></ControllerAction></PrivateAction>'
     activates = story("Ego", [(0.2, switch)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Generic, Protocol, Self, TypeVar
 
@@ -139,12 +139,13 @@ class TimedCondition:
 class Trigger:
     """Condition groups, any of which fires the trigger when all its conditions are true.
 
-    `triggering` holds the entities that made the by-entity conditions of the firing group true.
+    `triggering` holds the entities that made the by-entity conditions of the firing group true, `fired` that group.
     """
 
     def __init__(self, groups: list[list[TimedCondition]]) -> None:
         self.groups = groups
         self.triggering: tuple[Entity, ...] = ()
+        self.fired: Sequence[TimedCondition] = ()
         self.reason = ""
         self._look_at_all()
 
@@ -177,6 +178,7 @@ class Trigger:
         """As before a run."""
         self._look_at_all()
         self.triggering = ()
+        self.fired = ()
         self.reason = ""
         for group in self.groups:
             for condition in group:
@@ -193,11 +195,6 @@ class Trigger:
         """Return the reason why it can never fire, with the false conditions of each group; empty while it can."""
         vain = [[condition for condition in group if condition.missed][:1] for group in self.groups]
         return " and ".join(condition.describe(run) for (condition,) in vain) if all(vain) else ""
-
-    @property
-    def awaits_mishap(self) -> bool:
-        """Whether each group waits for a contact, or for the ego off the road: a sound run does not have it."""
-        return all(any(timed.condition.mishap for timed in group) for group in self.groups)
 
     def describe(self, run: Instant) -> str:
         """Describe the awaited conditions with current values."""
@@ -223,6 +220,7 @@ class Trigger:
                 self._rest(run)
             return False
         self.triggering = tuple(dict.fromkeys(e for c in fired for e in c.condition.triggering))
+        self.fired = fired
         self.reason = " and ".join(condition.describe(run) for condition in fired)
         return True
 
