@@ -106,6 +106,10 @@ class UsageError(ToolchainError):
     exit_code = ExitCode.USAGE
 
 
+class NotWritten(UsageError):
+    """Output that can't be written, as on a full disk or without the right: no fault of the file that was worked on."""
+
+
 class InvalidFile(ToolchainError):
     """A file that is missing, malformed, or breaks its standard."""
 

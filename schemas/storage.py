@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from filelock import FileLock, Timeout
 
-from schemas.errors import InvalidFile, UsageError
+from schemas.errors import InvalidFile, NotWritten, UsageError
 from schemas.security.policy import current
 
 if TYPE_CHECKING:
@@ -243,12 +243,12 @@ def writing(what: str, path: Path) -> Iterator[None]:
     """Around all that writes something.
 
     Raises:
-        UsageError: it can't be written.
+        NotWritten: it can't be written.
     """
     try:
         yield
     except OSError as error:
-        raise UsageError(f"{what} can't be written: {error.strerror or error}", path=path) from None
+        raise NotWritten(f"{what} can't be written: {error.strerror or error}", path=path) from None
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-import json
+import hashlib
 import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -26,10 +26,10 @@ from recognition.labels import Event, Rules, label
 from recognition.sites import Roles, Site, site_of
 from runner.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
-from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
+from schemas.errors import InvalidFile, NotWritten, ToolchainError, Unsupported, UsageError
 from schemas.packages import version
 from schemas.security.policy import limited
-from schemas.storage import Stamp, digest, keep, read_object, stamp, writing
+from schemas.storage import Records, Stamp, digest, drafted, stamp, sync, writing
 from xodr.network import RoadNetwork
 from xodr.reader import load
 
@@ -51,9 +51,14 @@ class RecordingStore:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def has(self, source: Source) -> bool:
-        """Whether the recording of a source is kept."""
-        return self._path(source, "json").is_file()
+    def find(self, source: Source) -> Kept | None:
+        """The recording of a source; None where it is not kept, or what is kept is damaged."""
+        columns, records = self._path(source, "arrow"), self._records(source).read().records
+        try:
+            whole = bool(records) and _digest(columns) == records[0]["columns"]
+            return self.get(source) if whole else None
+        except (OSError, KeyError, TypeError, ValueError, pa.ArrowException):
+            return None
 
     def put(self, source: Source, recording: Recording, report: Report) -> None:
         """Keep a recording with all columns as they are.
@@ -72,12 +77,15 @@ class RecordingStore:
         about = {"timestep": recording.timestep, "network": network, "tracks": listed}
         with writing("this", self._folder):
             self._folder.mkdir(parents=True, exist_ok=True)
-            feather.write_feather(table, str(self._path(source, "arrow")), compression="uncompressed")
-            keep(json.dumps(about | {"report": asdict(report)}).encode(), self._path(source, "json"))
+            columns = self._path(source, "arrow")
+            with drafted(columns) as draft:
+                feather.write_feather(table, str(draft), compression="uncompressed")
+                sync([draft])
+            self._records(source).replace([about | {"report": asdict(report), "columns": _digest(columns)}])
 
     def get(self, source: Source) -> Kept:
         """The recording of a source, whose columns are read when they are asked for."""
-        about: dict[str, Any] = read_object(self._path(source, "json"))
+        (about,) = self._records(source).read().records
         table = _Table(self._path(source, "arrow"))
         ends = np.cumsum([0, *(size for *_, size in about["tracks"])]).tolist()
         tracks = [
@@ -91,11 +99,21 @@ class RecordingStore:
         """Forget all recordings."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
+    def _records(self, source: Source) -> Records:
+        """The file with one record: what is kept besides the columns, and their digest."""
+        return Records(self._path(source, "jsonl"))
+
     def _path(self, source: Source, ending: str) -> Path:
         key = f"{version()}\n{source.name}\n{source.path.absolute()}\n{stamp(source.path)}"
         if source.given is not None:
             key += f"\n{source.given.absolute()}\n{stamp(source.given)}"
         return self._folder / f"{digest(key.encode(errors='surrogateescape'))}.{ending}"
+
+
+def _digest(path: Path) -> str:
+    """Digest of a file of any size."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, hashlib.blake2b).hexdigest()
 
 
 def loaded(path: Path) -> RoadNetwork:
@@ -240,8 +258,9 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
     """Read a recording, unless it is on the shelf already, put it there, and label it; or what is wrong with it."""
     source, shelf = place.source, RecordingStore(place.shelf)
     try:
-        if shelf.has(source):
-            recording, report = shelf.get(source)
+        kept = shelf.find(source)
+        if kept is not None:
+            recording, report = kept
             site = site_of(source, recording, cache_roads())
             events = label(recording, site, source.name, settings.rules)
         else:
@@ -249,6 +268,8 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
             assert source.report is not None, "the recording has been read"
             report = source.report
             shelf.put(source, recording, report)
+    except NotWritten:
+        raise  # the other recordings can't be either
     except _REFUSALS as error:
         return _of(source, error)
     egos, exclusions = detect.vehicles(recording, site.network, settings.needs) if settings.scenes == VEHICLES else ([], [])
@@ -267,6 +288,8 @@ def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) 
     chapter = CatalogWriter(out, settings.config, sorted_by)
     try:
         chapter.add(_material(block.ground, settings.config.scope), block.road, block.episodes)
+    except NotWritten:
+        raise  # the other recordings can't be either
     except _REFUSALS as error:
         return Done(chapter.written, _of(block.ground.place.source, error))
     return Done(chapter.written, None)

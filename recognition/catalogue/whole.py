@@ -15,7 +15,7 @@ from recognition.sites import map_of
 from runner.recording import Recording, Track
 from schemas.errors import InvalidFile, UsageError
 from schemas.security.policy import limited
-from schemas.storage import read_bytes, writing
+from schemas.storage import keep, read_bytes, writing
 from xosc.document import to_bytes
 from xosc.files import Header
 from xosc.versions import Version
@@ -64,7 +64,7 @@ def write_replay(path: Path, out: Path, *, ego: str | None = None, road: Path | 
         out.parent.mkdir(parents=True, exist_ok=True)
         if file is not None and beside is not None:
             _put(beside, read_bytes(file))
-        out.write_bytes(to_bytes(document))
+        keep(to_bytes(document), out)
     return Replay([out] if beside is None else [out, beside], remarks)
 
 
@@ -108,4 +108,4 @@ def _put(path: Path, content: bytes) -> None:
     """Write a file that is not there, or has this content."""
     if path.exists() and path.read_bytes() != content:
         raise UsageError("another road is here: give --out another name", path=path)
-    path.write_bytes(content)
+    keep(content, path)

@@ -20,7 +20,7 @@ from recognition.maneuvers.estimation import LaneMotion, errors, estimate, lane_
 from recognition.maneuvers.parameters import ACCELERATION, BRAKING, DECLARED, JERK, PARAMETERS, Unit
 from recognition.sites import site_of
 from schemas.errors import InvalidFile, UsageError
-from schemas.storage import read_parquet
+from schemas.storage import drafted, read_parquet
 from xodr.array_types import FloatArray, IntArray
 
 _HOUR, _KILOMETRE, _DIGITS = 3600.0, 1000.0, 4
@@ -248,7 +248,8 @@ class Samples:
         numbers = dict(zip(_NUMBERS, every, strict=True)) | ({_JERK: self.jerks} if np.isfinite(self.jerks).any() else {})
         metadata = {_EXPOSURE: to_bytes(self.exposure)} if self.exposure else None
         table = pa.table(texts | {name: np.round(each, DIGITS) for name, each in numbers.items()}, metadata=metadata)
-        pq.write_table(table, path, compression="zstd", compression_level=19)
+        with drafted(Path(path)) as draft:
+            pq.write_table(table, draft, compression="zstd", compression_level=19)
 
     @staticmethod
     def claims(path: Path) -> bool:

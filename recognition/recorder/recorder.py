@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import secrets
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -16,7 +19,7 @@ from recognition.recorder.simulation import VehicleMotion, motion, overlaps, sim
 from recognition.recorder.sites import SITES, Site, View, family
 from recognition.recorder.traffic import Vehicle, departures, parked
 from schemas.errors import ToolchainError, UsageError
-from schemas.storage import writing
+from schemas.storage import DRAFT, writing
 from xodr.reader import load
 from xodr.sumo_net import SumoNet, build
 
@@ -75,12 +78,12 @@ def record(
     _verify(scale, seed, sites, jobs, known)
     least = 1 if families else _FEWEST
     tasks = [task for name in dict.fromkeys(sites or known) for task in _tasks(known[name], scale, seed, out, least)]
-    _prepare(tasks, out)
     found = []
-    for path in _work(tasks, jobs):
-        found.append(path)
-        if progress:
-            progress(len(found), len(tasks))
+    with _drafted(tasks, out) as drafts:
+        for path in _work(drafts, jobs):
+            found.append(out / path.parent.name / path.name)
+            if progress:
+                progress(len(found), len(tasks))
     return found
 
 
@@ -92,8 +95,9 @@ def record_one(site: Site, out: Path, length: float, seed: int = 0) -> Path:
         ToolchainError: SUMO fails.
     """
     task = _Task(site, 0, length, np.random.SeedSequence((seed, *site.name.encode())), out / site.name)
-    _prepare([task], out)
-    return _record(task)
+    with _drafted([task], out) as (draft,):
+        made = _record(draft)
+    return task.folder / made.name
 
 
 def _verify(scale: float, seed: int, sites: Sequence[str] | None, jobs: int, known: Mapping[str, Site]) -> None:
@@ -107,15 +111,28 @@ def _verify(scale: float, seed: int, sites: Sequence[str] | None, jobs: int, kno
         raise UsageError(f"there is no site {unknown[0]!r}; sites: {', '.join(known)}")
 
 
-def _prepare(tasks: Sequence[_Task], out: Path) -> None:
-    """Make the sites' folders, with their maps."""
-    with writing("the folder", out):
-        for folder, site in {task.folder: task.site for task in tasks}.items():
-            folder.mkdir(parents=True, exist_ok=True)
-            if any(folder.iterdir()):
+@contextmanager
+def _drafted(tasks: Sequence[_Task], out: Path) -> Iterator[list[_Task]]:
+    """Tasks in hidden folders with the sites' maps, which become the sites' folders at the end; an error leaves nothing."""
+    sites = {task.folder: task.site for task in tasks}
+    with writing("the recordings", out):
+        for folder in sites:
+            if folder.is_dir() and any(folder.iterdir()):
                 raise UsageError("the folder has something in it already; new recordings need a new one", path=folder)
-            if site.layout == "INTERACTION":
-                site.road_map().write(folder / f"{site.name}.xodr")
+        hidden = out / f"{DRAFT}{secrets.token_hex(4)}"
+        hidden.mkdir(parents=True)
+        try:
+            for folder, site in sites.items():
+                (hidden / folder.name).mkdir()
+                if site.layout == "INTERACTION":
+                    site.road_map().write(hidden / folder.name / f"{site.name}.xodr")
+            yield [replace(task, folder=hidden / task.folder.name) for task in tasks]
+            for folder in sites:
+                if folder.is_dir():
+                    folder.rmdir()  # empty; Windows renames to no folder that is there
+                (hidden / folder.name).rename(folder)
+        finally:
+            shutil.rmtree(hidden, ignore_errors=True)
 
 
 def _tasks(site: Site, scale: float, seed: int, out: Path, least: int) -> Iterator[_Task]:

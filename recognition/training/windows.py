@@ -19,7 +19,7 @@ from recognition.tokens import Tokens, in_parts, tokenise
 from recognition.trfe.samples import BACKGROUND
 from runner.recording import Recording
 from schemas.errors import InvalidFile, UsageError
-from schemas.storage import read_parquet, writing
+from schemas.storage import drafted, read_parquet, writing
 from xodr.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -251,6 +251,7 @@ def store(parts: Iterable[Windows], folder: Path) -> int:
     kind: np.dtype[Any] = np.dtype(np.float16)
     with writing("the windows", folder):
         folder.mkdir(parents=True, exist_ok=True)
+        (folder / _TABLE).unlink(missing_ok=True)
         with (folder / _INPUTS).open("wb") as file:
             for part in parts:
                 if not tables:
@@ -264,7 +265,8 @@ def store(parts: Iterable[Windows], folder: Path) -> int:
             file.seek(0)
             _write_header(file, (count, *shape), kind)
         if tables:
-            pq.write_table(pa.concat_tables(tables), folder / _TABLE)  # last: a folder without it is not of windows
+            with drafted(folder / _TABLE) as draft:  # last: a folder without it is not of windows
+                pq.write_table(pa.concat_tables(tables), draft)
     return count
 
 

@@ -92,8 +92,10 @@ def of_run(
 
 
 def untested_remarks(sim: Simulation) -> Iterator[str]:
-    """A sentence on events that a run had no use for before the storyboard ended it by more than the time."""
-    if sim.finished and not _out_of_time(sim) and _first_event(sim) < math.inf:
+    """A sentence on events that waited when the storyboard ended the run, neither by the time alone nor by a mishap."""
+    trigger = sim.storyboard.stop_trigger
+    mishap = trigger is not None and any(timed.condition.mishap for timed in trigger.fired)
+    if sim.finished and not mishap and not _out_of_time(sim) and _first_event(sim) < math.inf:
         yield from _left_out(sim)
 
 
@@ -141,8 +143,10 @@ def _act_of(event: Event) -> Act:
 
 
 def _waits(event: Event, sim: Simulation) -> bool:
-    """Whether an event waited when the run ended: it was not skipped, and no stop trigger of its act came before."""
-    return event.state is not ElementState.COMPLETE or event.first.get(Transition.STOP, -math.inf) >= sim.time
+    """Whether an event waited when the run ended: neither skipped nor stopped before, and not about to start."""
+    groups = event.trigger.groups if event.trigger is not None else []
+    due = any(all(not timed.keeps_memory and timed.evaluate(sim) for timed in group) for group in groups)
+    return not due and (event.state is not ElementState.COMPLETE or event.first.get(Transition.STOP, -math.inf) >= sim.time)
 
 
 def _out_of_time(sim: Simulation) -> bool:

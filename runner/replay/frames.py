@@ -21,6 +21,7 @@ from runner.replay.scene.account import partners
 from runner.replay.scene.roads import Area, Line, marks, surfaces
 from runner.replay.scene.scene import extent
 from schemas.errors import UsageError
+from schemas.storage import drafted, writing
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
@@ -289,11 +290,16 @@ _ENCODE = (
 
 
 def write_animation(results: Sequence[RunResult], path: Path) -> None:
-    """Write a GIF that plays one run or more in real time; the same runs give the same bytes."""
+    """Write a GIF that plays one run or more in real time; the same runs give the same bytes.
+
+    Raises:
+        UsageError: it can't be written.
+    """
     colours = palette()
     made = (frame.quantize(palette=colours, dither=Image.Dither.NONE) for frame in frames(results, _times(results, _GIF)))
     first = next(made)
-    first.save(path, "GIF", save_all=True, append_images=made, duration=1000 // _GIF, loop=0, optimize=False)
+    with writing("the animation", path), drafted(path) as draft:
+        first.save(draft, "GIF", save_all=True, append_images=made, duration=1000 // _GIF, loop=0, optimize=False)
 
 
 def write_film(results: Sequence[RunResult], path: Path) -> None:
@@ -309,19 +315,19 @@ def write_film(results: Sequence[RunResult], path: Path) -> None:
     first = next(made)
     size = f"{first.width}x{first.height}"
     given = [ffmpeg, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", str(_MP4), "-i", "-"]
-    with subprocess.Popen(
-        [*given, *_ENCODE.split(), str(path.absolute())], stdin=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
-        assert process.stdin is not None and process.stderr is not None
-        try:
-            for frame in (first, *made):
-                process.stdin.write(frame.tobytes())
-            process.stdin.close()
-        except BrokenPipeError:
-            pass  # it says why below
-        told = process.stderr.read().decode(errors="replace").strip()
-    if process.returncode:
-        raise UsageError(f"ffmpeg can't write this: {told.splitlines()[-1] if told else process.returncode}", path=path)
+    with writing("the film", path), drafted(path) as draft:
+        target = [*_ENCODE.split(), str(draft.absolute())]
+        with subprocess.Popen([*given, *target], stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+            assert process.stdin is not None and process.stderr is not None
+            try:
+                for frame in (first, *made):
+                    process.stdin.write(frame.tobytes())
+                process.stdin.close()
+            except BrokenPipeError:
+                pass  # it says why below
+            told = process.stderr.read().decode(errors="replace").replace(draft.name, path.name).strip()
+        if process.returncode:
+            raise UsageError(f"ffmpeg can't write this: {told.splitlines()[-1] if told else process.returncode}", path=path)
 
 
 def _times(results: Sequence[RunResult], per_second: int) -> list[float]:
@@ -330,7 +336,11 @@ def _times(results: Sequence[RunResult], per_second: int) -> list[float]:
 
 
 def write_pictures(results: Sequence[RunResult], path: Path) -> None:
-    """Write a PNG of one run or more: views from above, speeds, criticality."""
+    """Write a PNG of one run or more: views from above, speeds, criticality.
+
+    Raises:
+        UsageError: it can't be written.
+    """
     from PIL import Image
 
     from runner.outputs.picture import write_picture
@@ -346,4 +356,5 @@ def write_pictures(results: Sequence[RunResult], path: Path) -> None:
     for picture in pictures:
         whole.paste(picture, (0, top))
         top += picture.height
-    whole.save(path, "PNG")
+    with writing("the picture", path), drafted(path) as draft:
+        whole.save(draft, "PNG")

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from lxml import etree
 
+from schemas.storage import keep
 from xodr.builders.curves import ParamPoly3, Pose, Segment, advance
 from xodr.model import PERMANENT, TEMPORARY
 
@@ -229,10 +230,8 @@ class RoadMap:
         return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
 
     def write(self, path: str | PathLike[str]) -> Path:
-        """Write the map to `path` and return that path."""
-        target = Path(path)
-        target.write_bytes(self.to_xml())
-        return target
+        """Write the map to `path`, whole or not at all, and return that path."""
+        return keep(self.to_xml(), Path(path))
 
 
 # mirroring --------------------------------------------------------------------------------------

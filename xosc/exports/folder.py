@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
-from schemas.errors import UsageError
+from schemas.errors import NotWritten, UsageError
 from schemas.storage import keep, read_bytes
 
 
@@ -53,7 +53,7 @@ class Folder:
                 raise UsageError("this is in the way of an export, which overwrites nothing", path=path)
             keep(content, path)
         except OSError as error:
-            raise UsageError(f"the file can't be written: {error.strerror or error}", path=path) from None
+            raise NotWritten(f"the file can't be written: {error.strerror or error}", path=path) from None
 
     def write_by(self, name: str, writer: Callable[[Path], object]) -> None:
         """Write a file that a function writes to the path it is given; errors as in `write`."""

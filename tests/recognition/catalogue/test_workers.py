@@ -62,8 +62,9 @@ def test_several_share_one_recording(scenes: str, recordings: Path, tmp_path: Pa
     assert len(shown[-1][2]) == -(-written // 2) > 2 and max(shown[0][2]) < 1, "one recording is shown in parts"
 
 
-def test_what_was_read_before_an_interruption_is_not_read_again(
-    recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("damaged", ["", "arrow", "jsonl"])
+def test_what_was_read_before_an_interruption_is_not_read_again_unless_it_is_damaged(
+    recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damaged: str
 ) -> None:
     read: list[str] = []
     load = Source.load
@@ -83,8 +84,13 @@ def test_what_was_read_before_an_interruption_is_not_read_again(
     with pytest.raises(KeyboardInterrupt):
         build([recordings], tmp_path / "again", CatalogueSettings(), ByRules, interrupted)
     first = list(read)
+    if damaged:
+        (kept,) = (tmp_path / "again" / ".recordings").glob(f"*.{damaged}")
+        content_of = bytearray(kept.read_bytes())
+        content_of[len(content_of) // 2] ^= 1
+        kept.write_bytes(content_of)
     made(recordings, tmp_path / "again", Workers())
     made(recordings, tmp_path / "whole", Workers())
     names = [source.name for source in opened((recordings,))]
-    assert first == names[:1] and read == [*names, *names]
+    assert first == names[:1] and read == [*(names[:1] if damaged else []), *names, *names]
     assert content(tmp_path / "again") == content(tmp_path / "whole")

@@ -8,15 +8,10 @@ leave the bytes of one that was not disturbed.
 
 from __future__ import annotations
 
-import errno
-import io
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
-from typing import Any
 
-import pyarrow.parquet as pq
 import pytest
 
 from runner.batch.batch import run_batch
@@ -24,10 +19,10 @@ from runner.batch.jobs import jobs_of
 from runner.batch.journal import finished
 from runner.settings import RunSettings
 from schemas.errors import UsageError
+from tests.disk import Failure, files, watched
 from tests.runner.files import distribution, scenario
 
 QUICK = RunSettings(sut="none", world="kinematic")
-OPERATIONS = ("fsync", "write", "rename", "replace", "mkdir", "unlink", "rmdir")
 
 
 @pytest.fixture
@@ -47,16 +42,6 @@ def batch(variation: Path, out: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("runner.batch.journal._GROUP", 0.0)
         list(run_batch(jobs_of([variation], {}, True), QUICK, out=out, resume=True, tell=lambda line: None))
-
-
-def content(out: Path) -> dict[str, bytes]:
-    """All that a batch leaves; the journal without the digests of its lines' order."""
-    found: dict[str, bytes] = {
-        str(path.relative_to(out)): path.read_bytes()
-        for path in sorted(out.rglob("*"))
-        if path.is_file() and path.name != ".lock"
-    }
-    return found
 
 
 class Disk:
@@ -98,41 +83,9 @@ class Disk:
                 copy.write_bytes(path.read_bytes() if everything else self._files.get(path.stat().st_ino, b""))
 
 
-@contextmanager
-def watched(root: Path, before: Callable[[str], None], after: Callable[[str, Any], None]) -> Iterator[None]:
-    """Call `before` and `after` around each operation by which something below a folder is written."""
-
-    def wrapped(name: str, real: Callable[..., Any], concerns: Callable[..., bool]) -> Callable[..., Any]:
-        def operation(*arguments: Any, **options: Any) -> Any:
-            if not concerns(*arguments):
-                return real(*arguments, **options)
-            before(name)
-            result = real(*arguments, **options)
-            after(name, arguments[0])
-            return result
-
-        return operation
-
-    def inside(path: Any, *_: Any, **__: Any) -> bool:
-        if isinstance(path, int):
-            path = os.readlink(f"/proc/self/fd/{path}")
-        return isinstance(path, str | Path) and Path(os.path.abspath(path)).is_relative_to(root)
-
-    def written(path: Any, mode: str = "r", *arguments: Any) -> bool:
-        return "r" not in mode and inside(path)
-
-    with pytest.MonkeyPatch.context() as patch:
-        for name in OPERATIONS:
-            patch.setattr(os, name, wrapped(name, getattr(os, name), inside))
-        patch.setattr(io, "open", wrapped("open", io.open, written))
-        patch.setattr(pq, "write_table", wrapped("table", pq.write_table, lambda table, path: inside(path)))
-        patch.setattr("schemas.storage._SYNCED", 1)  # one after the other, so that operations have numbers
-        yield
-
-
 def test_a_power_cut_at_any_operation_loses_no_run_that_is_entered(tmp_path: Path, variation: Path) -> None:
     batch(variation, tmp_path / "plain")
-    expected = content(tmp_path / "plain")
+    expected = files(tmp_path / "plain")
     out = tmp_path / "out"
     out.mkdir()
     disk, pictures = Disk(out), []
@@ -147,45 +100,37 @@ def test_a_power_cut_at_any_operation_loses_no_run_that_is_entered(tmp_path: Pat
 
     with watched(out, before, lambda name, file: disk.synced(file) if name == "fsync" else None):
         batch(variation, out)
-    assert content(out) == expected
+    assert files(out) == expected
     assert {name for name, _ in pictures} >= {"fsync", "write", "rename", "replace", "mkdir", "open", "table"}
     entered, seen = set(), []
     for name, kinds in pictures:
         for kind, left in kinds.items():
             if (left / "runs.jsonl").exists():
                 entered.add((kind, len(finished(left).outcomes)))
-            if (picture := content(left)) in seen:
+            if (picture := files(left)) in seen:
                 continue
             seen.append(picture)
             batch(variation, left)
-            assert content(left) == expected, f"{kind} before {name}"
+            assert files(left) == expected, f"{kind} before {name}"
     assert len(seen) > 20
     assert {("synced", 0), ("synced", 1), ("synced", 2)} <= entered, "entries survive as soon as they are synced"
 
 
 def test_an_error_of_any_operation_is_one_line_and_loses_nothing(tmp_path: Path, variation: Path) -> None:
     batch(variation, tmp_path / "plain")
-    expected = content(tmp_path / "plain")
-    failed: list[str] = []
-    for place in range(1000):
-        out, count = tmp_path / f"out{place}", iter(range(1000))
+    expected = files(tmp_path / "plain")
+    failed: set[str] = set()
+    for place in count():
+        out, failure = tmp_path / f"out{place}", Failure(place)
         out.mkdir()
-        failing: list[OSError] = []
-
-        def before(name: str, place: int = place, count: Iterator[int] = count, failing: list[OSError] = failing) -> None:
-            if next(count) == place:
-                number = errno.EIO if name == "fsync" else errno.ENOSPC
-                failing.append(OSError(number, os.strerror(number)))
-                failed.append(name)
-                raise failing[0]
-
-        with watched(out, before, lambda name, file: None):
+        with watched(out, failure):
             try:
                 batch(variation, out)
             except UsageError as error:
-                assert str(failing[0].strerror) in str(error), failed[-1]
-        if not failing:
+                assert failure.error is not None and str(failure.error.strerror) in str(error), failure.name
+        if failure.error is None:
             break
+        failed.add(failure.name)
         batch(variation, out)
-        assert content(out) == expected, failed[-1]
-    assert set(failed) >= {"fsync", "write", "rename", "replace", "mkdir", "open", "table"}
+        assert files(out) == expected, failure.name
+    assert failed >= {"fsync", "write", "rename", "replace", "mkdir", "open", "table"}
