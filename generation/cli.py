@@ -10,7 +10,21 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Method, Pin, Quiet, Ray, Recorded, Timestep
+from generation.options import (
+    Density,
+    FailIf,
+    Free,
+    Jobs,
+    Kind,
+    Map,
+    Method,
+    Pin,
+    Quiet,
+    Ray,
+    Recorded,
+    Timestep,
+    budget_within_limits,
+)  # fmt: skip
 from generation.settings import Ask, Choice, SearchSettings
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
@@ -30,7 +44,7 @@ from schemas.commands.options import (
     say,
 )
 from schemas.commands.wording import many
-from schemas.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest
+from schemas.errors import ExitCode, InvalidFile, NotWritten, UsageError, exit_codes, gravest
 
 if TYPE_CHECKING:
     from generation.pipeline import Generated
@@ -63,7 +77,7 @@ class Search(NamedTuple):
 
 
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
-@protected("max_runs")
+@protected()
 def xosc_generate(
     source: Annotated[
         Path,
@@ -126,6 +140,7 @@ def xosc_generate(
     --against compares with a search of another version of the system: its failures are replayed, and are fixed or still there;
     failures found now that are unlike them are played with the former version, and are new where it survives.
     """
+    from generation.estimation.estimate import RUNS
     from generation.report.regression import fates
     from generation.search.methods import method as search_of
 
@@ -133,7 +148,7 @@ def xosc_generate(
     roads, catalogs = tuple(road_path or ()), tuple(catalog_path or ())
     run = RunSettings(sut=sut, timestep=timestep, world=world, max_time=max_time, road_path=roads, catalog_path=catalogs)
     settings = SearchSettings(
-        run, method, budget, seed, density, weight, rss, jobs, ray,
+        run, method, budget_within_limits(budget, RUNS if estimate else 0, NAME), seed, density, weight, rss, jobs, ray,
         choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,
     )  # fmt: skip
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
@@ -182,7 +197,7 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
             compared = regression(before, scenario, Tried.of(generated), settings)
         page = write_report(scenario, generated, settings, search.out, compared)
     except UsageError as error:
-        if not catalogue:
+        if not catalogue or isinstance(error, NotWritten):
             raise
         say(f"{NAME}: {error}", to=sys.stderr)
         return ExitCode.FINDING

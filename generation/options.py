@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,9 @@ import typer
 from generation.density.models import UNIFORM, models
 from generation.density.roles import ROLES
 from generation.search.methods import offered
+from schemas.commands.options import say
 from schemas.errors import UsageError
+from schemas.security.policy import current
 
 Recorded = Annotated[
     Path | None,
@@ -62,3 +65,23 @@ Ray = Annotated[
     typer.Option(metavar="ADDRESS", help="Run on this Ray cluster; 'local' starts one of --jobs processes on this machine."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+
+
+def budget_within_limits(budget: int, more: int, name: str) -> int:
+    """Return the runs that a search may spend under `--max-runs`; fewer than asked for are said on standard error.
+
+    Args:
+        budget: the runs asked for.
+        more: runs that are done besides.
+        name: of the command.
+
+    Raises:
+        UsageError: `--max-runs` leaves none.
+    """
+    most = current().max_runs
+    if most is None or budget + more <= most:
+        return budget
+    if most <= more:
+        raise UsageError(f"--estimate takes up to {more} runs, and the search some: --max-runs {most} is too few")
+    say(f"{name}: --max-runs {most} leaves {most - more} of {budget} runs to the search", to=sys.stderr)
+    return most - more

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Pin, Quiet, Recorded
+from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Pin, Quiet, Recorded, budget_within_limits
 from generation.settings import Ask, LoopSettings
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
@@ -48,7 +48,7 @@ app = new_app()
 
 
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
-@protected("max_runs")
+@protected()
 def xosc_loop(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="Recordings (highD, INTERACTION, CommonRoad, NGSIM, runs), .xosc scenarios.")
@@ -111,7 +111,8 @@ def xosc_loop(
 
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
     run = RunSettings(sut=sut, road_path=tuple(road_path or ()), catalog_path=tuple(catalog_path or ()))
-    settings = LoopSettings(run, _model(labels, model), rounds, budget, most, shown, sample, method, seed, jobs, ask, against)
+    spent = budget_within_limits(budget, 0, NAME)
+    settings = LoopSettings(run, _model(labels, model), rounds, spent, most, shown, sample, method, seed, jobs, ask, against)
     _refuse_wrong(settings)
     wanted = fates(fail_if, against)
     with interruptible(NAME, "the same command goes on where it was"):

@@ -258,22 +258,24 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
     """Read a recording, unless it is on the shelf already, put it there, and label it; or what is wrong with it."""
     source, shelf = place.source, RecordingStore(place.shelf)
     try:
-        kept = shelf.find(source)
-        if kept is not None:
-            recording, report = kept
-            site = site_of(source, recording, cache_roads())
-            events = label(recording, site, source.name, settings.rules)
-        else:
-            recording, site, events = looked(source, settings.rules)
-            assert source.report is not None, "the recording has been read"
-            report = source.report
-            shelf.put(source, recording, report)
+        with limited():
+            kept = shelf.find(source)
+            if kept is not None:
+                recording, report = kept
+                site = site_of(source, recording, cache_roads())
+                events = label(recording, site, source.name, settings.rules)
+            else:
+                recording, site, events = looked(source, settings.rules)
+                assert source.report is not None, "the recording has been read"
+                report = source.report
+                shelf.put(source, recording, report)
+            needs = settings.needs if settings.scenes == VEHICLES else None
+            egos, exclusions = detect.vehicles(recording, site.network, needs) if needs is not None else ([], [])
+            ground, exposure = PlacedRecording(place, site.path, site.roles), exposure_of(recording, settings.rules)
     except NotWritten:
         raise  # the other recordings can't be either
     except _REFUSALS as error:
         return _of(source, error)
-    egos, exclusions = detect.vehicles(recording, site.network, settings.needs) if settings.scenes == VEHICLES else ([], [])
-    ground, exposure = PlacedRecording(place, site.path, site.roles), exposure_of(recording, settings.rules)
     return LabelledRecording(ground, report, exposure, events, egos, exclusions)
 
 
@@ -287,7 +289,8 @@ def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) 
     """Write scenarios of a recording into the folder of a catalogue."""
     chapter = CatalogWriter(out, settings.config, sorted_by)
     try:
-        chapter.add(_material(block.ground, settings.config.scope), block.road, block.episodes)
+        with limited():
+            chapter.add(_material(block.ground, settings.config.scope), block.road, block.episodes)
     except NotWritten:
         raise  # the other recordings can't be either
     except _REFUSALS as error:

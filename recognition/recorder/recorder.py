@@ -19,6 +19,7 @@ from recognition.recorder.simulation import VehicleMotion, motion, overlaps, sim
 from recognition.recorder.sites import SITES, Site, View, family
 from recognition.recorder.traffic import Vehicle, departures, parked
 from schemas.errors import ToolchainError, UsageError
+from schemas.security.policy import limited
 from schemas.storage import DRAFT, writing
 from xodr.reader import load
 from xodr.sumo_net import SumoNet, build
@@ -151,6 +152,7 @@ def _work(tasks: Sequence[_Task], jobs: int) -> Iterator[Path]:
         yield from pool.map(_record, tasks)
 
 
+@limited()
 def _record(task: _Task) -> Path:
     site = task.site
     rng = np.random.default_rng(task.seed)

@@ -20,6 +20,7 @@ from recognition.training.windows import Moment, View, Windows, events_and_backg
 from recognition.trfe.samples import drawn_of_each
 from runner.recording import Recording
 from schemas.errors import UsageError
+from schemas.security.policy import limited
 from xodr.array_types import FloatArray, IntArray
 
 
@@ -77,10 +78,11 @@ def _made(path: Path, cache: Path, view: View, most: int | None, background: boo
 
     def parts() -> Iterator[Windows]:
         for source in datasets.open(path, roads=roads).sources:
-            recording = source.load()
-            site = site_of(source, recording, roads)
-            found = _moments(recording, site, source.name, view, background)
-            windows = windows_of(recording, _thinned(found, most), view, site)
+            with limited():
+                recording = source.load()
+                site = site_of(source, recording, roads)
+                found = _moments(recording, site, source.name, view, background)
+                windows = windows_of(recording, _thinned(found, most), view, site)
             if len(windows):
                 yield windows
 

@@ -66,6 +66,7 @@ def test_every_command_has_it_and_knows_which_arguments_are_files(name: str) -> 
     module, _, function = name.partition(":")
     parameters = inspect.signature(getattr(import_module(module), function), eval_str=True).parameters
     assert {"untrusted", "max_memory", "max_seconds"} <= parameters.keys()
+    assert ("max_runs" in parameters) == (function in {"xosc_run", "xosc_export", "xosc_generate", "xosc_loop"})
     paths = {each for each, what in parameters.items() if "Path" in str(what.annotation)}
     assert paths <= {*options._INPUTS, *options._OUTPUTS}
 
@@ -311,6 +312,45 @@ def test_a_file_that_takes_too_long_to_check_is_one_problem_and_the_others_go_on
         found = dict(check_many(["slow", "sound"]))
     assert [problem.message for problem in found[Path("slow")]] == ["this takes longer than the 0.2 s of --max-seconds"]
     assert found[Path("sound")] == []
+
+
+SLOW = {
+    "xosc-check scenario.xosc": "schemas.checks.checker.check",
+    "xosc-list .": "xosc.listing.load",
+    "xosc-run scenario.xosc --world kinematic": "runner.interpreter.execution.run",
+    "xosc-run scenario.xosc --dry-run": "runner.interpreter.execution.prepare",
+    "xosc-export scenario.xosc --to 1.3 --out out": "xosc.exports.standard.export",
+    "xosc-export scenario.xosc --to parquet --out out --world kinematic": "runner.interpreter.execution.run",
+    "xosc-replay results/scenario": "runner.outputs.stored.load_run",
+    "xosc-recognize results --labels rules --out out": "recognition.datasets.Source.load",
+    "xosc-recognize replay results --out out/a.xosc": "recognition.datasets.Source.load",
+    "xosc-recognize label results --labels rules": "recognition.datasets.Source.load",
+    "xosc-recognize record out --families 1": "recognition.recorder.recorder._attempt",
+    "xosc-recognize train results --out out": "recognition.datasets.Source.load",
+}
+"""A call of each command that works on files one by one, and what takes long in it"""
+
+
+@pytest.mark.parametrize("call", SLOW)
+def test_every_command_ends_work_that_takes_too_long(
+    contributed: Path, command: Command, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    scenario(contributed, stop=0.1)
+    if "results" in call:
+        command("xosc-run", "scenario.xosc", "--world", "kinematic", "--out", "results")
+    monkeypatch.setattr(SLOW[call], lambda *_, **__: time.sleep(20.0))
+    answer = command(*call.split(), "--max-seconds", "0.3")
+    assert answer.code == (1 if call.startswith("xosc-check") else 4), answer
+    assert "longer than the 0.3 s of --max-seconds" in answer.out + answer.err
+
+
+def test_a_search_spends_no_more_runs_than_allowed(contributed: Path, command: Command) -> None:
+    scenario(contributed, stop=0.1)
+    call = [*REFUSING["generate"][:4], "--method", "random", "--density", "uniform", "--free", "Gap=20..70", "--quiet"]
+    answer = command(*call, "--max-runs", "3", "--world", "kinematic")
+    assert answer.code == 1 and "--max-runs 3 leaves 3 of 3000 runs to the search" in answer.err
+    refused = command(*call, "--max-runs", "600", "--estimate")
+    assert refused.code == 2 and "--max-runs 600 is too few" in refused.err
 
 
 def test_the_inner_of_two_limits_does_not_end_the_outer() -> None:
