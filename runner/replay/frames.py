@@ -112,7 +112,7 @@ class _View:
         self._times = [min(time, result.end_time) for time in times]
         self._area = area = extent(recording.tracks.values())
         self._shapes = _shapes(result, area.wider(_WIDTH))
-        edges = [(*shape.points.min(axis=0), *shape.points.max(axis=0)) for shape in self._shapes]
+        edges = [(*shape.points.min(axis=0)[:2], *shape.points.max(axis=0)[:2]) for shape in self._shapes]
         self._edges = np.array(edges).reshape(-1, 4)
         self._tracks = {name: track for name, track in recording.tracks.items() if len(track.columns["time"])}
         self._contacts = [
@@ -219,7 +219,7 @@ def _shapes(result: RunResult, area: Area) -> list[_Shape]:
 
 def dashes(line: Line) -> list[Line]:
     """The dashes of a broken line, rows x, y (m)."""
-    lengths = np.hypot(*np.diff(line, axis=0).T)
+    lengths = np.hypot(*np.diff(line[:, :2], axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     starts = np.arange(0.0, along[-1], _DASH + _GAP)
     ends = np.minimum(starts + _DASH, along[-1])

@@ -56,10 +56,14 @@ def _varints(numbers: NDArray[np.int64]) -> bytes:
 
 
 def pack_lines(lines: Sequence[NDArray[np.float64]], step: float) -> list[str]:
-    """Polylines (rows x, y) as three texts: their numbers of points, and x and y of all points."""
+    """Polylines as texts: their numbers of points, then x, y and, unless 0 everywhere, z of all points."""
     points = np.concatenate(lines) if lines else np.zeros((0, 2))
     lengths = [len(line) for line in lines]
-    return [pack(lengths, 1.0, 0), pack(points[:, 0], step), pack(points[:, 1], step)]
+    return [pack(lengths, 1.0, 0), *(pack(axis, step) for n, axis in enumerate(points.T) if n < 2 or _matters(axis, step))]
+
+
+def _matters(values: NDArray[np.float64], step: float) -> bool:
+    return bool(np.any(np.abs(values) >= step / 2))
 
 
 LENGTH_STEP, ANGLE_STEP, SPEED_STEP = 0.01, 0.002, 0.01
@@ -68,6 +72,8 @@ _SAMPLE = 0.05
 """Least time between samples, s"""
 _SURROUNDINGS = 200.0
 """Margin (m) around the paths of entities in which roads are drawn"""
+_HEIGHT_STEP = 0.1
+"""Rounding of heights of objects, m"""
 _GREATEST = 1000.0
 """Values of curves beyond this are cut off there"""
 
@@ -108,26 +114,35 @@ def union(areas: Iterable[Area]) -> Area:
     return Area(min(west), min(south), max(east), max(north))
 
 
-def road_of(network: RoadNetwork, area: Area, origin: tuple[int, int]) -> dict[str, Any]:
-    """The roads within an area, counted from an origin."""
+def road_of(network: RoadNetwork, area: Area, origin: tuple[int, int], heights: bool = True) -> dict[str, Any]:
+    """The roads within an area, counted from an origin; without `heights`, no more than a view from above needs."""
+    axes = 3 if heights else 2
+    base = np.array([*origin, 0.0])
+
+    def packed(lines: Sequence[NDArray[np.float64]]) -> list[str]:
+        return pack_lines([(line - base)[:, :axes] for line in lines], LENGTH_STEP)
+
+    blocks = roads.objects(network, area)
     return {
-        "surfaces": [
-            {"look": look, "lines": pack_lines([ring - origin for ring in rings], LENGTH_STEP)}
-            for look, rings in surfaces(network, area).items()
-        ],
-        "marks": [
-            look._asdict() | {"lines": pack_lines([line - origin for line in lines], LENGTH_STEP)}
-            for look, lines in marks(network, area).items()
-        ],
+        "surfaces": [{"look": look, "lines": packed(rings)} for look, rings in surfaces(network, area).items()],
+        "marks": [look._asdict() | {"lines": packed(lines)} for look, lines in marks(network, area).items()],
         "objects": [
-            {"look": look, "lines": pack_lines([ring - origin for ring in rings], LENGTH_STEP)}
-            for look, rings in roads.objects(network, area).items()
+            {"look": look, "lines": packed([block.ring for block in those])}
+            | ({"heights": pack([block.height for block in those], _HEIGHT_STEP)} if heights else {})
+            for look, those in blocks.items()
         ],
-        "signals": [
-            signal | {"x": round(signal["x"] - origin[0], 2), "y": round(signal["y"] - origin[1], 2)}
-            for signal in roads.signals(network, area)
-        ],
+        "signals": [_signal(signal, origin, heights) for signal in roads.signals(network, area)],
     }
+
+
+_ABOVE = ("id", "x", "y", "name", "dynamic")
+"""What a view from above needs of a signal"""
+
+
+def _signal(signal: dict[str, Any], origin: tuple[int, int], heights: bool) -> dict[str, Any]:
+    found = {name: round(value, 2) if isinstance(value, float) else value for name, value in signal.items()}
+    found |= {"x": round(signal["x"] - origin[0], 2), "y": round(signal["y"] - origin[1], 2)}
+    return found if heights else {name: found[name] for name in _ABOVE}
 
 
 def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
@@ -177,15 +192,15 @@ def _pairs(measures: Criticality | None, dt: float, stride: int) -> dict[str, St
 # participants -------------------------------------------------------------------------------
 
 
-def track_of(track: Track, dt: float, stride: int, origin: tuple[int, int]) -> dict[str, Any]:
-    """A participant at every so many steps of a time (s), counted from an origin."""
+def track_of(track: Track, dt: float, stride: int, origin: tuple[int, int], heights: bool = True) -> dict[str, Any]:
+    """A participant at every so many steps of a time (s), counted from an origin; `heights` as in `road_of`."""
     columns, box = track.columns, track.box
     heading = np.unwrap(columns["h"])
     return {
         "name": track.name,
         "kind": track.kind,
         "category": track.category,
-        "box": [round(value, 3) for value in (box.x, box.y, box.length, box.width)],
+        "box": [round(value, 3) for value in (box.x, box.y, box.length, box.width, box.z, box.height)],
         "parts": [
             {
                 "start": start,
@@ -193,6 +208,11 @@ def track_of(track: Track, dt: float, stride: int, origin: tuple[int, int]) -> d
                 "y": pack(columns["y"][rows] - origin[1], LENGTH_STEP, 2),
                 "h": pack(heading[rows], ANGLE_STEP, 2),
                 "v": pack(columns["speed"][rows], SPEED_STEP, 2),
+            }
+            | {
+                name: pack(columns[name][rows], step, 2)
+                for name, step in (("z", LENGTH_STEP), ("pitch", ANGLE_STEP), ("roll", ANGLE_STEP))
+                if heights and _matters(columns[name], step)
             }
             for start, rows in _parts(columns["time"], np.ones(len(heading), bool), dt, stride)
         ],
@@ -266,7 +286,7 @@ def preview(result: RunResult) -> dict[str, Any] | None:
     network = result.recording.network
     return {
         "steps": steps(),
-        "road": road_of(network, area, origin) if network is not None else None,
+        "road": road_of(network, area, origin, heights=False) if network is not None else None,
         "sample": stride * dt,
         "from": begin,
         "to": end,
@@ -274,7 +294,7 @@ def preview(result: RunResult) -> dict[str, Any] | None:
         "pair": pair,
         "told": account(result)[0].text,
         "tracks": [
-            track_of(track, dt, stride, origin)
+            track_of(track, dt, stride, origin, heights=False)
             for track in tracks.values()
             if len(track.columns["time"]) and area.meets(extent([track]))
         ],
