@@ -21,8 +21,9 @@ TO_REPORT = f"../{REPORT}"
 
 
 _STYLES = ("base.css", "play/colours.css", "play/replay.css")
-_PARTS = ("data", "drawing", "pair", "view", "charts", "timeline", "account", "controls", "player")
-_SCRIPTS = ("dom.js", *(f"play/{part}.js" for part in _PARTS))
+_FLAT = ("data", "drawing", "pair", "view", "charts", "timeline", "account", "controls")
+_SOLID = ("gl", "ground", "bodies", "space")
+_SCRIPTS = ("dom.js", *(f"play/{part}.js" for part in _FLAT), *(f"solid/{part}.js" for part in _SOLID), "play/player.js")
 
 
 def replay_page(results: Sequence[RunResult], report: str | None = None) -> str:

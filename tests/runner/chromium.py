@@ -18,7 +18,6 @@ _CANDIDATES = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = (
     "--headless=new",
     "--no-sandbox",
-    "--disable-gpu",
     "--hide-scrollbars",
     "--no-first-run",
     "--disable-background-networking",
@@ -26,6 +25,8 @@ _FLAGS = (
     "--host-resolver-rules=MAP * ~NOTFOUND",
     "--remote-debugging-pipe",
 )
+_GRAPHICS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+"""What makes WebGL work without a graphics card"""
 _CONTROLS = {"button", "link", "searchbox", "textbox", "slider", "combobox", "checkbox", "image", "img", "DisclosureTriangle"}
 """Roles in the tree that screen readers see"""
 
@@ -43,9 +44,10 @@ class Browser:
 
     Args:
         folder: for its profile.
+        graphics: whether pages have WebGL, drawn by software.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, graphics: bool = False) -> None:
         to_child, self._out = os.pipe()
         self._in, from_child = os.pipe()
         ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (to_child, from_child)]
@@ -55,7 +57,7 @@ class Browser:
                 os.dup2(end, wanted)
 
         self._process = subprocess.Popen(
-            [chromium(), *_FLAGS, f"--user-data-dir={folder}"],
+            [chromium(), *_FLAGS, *(_GRAPHICS if graphics else ("--disable-gpu",)), f"--user-data-dir={folder}"],
             preexec_fn=connect,
             pass_fds=(3, 4),
             stdout=subprocess.DEVNULL,

@@ -299,6 +299,36 @@ def test_the_map_stays_in_sight_beside_what_is_read(browser: Browser, one: Path)
         assert controls[1] <= 900.0
 
 
+def test_without_webgl_the_page_says_so_and_stays_as_it_is(browser: Browser, one: Path) -> None:
+    browser.open(one, "t=1")
+    browser.run(
+        "HTMLCanvasElement.prototype.getContext = (get => function (kind, ...more) { "
+        "return kind === 'webgl2' ? null : get.call(this, kind, ...more); })(HTMLCanvasElement.prototype.getContext)"
+    )
+    before = browser.run("document.querySelector('canvas').toDataURL()")
+    browser.press("v")
+    assert "WebGL" in browser.text(".note")
+    assert browser.run("document.querySelector('.looks [aria-pressed]').getAttribute('aria-pressed')") == "false"
+    assert browser.run("document.querySelector('canvas').toDataURL()") == before
+
+
+def test_the_event_log_is_one_tab_stop_and_a_key_lists_the_keys(browser: Browser, one: Path) -> None:
+    browser.open(one)
+    lines = "[...document.querySelectorAll('.log button')]"
+    assert browser.run(f"{lines}.length") > 3
+    browser.run(f"{lines}.find(line => line.tabIndex === 0).focus()")
+    for key, at in (("ArrowDown", 1), ("End", -1), ("ArrowUp", -2), ("Home", 0)):
+        browser.press(key)
+        assert browser.run(f"{lines}.at({at}) === document.activeElement"), key
+        assert browser.run(f"{lines}.filter(line => line.tabIndex === 0).length") == 1
+    assert time(browser) == 0.0, "the keys of the log do not move the clock"
+    browser.press("?")
+    assert browser.run("document.querySelector('dialog').open")
+    assert "free camera" in browser.text("dialog")
+    browser.press("?")
+    assert not browser.run("document.querySelector('dialog').open")
+
+
 def test_a_run_without_ego_road_or_anybody_can_be_played(browser: Browser, tmp_path: Path) -> None:
     result = runner.run(scenario(tmp_path, "empty", entities=[car("A")], init=" ", stories=" ", stop=0.2), world="kinematic")
     result.recording.network = None

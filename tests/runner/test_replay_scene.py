@@ -54,6 +54,16 @@ def test_every_sample_is_the_recordings(dt: float, sample: float) -> None:
     assert np.abs(back["v"] - wanted["speed"]).max() <= 0.0051
 
 
+def test_heights_and_tilts_are_there_where_they_matter() -> None:
+    flat, hill = track("A", np.arange(40), 0.05), track("B", np.arange(40), 0.05)
+    hill.columns["z"][:], hill.columns["pitch"][:] = 0.1 * np.arange(40), -0.05
+    first, second = (each["parts"][0] for each in scene([result([flat, hill], 0.05, 2.0)])["runs"][0]["tracks"])
+    assert {"z", "pitch", "roll"}.isdisjoint(first)
+    assert unpack(second["z"], 0.01, 2) == pytest.approx(hill.columns["z"], abs=0.0051)
+    assert unpack(second["pitch"], 0.002, 2) == pytest.approx(np.full(40, -0.05), abs=0.0011)
+    assert "roll" not in second
+
+
 def test_those_who_come_and_go_have_a_part_for_each_time() -> None:
     ticks = np.concatenate([np.arange(10, 20), np.arange(30, 33)])
     (shown,) = scene([result([track("A", ticks, 0.1), track("B", np.arange(0), 0.1)], 0.1, 5.0)])["runs"]

@@ -6,14 +6,14 @@ const AXES = {
   acceleration: { zero: true, worst: Math.min },
   ttc: { low: 0, cap: 10, worst: Math.min },
   thw: { low: 0, cap: 6, worst: Math.min },
-  rss_margin_ad_rss: { zero: true, cap: 20, worst: Math.min, forbidden: true },
+  rss_margin_ad_rss: { zero: true, worst: Math.min, forbidden: true },
   distance: { low: 0, cap: 60, worst: Math.min },
   drac: { low: 0, cap: 10, worst: Math.max },
 };
 const LEFT = 34,
   RIGHT = 6,
   TOP = 6,
-  BOTTOM = 4;
+  BOTTOM = 18;
 
 class Chart {
   /** curves: the same measure of each run, undefined where a run has none. */
@@ -92,9 +92,10 @@ class Chart {
       }
     if (low > high) [low, high] = [0, 1];
     high = Math.min(high, this.axis.cap ?? Infinity);
-    low = this.axis.low ?? Math.max(low, -120);
+    low = this.axis.low ?? low;
     if (high - low < 1) high = low + 1;
-    return [low, high + (high - low) * 0.05];
+    const room = (high - low) * 0.05;
+    return [this.axis.low ?? low - room, high + room];
   }
 
   draw(colour) {
@@ -120,13 +121,31 @@ class Chart {
       ctx.fillStyle = colour("muted");
       ctx.fillText(String(Number(value.toPrecision(3))), LEFT - 5, y(value));
     }
+    this.drawTimes(ctx, x, width, height, colour);
     ctx.save();
     ctx.beginPath();
-    ctx.rect(LEFT, 0, width - LEFT, height);
+    ctx.rect(LEFT, 0, width - LEFT, height - BOTTOM + 1);
     ctx.clip();
     this.curves.forEach((curve, index) => curve && this.drawCurve(ctx, curve, index, colour, x, y));
     ctx.restore();
     this.place = x;
+  }
+
+  /** Round times below the curves. */
+  drawTimes(ctx, x, width, height, colour) {
+    const times = ticks(0, this.end, Math.max(2, Math.floor((width - LEFT - RIGHT) / 60)));
+    for (const time of times) {
+      const text = `${Number(time.toPrecision(4))}${time === times[times.length - 1] ? " s" : ""}`,
+        half = ctx.measureText(text).width / 2;
+      ctx.strokeStyle = colour("line");
+      ctx.beginPath();
+      ctx.moveTo(x(time), height - BOTTOM);
+      ctx.lineTo(x(time), height - BOTTOM + 4);
+      ctx.stroke();
+      ctx.fillStyle = colour("muted");
+      ctx.textAlign = "center";
+      ctx.fillText(text, Math.min(x(time), width - half - 1), height - 6);
+    }
   }
 
   drawCurve(ctx, curve, index, colour, x, y) {

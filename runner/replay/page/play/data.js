@@ -19,18 +19,25 @@ function unpack(text, order, step) {
   return Float64Array.from(values, value => value * step);
 }
 
-/** Polylines or rings as one path in world coordinates. */
-function unpackPath([lengths, xs, ys], step, closed) {
-  const path = new Path2D(),
-    x = unpack(xs, 1, step),
-    y = unpack(ys, 1, step);
+/** Polylines or rings as x, y and z of their points; z is null where it is 0 everywhere. */
+function unpackLines([lengths, ...axes], step) {
+  const [x, y, z] = axes.map(text => unpack(text, 1, step));
   let next = 0;
-  for (const length of unpack(lengths, 0, 1)) {
-    const end = next + length;
-    path.moveTo(x[next], y[next]);
-    for (let i = next + 1; i < end; i++) path.lineTo(x[i], y[i]);
+  return Array.from(unpack(lengths, 0, 1), length => {
+    const begin = next,
+      some = values => (values ? values.subarray(begin, begin + length) : null);
+    next += length;
+    return { x: some(x), y: some(y), z: some(z) };
+  });
+}
+
+/** Polylines or rings as one path in world coordinates. */
+function unpackPath(lines, step, closed) {
+  const path = new Path2D();
+  for (const { x, y } of unpackLines(lines, step)) {
+    path.moveTo(x[0], y[0]);
+    for (let i = 1; i < x.length; i++) path.lineTo(x[i], y[i]);
     if (closed) path.closePath();
-    next = end;
   }
   return path;
 }
@@ -42,6 +49,9 @@ function unpackTrack(track, steps) {
     y: unpack(part.y, 2, steps.length),
     h: unpack(part.h, 2, steps.angle),
     v: unpack(part.v, 2, steps.speed),
+    z: part.z ? unpack(part.z, 2, steps.length) : null,
+    pitch: part.pitch ? unpack(part.pitch, 2, steps.angle) : null,
+    roll: part.roll ? unpack(part.roll, 2, steps.angle) : null,
   }));
   const way = new Path2D();
   for (const { x, y } of parts) {

@@ -75,12 +75,18 @@ function drawSignals(ctx, road, states, time, colour, scale) {
   }
 }
 
-/** Colour of a light's state: one that is named in it, or of "on;off;off" (red, yellow, green) those that are on. */
-function lamp(state) {
+/** The lit lamps of a light's state: those that are named in it, or of "on;off;off" (red, yellow, green) those that are on. */
+function lampsOn(state) {
   const lamps = state.toLowerCase().split(";"),
     names = ["red", "yellow", "green"];
-  const lit =
-    lamps.length === 3 ? names.filter((_, i) => lamps[i].startsWith("on")) : names.filter(name => lamps[0].includes(name));
+  return lamps.length === 3
+    ? names.filter((_, i) => lamps[i].startsWith("on"))
+    : names.filter(name => lamps[0].includes(name));
+}
+
+/** Colour of a light's state. */
+function lamp(state) {
+  const lit = lampsOn(state);
   const found = lit.length > 1 ? "yellow" : lit[0];
   return { red: "#e5322d", yellow: "#f5b800", green: "#1fae54" }[found] || "#9aa3ad";
 }

@@ -72,6 +72,66 @@ const labels = el("input", {
 });
 const announced = el("div", { class: "hidden", "aria-live": "polite" });
 
+// three dimensions ----------------------------------------------------------------------------
+
+const solidButton = button("Show in three dimensions", () => solid(!eye.on), { "aria-pressed": "false" }, "3-D");
+const solidNote = el("span", { class: "note", role: "status" });
+const cameraChoice = choice("Camera", CAMERAS, "chase", value => useCamera(value));
+const shadows = el("input", {
+  type: "checkbox",
+  change: () => {
+    eye.shadows = shadows.checked;
+    changed();
+  },
+});
+const solidChoices = el("span", { class: "choices", hidden: true }, cameraChoice, el("label", null, shadows, "Shadows"));
+const fullButton = button("Fill the screen", fill, { hidden: !document.fullscreenEnabled }, "Full");
+
+/** Show all views in three dimensions or from above; without WebGL they stay as they are, and the page says why. */
+function solid(on) {
+  if (on)
+    for (const view of views) {
+      view.space ??= Space.of(view, view.run.road === null ? null : data.roads[view.run.road], data.steps);
+      if (!view.space) {
+        solidNote.textContent = "3-D needs WebGL 2, which this browser does not have or has switched off.";
+        return;
+      }
+      view.canvas.after(view.space.canvas);
+      view.space.canvas.addEventListener("webglcontextlost", lost);
+    }
+  eye.on = on;
+  solidNote.textContent = "";
+  solidButton.setAttribute("aria-pressed", String(on));
+  solidChoices.hidden = !on;
+  document.getElementById("page").classList.toggle("solid", on);
+  for (const view of views)
+    view.canvas.setAttribute("aria-label", `${view.run.name} ${on ? "in three dimensions; drag to turn" : ABOVE}`);
+  changed();
+}
+
+const lost = () => {
+  solid(false);
+  for (const view of views) {
+    if (view.space) view.space.canvas.remove();
+    view.space = null;
+  }
+  solidNote.textContent = "The graphics card has dropped the picture; press 3-D to draw it again.";
+};
+
+function useCamera(kind) {
+  Object.assign(eye, { kind, turn: 0, tilt: 0, free: null });
+  cameraChoice.value = kind;
+  if (!eye.on) solid(true);
+  changed();
+}
+
+function fill() {
+  const watch = document.querySelector(".watch");
+  if (document.fullscreenElement) document.exitFullscreen();
+  else
+    watch.requestFullscreen().catch(() => (solidNote.textContent = "The browser does not let this page fill the screen."));
+}
+
 /** Follow ego and partner, the ego, everybody, nobody (and stay where the view is), or a name. */
 function choose(value) {
   if (value === "none") Object.assign(camera, { follow: null, x: views[0].middle[0], y: views[0].middle[1] });
@@ -93,11 +153,12 @@ const usualScale = () => Math.min(Math.max(views[0].canvas.clientWidth / 120, 6)
 
 function stage(view, i) {
   const closer = factor => () => {
-    zoom(factor);
+    scaleBy(factor);
     changed();
   };
   const everything = () => {
-    view.fit();
+    if (eye.on) useCamera("chase");
+    else view.fit();
     changed();
   };
   const zooms = el(
@@ -106,8 +167,11 @@ function stage(view, i) {
     button("Zoom in", closer(1.4), null, "+"),
     button("Zoom out", closer(1 / 1.4), null, "−"),
     button("Show all ways", everything, null, "⤢"),
+    i ? null : button("Keys", () => toggleHelp(), { class: "optional" }, "?"),
   );
-  return el("div", { class: `stage run${i}` }, view.canvas, el("div", { class: "told" }, sign(runs, i), view.told), zooms);
+  const told = el("div", { class: "told" }, sign(runs, i), view.told);
+  const looks = i ? null : el("div", { class: "looks" }, solidNote, solidChoices, solidButton, fullButton);
+  return el("div", { class: `stage run${i}` }, view.canvas, told, looks, zooms);
 }
 
 const HELP = [
@@ -115,18 +179,24 @@ const HELP = [
   ["← →", "one step; with Shift one second"],
   ["P N", "previous, next event"],
   ["Home End", "beginning, end"],
-  ["+ −", "zoom"],
+  ["+ −", "zoom; in 3-D nearer, farther"],
   ["B", "follow the ego and the nearest"],
   ["F", "follow the ego"],
   ["A", "follow everybody"],
   ["0", "show all ways"],
   ["L", "labels"],
   [", .", "slower, faster"],
+  ["V", "3-D, or from above"],
+  ["C", "next camera: chase, driver's, free"],
+  ["W A S D", "free camera: ahead, left, back, right; with Shift turn it"],
+  ["Q E", "free camera: down, up"],
+  ["X", "fill the screen"],
+  ["?", "these keys"],
 ];
 const help = el(
-  "details",
-  { class: "panel keys" },
-  el("summary", null, "Keys"),
+  "dialog",
+  { class: "panel keys", "aria-label": "Keys" },
+  el("h2", null, "Keys"),
   el(
     "dl",
     null,
@@ -135,9 +205,14 @@ const help = el(
       el("dd", null, what),
     ]),
   ),
+  el("p", null, "Drag moves the picture, or in 3-D turns it; with Shift or the right button it moves the free camera. "),
+  el("p", null, "A click on a participant follows it. In the event log, ↑ and ↓ go from line to line."),
+  button("Close", () => help.close(), null, "Close"),
 );
+const toggleHelp = () => (help.open ? help.close() : help.showModal());
 
-const section = (title, ...content) => el("section", { class: "panel", "aria-label": title }, el("h2", null, title), ...content);
+const section = (title, ...content) =>
+  el("section", { class: "panel", "aria-label": title }, el("h2", null, title), ...content);
 const each = (title, parts) =>
   section(
     title,
@@ -187,9 +262,9 @@ document.body.append(
         each("Triggers and actions", timelines),
         each("Event log", logs),
         each("Participants", tables),
-        help,
       ),
     ),
+    help,
     announced,
   ),
 );
@@ -232,6 +307,15 @@ function announce() {
 
 // keyboard ------------------------------------------------------------------------------------
 
+const scaleBy = factor => (eye.on ? nearer : zoom)(factor);
+
+/** Fly the free camera, or do what the key does else; with Shift turn it. */
+const flying = (ahead, left, up, otherwise) => event => {
+  if (!eye.on || eye.kind !== "free") otherwise?.();
+  else if (event.shiftKey && !up) look3(left * 0.1, ahead * 0.08);
+  else move(ahead, left, up);
+};
+
 const KEYS = {
   " ": () => play(!clock.playing),
   ArrowLeft: event => (event.shiftKey ? seek(clock.time - 1) : step(-1)),
@@ -240,13 +324,22 @@ const KEYS = {
   p: () => jump(-1),
   Home: () => seek(0),
   End: () => seek(end),
-  "+": () => zoom(1.25),
-  "=": () => zoom(1.25),
-  "-": () => zoom(0.8),
-  0: () => views[0].fit(),
+  "+": () => scaleBy(1.25),
+  "=": () => scaleBy(1.25),
+  "-": () => scaleBy(0.8),
+  0: () => (eye.on ? useCamera(eye.kind) : views[0].fit()),
   b: () => choose(hasPair ? "both" : hasEgo ? "ego" : "all"),
   f: () => choose(hasEgo ? "ego" : "all"),
-  a: () => choose("all"),
+  a: flying(0, 1, 0, () => choose("all")),
+  w: flying(1, 0, 0),
+  s: flying(-1, 0, 0),
+  d: flying(0, -1, 0),
+  q: flying(0, 0, -1),
+  e: flying(0, 0, 1),
+  v: () => solid(!eye.on),
+  c: () => useCamera(eye.on ? CAMERAS[(CAMERAS.findIndex(([kind]) => kind === eye.kind) + 1) % 3][0] : eye.kind),
+  x: fill,
+  "?": toggleHelp,
   l: () => labels.click(),
   ",": () => faster(-1),
   ".": () => faster(1),
@@ -287,7 +380,8 @@ function frame(now) {
 /** Have the address name the time, so that it can be sent to somebody. */
 function write(now) {
   clock.written = now;
-  const hash = `#t=${clock.time.toFixed(2)}`;
+  if (location.protocol === "about:") return; // within another page, as in a notebook
+  const hash = `#t=${clock.time.toFixed(2)}${eye.on ? `&view=${eye.kind}` : ""}`;
   if (location.hash !== hash && (location.hash || clock.time > 0)) history.replaceState(null, "", hash);
 }
 
@@ -317,15 +411,17 @@ function redraw() {
   changed();
 }
 
-/** Begin at the time that the address names (#t=5.05), with ego and partner in sight, close to the ego, or with everybody. */
+/** Begin at the time and in the view that the address names (#t=5.05&view=chase); with ego and partner, or all, in sight. */
 function begin() {
-  const given = new URLSearchParams(location.hash.slice(1)).get("t");
+  const address = new URLSearchParams(location.hash.slice(1)),
+    given = address.get("t");
   if (given !== null && Number.isFinite(Number(given))) seek(Number(given));
   views[0].fit();
   if (hasEgo) {
     camera.scale = Math.max(camera.scale, usualScale());
     follow(hasPair ? BOTH : "");
   } else follow(ALL);
+  if (CAMERAS.some(([kind]) => kind === address.get("view"))) useCamera(address.get("view"));
   redraw();
 }
 

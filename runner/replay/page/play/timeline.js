@@ -69,8 +69,7 @@ class Timeline {
   bar(level, label, [from, until, why]) {
     const to = until ?? this.run.end,
       text = `${label}, ${seconds(from)}${to > from ? ` to ${seconds(to)}` : ""}${why ? `: ${why}` : ""}`;
-    const style =
-      `left:${(100 * from) / this.end}%` + (level === "note" ? "" : `;width:${(100 * (to - from)) / this.end}%`);
+    const style = `left:${(100 * from) / this.end}%` + (level === "note" ? "" : `;width:${(100 * (to - from)) / this.end}%`);
     return el("button", { class: `bar ${level}`, style, title: text, "aria-label": text, click: () => this.seek(from) });
   }
 
@@ -119,7 +118,7 @@ class Log {
       const [time, , subject] = entry;
       return el(
         "button",
-        { title: subject, click: () => seek(time) },
+        { title: subject, tabindex: -1, click: () => seek(time) },
         el("time", null, seconds(time)),
         el("span", { class: "what" }, sentenceOf(run, entry)),
       );
@@ -131,6 +130,25 @@ class Log {
     );
     this.node = this.items.length ? this.box : el("p", { class: "muted" }, "The event log is empty.");
     this.current = undefined;
+    this.box.addEventListener("keydown", event => this.step(event));
+    this.box.addEventListener("focusin", event => this.stop(this.items.indexOf(event.target)));
+    this.stop(0);
+  }
+
+  /** Let the Tab key find one line only; the arrow keys lead to the others. */
+  stop(index) {
+    if (this.items[this.stopped]) this.items[this.stopped].tabIndex = -1;
+    this.stopped = index;
+    if (this.items[index]) this.items[index].tabIndex = 0;
+  }
+
+  step(event) {
+    const last = this.items.length - 1,
+      goal = { ArrowUp: this.stopped - 1, ArrowDown: this.stopped + 1, Home: 0, End: last }[event.key];
+    if (goal === undefined) return;
+    event.preventDefault();
+    event.stopPropagation();
+    this.items[Math.min(last, Math.max(0, goal))].focus();
   }
 
   show(time) {
@@ -141,6 +159,7 @@ class Log {
       item.className = i === current ? "current" : i < current ? "past" : "future";
     });
     const item = this.items[current];
+    if (item && !this.box.contains(document.activeElement)) this.stop(current);
     if (item) this.box.scrollTop = item.offsetTop - this.box.clientHeight / 2;
   }
 }

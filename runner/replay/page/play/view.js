@@ -6,6 +6,9 @@ const NEAREST = 200,
 /** Following the ego and its partner, or everybody; a participant's name is never a symbol. */
 const BOTH = Symbol("both");
 const ALL = Symbol("all");
+const NAMED = 150; // m up to which names are shown in three dimensions
+const CROWDED = 30; // px by which a name is moved at most, in three dimensions
+const TURN = 0.006; // rad that a pixel turns the eye
 const EASE = 0.2; // part of the way that the camera goes to a new scale in a frame
 
 /** Where all views look: at a participant (plus an offset), several (`closer` than they need), or a place; m, px per m. */
@@ -31,13 +34,15 @@ function aim(views, still) {
   camera.scale = still ? goal : camera.scale * (goal / camera.scale) ** EASE;
 }
 
+const ABOVE = "from above; + and - zoom, drag to move";
+
 class View {
   constructor(run, road, index, changed) {
     Object.assign(this, { run, road, index, changed, labels: true, colour: palette(), middle: [0, 0] });
     this.canvas = el("canvas", {
       tabindex: 0,
       role: "img",
-      "aria-label": `${run.name} from above; + and - zoom, drag to move`,
+      "aria-label": `${run.name} ${ABOVE}`,
     });
     this.told = el("span");
     this.pointers = new Map();
@@ -46,8 +51,12 @@ class View {
     for (const name of ["pointerup", "pointercancel"]) this.canvas.addEventListener(name, event => this.release(event));
     this.canvas.addEventListener("wheel", event => this.wheel(event), { passive: false });
     this.canvas.addEventListener("dblclick", () => {
-      this.fit();
+      if (eye.on) Object.assign(eye, { turn: 0, tilt: 0, away: 14, free: null });
+      else this.fit();
       changed();
+    });
+    this.canvas.addEventListener("contextmenu", event => {
+      if (eye.on) event.preventDefault(); // the right button moves the free camera
     });
   }
 
@@ -95,9 +104,16 @@ class View {
       { run, colour } = this;
     const at = Math.min(time, run.end),
       { states, followed } = this,
-      target = followed && states[run.tracks.indexOf(followed)];
-    if (several() && this.framed)
-      this.middle = [this.framed.middle[0] + camera.dx, this.framed.middle[1] + camera.dy];
+      over = time > run.end + 1e-6;
+    this.touching = new Set(run.collisions.filter(c => c.from <= at && at <= c.to).flatMap(c => c.who));
+    if (eye.on) {
+      this.space.draw(time);
+      ctx.clearRect(0, 0, width, height);
+      if (this.labels) this.drawNames(ctx, width, height);
+      return this.tell(at, over);
+    }
+    const target = followed && states[run.tracks.indexOf(followed)];
+    if (several() && this.framed) this.middle = [this.framed.middle[0] + camera.dx, this.framed.middle[1] + camera.dy];
     else if (target) this.middle = [target.x + camera.dx, target.y + camera.dy];
     else if (!followed) this.middle = [camera.x, camera.y];
     const [x, y] = this.middle;
@@ -107,9 +123,8 @@ class View {
     if (this.road) drawRoad(ctx, this.road, colour, scale);
     this.drawWays(ctx, scale);
     if (this.road) drawSignals(ctx, this.road, run.signals, at, colour, scale);
-    const touching = new Set(run.collisions.filter(c => c.from <= at && at <= c.to).flatMap(c => c.who));
     run.tracks.forEach((track, i) => {
-      const marked = touching.has(track.name)
+      const marked = this.touching.has(track.name)
         ? colour("bad")
         : track === followed && track.name !== run.ego && !several()
           ? colour("accent")
@@ -121,7 +136,36 @@ class View {
     this.drawPair(ctx, at, width, height);
     if (this.labels) this.drawLabels(ctx, width, height, scale);
     drawScale(ctx, scale, height, colour);
-    this.tell(at, time > run.end + 1e-6);
+    return this.tell(at, over);
+  }
+
+  /** Names above participants in three dimensions, the nearest ones first. */
+  drawNames(ctx, width, height) {
+    const { space, run } = this,
+      own = eye.kind === "driver" ? space.target().track : null,
+      partner = this.pair ? run.tracks[this.pair[1]] : null;
+    const found = run.tracks.flatMap((track, i) => {
+      const state = this.states[i] && track !== own ? space.states[i] : null,
+        at = state && space.project(state.x, state.y, state.z + track.box[4] + track.box[5] / 2 + 0.3);
+      return at && at[2] < NAMED ? [{ track, state, at }] : [];
+    });
+    this.taken = [];
+    for (const { track, state, at } of found.sort((a, b) => a.at[2] - b.at[2])) {
+      const bold = track.name === run.ego || track === this.followed || track === partner,
+        text = bold ? `${track.name} ${state.v.toFixed(1)} m/s` : track.name,
+        [x, y] = at;
+      if (x < 0 || x > width || y < 14 || y > height) continue;
+      const line = this.free(x, y, text.length * 7);
+      if (bold || y - line < CROWDED) drawLabel(ctx, text, x, line, this.colour, bold);
+    }
+  }
+
+  /** The lowest line above a place that no other name takes (pixels); it is taken from now on. */
+  free(x, y, wide) {
+    let line = y;
+    while (this.taken.some(([a, b, w]) => Math.abs(a - x) < (w + wide) / 2 && Math.abs(b - line) < 14)) line -= 14;
+    this.taken.push([x, line, wide]);
+    return line;
   }
 
   drawWays(ctx, scale) {
@@ -137,8 +181,7 @@ class View {
 
   /** Names, each above its participant, and above the names that are there already. */
   drawLabels(ctx, width, height, scale) {
-    const { taken } = this,
-      partner = this.pair ? this.run.tracks[this.pair[1]] : null;
+    const partner = this.pair ? this.run.tracks[this.pair[1]] : null;
     const crowded = scale < 3 && this.run.tracks.length > 8;
     this.run.tracks.forEach((track, i) => {
       const state = this.states[i],
@@ -150,11 +193,7 @@ class View {
       const above = Math.max(10, (ahead * sin + (Math.abs(sin) * length) / 2 + (Math.abs(cos) * broad) / 2) * scale + 6);
       const text = own ? `${track.name} ${state.v.toFixed(1)} m/s` : track.name;
       if (x < -50 || x > width + 50 || y < -20 || y > height + 20) return;
-      const wide = text.length * 7;
-      let line = y - above;
-      while (taken.some(([a, b, w]) => Math.abs(a - x) < (w + wide) / 2 && Math.abs(b - line) < 14)) line -= 14;
-      taken.push([x, line, wide]);
-      drawLabel(ctx, text, x, line, this.colour, own);
+      drawLabel(ctx, text, x, this.free(x, y - above, text.length * 7), this.colour, own);
     });
   }
 
@@ -180,7 +219,8 @@ class View {
       ctx.stroke();
     }
     ctx.setLineDash([]);
-    const ttc = run.ttc && during(run.leads, at, run.sample) === run.tracks[b].name ? valueAt(run.ttc, at, run.sample) : null;
+    const ttc =
+      run.ttc && during(run.leads, at, run.sample) === run.tracks[b].name ? valueAt(run.ttc, at, run.sample) : null;
     const text = `${line.length.toFixed(1)} m${ttc === null ? "" : `, TTC ${ttc.toFixed(1)} s`}`;
     const fits = Math.abs(u - x) > text.length * 7 || Math.abs(v - y) > 36;
     const around = [a, b].flatMap(i => corners(run.tracks[i], this.states[i]));
@@ -191,8 +231,12 @@ class View {
   }
 
   tell(at, over) {
-    const touching = this.run.collisions.filter(c => c.from <= at && at <= c.to).map(c => `collision: ${c.who.join(" and ")}`);
-    const text = [...touching, ...(over ? [`ended at ${seconds(this.run.end)}`] : [])].join(", ");
+    const touching = this.run.collisions
+      .filter(c => c.from <= at && at <= c.to)
+      .map(c => `collision: ${c.who.join(" and ")}`);
+    const less = eye.on && this.space.told ? [this.space.told] : [];
+    const text = [...touching, ...(over ? [`ended at ${seconds(this.run.end)}`] : []), ...less].join(", ");
+    this.told.className = touching.length ? "bad" : "";
     if (this.told.textContent !== text) this.told.textContent = text;
   }
 
@@ -218,9 +262,12 @@ class View {
     if (this.pointers.size === 2) {
       const other = [...this.pointers].find(([id]) => id !== event.pointerId)[1];
       const apart = p => Math.hypot(p[0] - other[0], p[1] - other[1]);
-      zoom(apart(now) / Math.max(apart(before), 1));
+      (eye.on ? nearer : zoom)(apart(now) / Math.max(apart(before), 1));
     }
-    this.pan(-dx / this.pointers.size, dy / this.pointers.size);
+    const shift = event.shiftKey || event.buttons === 2 || this.pointers.size === 2;
+    if (!eye.on) this.pan(-dx / this.pointers.size, dy / this.pointers.size);
+    else if (shift && eye.kind === "free") move(dy * 0.05, dx * 0.05, 0);
+    else look3(dx * TURN * (eye.kind === "chase" ? -1 : 1), dy * TURN);
     this.moved += Math.abs(dx) + Math.abs(dy);
     this.pointers.set(event.pointerId, now);
     this.changed();
@@ -245,9 +292,13 @@ class View {
     let best = 20,
       found = null;
     this.run.tracks.forEach((track, i) => {
-      if (!this.states[i]) return;
-      const [x, y] = this.toScreen(this.states[i].x, this.states[i].y, width, height);
-      const away = Math.hypot(x - event.clientX + left, y - event.clientY + top) - (track.box[2] / 2) * camera.scale;
+      const state = eye.on ? this.space.states[i] : this.states[i];
+      const at =
+        state &&
+        (eye.on ? this.space.project(state.x, state.y, state.z + 0.8) : this.toScreen(state.x, state.y, width, height));
+      if (!at) return;
+      const scale = eye.on ? height / at[2] : camera.scale;
+      const away = Math.hypot(at[0] - event.clientX + left, at[1] - event.clientY + top) - (track.box[2] / 2) * scale;
       if (away < best) [best, found] = [away, track.name];
     });
     if (found !== null) {
@@ -258,13 +309,18 @@ class View {
 
   wheel(event) {
     event.preventDefault();
+    const factor = Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0015));
+    if (eye.on) {
+      nearer(factor);
+      return this.changed();
+    }
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     const x = event.clientX - left - width / 2,
       y = height / 2 - event.clientY + top,
       before = camera.scale;
-    zoom(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0015)));
+    zoom(factor);
     const shift = 1 / before - 1 / camera.scale; // what is under the pointer stays there
     this.pan(x * shift * camera.scale, y * shift * camera.scale);
-    this.changed();
+    return this.changed();
   }
 }
