@@ -136,7 +136,7 @@ def road_of(network: RoadNetwork, area: Area, origin: tuple[int, int], heights: 
 
 
 _ABOVE = ("id", "x", "y", "name", "dynamic")
-"""What a view from above needs of a signal"""
+"""Values of a signal that a view from above needs"""
 
 
 def _signal(signal: dict[str, Any], origin: tuple[int, int], heights: bool) -> dict[str, Any]:
