@@ -139,9 +139,12 @@ def in_any_case(path: Path) -> Path | None:
 
 
 def above(path: Path, file: Path) -> Iterator[Path]:
-    """Yield a relative path of a file, without steps upwards, resolved in the file's folder and in each folder above."""
+    """Yield a relative path of a file, resolved in the file's folder and in each folder above.
+
+    Steps upwards and placeholders that no tool has filled in (`${ROOT}/roads/town.xodr`) are left out.
+    """
     if path.is_relative_to(file.parent):
-        below = [part for part in path.relative_to(file.parent).parts if part != ".."]
+        below = [part for part in path.relative_to(file.parent).parts if part != ".." and not part.startswith("${")]
         yield from (folder.joinpath(*below) for folder in Path(os.path.abspath(file)).parents)
 
 

@@ -28,6 +28,7 @@ CONTROLLER = "reference_control.resolvable_controller_reference"
 DURATION = "data_type.durations_and_radii_are_not_negative"
 SIGNAL = "reference_control.traffic_signal_state_references"
 ENTRY = "reference_control.catalog_reference_resolvability"
+FILE = "reference_control.resolvable_file_reference"
 NAMES = "reference_control.unique_element_names_on_same_level"
 
 
@@ -50,6 +51,12 @@ TRAJECTORY = (
 )
 
 
+STEADY = '<TargetTimeSteadyState time="1"/>'
+SYNCHRONISED = (
+    '<PrivateAction><SynchronizeAction masterEntityRef="$Name"><TargetPositionMaster><WorldPosition x="900" y="-1.75"/>'
+    '</TargetPositionMaster><TargetPosition><WorldPosition x="900" y="-1.75"/></TargetPosition>\n'
+    '<FinalSpeed><AbsoluteSpeed value="7">{}</AbsoluteSpeed>{}</FinalSpeed></SynchronizeAction></PrivateAction>'
+)
 SECOND_VERTEX = '<Vertex><Position><WorldPosition x="400" y="-1.75"/></Position></Vertex>'
 NAMELESS = (
     '<GlobalAction><EnvironmentAction><Environment><Weather cloudState="free"/></Environment></EnvironmentAction></GlobalAction>'
@@ -280,6 +287,20 @@ FAULTS = {
     ),
     "environment without a name": Fault("      <Actions>\n", f"      <Actions>{NAMELESS}\n", VALID, 36),
     "value that begins another": Fault('dynamicsShape="step"', 'dynamicsShape="ste"', VALID, 48),
+    "dynamics without a dimension": Fault(
+        'dynamicsShape="step" dynamicsDimension="time" value="0"', 'dynamicsShape="linear" value="0"', VALID, 48
+    ),
+    "dynamics in an element of their own": Fault(
+        '<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/>',
+        '<SpeedActionDynamics>\n<Dynamics dynamicsShape="step" dynamicsDimension="time" value="0"/></SpeedActionDynamics>',
+        VALID,
+        49,
+    ),
+    "steady state beside the speed": Fault("        </Private>\n", SYNCHRONISED.format("", STEADY) + "</Private>\n", VALID, 56),
+    "steady state too deep": Fault(
+        "        </Private>\n", SYNCHRONISED.format(f"<SteadyState>{STEADY}</SteadyState>", "") + "</Private>\n", VALID, 56
+    ),
+    "placeholder in a path": Fault('filepath="../roads/straight.xodr"', 'filepath="${ROOT}/roads/straight.xodr"', FILE, 20),
     "times of no trajectory": Fault("        </Private>\n", "        " + TRAJECTORY + "</Private>\n", TIMING, 55),
     # catalogues
     "directory is a file": Fault('path="catalogs"', 'path="catalogs/vehicles.xosc"', DIRECTORY, 13),

@@ -21,6 +21,7 @@ _REPAIRS = (
     names.correct_declared_names,
     elements.join_doubled_elements,
     elements.keep_first_positions,
+    elements.move_content,
     elements.double_lone_vertices,
     names.keep_last_declarations,
     elements.correct_element_names,

@@ -118,6 +118,7 @@ _DEFAULTS = {
     "1": ("ManeuverGroup/maximumExecutionCount", "Timing/scale"),
     "INF": ("Performance/maxSpeed", "Performance/maxAcceleration", "Performance/maxDeceleration"),
     "none": ("Condition/conditionEdge", "MiscObject/miscObjectCategory"),
+    "time": ("SpeedActionDynamics/dynamicsDimension", "LaneChangeActionDynamics/dynamicsDimension"),
     "delta": ("RelativeTargetSpeed/speedTargetValueType",),
     "any": ("TriggeringEntities/triggeringEntitiesRule",),
     "position": ("TrajectoryFollowingMode/followingMode", "SpeedProfileAction/followingMode"),
@@ -138,8 +139,8 @@ _DEFAULTS = {
 }  # fmt: skip
 """Attributes of elements, by the value that changes nothing: later versions have it as default, or nothing else can be meant."""
 _DEFAULT_OF = {name: value for value, names in _DEFAULTS.items() for name in names}
-_AT_ONCE = {"value": "0", "dynamicsDimension": "time"}
-"""Dynamics attributes that a step may omit."""
+_AT_ONCE = "0"
+"""Value of the dynamics of a step, which may omit it."""
 
 
 def add_missing_attributes(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
@@ -150,8 +151,8 @@ def add_missing_attributes(root: Node, version: tuple[int, int]) -> Iterator[Rem
             if not attribute.required or node.has(name):
                 continue
             value = _DEFAULT_OF.get(f"{node.tag}/{name}")
-            if value is None and node.get("dynamicsShape", "") == "step":
-                value = _AT_ONCE.get(name)
+            if name == "value" and node.get("dynamicsShape", "") == "step":
+                value = _AT_ONCE
             if value is not None:
                 node.element.set(name, value)
                 yield node.remark(SCHEMA_UID, f"the attribute {name!r} is missing; {value!r} is assumed")

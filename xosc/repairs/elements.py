@@ -57,6 +57,35 @@ def double_lone_vertices(root: Node, version: tuple[int, int]) -> Iterator[Remar
             yield vertices[0].remark(SCHEMA_UID, "a Polyline needs two vertices; one of no length, at this place, is read")
 
 
+_DYNAMICS = ("SpeedActionDynamics", "LaneChangeActionDynamics")
+_STEADY = ("TargetDistanceSteadyState", "TargetTimeSteadyState")
+
+
+def move_content(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
+    """Put dynamics and steady states, one element too deep or beside their element, where they belong."""
+    for node in list(root.iter(*_DYNAMICS)):
+        inside = node.children()
+        if len(inside) == 1 and not node.element.attrib and inside[0].has("dynamicsShape"):
+            node.element.attrib.update(inside[0].element.attrib)
+            node.element.remove(inside[0].element)
+            node.element.text = None
+            yield inside[0].remark(
+                SCHEMA_UID, f"the element {inside[0].tag} is none of {node.tag}; its attributes are read as those of it"
+            )
+    for node in list(root.iter("FinalSpeed")):
+        speeds = node.children("AbsoluteSpeed", "RelativeSpeedToMaster")
+        astray = [each for each in node.iter(*_STEADY) if each.element.getparent() not in [speed.element for speed in speeds]]
+        if len(speeds) != 1 or len(astray) != 1 or any(speeds[0].find(tag) is not None for tag in _STEADY):
+            continue
+        holder = astray[0].element.getparent()
+        speeds[0].element.append(astray[0].element)
+        if holder is not None and holder is not node.element and not len(holder) and (above := holder.getparent()) is not None:
+            above.remove(holder)
+        yield astray[0].remark(
+            SCHEMA_UID, f"the element {astray[0].tag} belongs in {speeds[0].tag}; it is read as if it were there"
+        )
+
+
 def correct_element_names(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
     """Give elements the name of one that is not there, where theirs is nearly that, or that of its type."""
     declared, known = children(version), names(children)
