@@ -33,7 +33,7 @@ MODULES = (
     "schemas", "schemas.errors",
     "runner", "runner.settings", "runner.batch.batch", "runner.batch.jobs", "runner.recording",
     "runner.measures.criticality", "runner.measures.measure",
-    "runner.sut", "runner.positions", "runner.outside.environment", "runner.outside.learner",
+    "runner.sut", "runner.sut.adas", "runner.sut.fmu", "runner.positions", "runner.outside.environment", "runner.outside.learner",
     "recognition", "recognition.catalogue.pipeline",
     "recognition.maneuvers.parameters", "recognition.maneuvers.estimation", "recognition.maneuvers.events",
     "recognition.catalogue.model",

@@ -8,6 +8,7 @@ from typing import Any
 from schemas.errors import UsageError
 
 _EXTRAS = {
+    "fmpy": "fmi",
     "gymnasium": "gym",
     "google": "osi",
     "lz4": "osi",
@@ -30,6 +31,7 @@ _EXTRAS = {
 """The extra that brings a library, by the name that it is imported by."""
 
 _WITHOUT = {
+    "fmi": "all other systems under test",
     "gym": "runner.Session steps through a run",
     "osi": "all other systems, outputs and targets of xosc-export",
     "ray": "--jobs N runs N processes on this machine",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache, lru_cache
 from importlib import import_module
@@ -167,10 +167,13 @@ def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
 
 
 def plugged_in(run: RunSettings) -> str:
-    """Digest of the code of a system under test that is none of ours: of all modules of its package."""
+    """Digest of the code of a system under test that is none of ours: of all modules of its package, or of the files it names."""
     made = find_system(run.sut) if isinstance(run.sut, str | None) else type(run.sut)
     factory = getattr(made, "func", made)
     package = str(getattr(factory, "__module__", "")).partition(".")[0]
+    named: Callable[..., tuple[Path, ...]] | None = getattr(factory, "files", None) if package == "runner" else None
+    if named is not None:
+        return digest(b"\0".join(path.read_bytes() for path in named(**getattr(made, "keywords", {}))))
     return "" if package in ("", "builtins", "runner", "generation") else _content(package)
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runner.contracts.action import LATERAL, LONGITUDINAL
 from runner.sut import System, system_name
-from runner.sut.base import Control, Observation, Pose, SystemUnderTest, seen
+from runner.sut.base import PEDAL, Control, Observation, Pose, SystemUnderTest, seen
 from runner.worlds.base import DriverRequest
 from schemas.errors import ToolchainError, blame
 
@@ -28,8 +28,6 @@ _RETURN = 3.5
 """Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
 _SAME = 1e-9
 _GRAVITY = 9.81
-PEDAL = 8.0
-"""Most that a fully pressed pedal gives, m/s²; less where the vehicle's Performance is less"""
 _OFF = 1.0
 """Distance (m), beside that of 1 g in a step, of a pose from where the ego would be at its speed: farther no vehicle comes"""
 _UNLIKE = 1.0

@@ -17,7 +17,7 @@ from runner.interpreter.result import INCONCLUSIVE, RunResult
 from runner.interpreter.session import Session
 from runner.outside.learner import EGO, PARTICIPANT, STATE, EgoStep, Reward, RewardFunction, Rows, View
 from runner.settings import RunSettings
-from runner.sut.base import Control, Observation
+from runner.sut.base import PEDAL, Control, Observation
 from runner.sut.commanded import Commanded
 from schemas.errors import InvalidFile, UsageError
 from schemas.extras import missing
@@ -31,8 +31,6 @@ except ModuleNotFoundError as error:
 
 ACTIONS = {"acceleration_and_steering": 2, "acceleration": 1, "target_speed": 1}
 """Kinds of actions with their number of values; without steering the ego follows the scenario's path."""
-_PEDAL = 8.0
-"""m/s² of a fully pressed pedal, where the vehicle's Performance allows it"""
 _WHEELS = 0.5
 """rad, greatest angle of the front wheels where the scenario does not say"""
 _TOP_SPEED = 50.0
@@ -180,7 +178,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         if self._actions == "target_speed":
             target = (share[0] + 1.0) / 2.0 * min(limits.max_speed, _TOP_SPEED)
             return Control(acceleration=(target - seen.ego.speed) / _SETTLE)
-        pedal = min(_PEDAL, limits.max_acceleration if share[0] > 0.0 else limits.max_deceleration)
+        pedal = min(PEDAL, limits.max_acceleration if share[0] > 0.0 else limits.max_deceleration)
         steering = share[1] * (seen.ego.max_steering or _WHEELS) if len(share) > 1 else None
         return Control(share[0] * pedal, steering)
 

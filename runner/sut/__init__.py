@@ -73,10 +73,11 @@ def find_system(name: str | None) -> Callable[[], System] | None:
 
     Raises:
         UsageError: no such system, with those that there are; it can't be imported; or it has no such parameter.
+        ToolchainError: a file that a system of this folder is made of (its `check`) is wrong.
     """
     if name is None or name == "none":
         return None
-    name, given = split(name)
+    name, given = split(name, _own())
     if name not in _own():
         current().admit_code(f"the system under test {name!r}")
     entry = _own().get(name) or _installed().get(name)
@@ -94,7 +95,10 @@ def find_system(name: str | None) -> Callable[[], System] | None:
             raise UsageError(f"the system under test {name!r} can't be imported: {blame(error, entry.module)}") from error
     if not callable(factory):
         raise UsageError(f"the system under test {name!r} is not a class")
-    return partial(factory, **arguments(factory, given, name)) if given else factory
+    values = arguments(factory, given, name)
+    if name in _own() and hasattr(factory, "check"):
+        factory.check(**values)
+    return partial(factory, **values) if values else factory
 
 
 def _module(factory: Callable[[], System]) -> str:

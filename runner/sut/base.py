@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from xodr.network import RoadNetwork
 
 
+PEDAL = 8.0
+"""Most that a fully pressed pedal gives, m/s²; less where the vehicle's Performance is less"""
+
+
 class Participant(NamedTuple):
     """A participant as it is at one instant.
 

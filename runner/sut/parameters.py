@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from schemas.errors import UsageError
@@ -19,22 +19,33 @@ SENSOR_RANGE = "sensor_range"
 
 Value = float | int | bool | str
 _BOOLEANS = {"true": True, "false": False}
+FIRST = ""
+"""Name of a value that is given without one: that of the first parameter"""
 _ARGUMENTS = re.compile(r":(?=\w+=)")
 
 
-def split(text: str) -> tuple[str, dict[str, str]]:
-    """The name of a system and the texts of its parameters, from both as one text.
+def split(text: str, known: Collection[str] = ()) -> tuple[str, dict[str, str]]:
+    """Split a text into the name of a system and the texts of its parameters.
+
+    Args:
+        known: names of systems, after which the first value may stand without a name: `fmu:ego.fmu` is its first parameter.
 
     Raises:
         UsageError: what follows the name is not of the form NAME=VALUE,NAME=VALUE.
     """
-    name, *rest = _ARGUMENTS.split(text, maxsplit=1)
+    name, colon, values = text.partition(":")
+    if name not in known or not colon:
+        name, *rest = _ARGUMENTS.split(text, maxsplit=1)
+        values = rest[0] if rest else ""
     given: dict[str, str] = {}
-    for pair in rest[0].split(",") if rest else ():
+    for number, pair in enumerate(values.split(",") if values else ()):
         parameter, equals, value = pair.partition("=")
-        if not (equals and parameter.isidentifier()):
+        if equals and parameter.isidentifier():
+            given[parameter] = value
+        elif number == 0 and name in known and pair:
+            given[FIRST] = pair
+        else:
             raise UsageError(f"the system under test {text!r}: NAME=VALUE is expected, not {pair!r}")
-        given[parameter] = value
     return name, given
 
 
@@ -47,6 +58,8 @@ def arguments(factory: Callable[..., Any], given: dict[str, str], name: str) -> 
     declared = _declared(factory)
     values: dict[str, Value] = {}
     for parameter, text in given.items():
+        if parameter == FIRST and declared:
+            parameter = next(iter(declared))
         if parameter not in declared:
             there = ", ".join(declared) or "none"
             raise UsageError(f"the system under test {name!r} has no parameter {parameter!r}; there are {there}")

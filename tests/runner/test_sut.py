@@ -86,7 +86,7 @@ def test_an_instance(tmp_path: Path) -> None:
         (
             "absent",
             "no system under test is called 'absent'; "
-            "there are adas, aeb, bridge, cas, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class",
+            "there are adas, aeb, bridge, cas, fmu, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class",
         ),
         ("", "no system"),
         (":", "no system"),
