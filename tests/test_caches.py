@@ -50,6 +50,7 @@ CACHES = {
     "runner.measures.relations.joined": OBJECT,
     "runner.motion.nurbs.sampled": VALUE,
     "runner.motion.trajectories._bent": VALUE,
+    "runner.outside.fmi._described": FILE,
     "runner.positions.world._projection": OBJECT,
     "runner.replay.frames._font": PROGRAM,
     "runner.sut._installed": PROGRAM,

@@ -24,7 +24,7 @@ from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError,
 from schemas.extras import optional
 from schemas.security.policy import current
 from schemas.security.text import one_line
-from schemas.storage import cache_folder, read_bytes
+from schemas.storage import Stamp, cache_folder, read_bytes, stamp
 
 Value = float | int | bool | str | bytes
 
@@ -72,15 +72,11 @@ def describe_fmu(path: Path) -> Description:
         Unsupported: it is not for co-simulation, of another version of FMI, or has no binary for this machine.
     """
     current().admit_code(f"the FMU {path}")
-    try:
-        stamp = path.stat().st_mtime_ns, path.stat().st_size
-    except OSError:
-        stamp = 0, 0
-    return _described(path, stamp)
+    return _described(path, stamp(path))
 
 
 @lru_cache(maxsize=8)
-def _described(path: Path, stamp: tuple[int, int]) -> Description:
+def _described(path: Path, version: Stamp) -> Description:
     fmpy, reader = optional("fmpy"), optional("fmpy.model_description")
     data = read_bytes(path)
     if not zipfile.is_zipfile(BytesIO(data)):
