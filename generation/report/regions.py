@@ -14,9 +14,8 @@ import numpy as np
 from generation.density.gate import NEAR, Share
 from generation.pipeline import Generated
 from generation.report.counterexamples import Measure
-from generation.search.methods.cover import grouped
 from generation.search.space import distinctive
-from xodr.array_types import BoolArray, FloatArray
+from xodr.array_types import BoolArray, FloatArray, IntArray
 
 _LINKED = 0.15
 """Distance in the unit cube, root mean square, up to which failures are of one region"""
@@ -114,6 +113,15 @@ def regions(generated: Generated, measures: Sequence[Measure]) -> list[FailureRe
         of_rule = (bounds, precision, recall, len(group))
         found.append(FailureRegion(*of_rule, drawn, severity, edge_cases, int(typical), int(likeliest)))
     return sorted(found, key=lambda each: each.importance, reverse=True)[:_MOST]
+
+
+def grouped(unit: FloatArray, linked: float) -> IntArray:
+    """Labels (n,) of rows (n, d) of the unit cube: groups by single linkage at a root-mean-square distance."""
+    from scipy.cluster.hierarchy import fcluster, linkage
+
+    if len(unit) < 2:
+        return np.zeros(len(unit), np.int64)
+    return np.asarray(fcluster(linkage(unit, "single"), linked * np.sqrt(unit.shape[1]), "distance"), np.int64)
 
 
 def _share(generated: Generated, columns: BoolArray, group: FloatArray) -> Share:

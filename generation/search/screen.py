@@ -63,11 +63,16 @@ class Surrogate:
 
     def ranked(self, x: FloatArray) -> IntArray:
         """Indices of points (n, k), those that come nearest to a failure first; in their order while there are few runs."""
+        return np.argsort(-self.predicted(x), kind="stable")
+
+    def predicted(self, x: FloatArray) -> FloatArray:
+        """Predicted failure (n,) at points (n, k), from 0 to 1; 0 while there are few runs."""
         if len(self) < FEW or not len(x):
-            return np.arange(len(x))
+            return np.zeros(len(x))
         if self._forest is None or len(self) >= self._grown + ROUND:
             self._grow()
-        return np.argsort(-self._forest.predict(differences(x)), kind="stable")
+        found: FloatArray = self._forest.predict(differences(x))
+        return found
 
     def _grow(self) -> None:
         outcomes = joined(self._outcomes)

@@ -9,7 +9,7 @@ import pytest
 
 from generation.outcomes.outcomes import Episodes, Outcomes
 from generation.report.counterexamples import Measure
-from generation.report.regions import FailureRegion, regions
+from generation.report.regions import FailureRegion, grouped, regions
 from tests.generation.report.searches import EASY, HARD, SPACE, searched
 
 GAP, SPEED = (SPACE.names.index(name) for name in ("CutIn_Gap_m", "Ego_Speed_mps"))
@@ -52,3 +52,10 @@ def test_probable_and_severe_regions_come_first(found: tuple[list[FailureRegion]
 def test_without_failures_there_are_no_regions() -> None:
     generated = searched("cas:sensor_range=150", np.array([EASY]))
     assert regions(generated, [Measure("gap", "m", np.array([1.0]))]) == []
+
+
+def test_groups_are_linked_by_single_steps() -> None:
+    rows = np.array([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0], [0.9, 0.9]])
+    labels = grouped(rows, 0.1)
+    assert len(set(labels[:3])) == 1 and labels[3] != labels[0]
+    assert len(grouped(rows[:1], 0.1)) == 1

@@ -10,10 +10,11 @@ import pytest
 
 from generation.logical.library import SCENARIOS
 from generation.recorded import of_recordings, of_samples
+from generation.search.emitters import Frame
 from generation.search.problem import History, Problem, Realism, Reward
 from generation.search.space import Space
 from generation.twin.episodes import Twin
-from studies.generation.planted.study import Found, draws, interval, judged, table
+from studies.generation.planted.study import Found, draws, interval, judged, stratified, table
 from studies.generation.planted.systems import DEVELOPMENT, REPORTED, SHAPES, Plan, Pool, plant
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -61,7 +62,7 @@ def test_a_search_is_judged_by_regions_and_recall(posed: Problem, pool: Pool) ->
     planted = plant(Plan("box", 2, 0.04, False), SPACE, posed.prior, posed.twin, pool, 3)
     own = replace(posed, evaluate=planted)
     nothing = draws(replace(posed, evaluate=lambda theta: replace(planted(theta), collision=np.zeros(len(theta), bool))), 5, 0)
-    assert judged(planted, own, pool, nothing) == Found(0.0, 0.0, 0.0, 6)
+    assert judged(planted, own, pool, nothing) == Found(0.0, 0.0, 0.0, 6, 0.0)
     first = pool.theta[planted.within(pool.theta)[0] & pool.collides]
     one = judged(planted, own, pool, History(first, planted(first), np.zeros(len(first))))
     assert one.regions >= 0.5 and 0.4 <= one.near <= one.far <= 1.0 and one.first == 1
@@ -76,9 +77,20 @@ def test_a_pool_that_is_too_small_is_refused(posed: Problem, pool: Pool) -> None
 
 
 def test_tables_have_a_row_for_each_method_and_one_for_all(tmp_path: Path) -> None:
-    found = [("a", "draws", 1, Found(1.0, 0.5, 0.5, 3)), ("b", "draws", 1, Found(0.0, 0.0, 0.0, 9))]
+    found = [("a", "draws", 1, Found(1.0, 0.5, 0.5, 3, 0.0)), ("b", "draws", 1, Found(0.0, 0.0, 0.0, 9, 0.0))]
     text = table(found)
-    assert "| a | draws | 1.00 | 0.50 | 0.50 (0.50 to 0.50) | 0 of 1 |" in text
+    assert "| a | draws | 1.00 | 0.50 | 0.50 (0.50 to 0.50) | 0 of 1 | 0.00 |" in text
     assert "| all | draws | 0.50 | 0.25 | 0.25" in text and "1 of 2 |" in text
     low, high = interval(np.array([0.0, 1.0, 0.0, 1.0]))
     assert 0.0 <= low < 0.5 < high <= 1.0
+
+
+def test_a_design_has_one_draw_in_each_cell_of_equal_probability(posed: Problem) -> None:
+    assert posed.prior is not None
+    generator = np.random.default_rng(2)
+    frame = Frame.of(SPACE, posed.prior, generator)
+    design = stratified(posed.prior, frame, 200, generator)
+    assert len(design) == 256 and posed.prior.possible(design).all()
+    many = frame.coordinates(posed.prior.sample(4000, generator))
+    below = frame.coordinates(design) <= np.median(many, axis=0)
+    np.testing.assert_allclose(below.mean(axis=0), 0.5, atol=0.08)
