@@ -230,10 +230,10 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     outcomes, cases = generated.history.outcomes, generated.cases
     pinned = ", ".join(f"{name}={value}" for name, value in generated.space.pinned.items())
     yield f"{scenario.name}: {settings.method} against {settings.run.sut}, seed {settings.seed}{pinned and f', with {pinned}'}"
-    errors, drawn = outcomes.error[outcomes.status == "error"], generated.gate.drawn
+    errors, drawn = outcomes.error[outcomes.status == "error"], generated.statement
     if len(errors):
         yield f"  {many(len(errors), 'run')} failed, the first with: {errors[0]}"
-    yield f"  {many(drawn.runs, 'unguided draw')} of the density: {many(drawn.collisions, 'collision')}; {_prior(generated)}"
+    yield f"  {many(drawn.draws, 'unguided draw')} of the density: {many(drawn.failing, 'collision')}; {_prior(generated)}"
     chosen = f", chosen by {many(generated.plays, 'play')} on the twin" if generated.plays else ""
     if len(outcomes):
         collisions, risk = many(int(outcomes.collision.sum()), "collision"), outcomes.r_risk.mean()

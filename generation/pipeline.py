@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from generation.density.base import Density
-from generation.density.gate import NEAR, NO_DRAWS, Gate, Share, Statement, replay_share
+from generation.density.gate import NEAR, NO_DRAWS, Gate, Share, Statement, replay_shares
 from generation.density.models import DEFAULT, UNIFORM
 from generation.density.prior import Prior
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
-from generation.outcomes.judges import Cases, Drivers, choose
+from generation.outcomes.judges import Cases, Drivers, agrees, choose
 from generation.outcomes.outcomes import Episodes, Evaluate, Evaluator, Outcomes
 from generation.recorded import Recorded
 from generation.search.methods import method
@@ -34,7 +34,9 @@ from xodr.array_types import FloatArray
 LEAST = 30
 """Fewest recorded manoeuvres inside the box that a density is fitted on."""
 _REPLAYED = 30, 300
-"""Least and most replays of recorded units that a density is measured by; between them a tenth of the budget"""
+"""Least and most replays of recorded units that a density is measured by; without a twin; between them a tenth of the budget"""
+_PLAYED, _MOST_PLAYED = 33, 10_000
+"""Replays, and draws, that a twin plays to measure a density for each run of the budget, and how many at most"""
 _DRAWN = 30, 0.25
 """Least number of unguided draws, and share of the budget that they are where that is more; never more than half of the budget"""
 
@@ -122,7 +124,8 @@ def generate(
         # Draws: what the density is measured by, and what bounds failures that are not found
         unguided = prior.sample(drawn_of(settings.budget), np.random.default_rng([settings.seed, len(space.names)]))
         drawn = counted(draws, progress)(unguided)
-        gate = Gate(_replayed(scenario, source, space, out, settings), Share.of(drawn))
+        unseen = Episodes(unguided, drawn, reward(unguided, drawn))
+        gate = _gate(scenario, space, source, unseen, out, settings)
         # Search: spend the rest of the budget
         twin = _twin(scenario, space, settings)
         screen = Counting(twin) if twin is not None else None
@@ -139,7 +142,6 @@ def generate(
         damaged = runs.damaged + draws.damaged + more.damaged
         # Write
         files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
-        unseen = Episodes(unguided, drawn, reward(unguided, drawn))
         made = Generated(
             space, real, prior, history, every, cases, files, gate, runs.reused, rate, damaged, statement, plays, unseen
         )
@@ -153,17 +155,29 @@ def drawn_of(budget: int) -> int:
     return min(max(least, int(share * budget)), budget // 2)
 
 
-def _replayed(scenario: Path, recorded: Recorded, space: Space, out: Path, settings: SearchSettings) -> Share | None:
-    """Replays of the recorded units; None where nothing is recorded."""
-    least, most = _REPLAYED
-    replays = recorded.replays(space)
+def _gate(scenario: Path, space: Space, recorded: Recorded, unseen: Episodes, out: Path, settings: SearchSettings) -> Gate:
+    """Measure a density: on the twin where that has the verdicts of all unguided draws, else by these draws and by runs.
+
+    Recorded units have their own values of what is pinned, and so have the draws that the twin plays.
+    """
+    drawn, replays = Share.of(unseen.outcomes), recorded.replays(space)
     if replays is None:
-        return None
-    own, units = replays
+        return Gate(None, drawn)
+    (own, units), generator = replays, np.random.default_rng(0)
+    units = units[generator.permutation(len(units))]
+    twin, replaying = _twin(scenario, space, settings), _twin(scenario, own, settings)
+    ran = unseen.outcomes.executed
+    if twin is not None and replaying is not None and agrees(twin(unseen.theta[ran]), unseen.outcomes.take(ran)):
+        number = min(_PLAYED * settings.budget, _MOST_PLAYED)
+        replayed, unprevented = replay_shares(units[:number], replaying, replaying)
+        draws = recorded.prior(own, settings.density).sample(number, generator)
+        return Gate(replayed, Share.of(replaying(draws)), unprevented, True)
+    least, most = _REPLAYED
     with evaluator_of(scenario, own, settings) as evaluator:
         replay = Memory(evaluator, _runs_file(scenario, own, out, settings, "replays"))
         number = min(settings.budget, max(least, min(settings.budget // 10, most)))
-        return replay_share(units, replay, number, np.random.default_rng(0))
+        replayed, unprevented = replay_shares(units[:number], replay, evaluator)
+    return Gate(replayed, drawn, unprevented)
 
 
 def _statement(space: Space, sought: Episodes, unguided: FloatArray, drawn: Outcomes) -> Statement:
@@ -183,7 +197,7 @@ def summary_file(scenario: Path) -> str:
 
 def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[str, Any]:
     """Numbers of a search for programs: its system, runs by kind with their failures, the bound on failures not found."""
-    sought, drawn = made.history.outcomes, made.gate.drawn
+    sought, drawn = made.history.outcomes, made.statement
     return {
         "scenario": scenario.name,
         "sut": system_name(settings.run.sut),
@@ -191,7 +205,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
         "method": settings.method,
         "seed": settings.seed,
         "budget": settings.budget,
-        "draws": {"runs": drawn.runs, "failures": drawn.collisions},
+        "draws": {"runs": drawn.draws, "failures": drawn.failing},
         "sought": {"runs": int(sought.executed.sum()), "failures": int((sought.executed & sought.collision).sum())},
         "plays_on_twin": made.plays,
         "edge_cases": len(made.cases),

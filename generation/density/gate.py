@@ -1,7 +1,8 @@
 """Unguided runs: the gate that a density has to pass before it judges what is foreseeable, and the bound on unknown failures.
 
 Recordings replayed with their own values say how often the scenario and the system under test collide in traffic as it was. None
-of the recorded vehicles collided. A density whose draws collide far more often draws something else than traffic.
+of the recorded vehicles collided: a scenario in which careful drivers collide too does not replay the recordings. A density whose
+draws collide far more often than replays with the same system draws something else than traffic.
 
 Draws of the density that no search has guided or learnt from bound the probability of failures
 that the search has not found. Guided runs add nothing to that bound.
@@ -14,9 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from generation.outcomes.judges import Drivers, survivors
 from generation.outcomes.outcomes import Outcomes
 from schemas.commands.wording import many
 from xodr.array_types import BoolArray, FloatArray
+
+Run = Callable[[FloatArray], Outcomes]
 
 CONFIDENCE = 0.95
 UNFAITHFUL = 0.01
@@ -24,7 +28,7 @@ UNFAITHFUL = 0.01
 
 
 TESTABLE = 0.05
-"""Upper limit of the share of colliding replays above which there are too few of them to test a density"""
+"""Share of colliding draws that a gate with power refuses, where replays do not collide"""
 
 
 class Share(NamedTuple):
@@ -116,42 +120,49 @@ class Gate(NamedTuple):
     Attributes:
         replayed: recorded units with their own values; None where nothing is recorded.
         drawn: draws of the density.
+        unprevented: replays in which the careful drivers collide too; None counts all that collide.
+        played: whether the twin played them.
     """
 
     replayed: Share | None
     drawn: Share
+    unprevented: Share | None = None
+    played: bool = False
 
     @property
     def refusal(self) -> str | None:
         """Why the density is no judge of what is foreseeable; None where it is one, or where there is nothing to hold it to."""
         if self.replayed is None:
             return None
-        low, high = self.replayed.interval
-        if low > UNFAITHFUL:
-            return f"{self.replayed} replays of recordings collide, where none of the recordings did"
-        if self.drawn.interval[0] > high:
+        unfaithful = self.unprevented or self.replayed
+        if unfaithful.interval[0] > UNFAITHFUL:
+            careful = " with each careful driver too" if self.unprevented is not None else ""
+            return f"{unfaithful} replays of recordings collide{careful}, where none of the recordings did"
+        if self.drawn.interval[0] > self.replayed.interval[1]:
             return f"{self.drawn} of its draws collide, far more often than {self.replayed} replays of recordings"
         return None
 
     @property
     def testable(self) -> bool:
-        """Whether there are enough replays to refuse a density: with fewer, nothing but a refusal counts."""
-        return self.replayed is not None and self.replayed.interval[1] <= TESTABLE
+        """Whether replays and draws suffice to refuse a density that collides in `TESTABLE` of its draws."""
+        if self.replayed is None:
+            return False
+        poor = Share(round(TESTABLE * self.drawn.runs), self.drawn.runs)
+        return poor.interval[0] > self.replayed.interval[1]
 
     def __str__(self) -> str:
         if self.replayed is None:
             return f"collisions in {self.drawn} draws of the density; nothing is recorded that could be replayed"
-        measured = f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the density"
+        where = " on the twin" if self.played else ""
+        measured = f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the density{where}"
         if self.testable or self.refusal is not None:
             return measured
-        return f"{measured}: not testable, as that many replays would pass a density that collides in {TESTABLE:.0%}"
+        return f"{measured}: not testable, as so few would pass a density of which {TESTABLE:.0%} collides"
 
 
-Run = Callable[[FloatArray], Outcomes]
-
-
-def replay_share(replays: FloatArray | None, replay: Run, most: int, generator: np.random.Generator) -> Share | None:
-    """Replay recorded rows (m, k), `most` of them or fewer; None without recordings."""
-    if replays is None:
-        return None
-    return Share.of(replay(replays[generator.permutation(len(replays))[:most]]))
+def replay_shares(units: FloatArray, replay: Run, drivers: Drivers) -> tuple[Share, Share]:
+    """Collisions of recorded rows (m, k), and those of them that no careful driver prevents."""
+    outcomes = replay(units)
+    colliding = np.flatnonzero(outcomes.executed & outcomes.collision)
+    share = Share.of(outcomes)
+    return share, Share(int((~survivors(units[colliding], drivers)).sum()), share.runs)

@@ -103,7 +103,7 @@ def matrix(theta: FloatArray, drivers: Drivers, twin: Drivers | None = None) -> 
     """
     judged = {name: drivers(theta, REFERENCES[name]) for name in JUDGES}
     others = {name: sut for name, sut in REFERENCES.items() if name not in JUDGES}
-    if twin is None or not len(theta) or not all(_same(judged[name], twin(theta, REFERENCES[name])) for name in JUDGES):
+    if twin is None or not len(theta) or not all(agrees(judged[name], twin(theta, REFERENCES[name])) for name in JUDGES):
         return Matrix(judged | {name: _driven(theta, sut, drivers) for name, sut in others.items()})
     return Matrix(judged | {name: _driven(theta, sut, twin) for name, sut in others.items()}, len(JUDGES) * len(theta))
 
@@ -123,7 +123,8 @@ def _driven(theta: FloatArray, sut: str, drivers: Drivers) -> Outcomes:
     return replace(found, status=status, error=error, collision=found.collision & ~never)
 
 
-def _same(one: Outcomes, other: Outcomes) -> bool:
+def agrees(one: Outcomes, other: Outcomes) -> bool:
+    """Whether all points were executed twice, with the same verdicts."""
     return bool(((one.collision == other.collision) & one.executed & other.executed).all())
 
 

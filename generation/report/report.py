@@ -368,7 +368,7 @@ def _settings(report: Report) -> dict[str, str]:
 
 def _spent(generated: Generated) -> str:
     """Runs of a search by kind."""
-    sought, drawn = many(len(generated.history.outcomes), "sought run"), many(generated.gate.drawn.runs, "unguided draw")
+    sought, drawn = many(len(generated.history.outcomes), "sought run"), many(generated.statement.draws, "unguided draw")
     return f"{sought}, {drawn}, {many(generated.plays, 'play')} on the twin"
 
 

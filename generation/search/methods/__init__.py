@@ -16,7 +16,7 @@ from schemas.errors import UsageError
 if TYPE_CHECKING:
     from generation.search.problem import Search
 
-DEFAULT = "quality"
+DEFAULT = "cover"
 
 
 class Method(NamedTuple):

@@ -11,7 +11,6 @@ from scipy.stats import ttest_rel
 
 from generation.outcomes.judges import survivors
 from generation.outcomes.outcomes import Evaluator
-from generation.search.methods import DEFAULT
 from generation.search.problem import History
 from generation.search.space import distinctive, diverse
 from generation.settings import Choice
@@ -110,14 +109,14 @@ def _ratios(found: Mapping[tuple[str, str, str], Mapping[str, Counts]]) -> Itera
     """Yield the ratios of distinct failures without nuisances between the default method and each other one, with a paired t
     test over their common seeds."""
     for (scenario, system, name), each in sorted(found.items(), key=lambda item: _order(item[0])):
-        own = found.get((scenario, system, DEFAULT), {})
+        own = found.get((scenario, system, REFERENCE), {})
         seeds = sorted(own.keys() & each.keys())
-        if name == DEFAULT or len(seeds) < 2:
+        if name == REFERENCE or len(seeds) < 2:
             continue
         ours, theirs = ([one[seed].essential for seed in seeds] for one in (own, each))
         ratio = f"{sum(ours) / sum(theirs):.1f} times as many as" if sum(theirs) else "and none by"
         p = ttest_rel(ours, theirs).pvalue
-        yield f" {scenario}, {system}: {DEFAULT} finds {ratio} {name} (paired t test, {len(seeds)} seeds, p = {p:.2g})."
+        yield f" {scenario}, {system}: {REFERENCE} finds {ratio} {name} (paired t test, {len(seeds)} seeds, p = {p:.2g})."
 
 
 _KEYS = ("scenario", "system", "method", "seeds")
@@ -129,6 +128,8 @@ def _order(key: tuple[str, str, str]) -> tuple[str, str, int, str]:
     return (*key[:2], list(METHODS).index(name) if name in METHODS else len(METHODS), key[2])
 
 
+REFERENCE = "quality"
+"""Method that the others are compared with; it brings its own screen"""
 EXTRAS = "+"
 """After the name of a method that has the extras of quality-diversity search"""
 

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from generation.search.emitters import EMITTERS
-from generation.search.methods import DEFAULT, method
+from generation.search.methods import method
 from generation.search.methods.quality import QualitySettings, quality
 from generation.search.problem import BATCH, Counting, Search
 from schemas.errors import UsageError
 from schemas.storage import read_object
-from studies.generation.failures.counts import EXTRAS, Counts, counted, path_of, save
+from studies.generation.failures.counts import EXTRAS, REFERENCE, Counts, counted, path_of, save
 from studies.generation.failures.problem import Posed, screened
 from studies.generation.methods import METHODS
 from studies.recognition.report.tables import Table, spread
@@ -41,7 +41,7 @@ class Comparison:
 
     def search(self, posed: Posed, scenario: Path, system: str, name: str, seed: int) -> Counts | None:
         """Search and judge; None where that was done before."""
-        screening = self.extras is not None and name != DEFAULT
+        screening = self.extras is not None and name != REFERENCE
         path = path_of(self.out, scenario, system, name + EXTRAS if screening else name, seed)
         if path.exists():
             return None
@@ -58,7 +58,7 @@ class Comparison:
         settings = dict(self.tuned.get(name, {}))
         if self.extras is None:
             return with_settings(name, settings)
-        if name == DEFAULT:
+        if name == REFERENCE:
             own = {"generations": QualitySettings().generations_of(self.extras), "pace": self.extras / self.budget}
             return with_settings(name, settings | own)
         return screened(with_settings(name, settings), min(self.extras, SLOW.get(name, self.extras)))

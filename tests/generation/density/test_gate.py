@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.gate import TESTABLE, Gate, Share, Statement, replay_share
+from generation.density.gate import TESTABLE, Gate, Share, Statement, replay_shares
 from generation.logical.library import SCENARIOS
 from generation.outcomes.outcomes import Evaluator, Outcomes
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
+from xodr.array_types import FloatArray
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 
@@ -17,11 +18,14 @@ CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 def test_recorded_cut_ins_do_not_collide_with_their_own_values_and_neither_do_draws() -> None:
     space = Space.of(CUT_IN)
     recorded = of_samples(of_recordings(None, "cut_in"), space)
-    own, replays = recorded.replays(space)
+    replayable = recorded.replays(space)
+    assert replayable is not None
+    own, replays = replayable
     with Evaluator(CUT_IN, own) as run:
         generator = np.random.default_rng(0)
         draws = run(recorded.prior(space, "gaussian").sample(60, generator))
-        found = Gate(replay_share(replays, run, 60, generator), Share.of(draws))
+        replayed, unprevented = replay_shares(replays[generator.permutation(len(replays))[:60]], run, run)
+        found = Gate(replayed, Share.of(draws), unprevented)
     assert found.replayed == Share(0, 60)
     assert found.drawn.runs == 60 and found.drawn.collisions <= 2
     assert found.refusal is None
@@ -30,7 +34,9 @@ def test_recorded_cut_ins_do_not_collide_with_their_own_values_and_neither_do_dr
 def test_replays_have_their_own_values_of_what_is_pinned() -> None:
     space = Space.of(CUT_IN, {"Ego_Speed_mps": "30.0"})
     recorded = of_samples(of_recordings(None, "cut_in"), space)
-    own, replays = recorded.replays(space)
+    replayable = recorded.replays(space)
+    assert replayable is not None
+    own, replays = replayable
     assert own.names == (*space.names, "Ego_Speed_mps") and not own.pinned
     np.testing.assert_array_equal(replays[:, :-1], recorded.within(space).theta)
     assert replays[:, -1].std() > 4.0
@@ -60,11 +66,28 @@ def test_intervals_are_exact() -> None:
     assert str(Share(6, 2000)) == "6 of 2000 (0.11% to 0.65%)"
 
 
-def test_few_replays_do_not_pass_a_density() -> None:
-    few, many = Gate(Share(0, 30), Share(0, 30)), Gate(Share(0, 300), Share(0, 30))
-    assert not few.testable and "not testable" in str(few)
+def test_few_replays_or_draws_do_not_pass_a_density() -> None:
+    for few in (Gate(Share(0, 30), Share(0, 30)), Gate(Share(0, 300), Share(0, 30)), Gate(Share(0, 30), Share(0, 1000))):
+        assert not few.testable and "not testable" in str(few)
+    many = Gate(Share(0, 300), Share(0, 1000))
     assert many.testable and "testable" not in str(many)
-    assert few.replayed is not None and few.replayed.interval[1] > TESTABLE
+    assert Gate(many.replayed, Share(round(TESTABLE * 1000), 1000)).refusal is not None, "it has the power that it claims"
+
+
+def test_a_weak_system_under_test_is_no_fault_of_the_replays() -> None:
+    weak, blind = SPACE_OF_GAPS[:, 0] < 0.2, SPACE_OF_GAPS[:, 0] < 0.1
+
+    def drive(theta: FloatArray, sut: str = "weak") -> Outcomes:
+        return Outcomes.of(len(theta), collision=theta[:, 0] < (0.2 if sut == "weak" else 0.1))
+
+    replayed, unprevented = replay_shares(SPACE_OF_GAPS, drive, drive)
+    assert (replayed, unprevented) == (Share(int(weak.sum()), 500), Share(int(blind.sum()), 500))
+    assert Gate(replayed, replayed, Share(0, 500)).refusal is None
+    assert "with each careful driver too" in str(Gate(replayed, replayed, unprevented).refusal)
+
+
+SPACE_OF_GAPS = np.random.default_rng(1).random((500, 1))
+"""Rows of one parameter"""
 
 
 def test_draws_without_a_failure_bound_what_is_unknown_by_the_rule_of_three() -> None:
