@@ -124,8 +124,10 @@ _FIGURES = ("runs", "played", "collisions", "foreseeable", "preventable", "confi
 
 
 def _order(key: tuple[str, str, str]) -> tuple[str, str, int, str]:
+    """The reference first, then as methods are listed."""
+    names = [REFERENCE, *METHODS]
     name = key[2].removesuffix(EXTRAS)
-    return (*key[:2], list(METHODS).index(name) if name in METHODS else len(METHODS), key[2])
+    return (*key[:2], names.index(name) if name in names else len(names), key[2])
 
 
 REFERENCE = "quality"
