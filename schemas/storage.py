@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from filelock import FileLock, Timeout
@@ -27,12 +28,56 @@ MAX_BYTES = 256 * 1024 * 1024
 """Largest file that is read. The biggest public road networks have about a tenth of it."""
 
 
-def cache_folder() -> Path:
-    """The cache folder: XOSC_CACHE_DIR, or xosc-toolchain in XDG_CACHE_HOME or in ~/.cache."""
+def cache_folder(part: str = "") -> Path:
+    """The cache folder, or a folder in it: XOSC_CACHE_DIR, or xosc-toolchain in XDG_CACHE_HOME or in ~/.cache.
+
+    Raises:
+        ForeignCache: it is there, and another user may have put files into it.
+    """
     own = os.environ.get("XOSC_CACHE_DIR")
-    if own:
-        return Path(own)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "xosc-toolchain"
+    root = Path(own or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "xosc-toolchain")
+    for folder in dict.fromkeys((root, root / part)):
+        if not is_own(folder):
+            raise ForeignCache("other users may write into this cache folder: set XOSC_CACHE_DIR to another one", path=folder)
+    return root / part
+
+
+class ForeignCache(UsageError):
+    """The cache folder is not of this user alone."""
+
+
+def is_own(path: Path) -> bool:
+    """Whether a file or folder is absent, or of this user or the system's and not for all to write into.
+
+    A folder for all in which users remove only their own files (as /tmp) is one. Windows keeps this by its own means.
+    """
+    try:
+        status = os.stat(path)
+    except OSError:
+        return True
+    if os.name == "nt":
+        return True
+    kept = not status.st_mode & stat.S_IWOTH or bool(stat.S_ISDIR(status.st_mode) and status.st_mode & stat.S_ISVTX)
+    return status.st_uid in (0, os.geteuid()) and kept
+
+
+@contextmanager
+def own_cache() -> Iterator[str]:
+    """Around a command: yields "", or a remark if the cache folder is not of this user alone and an empty one takes its place."""
+    try:
+        cache_folder("sumo")
+        cache_folder("roads")
+    except ForeignCache as error:
+        before = os.environ.get("XOSC_CACHE_DIR")
+        with TemporaryDirectory(prefix="xosc-cache-") as folder:
+            os.environ["XOSC_CACHE_DIR"] = folder
+            try:
+                yield f"{error}; this time an empty one is used"
+            finally:
+                del os.environ["XOSC_CACHE_DIR"]
+                os.environ |= {"XOSC_CACHE_DIR": before} if before is not None else {}
+    else:
+        yield ""
 
 
 def read_bytes(path: Path) -> bytes:
@@ -282,7 +327,7 @@ def alone(folder: Path, what: str) -> Iterator[None]:
 def keep(content: bytes, path: Path, durable: bool = False) -> Path:
     """Write a file whole or not at all, safe against concurrent writers of the same content; skip a file with that content.
 
-    It gets the permissions that the user's umask leaves to a new file.
+    A file that another user may change is replaced in any case. A new file gets the permissions that the user's umask leaves.
 
     Args:
         durable: return when it is on the disk, so that it is also there after a power cut.
@@ -290,7 +335,7 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
     Raises:
         OSError: the file can't be written.
     """
-    if not path.is_file() or path.read_bytes() != content:
+    if not path.is_file() or not is_own(path) or path.read_bytes() != content:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with drafted(path) as draft:

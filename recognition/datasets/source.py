@@ -214,7 +214,7 @@ FORMATS = "recognition.datasets.formats"
 
 def cache_roads() -> Path:
     """Folder for roads that are made from recordings, where no other is named."""
-    return cache_folder() / "roads"
+    return cache_folder("roads")
 
 
 def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) -> DataSet:

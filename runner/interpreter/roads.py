@@ -96,7 +96,7 @@ def _made(scenario: Node, logic: Node | None) -> RoadFile | None:
     if not used:
         return None
     content = assumed_roads(used).to_xml()
-    path = cache_folder() / "roads" / f"{hashlib.blake2b(content, digest_size=20).hexdigest()}.xodr"
+    path = cache_folder("roads") / f"{hashlib.blake2b(content, digest_size=20).hexdigest()}.xodr"
     _keep(content, path)
     roads = ", ".join(f"{each.road_id} ({each.right} + {each.left} lanes, {each.length:g} m)" for each in used)
     instead = (

@@ -29,7 +29,7 @@ def load_trace(path: Path, road: Path | None = None) -> RunResult:
         Unsupported: its messages hold no ground truth.
         UsageError: its lanes make no road map.
     """
-    found, folder = read(path), cache_folder() / "roads"
+    found, folder = read(path), cache_folder("roads")
     remarks = list(found.remarks)
     if road is None:
         with writing("the road", folder):

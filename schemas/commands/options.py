@@ -28,7 +28,7 @@ from schemas.packages import version
 from schemas.security.plugins import leave_working_folder_out
 from schemas.security.policy import UNTRUSTED, Policy, in_force, of_command
 from schemas.security.text import of_service, one_line
-from schemas.storage import cache_folder, drafted, search_path, writing
+from schemas.storage import cache_folder, drafted, own_cache, search_path, writing
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[float], None]]]
 """Shows progress: takes a description and the number of steps, gives a function to call with how many more of them are done."""
@@ -82,9 +82,12 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
             limits = _limits({name: given.pop(name) for name in options})
             inputs, outputs = _named(given, _INPUTS), _named(given, _OUTPUTS)
             asked_for = [folder for variable in _FOLDERS for folder in search_path((), variable)]
-            own = [*_PACKAGES, Path(sys.prefix), cache_folder(), *asked_for]
-            with in_force(of_command(inputs, outputs, own, limits)):
-                command(**given)
+            with own_cache() as remark:
+                own = [*_PACKAGES, Path(sys.prefix), cache_folder(), *asked_for]
+                if remark:
+                    say(f"{Path(sys.argv[0]).stem}: remark: {remark}", to=sys.stderr)
+                with in_force(of_command(inputs, outputs, own, limits)):
+                    command(**given)
 
         parameters = [
             *inspect.signature(command, eval_str=True).parameters.values(),

@@ -10,7 +10,19 @@ from pathlib import Path
 import pytest
 
 from schemas.errors import InvalidFile, UsageError
-from schemas.storage import check_settings, keep, parse_object, read_object, write_object, writing
+from schemas.storage import (
+    ForeignCache,
+    cache_folder,
+    check_settings,
+    is_own,
+    keep,
+    parse_object,
+    read_object,
+    write_object,
+    writing,
+)  # fmt: skip
+from tests.commands import Command
+from xosc.listing import LIBRARY
 
 
 @pytest.fixture(params=[0o022, 0o007], ids=oct)
@@ -91,3 +103,46 @@ def test_damaged_settings_are_named(tmp_path: Path) -> None:
     (tmp_path / "settings.json").write_text("[1]")
     with pytest.raises(UsageError, match=r"settings of a batch .* a JSON object is expected"):
         check_settings(tmp_path / "settings.json", {}, "a batch")
+
+
+# a cache that is shared -------------------------------------------------------------------------
+
+
+@pytest.fixture
+def shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache folder that holds a file."""
+    folder = tmp_path / "cache"
+    keep(b"kept", folder / "roads" / "a.xodr")
+    monkeypatch.setenv("XOSC_CACHE_DIR", str(folder))
+    return folder
+
+
+def test_a_cache_of_another_user_is_refused(shared: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert cache_folder("roads") == shared / "roads"
+    (shared / "roads").chmod(0o777)
+    with pytest.raises(ForeignCache, match="other users may write into this cache folder"):
+        cache_folder("roads")
+    (shared / "roads").chmod(0o1777)  # as /tmp: others may add files, which do not count
+    assert cache_folder("roads") == shared / "roads"
+    owner = shared.stat().st_uid
+    os.chown(shared, 4242, -1) if os.geteuid() == 0 else monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
+    with pytest.raises(ForeignCache) as error:
+        cache_folder()
+    assert str(shared) in str(error.value)
+
+
+def test_a_command_does_without_such_a_cache_and_says_so(shared: Path, command: Command) -> None:
+    shared.chmod(0o777)
+    before = sorted(shared.rglob("*"))
+    answer = command("xosc-run", LIBRARY / "simple_cut_in_variation.xosc", "--sut", "adas", "--only", "6", "--max-time", "0.2")
+    assert answer.code == 6 and answer.err.count("\n") == 1
+    assert answer.err.startswith(f"xosc-run: remark: {shared}: other users may write") and "an empty one is used" in answer.err
+    assert sorted(shared.rglob("*")) == before and os.environ["XOSC_CACHE_DIR"] == str(shared)
+
+
+def test_a_file_that_others_may_change_is_written_anew(shared: Path) -> None:
+    path = shared / "roads" / "a.xodr"
+    path.chmod(0o666)
+    number = path.stat().st_ino
+    keep(b"kept", path)
+    assert is_own(path) and path.stat().st_ino != number and path.read_bytes() == b"kept"

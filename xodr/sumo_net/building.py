@@ -22,7 +22,7 @@ from typing import Any
 from lxml import etree
 
 from schemas.errors import ToolchainError, Unsupported, UsageError
-from schemas.storage import Stamp, cache_folder, keep, read_bytes, stamp
+from schemas.storage import Stamp, cache_folder, is_own, keep, read_bytes, stamp
 from schemas.xml import parse
 from xodr.network import RoadNetwork
 from xodr.reader import load
@@ -113,11 +113,13 @@ class CacheEntry:
         built_by = program().stat()
         salt = repr((CACHE_FORMAT, OPTIONS, built_by.st_size, built_by.st_mtime_ns)).encode()
         key = hashlib.blake2b(content, digest_size=20, key=hashlib.blake2b(salt).digest()).hexdigest()
-        self.network = cache_folder() / "sumo" / f"{key}.net.xml"
-        self.index = cache_folder() / "sumo" / f"{key}.json"
+        self.network = cache_folder("sumo") / f"{key}.net.xml"
+        self.index = self.network.with_name(f"{key}.json")
 
     def read(self) -> dict[str, Any] | None:
-        """The index, None where the entry is absent or damaged."""
+        """The index, None where the entry is absent, damaged, or of files that another user may change."""
+        if not (is_own(self.index) and is_own(self.network)):
+            return None
         try:
             index = json.loads(self.index.read_bytes())
             intact = index["digest"] == _digest(self.network.read_bytes())
