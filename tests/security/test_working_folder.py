@@ -6,9 +6,11 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+import typer
 
 from generation.logical.library import SCENARIOS
 from runner.batch.ray_pool import connect
@@ -16,6 +18,7 @@ from runner.sut import find_system
 from schemas.errors import UsageError
 from schemas.extras import _EXTRAS
 from schemas.security.plugins import installed, leave_working_folder_out
+from tests.commands import SCRIPTS as COMMANDS
 from tests.commands import Command
 from tests.runner.files import distribution, scenario
 
@@ -225,6 +228,16 @@ def test_a_class_of_the_working_folder_is_found_by_all_commands_alike(own: str, 
     assert "can't be imported" not in answer.out + answer.err
     assert answer.code in (0, 1), answer.out + answer.err  # a search of one run finds nothing
     assert str(Path.cwd()) not in sys.path and "" not in sys.path
+
+
+def test_no_command_that_takes_a_system_is_left_out() -> None:
+    taking = {name for name, home in COMMANDS.items() if "sut" in parameters(home.partition(":")[0])}
+    assert taking == {name for name, *_ in CALLS.values()}
+
+
+def parameters(module: str) -> set[str]:
+    built = typer.main.get_command(import_module(module).app)
+    return {param.name or "" for param in built.params}
 
 
 @pytest.mark.parametrize("call", CALLS)

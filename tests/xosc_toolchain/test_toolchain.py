@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -96,61 +95,3 @@ def test_help_lists_all_systems(command: Command, name: str) -> None:
     text = command(name, "--help").out.partition("Systems under test:")[2]
     assert all(f"\n  {system} " in text for system in xt.systems())
     assert {"adas", "cas", "none", "module:Class"} <= set(xt.systems())
-
-
-# a class of the working folder ----------------------------------------------------------------
-
-
-MINE = """
-import beside_mine
-from runner.sut import Control
-
-class Mine:
-    def reset(self, ego, timestep, seed): ...
-
-    def control(self, observation, dt):
-        open("used.txt", "a").write(beside_mine.WORD)
-        return Control(acceleration=0.0, reason="mine")
-"""
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("xosc-run", CUT_IN, "--world", "kinematic"),
-        ("xosc-run", "--dry-run", CUT_IN),
-        ("xosc-export", CUT_IN, "--to", "parquet", "--out", "exported"),
-        ("xosc-generate", CUT_IN, "--density", "uniform", "--world", "kinematic", "--budget", "2", "--out", "cases"),
-        ("xosc-loop", "scenarios", "--budget", "2", "--rounds", "1", "--most", "1", "--out", "loop"),
-    ],
-    ids=lambda arguments: " ".join(map(str, arguments[:2])) if isinstance(arguments, tuple) else None,
-)
-def test_a_class_of_the_working_folder_drives_in_every_command(
-    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[object, ...]
-) -> None:
-    for name in ("mine_to_drive", "beside_mine"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    (tmp_path / "mine_to_drive.py").write_text(MINE)
-    (tmp_path / "beside_mine.py").write_text('WORD = "used\\n"')
-    (tmp_path / "scenarios").mkdir()
-    monkeypatch.chdir(tmp_path)
-    name, *rest = arguments
-    answer = command(name, *rest, "--sut", "mine_to_drive:Mine")
-    assert "can't be imported" not in answer.err and "no system under test" not in answer.err, answer.err
-    if name in ("xosc-run", "xosc-export") and "--dry-run" not in rest:
-        assert (tmp_path / "used.txt").is_file()
-    wrong = command(name, *rest, "--sut", "mine_to_drive:Absent")
-    assert wrong.code == 2 and "no attribute 'Absent'" in wrong.err
-
-
-def test_every_command_with_a_system_is_among_them() -> None:
-    """The commands of the test above are all that have `--sut`."""
-    found = {name for name, home in SCRIPTS.items() if "sut" in _parameters(home.partition(":")[0])}
-    assert found == {"xosc-run", "xosc-export", "xosc-generate", "xosc-loop"}
-
-
-def _parameters(module: str) -> set[str]:
-    import typer
-
-    built = typer.main.get_command(import_module(module).app)
-    return {param.name or "" for param in built.params}

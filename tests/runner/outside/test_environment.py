@@ -6,10 +6,12 @@ import math
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from runner.outside import ENVIRONMENT, register
 from runner.outside.environment import ACTIONS, EgoEnv
 from runner.outside.learner import EGO, PARTICIPANT, STATE, EgoStep, Reward
 from schemas.errors import InvalidFile, UsageError
@@ -211,11 +213,15 @@ def test_a_stock_learner_learns_to_brake() -> None:
     assert trained > untrained + 10.0
 
 
+@pytest.mark.filterwarnings("ignore:.*observation space m")
+def test_gymnasium_finds_no_fault_in_what_is_made_by_name_with_pictures(tmp_path: Path) -> None:
+    register()
+    env = gymnasium.make(ENVIRONMENT, scenario=scenario(tmp_path, stop=0.3), world="kinematic", render_mode="rgb_array")
+    check_env(env.unwrapped)
+    env.close()
+
+
 def test_gymnasium_makes_it_by_name_and_renders_it(tmp_path: Path) -> None:
-    import gymnasium
-
-    from runner.outside import ENVIRONMENT, register
-
     register()
     register()  # again changes nothing
     assert ENVIRONMENT == "xosc/Scenario-v0"
