@@ -144,14 +144,15 @@ def xosc_run(
             how: dict[str, Any] = {"plot": plot, "processes": jobs, "resume": resume, "also": also, "ray": ray}
             outcomes = run_batch(chosen, settings, out=out, needs=_needed(replay), **how)
         code = _follow(outcomes, table, kept, allow_inconclusive, source.left_out, earlier, by_new)
-    if earlier is not None:
-        table.compare(earlier, out if replay else None)
+    report = None
     if replay and out is not None and not dry_run:
         from runner.replay.report import write_report
 
-        table.tell(f"report: {write_report(out, against)}")
-    elif out is not None and not dry_run:
-        table.tell(f"results: {out}")
+        report = write_report(out, against)
+    if earlier is not None:
+        table.compare(earlier, out if replay else None)
+    if out is not None and not dry_run:
+        table.tell(f"results: {out}" if report is None else f"report: {report}")
     if assess is not None and out is not None:
         from runner.assessment.table import write_assessment
 

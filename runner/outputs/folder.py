@@ -23,6 +23,7 @@ _FILES = {
     "events.jsonl",
     PICTURE,
     "replay.html",
+    "before-and-after.html",
 }
 """Names of the files of a run"""
 

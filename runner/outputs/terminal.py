@@ -35,8 +35,8 @@ _REST = 60
 """Width of all other columns, with room for a reason"""
 _LISTED = 5
 """Runs that are named in a group of the summary, and among the worst"""
-_REPLAY = "replay.html"
-"""Name of the page of a run, as of `runner.replay.player`"""
+_PAGES = ("before-and-after.html", "replay.html")
+"""Names of the pages of a run, as of `runner.replay.player`; the first that there is is named"""
 _ENDS = {"completed": "stop trigger", "timeout": "time limit", "collision": "", "compiled": "not run (--dry-run)"}
 _ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
 _LOCATION = re.compile(r"^.*?:\d+: ")
@@ -155,8 +155,8 @@ class Table:
         for kind, runs in kinds.items():
             for outcome in runs[:_LISTED]:
                 was = earlier.was(outcome) or "not in it"
-                page = replays / outcome.job.name / _REPLAY if replays is not None else None
-                link = f"  {page}" if page is not None and page.is_file() else ""
+                pages = (replays / outcome.job.name / name for name in _PAGES if replays is not None)
+                link = next((f"  {page}" for page in pages if page.is_file()), "")
                 why = f"  {one_line(outcome.message)}" if outcome.message else ""
                 self.tell(f"    {kind:15}{one_line(outcome.job.title)} (before: {was}){why}{link}")
             if len(runs) > _LISTED:

@@ -23,6 +23,7 @@ NAME = "xosc-replay"
 _EXAMPLES = (
     "xosc-replay results/simple_cut_in",
     "xosc-replay results --against results_before",
+    "xosc-replay results_v1 results_v2 results_v3",
     "xosc-replay results/simple_cut_in --out cut_in.gif",
 )
 _EPILOG = exit_codes("written", "")
@@ -39,8 +40,8 @@ def xosc_replay(
     folders: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RUN [RUN2]",
-            help="Folders of runs that xosc-run --out has written, or one of a batch; or OSI traces.",
+            metavar="RUN [RUN2] | BATCH...",
+            help="Folders of runs that xosc-run --out has written, or OSI traces; a batch; or several batches, the oldest first.",
         ),
     ],
     out: Annotated[
@@ -48,7 +49,7 @@ def xosc_replay(
         typer.Option(
             metavar="FILE",
             help="File to write: .html, .png, .gif, or .mp4 by ffmpeg."
-            "  [default: replay.html in RUN; report.html in a batch; the trace's name with .html]",
+            "  [default: replay.html in RUN; report.html in a batch; history.html in the last of several; the trace's name]",
         ),
     ] = None,
     road: Annotated[Path | None, typer.Option(metavar="FILE", help="The OpenDRIVE file, where it has moved.")] = None,
@@ -60,7 +61,7 @@ def xosc_replay(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     _version: Version = False,
 ) -> None:
-    """Make a page that plays a run, or two side by side; a picture or an animation; of a whole batch a report with replays."""
+    """Make a page that plays a run, or two side by side; a picture or an animation; of a batch a report, of several a history."""
     from runner.batch import journal
     from runner.outputs.stored import load_run
     from runner.traces.result import is_trace, load_trace
@@ -70,6 +71,8 @@ def xosc_replay(
             if out is not None or road is not None or gui:
                 raise UsageError("this is a whole batch: --out, --road and --gui are for its runs", path=folders[0])
             made = [_report(folders[0], against)]
+        elif len(folders) > 1 and all(map(journal.is_batch, folders)):
+            made = [_history(folders, out, road is not None or gui or against is not None)]
         else:
             if against is not None:
                 raise UsageError("--against compares whole batches; give two runs to see them side by side", path=folders[0])
@@ -82,6 +85,17 @@ def xosc_replay(
                 made = _show(results) if gui else [_write(results, out or _usual(folders), folders)]
     for path in made if not quiet else ():
         say(str(path))
+
+
+def _history(batches: list[Path], out: Path | None, odd: bool) -> Path:
+    """The page of several batches."""
+    from runner.replay.history import write_history
+
+    if odd:
+        raise UsageError("these are whole batches: --road, --gui and --against are not for their history", path=batches[0])
+    if out is not None and out.suffix.lower() != ".html":
+        raise UsageError("the history of batches ends in .html", path=out)
+    return write_history(batches, out)
 
 
 def _usual(folders: list[Path]) -> Path:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 REPLAY = "replay.html"
 """A run's page, in the folder of its results"""
+PAIR = "before-and-after.html"
+"""The page of a run beside what it was in an earlier batch, in the folder of its results"""
 REPORT = "report.html"
 """A batch's page, in its output folder"""
 TO_REPORT = f"../{REPORT}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,8 +15,9 @@ from runner.batch.comparison import Identity, identity
 from runner.measures.impact import sentence
 from runner.measures.measure import measures
 from runner.outputs.runs import CONTACT, schema, write_runs
+from runner.outputs.stored import load_run
 from runner.replay.page import page, write_page
-from runner.replay.player import REPLAY, REPORT
+from runner.replay.player import PAIR, REPLAY, REPORT, TO_REPORT, write_replay
 from schemas.errors import InvalidFile, reason
 from schemas.storage import read_parquet
 
@@ -38,6 +40,8 @@ _PARTS = ("model", "verdicts", "groups", "distributions", "scatter", "table", "r
 _SCRIPTS = ("dom.js", "axes.js", *(f"report/{part}.js" for part in _PARTS))
 _LEAD_IN = 2.0
 """Lead-in (s) of replays before the most critical moment"""
+_PAIRS = 30
+"""Runs of each kind of change that are played beside what they were before"""
 _DIGITS = 6
 """Significant digits of numbers"""
 
@@ -55,6 +59,8 @@ def write_report(out: Path, against: Path | None = None) -> Path:
     """
     path = out / REPORT
     values = report(out) if against is None else _with_earlier(report(out), out, against)
+    if against is not None:
+        _write_pairs(values["runs"], out, against)
     write_page(path, page(f"{out.resolve().name} – report", _STYLES, _SCRIPTS, values))
     return path
 
@@ -105,7 +111,28 @@ def _identity(run: dict[str, Any]) -> Identity:
 
 
 def _before(run: dict[str, Any] | None) -> dict[str, Any] | None:
-    return None if run is None else {"state": run["state"], "measures": _values(run)}
+    return None if run is None else {"name": run["name"], "state": run["state"], "measures": _values(run)}
+
+
+def _write_pairs(runs: list[dict[str, Any]], out: Path, against: Path) -> None:
+    """Write the pages that play runs beside what they were before: of the first that the page lists of each kind of change.
+
+    Runs without a replay have none, nor have those whose results before are gone.
+    """
+    listed: Counter[tuple[bool, bool]] = Counter()
+    for run in sorted(runs, key=lambda run: run["name"]):
+        before = run["before"]
+        kind = (run["state"] == "passed", before is not None and before["state"] == "passed")
+        if before is None or run["replay"] is None or kind == (True, True) or listed[kind] >= _PAIRS:
+            continue
+        try:
+            results = [load_run(against / before["name"]), load_run(out / run["name"])]
+        except InvalidFile:
+            continue
+        listed[kind] += 1
+        results[0].name, results[1].name = f"before: {results[0].name}", f"now: {results[1].name}"
+        write_replay(results, out / run["name"] / PAIR, TO_REPORT)
+        run["pair"] = f"{run['name']}/{PAIR}"
 
 
 def runs_of(out: Path) -> list[dict[str, Any]]:
@@ -167,7 +194,7 @@ def _row(run: dict[str, Any], out: Path) -> dict[str, Any]:
         "status": run["status"],
         "message": run["message"],
         "end": run["end_time"],
-        "parameters": {key: _number(value) for key, value in run["parameters"]},
+        "parameters": {key: number(value) for key, value in run["parameters"]},
         "measures": _values(run),
         "impact": _impact(run),
         "replay": f"{name}/{REPLAY}" if (out / name / REPLAY).is_file() else None,
@@ -176,7 +203,7 @@ def _row(run: dict[str, Any], out: Path) -> dict[str, Any]:
 
 
 def _values(run: dict[str, Any]) -> dict[str, float | None]:
-    return {name: _rounded(run.get(name)) for name in _measures()}
+    return {name: rounded(run.get(name)) for name in _measures()}
 
 
 def _impact(run: dict[str, Any]) -> str | None:
@@ -189,7 +216,8 @@ def _impact(run: dict[str, Any]) -> str | None:
     return f"{sentence('the ego', run['impact_speed_other'], run['impact_side'], run['ego_strikes'])}, {point}"
 
 
-def _rounded(value: float | None) -> float | None:
+def rounded(value: float | None) -> float | None:
+    """A measure with the digits of reports; None where it is not finite."""
     return float(f"{value:.{_DIGITS}g}") if value is not None and math.isfinite(value) else None
 
 
@@ -200,7 +228,7 @@ def _moment(run: dict[str, Any]) -> float:
     return round(max(0.0, worst - _LEAD_IN), 2)
 
 
-def _number(value: str) -> float | str:
+def number(value: str) -> float | str:
     """A parameter's value as a number, where it is one."""
     try:
         number = float(value)

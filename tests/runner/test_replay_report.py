@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pyarrow as pa
@@ -12,6 +13,8 @@ import pytest
 
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
+from runner.replay.history import write_history
+from runner.replay.player import keep_replay
 from runner.replay.report import report, varied, write_report
 from runner.settings import RunSettings
 from schemas.errors import InvalidFile, UsageError
@@ -166,6 +169,75 @@ def test_an_earlier_batch_is_compared_with(browser: Browser, batch: Path, tmp_pa
     kinds = browser.run("[...document.querySelectorAll('[aria-label=History] summary')].map(s => s.textContent)")
     assert kinds == ["1does not pass, as before", "1is new", "3only in the earlier batch"]
     assert browser.text("[aria-label=History] h2") == "Since out"
+
+
+def test_the_axes_of_a_matrix_of_three_parameters_are_chosen(browser: Browser, tmp_path: Path) -> None:
+    scenario(tmp_path, stop=2.0)
+    sets = {"Gap": (10, 30, 10), "Ego_Speed": (15, 20, 5), "Lead_Speed": (5, 10, 5)}
+    paths = [distribution(tmp_path, "gaps", sets)]
+    list(run_batch(jobs_of(paths, {}, True), RunSettings(sut=None, world="kinematic"), out=tmp_path / "out"))
+    browser.open(write_report(tmp_path / "out"))
+    heads = "[...document.querySelectorAll('.matrix thead th')].map(c => c.textContent)"
+    cells = "[...document.querySelectorAll('.matrix td')].map(c => c.textContent)"
+    assert browser.run(heads) == ["Gap →Ego_Speed ↓", "10", "20", "30"]
+    assert browser.run(cells)[0] == "✕ 2/2", "of both values of the third parameter"
+    choose(browser, "select[aria-label=Across]", "Ego_Speed")
+    assert browser.run(heads) == ["Ego_Speed →Gap ↓", "15", "20"], "axes change places"
+    choose(browser, ".group select[aria-label=Down]", "Lead_Speed")
+    assert browser.run(heads)[0] == "Ego_Speed →Lead_Speed ↓"
+    choose(browser, ".group select[aria-label=Gap]", "2")
+    assert all("/" not in text for text in browser.run(cells)), "one run a cell, with the gap of 30 m"
+    assert browser.unnamed() == [] and browser.errors == []
+
+
+def test_failures_of_one_cause_are_folded(browser: Browser, tmp_path: Path) -> None:
+    scenario(tmp_path, stop=3.0)
+    paths = [distribution(tmp_path, "gaps", {"Gap": (10, 22, 3)})]
+    settings = RunSettings(sut=None, world="kinematic", end_after_collision=False, fail_if=("end_time>1",))
+    list(run_batch(jobs_of(paths, {}, True), settings, out=tmp_path / "out"))
+    browser.open(write_report(tmp_path / "out"))
+    causes = browser.run("[...document.querySelectorAll('.cause summary')].map(s => s.textContent)")
+    assert causes == ["5 runscollision with Lead at … s"]
+    assert browser.run("document.querySelectorAll('.cause li').length") == 0
+    browser.run("document.querySelector('.cause summary').click()")
+    browser.settle()
+    assert browser.run("document.querySelectorAll('.cause li').length") == 5
+
+
+def test_runs_that_changed_are_played_beside_what_they_were(browser: Browser, tmp_path: Path) -> None:
+    scenario(tmp_path, stop=2.0)
+    paths = [distribution(tmp_path, "gaps", {"Gap": (10, 40, 15)})]
+    for name, limits in (("first", ()), ("second", ("min_ttc<5",)), ("third", ("min_ttc<1",))):
+        settings = RunSettings(sut=None, world="kinematic", fail_if=limits)
+        also = [partial(keep_replay, out=tmp_path / name)]
+        list(run_batch(jobs_of(paths, {}, True), settings, out=tmp_path / name, also=also))
+    write_report(tmp_path / "second", tmp_path / "first")
+    browser.open(tmp_path / "second" / "report.html")
+    links = "[...document.querySelectorAll('[aria-label=History] a')].filter(a => a.textContent === 'before and after')"
+    pairs = browser.run(f"{links}.map(a => a.getAttribute('href'))")
+    assert pairs == [f"{name}/before-and-after.html" for name in ("gaps~000002", "gaps~000000", "gaps~000001")]
+    browser.open(tmp_path / "second" / "gaps~000002" / "before-and-after.html")
+    assert "before: gaps~000002" in browser.text("body") and "now: gaps~000002" in browser.text("body")
+    path = write_history([tmp_path / name for name in ("first", "second", "third")])
+    assert path == tmp_path / "third" / "history.html"
+    browser.open(path)
+    assert browser.text(".verdict") == "third against second: 0 new failure, 1 fixed, 2 still failing"
+    states = (
+        "[...document.querySelectorAll('.runs tbody tr')].map(r => [...r.querySelectorAll('.badge')].map(b => b.textContent))"
+    )
+    assert browser.run(states) == [["passed", "failed", "passed"], ["failed"] * 3, ["failed"] * 3], "changes come first"
+    choose(browser, "select[aria-label=Change]", "fixed")
+    assert browser.run(states) == [["passed", "failed", "passed"]]
+    href = browser.run("document.querySelector('.runs tbody a').getAttribute('href')")
+    assert href.startswith("../first/gaps~00000") and (path.parent / href).is_file()
+    assert browser.unnamed() == [] and browser.errors == []
+
+
+def test_a_history_needs_different_batches(batch: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="given twice"):
+        write_history([batch, batch])
+    with pytest.raises(UsageError, match="not the output folder of a batch"):
+        write_history([batch, tmp_path])
 
 
 @pytest.mark.parametrize("dark", [False, True])

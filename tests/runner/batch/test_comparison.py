@@ -38,7 +38,7 @@ def test_only_new_failures_fail_the_command(command: Command, before: Path, tmp_
     new = [line for line in summary(worse.out) if line.startswith("    new ")]
     assert len(new) == 5 and all("(before: passed)" in line for line in new)
     page = Path(new[0].split()[-1])
-    assert page.is_file() and page.name == "replay.html"
+    assert page.is_file() and page.name == "before-and-after.html"
     assert worse.out.splitlines()[-1] == f"report: {tmp_path / 'after' / 'report.html'}"
 
 

@@ -21,10 +21,7 @@ function histogram(column) {
   const canvas = el("canvas", { role: "img" }),
     told = el("p", { class: "muted" });
   drawings.push(runs => {
-    const sorted = runs
-      .map(column.of)
-      .filter(value => typeof value === "number")
-      .sort((a, b) => a - b);
+    const sorted = Float64Array.from(runs.map(column.of).filter(value => typeof value === "number")).sort();
     const beyond = sorted.filter(value => value > high).length,
       called = `${beyond === 1 ? "is" : "are"} ${column.beyond || `beyond ${short(high)}`}`;
     told.textContent = sorted.length
@@ -43,11 +40,12 @@ function drawBins(canvas, bins, range) {
     most = Math.max(1, greatest(bins.map(bin => STATES.reduce((sum, state) => sum + bin[state], 0))));
   const step = (width - 46) / BINS,
     y = count => height - 18 - (count / most) * (height - 26);
+  const colours = Object.fromEntries(STATES.map(state => [state, colour(state)]));
   ctx.clearRect(0, 0, width, height);
   bins.forEach((bin, i) => {
     let sum = 0;
     for (const state of STATES) {
-      ctx.fillStyle = colour(state);
+      ctx.fillStyle = colours[state];
       ctx.fillRect(40 + i * step, y(sum + bin[state]), Math.max(1, step - 1), y(sum) - y(sum + bin[state]));
       sum += bin[state];
     }

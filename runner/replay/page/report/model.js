@@ -2,7 +2,8 @@
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const STATES = ["failed", "error", "inconclusive", "passed"]; // the gravest first
-const link = run => `${run.replay.split("/").map(encodeURIComponent).join("/")}#t=${run.moment}`;
+const address = path => path.split("/").map(part => (part === ".." ? part : encodeURIComponent(part))).join("/");
+const link = run => `${address(run.replay)}#t=${run.moment}`;
 const many = (count, one, several = `${one}s`) => `${count.toLocaleString("en")} ${count === 1 ? one : several}`;
 
 /** A name, a title with its unit, the value of a run, and from which value on it is called something else. */

@@ -1,6 +1,7 @@
 // Any two parameters or measures against each other, each run where it truly is.
 
 const MARK = 4; // half the size of a run's mark, px
+const NUMBERED = 1000; // marks up to which those of several runs bear their number
 const EDGE = { left: 62, right: 14, top: 12, bottom: 40 }; // px around the plot
 
 function scatter() {
@@ -41,20 +42,25 @@ function scatter() {
       ];
     const at = (value, [from, to], { low, high, most }) => from + ((Math.min(value, most) - low) / (high - low)) * (to - from);
     const there = runs.filter(run => [axis.x, axis.y].every(column => typeof column.of(run) === "number"));
-    places = together(there.map(run => ({ run, x: at(axis.x.of(run), xs, us), y: at(axis.y.of(run), ys, vs) })));
+    places = marks(there.map(run => ({ run, x: at(axis.x.of(run), xs, us), y: at(axis.y.of(run), ys, vs) })));
     ctx.clearRect(0, 0, width, height);
     axes(ctx, xs, ys, [us.low, us.high], [vs.low, vs.high], height, { across: axis.x.title, up: axis.y.title });
-    for (const place of places) mark(ctx, place);
+    const colours = Object.fromEntries([...STATES, "muted"].map(name => [name, colour(name)])); // to look one up is slow
+    ctx.font = "10px system-ui, sans-serif";
+    ctx.textAlign = "left";
+    const numbered = places.length <= NUMBERED;
+    for (const place of places) mark(ctx, place, colours, numbered);
     const beyond = there.filter(run => axis.x.of(run) > us.most || axis.y.of(run) > vs.most).length;
     canvas.setAttribute("aria-label", `${many(there.length, "run")}, ${axis.y.title} over ${axis.x.title}`);
+    const counted = numbered ? ", a number counts runs in one place" : "";
     told.textContent =
-      `${many(there.length, "run")}; squares have not passed, a number counts runs in one place. ` +
+      `${many(there.length, "run")}; squares have not passed${counted}. ` +
       (beyond ? `${beyond} beyond the edge, drawn at it. ` : "") +
       "Point at one to see which it is, click to play it.";
   }
 
   /** Runs in the same place as one mark, failures on top of what passed. */
-  function together(found) {
+  function marks(found) {
     const taken = new Map();
     for (const { run, x, y } of found) {
       const key = `${Math.round(x)} ${Math.round(y)}`;
@@ -65,24 +71,21 @@ function scatter() {
     return [...taken.values()].sort((a, b) => STATES.indexOf(b.runs[0].state) - STATES.indexOf(a.runs[0].state));
   }
 
-  function mark(ctx, { x, y, runs }) {
-    const bad = runs.filter(run => run.state !== "passed").length;
-    for (const [state, drawn] of [
-      ["passed", bad < runs.length],
-      [runs[0].state, bad > 0],
-    ]) {
-      if (!drawn) continue;
-      const size = state === "passed" && bad ? MARK * 1.7 : MARK; // a ring around failures where others passed
-      ctx.fillStyle = colour(state);
+  function mark(ctx, { x, y, runs }, colours, numbered) {
+    const bad = runs.some(run => run.state !== "passed"),
+      good = runs.some(run => run.state === "passed");
+    if (good) {
+      ctx.fillStyle = colours.passed;
       ctx.beginPath();
-      if (state === "passed") ctx.arc(x, y, size, 0, 7);
-      else ctx.rect(x - size, y - size, 2 * size, 2 * size);
+      ctx.arc(x, y, bad ? MARK * 1.7 : MARK, 0, 7); // a ring around failures where others passed
       ctx.fill();
     }
-    if (runs.length === 1) return;
-    ctx.fillStyle = colour("muted");
-    ctx.font = "10px system-ui, sans-serif";
-    ctx.textAlign = "left";
+    if (bad) {
+      ctx.fillStyle = colours[runs[0].state];
+      ctx.fillRect(x - MARK, y - MARK, 2 * MARK, 2 * MARK);
+    }
+    if (runs.length === 1 || !numbered) return;
+    ctx.fillStyle = colours.muted;
     ctx.fillText(String(runs.length), x + MARK + 3, y - MARK);
   }
 

@@ -129,15 +129,17 @@ function history() {
 function change(title, runs, open) {
   const least = columns.filter(({ id }) => ["min_ttc", "min_distance"].includes(id));
   const was = (run, { id }) => (run.before ? `${short(run.before.measures[id])} → ` : "") + short(run.measures[id]);
-  const head = [["run"], ["now"], ...least.map(column => [column.title, "number"])];
+  const numbers = [...data.parameters, ...least.map(column => column.title)],
+    head = [["run"], ["now"], ...numbers.map(title => [title, "number"])];
   const rows = runs
     .slice(0, SHOWN)
     .map(run =>
       el(
         "tr",
         null,
-        el("td", { class: "name" }, named(run)),
+        el("td", { class: "name" }, named(run), ...both(run)),
         el("td", { class: "muted" }, reason(run)),
+        ...data.parameters.map(name => el("td", { class: "number" }, String(short(run.parameters[name])))),
         ...least.map(column => el("td", { class: "number" }, was(run, column))),
       ),
     );
@@ -167,6 +169,9 @@ function gone(names) {
     el("ul", null, ...names.slice(0, SHOWN).map(name => el("li", null, name))),
   );
 }
+
+/** A link to the page that plays a run beside what it was before, where there is one. */
+const both = run => (run.pair ? [" ", el("a", { href: address(run.pair) }, "before and after")] : []);
 
 /** A run's name, with a link to its replay where there is one. */
 const named = run => (run.replay ? el("a", { href: link(run) }, run.name) : run.name);
