@@ -1,12 +1,14 @@
 """Junctions of a map: the lanelets inside them, the joints that make up each, and the ways through it.
 
 A connecting road leads from one road to one other. Lanelets that cross others, or split off and merge again, become connecting
-roads, and with them all that split or merge at the same place. A lanelet that does not lead from one road to one other, since it
+roads, and with them all that split or merge at the same place. So do lanelets off motorways that turn where they split off or
+merge: side streets are entered and left there. A lanelet that does not lead from one road to one other, since it
 splits or merges once more or leaves the map, is cut in two: the part at the junction then does. Where lanes only split or merge
 (ramps), nothing is inside."""
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -22,6 +24,10 @@ _LONGEST_PART = 15.0
 """Length of what is cut off for a junction where nothing crosses it, m."""
 _PAST_CROSSING = 5.0
 """Distance (m) from the last crossing to the cut."""
+_TURN, _TURNING = math.radians(45.0), 40.0
+"""Least change of direction of a turn, within so many metres"""
+_MOST_OF = 0.9
+"""Share of a turn at which it is done"""
 _LARGEST_SHARE = 0.8
 """Largest share of a lanelet that is cut off for a junction."""
 
@@ -68,7 +74,7 @@ def _wanted(graph: Graph, rows: Layout, number: int) -> list[bool]:
     """The ends (True) and starts of a row at which it is the inside of a junction by itself."""
     single = _single(rows, number)
     if not _crosses(graph, rows, number) and not (all(single) and _splits_and_merges(rows, number)):
-        return []
+        return [at_end for at_end in (False, True) if _turns(graph, rows, number, at_end)][:1]
     return [at_end for at_end, leads in zip((False, True), single, strict=True) if leads][:1]
 
 
@@ -98,13 +104,36 @@ def _splits_and_merges(rows: Layout, number: int) -> bool:
     return not start.plain and not end.plain and set(start.beginning) & set(end.ending) == {number}
 
 
+def _turns(graph: Graph, rows: Layout, number: int, at_end: bool) -> bool:
+    """Whether a row of one lane splits off another row, or merges with one at its end, and turns there."""
+    joint, names = rows.joint(number, at_end), rows.bundles[number].first
+    if joint is None or len(names) > 1 or graph.lanelets[names[0]].road_type == "motorway":
+        return False
+    sides = (joint.ending, joint.beginning) if at_end else (joint.beginning, joint.ending)
+    return len(sides[0]) > 1 and len(sides[1]) == 1 and _bend(graph, names, at_end) > 0.0
+
+
+def _bend(graph: Graph, names: tuple[str, ...], at_end: bool) -> float:
+    """Return the length (m) from an end of a row up to which it turns, by `_TURN` or more within `_TURNING`; 0 without a turn."""
+    line = middle(graph.lanelets[names[0]].left, graph.lanelets[names[-1]].right)
+    line = line[::-1] if at_end else line
+    at = lengths(line)
+    steps = np.diff(line[at <= _TURNING], axis=0)
+    if len(steps) < 2:
+        return 0.0
+    heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    turned = np.abs(heading - heading[0])
+    return float(at[1:][int(np.argmax(turned >= _MOST_OF * turned.max()))]) if turned.max() >= _TURN else 0.0
+
+
 def _cut(graph: Graph, table: dict[str, Lanelet], row: Bundle, at_end: bool) -> set[str]:
     """Split a row, and say which parts are inside: the ones at its end, or at its start."""
     lanelets = [table[name] for name in row.first]
     line = middle(lanelets[0].left, lanelets[-1].right)
     total = lengths(line)[-1]
     places = [s if not at_end else total - s for s in _crossed(graph, row.first, line)]
-    part = max(places) + _PAST_CROSSING if places else min(_LONGEST_PART, total / 2)
+    bend = _bend(graph, row.first, at_end) if len(row.first) == 1 else 0.0
+    part = max(places) + _PAST_CROSSING if places else max(bend, min(_LONGEST_PART, total / 2))
     part = min(part, _LARGEST_SHARE * total)
     seconds = split(table, lanelets, frame_at(line, total - part if at_end else part))
     return set(seconds.values()) if at_end else set(row.first)

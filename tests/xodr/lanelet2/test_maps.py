@@ -248,7 +248,7 @@ def test_a_lane_of_which_only_the_borders_are_there_is_added(tmp_path: Path) -> 
 def test_a_lanelet_that_ends_upon_another_one_leads_into_it(tmp_path: Path) -> None:
     made = LaneletMap()
     lane(made, 1)
-    ends = (20.0, -30.0, 1.2), (60.0, 0.0, 0.0)
+    ends = (10.0, -25.0, 0.7), (60.0, 0.0, 0.0)
     made.lanelet(2, turn(*ends, WIDTH / 2), turn(*ends, -WIDTH / 2))
     conversion, network = converted(made, tmp_path)
     assert conversion.deviation < 0.2

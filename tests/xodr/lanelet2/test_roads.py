@@ -327,3 +327,24 @@ def test_a_road_whose_second_lane_ends_leads_on_from_its_reference_line(tmp_path
     first, second = (network.roads[network.locate(x, 0.0).road_id] for x in (20.0, 100.0))
     assert np.allclose(first.pose(first.length, 0.0)[:2], second.pose(0.0, 0.0)[:2], atol=0.01)
     assert _borders_meet(network)
+
+
+@pytest.mark.parametrize(("road_type", "inside"), [("town", 3), ("motorway", 0)])
+def test_side_streets_that_turn_off_and_in_are_junctions_but_no_ramps_of_motorways(
+    road_type: str, inside: int, tmp_path: Path
+) -> None:
+    angle = np.linspace(0.0, np.pi / 2.0, 20)
+    arc = np.column_stack([np.sin(angle), np.cos(angle)])
+    off = [np.array([50.0, -12.0]) + radius * arc for radius in (13.75, 10.25)]
+    into = [np.array([100.0, -12.0]) + radius * arc[::-1] * (-1.0, 1.0) for radius in (13.75, 10.25)]
+    lanelets = [
+        _strip("a", (0.0, 0.0), (50.0, 0.0), road_type=road_type, successors=("b", "off")),
+        _strip("b", (50.0, 0.0), (75.0, 0.0), road_type=road_type, successors=("b2",)),
+        _strip("b2", (75.0, 0.0), (100.0, 0.0), road_type=road_type, successors=("c",)),
+        _strip("c", (100.0, 0.0), (150.0, 0.0), road_type=road_type),
+        Lanelet("off", *off, road_type=road_type),
+        Lanelet("into", *into, road_type=road_type, successors=("c",)),
+    ]
+    network = xodr.load(build(lanelets, "x").map.write(tmp_path / "x.xodr"))
+    assert len([road for road in network.roads.values() if network.junctions and road.junction_id in network.junctions]) == inside
+    assert _borders_meet(network)
