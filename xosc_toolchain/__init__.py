@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from runner.interpreter.session import Session as Session
     from runner.measures.criticality import Criticality as Criticality
     from runner.measures.measure import measures as measures
+    from runner.replay.notebook import show as show
     from runner.replay.player import write_replay as replay
     from runner.replay.report import write_report as report
     from runner.settings import RunSettings as RunSettings
@@ -85,6 +86,7 @@ else:
             "resolve": "xosc",
             "run": "runner.interpreter.execution",
             "search": "generation.pipeline:generate",
+            "show": "runner.replay.notebook",
             "systems": "runner.sut",
             "variations": "xosc",
             "write": "xosc",
@@ -122,6 +124,7 @@ __all__ = [
     "resolve",
     "run",
     "search",
+    "show",
     "systems",
     "variations",
     "write",

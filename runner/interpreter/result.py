@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from html import escape
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -166,17 +165,9 @@ class RunResult:
         return f"<RunResult {self.name}: {self.verdict.outcome}{reasons}, {self.status} at {self.end_time:.2f} s, sut {self.sut}>"
 
     def _repr_html_(self) -> str:
-        """As notebooks show it."""
-        rows = {
-            "verdict": str(self.verdict),
-            "end": f"{self.end_time:.2f} s, {self.status}",
-            "system under test": self.sut,
-            "parameters": ", ".join(f"{name} = {value}" for name, value in self.parameters.items()) or "as declared",
-            "participants": ", ".join(self.recording.tracks),
-            "remarks": str(len(self.remarks)),
-        }
-        cells = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
-        return f"<table><caption>{escape(self.name)}</caption>{cells}</table>"
+        """Table and replay, as notebooks show them."""
+        page: str = _higher("runner.replay.notebook").run_html(self)
+        return page
 
 
 def _higher(module: str) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from html import escape
 from pathlib import Path
 
 import pytest
@@ -109,3 +110,16 @@ def test_keys_lead_there_and_back(browser: Browser, page: Path) -> None:
         seen.append(browser.run(shown))
     assert seen == ["chase", "driver", "free", "chase", "chase hidden"]
     assert browser.unnamed() == []
+
+
+def test_a_notebook_s_frame_plays_without_reaching_the_page_around_it(browser: Browser, page: Path, tmp_path: Path) -> None:
+    """As `_repr_html_` embeds it: sandboxed, so that the page within has no origin and no address."""
+    source = escape(page.read_text(encoding="utf-8"))
+    frame = f'<iframe sandbox="allow-scripts" style="width:100%;height:600px" srcdoc="{source}"></iframe>'
+    (tmp_path / "notebook.html").write_text(f"<title>notebook</title><div class=stage>{frame}</div>", encoding="utf-8")
+    browser.open(tmp_path / "notebook.html", width=WIDTH, height=HEIGHT)
+    browser.run("globalThis.stage = document.querySelector('.stage'); 0")
+    browser.settle()
+    assert orange(colours(browser, tmp_path)) > 20, "the ego is drawn"
+    assert browser.run("document.title") == "notebook"
+    assert browser.errors == []

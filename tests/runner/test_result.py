@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from html import unescape
 from pathlib import Path
 
 import pytest
 
 import runner
+from runner.batch.batch import run_batch
+from runner.batch.jobs import Job
 from runner.outputs.stored import load_run
+from runner.replay import notebook
+from runner.replay.player import replay_page, write_replay
 from schemas.errors import UsageError
 from tests.runner.files import scenario
 
@@ -22,6 +28,28 @@ def test_it_is_one_line_and_a_table(result: runner.RunResult) -> None:
     assert repr(result) == "<RunResult a & b: failed (collision with Lead at 2.50 s), completed at 12.00 s, sut none>"
     page = result._repr_html_()
     assert "<caption>a &amp; b</caption>" in page and "failed: collision with Lead at 2.50 s" in page and "Gap = 30" in page
+
+
+def test_notebooks_show_it_with_its_replay_in_a_sandbox(result: runner.RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
+    (frame,) = re.findall(r"<iframe [^>]*></iframe>", result._repr_html_())
+    assert 'sandbox="allow-scripts"' in frame
+    assert unescape(re.findall(r'srcdoc="([^"]*)"', frame)[0]) == replay_page([result])
+    monkeypatch.setattr(notebook, "_LARGEST", 1000)
+    assert "<iframe" not in result._repr_html_() and "result.replay() writes it" in result._repr_html_()
+
+
+def test_notebooks_show_a_batch_with_its_failures_and_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = scenario(tmp_path, stop=4.0)
+    jobs = [Job(name, file, file, {"Gap": gap}) for name, gap in (("far", "90"), ("near", "12"))]
+    list(run_batch(jobs, runner.RunSettings(sut="none", world="kinematic"), out=tmp_path / "out"))
+    write_replay([load_run(tmp_path / "out" / "near")], tmp_path / "out" / "near" / "replay.html")
+    monkeypatch.chdir(tmp_path)
+    batch = notebook.show("out")
+    assert repr(batch) == "<BatchView out: 2 runs: 1 failed, 1 passed>"
+    page = batch._repr_html_()
+    assert page.index('<a href="out/near/replay.html">near</a>') < page.index("<th>far</th>")
+    assert "srcdoc=" in page
+    assert notebook.show(tmp_path / "out" / "near").verdict.failures  # type: ignore[union-attr]
 
 
 def test_it_is_saved_as_the_command_saves_it(result: runner.RunResult, tmp_path: Path) -> None:
