@@ -108,10 +108,12 @@ class View {
     this.touching = new Set(run.collisions.filter(c => c.from <= at && at <= c.to).flatMap(c => c.who));
     if (eye.on) {
       this.space.draw(time);
-      ctx.clearRect(0, 0, width, height);
-      if (this.labels) this.drawNames(ctx, width, height);
+      if (this.written || !this.flown) ctx.clearRect(0, 0, width, height); // clearing costs as much as drawing
+      this.written = this.labels && this.drawNames(ctx, width, height);
+      this.flown = true;
       return this.tell(at, over);
     }
+    this.flown = false;
     const target = followed && states[run.tracks.indexOf(followed)];
     if (several() && this.framed) this.middle = [this.framed.middle[0] + camera.dx, this.framed.middle[1] + camera.dy];
     else if (target) this.middle = [target.x + camera.dx, target.y + camera.dy];
@@ -139,7 +141,7 @@ class View {
     return this.tell(at, over);
   }
 
-  /** Names above participants in three dimensions, the nearest ones first. */
+  /** Names above participants in three dimensions, the nearest ones first; whether there are any. */
   drawNames(ctx, width, height) {
     const { space, run } = this,
       own = eye.kind === "driver" ? space.target().track : null,
@@ -158,6 +160,7 @@ class View {
       const line = this.free(x, y, text.length * 7);
       if (bold || y - line < CROWDED) drawLabel(ctx, text, x, line, this.colour, bold);
     }
+    return this.taken.length > 0;
   }
 
   /** The lowest line above a place that no other name takes (pixels); it is taken from now on. */

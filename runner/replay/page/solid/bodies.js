@@ -250,8 +250,9 @@ function motionAt(track, time, length) {
 /** Which lamps of a vehicle are lit: those that the event log names, and brakes that slow it down. */
 function litOf(run, track, state, time) {
   const said = {};
-  for (const [since, kind, name, text] of run.events)
-    if (kind === "light" && name === track.name && since <= time + 1e-6) {
+  run.switched ??= run.events.filter(([, kind]) => kind === "light");
+  for (const [since, , name, text] of run.switched)
+    if (name === track.name && since <= time + 1e-6) {
       const [lamp, mode] = text.split(" ");
       said[lamp] = mode;
     }

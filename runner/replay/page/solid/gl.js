@@ -159,8 +159,10 @@ class Mesh {
 /** The program, its uniforms, and meshes on the graphics card. */
 class Painter {
   constructor(canvas) {
-    const options = { alpha: false, stencil: true, antialias: true, powerPreference: "high-performance" };
-    this.gl = canvas.getContext("webgl2", options);
+    const options = { alpha: false, stencil: true, powerPreference: "high-performance" };
+    const quick = { ...options, antialias: true, failIfMajorPerformanceCaveat: true };
+    // smooth edges cost a software renderer four times the pixels
+    this.gl = canvas.getContext("webgl2", quick) ?? canvas.getContext("webgl2", { ...options, antialias: false });
     if (!this.gl) return;
     const { gl } = this,
       program = gl.createProgram();
