@@ -259,6 +259,21 @@ def _continuation(conflict: Conflict, speed: float, end: float) -> SpeedChange:
     return SpeedChange(max(2.0 * way / duration - speed, 0.0), duration)
 
 
+_USUAL_LIMITS = {
+    "town": 13.9,
+    "townExpressway": 19.4,
+    "townCollector": 13.9,
+    "townArterial": 13.9,
+    "townLocal": 13.9,
+    "rural": 27.8,
+}
+"""Limits (m/s) of roads whose file gives their type alone"""
+_SLOWEST, _FASTEST = 0.3, 1.3
+"""Shares of the limit between which speeds vary"""
+_TURNING = 15.0
+"""Greatest speed of passages, m/s"""
+
+
 class Maneuvers:
     """The manoeuvres of a recording's events.
 
@@ -283,7 +298,27 @@ class Maneuvers:
             Unsupported: the class is none of the 17, or what was recorded is no manoeuvre that the parameters describe.
         """
         if label in KINDS:
-            return in_lanes(self._segmentation, KINDS[label], ego, partner, span)
-        if label in JUNCTION or label in ROUNDABOUT:
-            return passage(self._recording, self._site.network, label, ego, partner, span)
-        raise Unsupported("the manoeuvre is unknown: its class, unknown or discovered, is none of the 17")
+            found = in_lanes(self._segmentation, KINDS[label], ego, partner, span)
+        elif label in JUNCTION or label in ROUNDABOUT:
+            found = passage(self._recording, self._site.network, label, ego, partner, span)
+        else:
+            raise Unsupported("the manoeuvre is unknown: its class, unknown or discovered, is none of the 17")
+        return replace(found, speeds=self._speeds(label, found))
+
+    def _speeds(self, label: Label, found: Maneuver) -> tuple[float, float]:
+        """Range of speeds (m/s) on the ego's road when the manoeuvre begins: by the limit, else by the kind of road."""
+        columns = found.ego.columns
+        row = min(int(np.searchsorted(columns["time"], found.begin)), len(columns["time"]) - 1)
+        road, lane, s = (
+            self._site.network.road(str(columns["road_id"][row])),
+            int(columns["lane_id"][row]),
+            float(columns["s"][row]),
+        )
+        limit = road.speed_limit(s, lane if lane else None)
+        if limit is None:
+            town = label in (Label.URBAN_CUT_IN, Label.URBAN_CUT_OUT) or found.kind == "passage"
+            limit = _USUAL_LIMITS.get(road.road_type(s), _USUAL_LIMITS["town"] if town else None)
+        if limit is None:
+            return found.speeds
+        most = min(_FASTEST * limit, found.speeds[1])
+        return (0.0, min(most, _TURNING)) if found.kind == "passage" else (_SLOWEST * limit, most)

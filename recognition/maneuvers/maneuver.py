@@ -87,6 +87,7 @@ class Maneuver:
         approach: time before that in which the other vehicle was recorded in its lane, s, at most `LONGEST`.
         passage: the place, in a passage and at ramps; None for a manoeuvre that may be anywhere on its road. In a passage the
             vehicles keep to their recorded paths, elsewhere to lanes.
+        speeds: range of its speeds by road kind and limit, m/s.
     """
 
     kind: str
@@ -98,6 +99,7 @@ class Maneuver:
     begin: float
     approach: float = LONGEST
     passage: Passage | None = None
+    speeds: tuple[float, float] = (PARAMETERS["start_speed"].low, PARAMETERS["start_speed"].high)
 
     @property
     def ego_acts(self) -> bool:

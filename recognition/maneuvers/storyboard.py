@@ -12,7 +12,7 @@ import numpy as np
 
 from recognition.catalogue.cut import EGO
 from recognition.catalogue.replay import entry
-from recognition.maneuvers.maneuver import LONGEST, Maneuver
+from recognition.maneuvers.maneuver import LONGEST, Maneuver, RecordedPath
 from recognition.maneuvers.parameters import APART, EGO_SPEED, JERK, OTHER_SPEED, PARAMETERS, STILL
 from runner.positions.lane import travel_s
 from runner.recording import Track
@@ -35,8 +35,8 @@ BEGIN = "Begin_s"
 TRIGGER_GAP = "TriggerGap_m"
 """The longest gap at which the manoeuvre begins"""
 
-_IN_TOWN = (0.0, 15.0)
-"""Speeds of passages, m/s"""
+_BESIDE = 0.1
+"""Share of a recorded value by which its range goes beyond it on both sides, at least"""
 
 
 def values(maneuver: Maneuver) -> dict[str, float]:
@@ -53,8 +53,8 @@ def declarations(maneuver: Maneuver, version: Version) -> list[Any]:
     """Declarations of the seven, with their ranges, and of what else the scenario uses."""
     declared = []
     for name, value in values(maneuver).items():
-        low, high = _range(name, maneuver)
-        limits = ("greaterOrEqual", min(low, value)), ("lessOrEqual", max(high, value))
+        low, high = _range(name, value, maneuver)
+        limits = ("greaterOrEqual", low), ("lessOrEqual", high)
         declared.append(maneuvers.parameter(name, "double", value, [limits]))
     if maneuver.other is not None:
         declared.append(maneuvers.parameter(passive(maneuver), "double", round(maneuver.speed, 3)))
@@ -67,13 +67,13 @@ def declarations(maneuver: Maneuver, version: Version) -> list[Any]:
     return [*declared, maneuvers.parameter(BEGIN, "double", f"${{{_begin(maneuver, version)}}}")]
 
 
-def _range(name: str, maneuver: Maneuver) -> tuple[float, float]:
+def _range(name: str, value: float, maneuver: Maneuver) -> tuple[float, float]:
+    """Range of a parameter: the usual one, widened to both sides of the recorded value."""
     passage = maneuver.passage
-    if maneuver.kind == "passage" and name in (START_SPEED, END_SPEED, FINAL_SPEED):
-        return _IN_TOWN
-    low, high = RANGES[name]
+    low, high = maneuver.speeds if name in (START_SPEED, END_SPEED, FINAL_SPEED) else RANGES[name]
+    low, high = (round(each, 3) for each in (min(low, (1.0 - _BESIDE) * value), max(high, (1.0 + _BESIDE) * value)))
     if passage is not None and passage.conflict is not None and name == GAP:  # no farther than where its way begins
-        return low, min(high, math.floor(passage.conflict.reach * 1e3) / 1e3)
+        return low, max(min(high, math.floor(passage.conflict.reach * 1e3) / 1e3), value)
     return low, high
 
 
@@ -292,18 +292,93 @@ def _beside(maneuver: Maneuver, other: Track, network: RoadNetwork) -> list[Any]
     """Ahead of the ego (or, to cut in, beside its lane) by what gives the parameter's gap after the delay."""
     here = _place(maneuver.ego, maneuver.start)
     side = _facing(maneuver.ego, maneuver.start, network)
-    own, mine = (OTHER_SPEED, START_SPEED) if maneuver.ego_acts else (START_SPEED, EGO_SPEED)
-    boxes = round(maneuver.ego.box.x + maneuver.ego.box.length / 2 - other.box.x + other.box.length / 2, 3)
-    known = values(maneuver) | {passive(maneuver): round(maneuver.speed, 3)}
-    ahead = known[GAP] - (known[own] - known[mine]) * maneuver.delay + boxes
-    there, aligned, beyond = travel_s(network, here, side * ahead, network.straightest)
+    own, ahead = OTHER_SPEED if maneuver.ego_acts else START_SPEED, _ahead(maneuver, other)
+    there, aligned, beyond = travel_s(network, here, side * ahead.value, network.straightest)
     if beyond:
         raise Unsupported("the road is too short for the speeds before the manoeuvre")
-    ds = f"${{{side} * (${GAP} - (${own} - ${mine}) * ${BEGIN} + {boxes})}}"
+    ds = f"${{{side} * ({ahead.text})}}"
     lanes = side * (-1 if maneuver.left else 1) if maneuver.kind == "cut_in" else 0
     if network.road(there.road_id).lane_beside(there.s, there.lane_id, lanes if aligned else -lanes) is None:
         raise Unsupported("there is no lane beside the ego's where the other one would have to begin")
     return [maneuvers.teleport(maneuvers.relative_lane_position(EGO, lanes, ds)), maneuvers.speed(f"${own}")]
+
+
+class _Left(NamedTuple):
+    """Distance (m) as an expression of the parameters, and its value by the recorded ones."""
+
+    text: str
+    value: float
+
+
+def _ahead(maneuver: Maneuver, other: Track) -> _Left:
+    """How far (m) ahead of the ego the other one begins."""
+    own, mine = (OTHER_SPEED, START_SPEED) if maneuver.ego_acts else (START_SPEED, EGO_SPEED)
+    boxes = round(maneuver.ego.box.x + maneuver.ego.box.length / 2 - other.box.x + other.box.length / 2, 3)
+    known = values(maneuver) | {passive(maneuver): round(maneuver.speed, 3)}
+    ahead = known[GAP] - (known[own] - known[mine]) * maneuver.delay + boxes
+    return _Left(f"${GAP} - (${own} - ${mine}) * ${BEGIN} + {boxes}", ahead)
+
+
+_FAR = 1e5
+"""Distance (m) that no scene covers"""
+_MARGIN = 5.0
+"""Distance (m) of a front from the road's end at which the scene ends"""
+
+
+def _road_ends(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) -> list[list[Condition]]:
+    """Stop conditions for participants near the end of their roads, where they could only stop dead.
+
+    Raises:
+        Unsupported: by the recorded values the road ends before the manoeuvre does.
+    """
+    delay, duration, known = maneuver.delay, maneuver.values.duration, maneuver.values
+    acting = known.start_speed * delay + 0.5 * (known.start_speed + known.end_speed) * duration
+    ways = {EGO: (_ego_left(maneuver, network, followed), maneuver.ego, maneuver.ego_acts)}
+    if maneuver.other is not None:
+        ways[other] = (_other_left(maneuver, network), maneuver.other, not maneuver.ego_acts)
+    found = []
+    for who, (left, track, acts) in ways.items():
+        if left.value >= _FAR / 2.0:
+            continue
+        room = left.value - track.box.x - 0.5 * track.box.length - _MARGIN
+        if room < (acting if acts else maneuver.speed * (delay + duration)):
+            raise Unsupported(f"the road of {who} ends before the manoeuvre does")
+        found.append([maneuvers.traveled_distance(who, f"${{{left.text} - {left.value - room:.3f}}}")])
+    return found
+
+
+def _ego_left(maneuver: Maneuver, network: RoadNetwork, followed: Paths) -> _Left:
+    """That of the ego, along its path or route, else along its lane."""
+    passage, known = maneuver.passage, maneuver.values
+    if passage is not None:
+        whole = float(passage.path.station[-1]) + _onwards(maneuver.ego, float(maneuver.ego.columns["time"][-1]), network)
+        start = f"{passage.begin:.3f} - ${START_SPEED} * ${BEGIN}"
+        return _Left(f"{whole:.3f} - ({start})", whole - passage.begin + known.start_speed * maneuver.delay)
+    if EGO in followed.routes:
+        path, last = RecordedPath.of(maneuver.ego), float(maneuver.ego.columns["time"][-1])
+        left = float(path.station[-1] - path.at(maneuver.start)) + _onwards(maneuver.ego, last, network)
+    else:
+        left = _onwards(maneuver.ego, maneuver.start, network)
+    return _Left(f"{left:.3f}", left)
+
+
+def _other_left(maneuver: Maneuver, network: RoadNetwork) -> _Left:
+    """That of the other one: on its path to the conflict point and beyond, else along the ego's lane from ahead of it."""
+    assert maneuver.other is not None and maneuver.values.gap is not None, "there is another one"
+    gap, passage = maneuver.values.gap, maneuver.passage
+    if passage is not None and passage.conflict is not None:
+        conflict = passage.conflict
+        whole = float(conflict.path.station[-1]) + _onwards(conflict.other, float(conflict.other.columns["time"][-1]), network)
+        start = f"{conflict.reach:.3f} - ${GAP} - ${OTHER_SPEED} * ${BEGIN}"
+        return _Left(f"{whole:.3f} - ({start})", whole - conflict.reach + gap + maneuver.speed * maneuver.delay)
+    left, ahead = _onwards(maneuver.ego, maneuver.start, network), _ahead(maneuver, maneuver.other)
+    return _Left(f"{left:.3f} - ({ahead.text})", left - ahead.value)
+
+
+def _onwards(track: Track, time: float, network: RoadNetwork) -> float:
+    """How far (m) the road of a track goes on from where it is at a time (s), straight on; `_FAR` for a circle."""
+    _, _, beyond = travel_s(network, _place(track, time), _facing(track, time, network) * _FAR, network.straightest)
+    return _FAR - beyond
 
 
 def _route(maneuver: Maneuver, network: RoadNetwork, name: str) -> Any | None:
@@ -392,6 +467,7 @@ def scenario(
     assigned: dict[str, Number] = {**roles, **_conflict(maneuver), **{name: f"${name}" for name in values(maneuver)}}
     assigned |= {START_TIME: f"${BEGIN}"} | ({GAP: f"${TRIGGER_GAP}"} if maneuver.other is not None else {})
     participants = {name: entry(track) for name, track in tracks.items()}
+    by_role = {role: f"${each.name}" for role, each in PARAMETERS.items()}
     return maneuvers.scenario(
         stage.path,
         header,
@@ -401,7 +477,7 @@ def scenario(
         maneuvers=[(actor, maneuvers.reference("ManeuverCatalog", entry_name(maneuver), assigned)), *_others(maneuver, other)],
         parameters=declarations(maneuver, version),
         catalogs=stage.catalogs,
-        stop=ends(_CHANGE, {role: f"${each.name}" for role, each in PARAMETERS.items()}),
+        stop=[*ends(_CHANGE, by_role), *_road_ends(maneuver, network, other, followed)],
         controllers={EGO: maneuvers.reference("ControllerCatalog", CONTROLLER.name)},
         version=version,
     )

@@ -48,6 +48,28 @@ def standstill(ego: Track | None, system: str) -> tuple[str, ...]:
     return (f"{ego.name} stands during the whole run: {nothing} sets it in motion{driver}",)
 
 
+def jolts(tracks: Iterable[Track]) -> tuple[str, ...]:
+    """Return a remark on each vehicle that stops dead, in a step that takes more than any brake, at the first such step.
+
+    Scripted steps of the speed are changes of state and have no acceleration: only tracks that the end of a road stopped are
+    to be given.
+    """
+    import numpy as np
+
+    found = []
+    for track in tracks:
+        time, speed = track.columns["time"][1:], np.abs(track.columns["speed"][1:])
+        if track.kind != "vehicle" or len(time) < 2:
+            continue
+        change, step = np.diff(speed), np.diff(time)
+        beyond = np.flatnonzero((-change > _JOLT * step) & (-change > _ROUNDING))
+        if beyond.size:
+            row = int(beyond[0])
+            told = f"{track.name} stops dead at the end of its road at {time[row + 1]:.2f} s"
+            found.append(f"{told}: {change[row]:.2f} m/s within {step[row]:.2f} s is beyond physics")
+    return tuple(found)
+
+
 def egoless(entities: Iterable[Entity], system: str, contacts: Sequence[tuple[float, str, str]] = ()) -> tuple[str, ...]:
     """A sentence on a scenario without an ego, if nothing is driven by the system, or no contact can fail.
 
@@ -62,6 +84,10 @@ def egoless(entities: Iterable[Entity], system: str, contacts: Sequence[tuple[fl
     if not vehicles or not effects:
         return ()
     return (f"no vehicle is known to be the ego: {', and '.join(effects)}; --ego {vehicles[0]} would make it that",)
+
+
+_JOLT, _ROUNDING = 25.0, 1.0
+"""Acceleration (m/s²) that no road vehicle reaches, and change of speed (m/s) that may be rounding"""
 
 
 class Departures:

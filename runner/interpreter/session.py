@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from runner.interpreter.compiler import Scenario, compile_scenario
-from runner.interpreter.departures import Departures, absences, egoless, standstill
+from runner.interpreter.departures import Departures, absences, egoless, jolts, standstill
 from runner.interpreter.drivers import is_finite, observe
 from runner.interpreter.ego import cruise_speed, driver_of, find_ego
 from runner.interpreter.result import RunResult
@@ -231,6 +231,11 @@ class Session:
             *(egoless(compiled.entities.values(), asked, sim.contacts.history) if ego is None else ()),
             *self._departures.remarks,
             *standstill(recording.tracks.get(ego.name) if ego is not None else None, sut),
+            *jolts(
+                recording.tracks[each.name]
+                for each in sim.entities.values()
+                if each is not ego and each.at_road_end and each.name in recording.tracks
+            ),
             *idleness(compiled.storyboard, sim),
             *untested_remarks(sim),
             *criteria_remarks(compiled.criteria, verdict),

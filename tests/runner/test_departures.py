@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -162,3 +163,10 @@ def test_who_drives_in_the_middle_of_a_straight_road_has_clearance() -> None:
     ego = put_free(run, "Ego", 100.0, -1.75)
     assert not run.roads.is_off_road(ego)
     assert run.roads.clearance(ego) > 1.0
+
+
+def test_a_vehicle_that_the_end_of_the_road_stops_dead_is_told(tmp_path: Path) -> None:
+    init = place("Ego", 100, 5) + place("Other", 950, 20)
+    path = scenario(tmp_path, entities=[car("Ego"), car("Other")], init=init, stories=" ", stop=6.0)
+    (remark,) = [each for each in runner.run(path, sut="none", world="kinematic").remarks if "physics" in each]
+    assert re.match(r"Other stops dead at the end of its road at 2\.\d\d s: -20\.00 m/s within 0\.05 s is beyond physics", remark)

@@ -35,6 +35,7 @@ from xosc.maneuvers.actions import (
     time_to_collision,
     trajectory,
     trajectory_position,
+    traveled_distance,
     world_position,
 )
 from xosc.maneuvers.base import Number
@@ -85,6 +86,7 @@ __all__ = [
     "trajectory",
     "trajectory_catalog",
     "trajectory_position",
+    "traveled_distance",
     "vehicle",
     "world_position",
 ]

@@ -138,6 +138,11 @@ def relative_distance(
     return Condition("relative distance", condition, edge, entity)
 
 
+def traveled_distance(entity: str, value: Number, *, edge: str = "none") -> Condition:
+    """Return a `TraveledDistanceCondition`: `entity` has moved that far (m) since the start."""
+    return Condition("traveled distance", sg.TraveledDistanceCondition(number(value)), edge, entity)
+
+
 def time_headway(
     entity: str,
     other: str,

@@ -151,9 +151,32 @@ def test_recorded_values_beyond_the_ranges_widen_them(tmp_path: Path, recording:
     found = measured(recording, Label.CUT_IN, m.EGO, m.CUTTER)
     slow = replace(found, values=found.values._replace(start_speed=3.0, gap=120.0))
     document = xosc.load(write(tmp_path, recording, slow))
-    assert xosc.resolve(document, {"Gap_m": 119, "StartSpeed_mps": 3.5}, enforce_constraints=True)
-    with pytest.raises(InvalidFile, match="Gap_m = 121"):
-        xosc.resolve(document, {"Gap_m": 121}, enforce_constraints=True)
+    assert xosc.resolve(document, {"Gap_m": 131, "StartSpeed_mps": 2.8}, enforce_constraints=True)
+    with pytest.raises(InvalidFile, match="Gap_m = 133"):
+        xosc.resolve(document, {"Gap_m": 133}, enforce_constraints=True)
+
+
+def test_speeds_vary_by_the_limit_of_the_road(tmp_path: Path, recording: Recording) -> None:
+    found = measured(recording, Label.CUT_IN, m.EGO, m.CUTTER)
+    assert found.speeds == (10.0, 40.0), "a motorway without a limit"
+    town = replace(found, speeds=(4.17, 18.07), values=found.values._replace(start_speed=18.0))
+    document = xosc.load(write(tmp_path, recording, town))
+    assert xosc.resolve(document, {"StartSpeed_mps": 19.8, "EndSpeed_mps": 4.2}, enforce_constraints=True)
+    with pytest.raises(InvalidFile, match="StartSpeed_mps = 30"):
+        xosc.resolve(document, {"StartSpeed_mps": 30}, enforce_constraints=True)
+
+
+def test_the_scene_ends_before_the_road_does(tmp_path: Path, recording: Recording) -> None:
+    """The lead would come to the road's end within the rest time and stop dead there."""
+    found = measured(recording, Label.CUT_IN, m.EGO, m.CUTTER)
+    long = replace(found, values=found.values._replace(rest_time=60.0))
+    result = runner.run(write(tmp_path, recording, long), sut="none", world="kinematic")
+    assert result.status == "completed" and result.end_time < long.end - long.start
+    assert not [remark for remark in result.remarks if "beyond physics" in remark]
+    for track in result.recording.tracks.values():
+        assert np.abs(np.diff(track.columns["speed"][1:])).max() < 1.0
+    with pytest.raises(Unsupported, match="ends before the manoeuvre does"):
+        write(tmp_path, recording, replace(found, values=found.values._replace(duration=60.0)))
 
 
 def test_before_1_1_there_are_no_expressions(tmp_path: Path, recording: Recording) -> None:
