@@ -159,8 +159,9 @@ class CatalogFile(NamedTuple):
 
     @property
     def directory(self) -> str:
-        """Relative to the class's folder."""
-        return "/".join(filter(None, ("catalogs", _FOLDERS[self.kind], self.part)))
+        """Directory relative to the class's folder; its last part is unique in the catalogue, as exports put all side by side."""
+        kind = _FOLDERS[self.kind]
+        return f"catalogs/{kind}/{'-'.join(filter(None, (self.folder, kind, self.part)))}"
 
 
 class _Entry(NamedTuple):

@@ -311,7 +311,7 @@ class _Left(NamedTuple):
 
 
 def _ahead(maneuver: Maneuver, other: Track) -> _Left:
-    """How far (m) ahead of the ego the other one begins."""
+    """Return the distance (m) ahead of the ego at which the other one begins."""
     own, mine = (OTHER_SPEED, START_SPEED) if maneuver.ego_acts else (START_SPEED, EGO_SPEED)
     boxes = round(maneuver.ego.box.x + maneuver.ego.box.length / 2 - other.box.x + other.box.length / 2, 3)
     known = values(maneuver) | {passive(maneuver): round(maneuver.speed, 3)}
@@ -348,7 +348,7 @@ def _road_ends(maneuver: Maneuver, network: RoadNetwork, other: str, followed: P
 
 
 def _ego_left(maneuver: Maneuver, network: RoadNetwork, followed: Paths) -> _Left:
-    """That of the ego, along its path or route, else along its lane."""
+    """Distance left to the ego, along its path or route, else along its lane."""
     passage, known = maneuver.passage, maneuver.values
     if passage is not None:
         whole = float(passage.path.station[-1]) + _onwards(maneuver.ego, float(maneuver.ego.columns["time"][-1]), network)
@@ -363,7 +363,7 @@ def _ego_left(maneuver: Maneuver, network: RoadNetwork, followed: Paths) -> _Lef
 
 
 def _other_left(maneuver: Maneuver, network: RoadNetwork) -> _Left:
-    """That of the other one: on its path to the conflict point and beyond, else along the ego's lane from ahead of it."""
+    """Distance left to the other one, on its path beyond the conflict point, else along the lane of the ego."""
     assert maneuver.other is not None and maneuver.values.gap is not None, "there is another one"
     gap, passage = maneuver.values.gap, maneuver.passage
     if passage is not None and passage.conflict is not None:
@@ -376,7 +376,7 @@ def _other_left(maneuver: Maneuver, network: RoadNetwork) -> _Left:
 
 
 def _onwards(track: Track, time: float, network: RoadNetwork) -> float:
-    """How far (m) the road of a track goes on from where it is at a time (s), straight on; `_FAR` for a circle."""
+    """Return the distance (m) from a track at a time (s) to the end of its road, straight on; `_FAR` for a circle."""
     _, _, beyond = travel_s(network, _place(track, time), _facing(track, time, network) * _FAR, network.straightest)
     return _FAR - beyond
 

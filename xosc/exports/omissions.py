@@ -341,6 +341,10 @@ OMISSIONS: tuple[Omission, ...] = (
     Omission(
         (1, 1), f"//TimeHeadwayCondition{_AHEAD}", _along_route, "a distance ahead is written as one along the route",
     ),
+    Omission(
+        (1, 1), "//RelativeDistanceCondition[@relativeDistanceType='longitudinal' and @coordinateSystem]",
+        _without("coordinateSystem"), "a distance along the lane or road is written as one ahead, the same where it is straight",
+    ),
 )  # fmt: skip
 """Of what a version brought, in the order in which they are made; files that have it before lose it too."""
 

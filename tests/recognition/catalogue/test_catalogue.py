@@ -27,6 +27,7 @@ from schemas import check_many
 from schemas.commands.files import expand
 from schemas.commands.options import progress_bar
 from schemas.errors import InvalidFile, UsageError
+from tests.commands import Command
 from tests.recognition import motorway
 from tests.recognition.traffic import interaction_rows, write_csv
 from xosc import tags
@@ -79,6 +80,21 @@ def test_catalogues_have_the_names_of_their_files(made: Path) -> None:
     files = list(made.rglob("catalogs/**/*.xosc"))
     assert len(files) > 3
     assert [re.findall('<Catalog name="(.*?)"', path.read_text()) for path in files] == [[path.stem] for path in files]
+
+
+@pytest.mark.parametrize("target", ["esmini", "1.0"])
+def test_exports_of_several_classes_fit_into_one_folder(command: Command, made: Path, tmp_path: Path, target: str) -> None:
+    """Each by a call of its own; a catalogue's file has its name, by which esmini opens it."""
+    chosen = {row["class"]: row for row in rows(made) if row["maneuver"]}
+    files = [made / row[name] for row in chosen.values() for name in ("file", "maneuver")]
+    assert len(chosen) > 2
+    for file in files:
+        done = command("xosc-export", file, "--to", target, "--out", tmp_path)
+        assert done.code == 0, done.err
+    assert len(list(tmp_path.glob("*.xosc"))) == len(files)
+    catalogs = list(tmp_path.rglob("catalogs/**/*.xosc"))
+    assert [re.findall('<Catalog name="(.*?)"', path.read_text()) for path in catalogs] == [[path.stem] for path in catalogs]
+    assert [problem for _, found in check_many(expand([str(tmp_path)])) for problem in found if problem.level == "error"] == []
 
 
 def test_scenarios_run_and_cut_in(made: Path) -> None:
