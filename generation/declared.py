@@ -173,10 +173,11 @@ def asked_of(ask: Ask, path: Path) -> Asked:
     pinned = {**(variation.pinned if variation is not None else {}), **ask.pinned}
     pinned = {name: value for name, value in pinned.items() if name not in ranges and name not in free}
     if _is_recorded(ask, scenario, variation is not None, bool(marginals)):
-        samples = of_recordings(ask.recordings, ask.kind or kind_of(scenario))
+        samples, simulated = of_recordings(ask.recordings, ask.kind or kind_of(scenario)), ask.recordings is None
         default = variation is None and not roles
         named = (*free, *(name for name in roles if name not in marginals))
-        return Asked(scenario, partial(of_samples, samples, mapped=roles, marginals=marginals), pinned, named, marginals, default)
+        recorded = partial(of_samples, samples, mapped=roles, marginals=marginals, simulated=simulated)
+        return Asked(scenario, recorded, pinned, named, marginals, default)
     default = variation is None and not ranges
     return Asked(scenario, partial(of_statements, marginals), pinned, free, marginals, default)
 

@@ -48,6 +48,7 @@ class Recorded(NamedTuple):
         kind: of the units, or of the pairs; empty where they are of several or none.
         exposure: of the recordings, by their names; none where it is not known.
         pairs: what two adversaries did, where the rows are such pairs.
+        simulated: whether the recorded traffic is simulated, as that of our own recordings is.
     """
 
     theta: FloatArray
@@ -59,6 +60,7 @@ class Recorded(NamedTuple):
     kind: str = ""
     exposure: Mapping[str, Exposure] = MappingProxyType({})
     pairs: PairUnits | None = None
+    simulated: bool = False
 
     def prior(self, space: Space, density: str) -> Prior:
         """Return the prior of a space.
@@ -206,6 +208,7 @@ def of_samples(
     space: Space,
     mapped: Mapping[str, Role] = MappingProxyType({}),
     marginals: Mapping[str, Marginal] = MappingProxyType({}),
+    simulated: bool = False,
 ) -> Recorded:
     """The columns of a table that belong to a space: the seven of its actor, and the speed of the other vehicle.
 
@@ -215,12 +218,13 @@ def of_samples(
     Args:
         mapped: roles of parameters whose names don't tell them.
         marginals: densities of parameters of which nothing is recorded.
+        simulated: whether the recorded traffic is simulated.
 
     Raises:
         UsageError: recordings have no values of one of the parameters.
     """
     if isinstance(samples, PairUnits):
-        return _of_pairs(samples, space)
+        return _of_pairs(samples, space)._replace(simulated=simulated)
     samples, roles = _with_jerk(samples, roles_of([*space.names, *space.pinned], mapped), space)
     table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds, samples.jerks], strict=True))
     units = _units_of_actors(list(dict.fromkeys(each.actor for each in roles.values())), samples.ego_speeds)
@@ -236,7 +240,7 @@ def of_samples(
     theta = np.stack([values[name] if name in values else drawn[name] for name in space.names], axis=1)
     kinds = sorted(set(samples.kinds.tolist()))
     kind = kinds[0] if len(kinds) == 1 else ""
-    return Recorded(theta, samples.recordings, samples.errors, values, roles, rest, kind, samples.exposure)
+    return Recorded(theta, samples.recordings, samples.errors, values, roles, rest, kind, samples.exposure, None, simulated)
 
 
 def _with_jerk(samples: Samples, roles: Mapping[str, Role], space: Space) -> tuple[Samples, Mapping[str, Role]]:

@@ -131,8 +131,8 @@ class Prior(ABC):
 
     @abstractmethod
     def foreseeable(self, theta: FloatArray) -> BoolArray:
-        """Rows (n, d) that traffic does: possible, and no less likely than 99 % of recorded units, each by the density of other
-        recordings: (n,). Costs no simulation."""
+        """Rows (n, d) that traffic does: possible, no less likely than 99 % of recorded units, each by the density of other
+        recordings, and no further from a recorded unit than 99 % of them: (n,). Costs no simulation."""
 
     def judged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
         """`log_density` and `foreseeable` of rows (n, d)."""
@@ -145,6 +145,10 @@ class Prior(ABC):
     @abstractmethod
     def with_nuisances(self, theta: FloatArray) -> FloatArray:
         """Rows (n, d) with the nuisances of the recorded unit that is most like each of them."""
+
+    def log_ratios(self, theta: FloatArray, n: int, generator: np.random.Generator) -> FloatArray:
+        """log p'/p of possible rows (m, d) for densities p' of resampled recordings: (n, m); (0, m) without recordings."""
+        return np.empty((0, len(theta)))
 
 
 def until_possible(
@@ -169,6 +173,8 @@ def until_possible(
 
 _COUNTED = 20_000
 """Draws that say which share of the density is possible."""
+_RESAMPLED = 5
+"""Fewest recordings that are resampled"""
 
 
 @dataclass(frozen=True)
@@ -343,7 +349,51 @@ class RecordedPrior(Prior):
         theta = np.asarray(theta, np.float64)
         found = self.possible(theta)
         if found.any():
-            found[found] = self._raw(theta[found]) >= self.limit
+            found[found] = (self._raw(theta[found]) >= self.limit) & self._recorded_like(theta[found])
+        return found
+
+    @cached_property
+    def _standard(self) -> FloatArray:
+        """Standardised logarithms of what is searched, of all recorded units (m, k)."""
+        found: FloatArray = self._log_rows[:, : len(self.searched)] / self._spread
+        return found
+
+    @cached_property
+    def farthest(self) -> float:
+        """Distance to the nearest unit of other recordings, in standardised logarithms, that 99 % of units keep within."""
+        from scipy.spatial import KDTree
+
+        found = np.empty(len(self._standard))
+        for rest, tested in folds(self._recordings):
+            found[tested] = KDTree(self._standard[rest]).query(self._standard[tested])[0]
+        return float(np.quantile(found, 1.0 - FORESEEABLE))
+
+    def _recorded_like(self, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that are no further from recorded units than these are from those of other recordings: (n,)."""
+        from scipy.spatial import KDTree
+
+        return np.asarray(KDTree(self._standard).query(self._logs(theta) / self._spread)[0] <= self.farthest)
+
+    # uncertainty
+
+    def log_ratios(self, theta: FloatArray, n: int, generator: np.random.Generator) -> FloatArray:
+        """log p'/p of possible rows (m, d) for densities p' of resampled recordings: (n, m).
+
+        Recordings are drawn with replacement, as units of one recording are alike. What takes long to choose is that of p.
+        """
+        names = np.unique(self._recordings)
+        if len(names) < _RESAMPLED:
+            return np.empty((0, len(theta)))
+        whole, logs = fitted(self._model, self._log_rows, self._recordings), self._logs(theta)
+        rows_of = {name: np.flatnonzero(self._recordings == name) for name in names}
+        found, present = np.empty((n, len(theta))), self._density.log_density(logs) - self._log_share
+        for number in range(n):
+            rows = np.concatenate([rows_of[name] for name in generator.choice(names, len(names))])
+            other: Density | Components = whole.again(len(rows)).fit(self._log_rows[rows], self._recordings[rows])
+            if self._given and isinstance(other, Density):
+                other = self._conditioned(other)
+            share = self.possible(self.of_logs(other.sample(_COUNTED // 10, generator))).mean()
+            found[number] = other.log_density(logs) - np.log(max(float(share), 1e-9)) - present
         return found
 
     # nuisances

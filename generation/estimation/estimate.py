@@ -189,11 +189,13 @@ class EstimateSettings:
         runs: how many are spent.
         seed: of all that is drawn.
         controlled: whether the twin at the same points is used as control.
+        resampled: densities of resampled recordings that tell how sure the density is.
     """
 
     runs: int = RUNS
     seed: int = 0
     controlled: bool = True
+    resampled: int = 30
 
 
 class Estimate(NamedTuple):
@@ -304,15 +306,36 @@ def estimate(
     if twin is not None and proposal is not None and settings.controlled:
         many = proposal.sample(_CONTROLLED, generator)
         controls = _played(theta, drawn, twin), _played(many, drawn, twin)
-    probabilities = {}
+    probabilities, ratios = {}, np.zeros((settings.resampled, len(theta)))
+    colliding = real.outcomes.collision
+    ratios[:, colliding] = _ratios(prior, theta[colliding], settings, generator)
     for name, failing in _events(real).items():
         control = None
         if controls is not None:
             same, more = (_events(each)[name] for each in controls)
             control = Control(same, more, controls[1].weights)
-        probabilities[name] = probability(failing, real.weights, drawn.greatest, control)
+        found = probability(failing, real.weights, drawn.greatest, control)
+        probabilities[name] = found._replace(density=_spread(ratios[:, failing], real.weights[failing]))
     probabilities = {name: each.within(probabilities[FAILURE]) for name, each in probabilities.items()}
     return Estimate(probabilities, len(theta), settings.runs - len(theta), looked)
+
+
+def _ratios(prior: Prior, theta: FloatArray, settings: EstimateSettings, generator: np.random.Generator) -> FloatArray:
+    """Logarithms (k, n) of p'/p of points (n, d) for densities of resampled recordings; 0 where none can be resampled."""
+    none = np.zeros((settings.resampled, len(theta)))
+    found = prior.log_ratios(theta, settings.resampled, generator) if len(theta) and settings.resampled else none
+    return found if len(found) else none
+
+
+def _spread(ratios: FloatArray, weights: FloatArray) -> float:
+    """Standard deviation of the logarithm of Σ w p'/p over densities p', given log p'/p (k, n) and weights w (n,)."""
+    if not ratios.size:
+        return 0.0
+    return float(np.log(np.exp(np.minimum(ratios, _GREATEST)) @ weights).std(ddof=1))
+
+
+_GREATEST = 5.0
+"""Greatest logarithm of a ratio of densities: far out in its tails a density of few recordings knows little"""
 
 
 def _shared(runs: int, stages: int) -> list[int]:

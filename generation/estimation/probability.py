@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,12 +31,19 @@ class Probability(NamedTuple):
         value: estimate. deviation: its standard deviation.
         effective: effective number of failures among the draws, (Σw)²/Σw² of their weights w (L. Kish, 1965).
         bound: upper limit where no draw fails.
+        density: standard deviation of the logarithm that refitted densities of resampled recordings add; 0 where there are none.
     """
 
     value: float
     deviation: float
     effective: float
     bound: float
+    density: float = 0.0
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the logarithm, by sampling and by the density; infinite where no draw fails."""
+        return math.hypot(math.sqrt(math.log1p(self.variation**2)), self.density)
 
     @property
     def variation(self) -> float:
@@ -43,10 +52,10 @@ class Probability(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Of 95 %, symmetrical in the logarithm: probabilities are positive, and their weighted sums are skewed."""
+        """Of 95 %, by sampling and density, symmetrical in the logarithm: weighted sums of positive values are skewed."""
         if self.value <= 0.0:
             return 0.0, self.bound
-        factor = math.exp(_NORMAL * math.sqrt(math.log1p(self.variation**2)))
+        factor = math.exp(_NORMAL * self.spread)
         return self.value / factor, min(self.value * factor, 1.0)
 
     @property
@@ -120,6 +129,8 @@ def _rare(n: int) -> float:
 _DRAWS = 100_000
 """Draws that intervals are quantiles of"""
 _HALF = 0.5
+_RESAMPLED = 10
+"""Fewest recordings that are resampled"""
 PER_HOUR, PER_DISTANCE = "per hour", "per 1,000 km"
 _DISTANCE = 1000.0
 
@@ -144,6 +155,8 @@ class Driving:
         kind: of the units, or pairs.
         recordings: how many there are.
         units: how many of the units have parameters. possible: how many of these are within the density's limits.
+        parts: exposure of each recording by name, `SITE/RECORDING`; none where only the total is known.
+        simulated: whether the recorded traffic is simulated.
     """
 
     exposure: Exposure
@@ -151,6 +164,8 @@ class Driving:
     recordings: int
     units: int
     possible: int
+    parts: Mapping[str, Exposure] = field(default_factory=dict)
+    simulated: bool = False
 
     @property
     def count(self) -> int:
@@ -161,8 +176,7 @@ class Driving:
         """Failures per hour of driving and per 1,000 km, by these names."""
         generator = np.random.default_rng(0)
         chances, chance = _chances(probability, generator)
-        met = generator.gamma(self.count + _HALF, 1.0, _DRAWS)
-        met *= generator.beta(self.possible + _HALF, self.units - self.possible + _HALF, _DRAWS)
+        met = self._counts * generator.beta(self.possible + _HALF, self.units - self.possible + _HALF, _DRAWS)
         share = self.possible / self.units if self.units else 0.0
         found = {}
         for name, driven in ((PER_HOUR, self.exposure.hours), (PER_DISTANCE, self.exposure.kilometres / _DISTANCE)):
@@ -172,13 +186,59 @@ class Driving:
             found[name] = Rate(chance * share * self.count / driven, (float(low), float(high)))
         return found
 
+    @cached_property
+    def _counts(self) -> FloatArray:
+        """Draws of the number of manoeuvres (n,) in as much driving.
+
+        Counts of one recording are over-dispersed: recordings are drawn with replacement, within sites. Where there are few, or
+        none is known, counts are Poisson's.
+        """
+        generator = np.random.default_rng(1)
+        if len(self.parts) < _RESAMPLED:
+            return generator.gamma(self.count + _HALF, 1.0, _DRAWS)
+        met, driven = np.zeros(_DRAWS), np.zeros(_DRAWS)
+        for parts in self.sites.values():
+            drawn = generator.multinomial(len(parts), [1.0 / len(parts)] * len(parts), _DRAWS)
+            met += drawn @ np.array([each.counts.get(self.kind, 0) for each in parts])
+            driven += drawn @ np.array([each.hours for each in parts])
+        return met * self.exposure.hours / driven
+
+    @property
+    def sites(self) -> dict[str, list[Exposure]]:
+        """Exposures of the recordings of each kind of site: the part of their names before a slash."""
+        found: dict[str, list[Exposure]] = {}
+        for name, each in self.parts.items():
+            found.setdefault(name.rpartition("/")[0], []).append(each)
+        return found
+
+    def by_site(self) -> dict[str, dict[str, float]]:
+        """Hours, kilometres, and manoeuvres per hour of each kind of site; nothing where there is but one."""
+        totals = {name: Exposure.total(parts) for name, parts in self.sites.items()}
+        if len(totals) < 2:
+            return {}
+        return {
+            name: {
+                "hours": each.hours,
+                "kilometres": each.kilometres,
+                "manoeuvres_per_hour": each.counts.get(self.kind, 0) / each.hours,
+            }
+            for name, each in totals.items()
+            if each.hours
+        }
+
     def as_json(self) -> dict[str, Any]:
         """For files."""
-        driven = {"hours": self.exposure.hours, "kilometres": self.exposure.kilometres, "recordings": self.recordings}
-        return {**driven, "kind": self.kind, "manoeuvres": self.count, "within_limits": self.possible, "of_units": self.units}
+        driven: dict[str, Any] = {
+            "hours": self.exposure.hours,
+            "kilometres": self.exposure.kilometres,
+            "recordings": self.recordings,
+        }
+        of = {"kind": self.kind, "manoeuvres": self.count, "within_limits": self.possible, "of_units": self.units}
+        return {**driven, **of, "simulated": self.simulated, "sites": self.by_site()}
 
     def __str__(self) -> str:
-        driven = f"{self.exposure.hours:,.1f} h and {self.exposure.kilometres:,.0f} km of driving in {self.recordings} recordings"
+        driven = f"{self.exposure.hours:,.1f} h and {self.exposure.kilometres:,.0f} km of "
+        driven += f"{'simulated ' if self.simulated else ''}driving in {self.recordings} recordings"
         return f"{self.count} manoeuvres {self.kind} in {driven}"
 
 
@@ -197,12 +257,12 @@ def driving(recorded: Recorded, space: Space, prior: Prior) -> Driving | str:
     if pairs is not None:
         units = len(pairs.recordings)
         total = replace(total, counts={pairs.kind: round(units / pairs.known)})
-    return Driving(total, recorded.kind, len(recorded.exposure), units, possible)
+    parts = {} if pairs is not None else recorded.exposure
+    return Driving(total, recorded.kind, len(recorded.exposure), units, possible, parts, recorded.simulated)
 
 
 def _chances(probability: Probability, generator: np.random.Generator) -> tuple[FloatArray, float]:
     """Draws of a probability, and its value; where no draw failed, exponential with 95 % below the bound."""
     if probability.value <= 0.0:
         return generator.exponential(-probability.bound / math.log(0.05), _DRAWS), 0.0
-    spread = math.sqrt(math.log1p(probability.variation**2))
-    return np.minimum(probability.value * np.exp(spread * generator.standard_normal(_DRAWS)), 1.0), probability.value
+    return np.minimum(probability.value * np.exp(probability.spread * generator.standard_normal(_DRAWS)), 1.0), probability.value

@@ -12,7 +12,7 @@ import numpy as np
 from generation.density.models import judge
 from generation.density.roles import roles_of
 from generation.estimation.estimate import FAILURE, PREVENTABLE, Estimate
-from generation.estimation.probability import LEAST_EFFECTIVE, PER_DISTANCE, PER_HOUR, Probability, Rate
+from generation.estimation.probability import LEAST_EFFECTIVE, PER_DISTANCE, PER_HOUR, Driving, Probability, Rate
 from generation.outcomes.judges import JUDGES, REFERENCES, Cases
 from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
 from generation.pages import PARTS_CSS, PARTS_JS
@@ -50,7 +50,8 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
     stated = f"{str(generated.statement)[:1].upper()}{str(generated.statement)[1:]}."
     if estimate is None:
         return [found, *lost, *refused, stated, "How often traffic makes it fail was not estimated; --estimate does that."]
-    made = f"When traffic makes the manoeuvre of {title}"
+    traffic = "simulated traffic" if generated.recorded.simulated else "traffic"
+    made = f"When {traffic} makes the manoeuvre of {title}"
     drawn = made if generated.gate.replayed is not None else f"Where {title} has values as stated (nothing is recorded)"
     return [*_often(drawn, sut, estimate), *refused, found, *lost, stated]
 
@@ -78,11 +79,14 @@ def _lost(generated: Generated) -> Iterator[str]:
 
 def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
     failure, rates = estimate.probabilities[FAILURE], estimate.rates(FAILURE)
+    if not failure.stable and failure.value > 0.0:
+        few = f"{failure.counted} are fewer than {LEAST_EFFECTIVE:g}"
+        yield f"How often traffic makes {sut} collide is not known well enough for a headline: {few}; more runs help."
+        return
     yield f"{drawn}, {sut} collides with a probability of {chance(failure)}."
     if rates:
-        yield f"That is {rate(rates[PER_HOUR])} collisions per hour of driving and {rate(rates[PER_DISTANCE])} per 1,000 km."
-    if not failure.stable and failure.value > 0.0:
-        yield f"This interval is not to be trusted: {failure.counted} are fewer than {LEAST_EFFECTIVE:g}; more runs help."
+        of = "simulated driving" if isinstance(estimate.driving, Driving) and estimate.driving.simulated else "driving"
+        yield f"That is {rate(rates[PER_HOUR])} collisions per hour of {of} and {rate(rates[PER_DISTANCE])} per 1,000 km."
     yield f"Collisions that a careful driver prevents have a probability of {chance(estimate.probabilities[PREVENTABLE])}."
     bands = {name: each.value for name, each in estimate.probabilities.items() if name not in (FAILURE, PREVENTABLE)}
     if sum(bands.values()) > 0.0:

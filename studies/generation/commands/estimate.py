@@ -46,7 +46,7 @@ def command(
         share, covered, variations = true.collisions / true.runs, 0, []
         for seed in range(repeats):
             known = searched(posing.problem, runs, seed) if without_twin else Known.nothing(prior)
-            plays, settings = None if without_twin else twin, EstimateSettings(runs, seed, False)
+            plays, settings = None if without_twin else twin, EstimateSettings(runs, seed, False, 0)
             found = estimate(prior, twin, twin, known, plays, settings).probabilities[FAILURE]
             low, high = found.interval
             covered += low <= share <= high

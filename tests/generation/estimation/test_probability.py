@@ -57,3 +57,11 @@ def test_a_twin_that_is_wrong_does_no_harm() -> None:
     controlled = probability(u < 0.1, weights, 1.0, Control(u > 0.7, more > 0.7, heavy))
     assert controlled.value == pytest.approx(plain.value, abs=3 * plain.deviation)
     assert controlled.deviation < 1.05 * plain.deviation
+
+
+def test_an_unsure_density_widens_the_interval() -> None:
+    u, weights = draws(2000)
+    sure = probability(u < 0.1, weights, 1.0)
+    unsure = sure._replace(density=0.3)
+    assert unsure.interval[0] < 0.7 * sure.interval[0] and unsure.interval[1] > 1.4 * sure.interval[1]
+    assert unsure.value == sure.value and unsure.stable

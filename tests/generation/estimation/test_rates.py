@@ -52,6 +52,19 @@ def test_both_uncertainties_make_the_interval_wider() -> None:
     assert width(vague, 20) > max(width(SURE, 20), width(vague, 10**6)) * 1.1
 
 
+def test_recordings_that_differ_widen_the_interval_of_the_count_and_sites_are_told_apart() -> None:
+    parts = {
+        f"{site}/{n}": Exposure(1.0, 80.0, {"cut_in": count}) for site in "ab" for n, count in enumerate([5] * 10 + [75] * 10)
+    }
+    alike = met(1600, hours=40.0, units=10**7, possible=10**7)
+    over_dispersed = replace(alike, parts=parts)
+    one, other = (np.diff(each.rates(SURE)[PER_HOUR].interval)[0] for each in (alike, over_dispersed))
+    assert other > 3.0 * one
+    assert over_dispersed.by_site()["a"]["manoeuvres_per_hour"] == pytest.approx(40.0)
+    assert not alike.by_site()
+    assert "simulated driving" in str(replace(alike, simulated=True)) and "simulated" not in str(alike)
+
+
 def test_where_nothing_fails_there_is_a_limit() -> None:
     none = probability(np.zeros(300, bool), np.ones(300), 1.0)
     rate = met(10**7, hours=1e6, units=10**7, possible=10**7).rates(none)[PER_HOUR]

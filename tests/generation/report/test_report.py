@@ -92,6 +92,16 @@ def test_the_headline_tells_probability_rates_and_bands() -> None:
     assert any(each == "Impacts of the collisions: 100 % at 0 to 5 m/s." for each in rest)
 
 
+def test_an_unstable_estimate_is_no_headline() -> None:
+    generated = searched(SUT, np.array([HARD]))
+    assert generated.estimate is not None
+    chances = {name: each._replace(effective=9.0) for name, each in generated.estimate.probabilities.items()}
+    unstable = replace(generated, estimate=generated.estimate._replace(probabilities=chances))
+    said = " ".join(headline("cut_in_highway", "cas", unstable))
+    assert "not known well enough for a headline: 9 effective failures are fewer than 50" in said
+    assert "probability of 0" not in said and "per hour" not in said
+
+
 def test_what_is_stated_is_not_called_traffic() -> None:
     found = searched(SUT, np.array([HARD]))
     stated = replace(found, gate=found.gate._replace(replayed=None))
