@@ -158,9 +158,8 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
 
 
 def _between_through(scene: Scene, row: IntArray) -> BoolArray:
-    """Whether neither of the lanes that a change leads from and to is a ramp or lies in a junction, where lanes overlap."""
-    through = scene.has_role(Role.MAIN, Role.URBAN, Role.APPROACH)
-    return through[row] & through[row - 1]
+    """Whether neither of the lanes that a change leads from and to is a ramp or turns in a junction, where lanes overlap."""
+    return scene.through[row] & scene.through[row - 1]
 
 
 def _of(changes: Changes, row: IntArray) -> FloatArray:
@@ -202,7 +201,7 @@ def _on_urban(scene: Scene, found: Cuts) -> Cuts:
     """Return the cuts on urban lanes with a low or unknown limit."""
     limit = scene.site.lanes.speed_limit[scene.strip[found.ego]]
     slow = (limit <= scene.rules.urban_speed_limit + _ROUNDING) | np.isinf(limit)
-    return found.where(scene.has_role(Role.URBAN, Role.APPROACH)[found.ego] & slow)
+    return found.where((scene.through & ~scene.has_role(Role.MAIN))[found.ego] & slow)
 
 
 def ramp_entering(scene: Scene) -> Hits:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,12 +15,13 @@ from numpy.typing import NDArray
 from recognition.labels.changes import LaneChanges, Passages, SceneRows, constant, lane_changes, passages, smoothed
 from recognition.labels.classes import CONDITIONS, Event, Label, Rules
 from recognition.sites import Role, Site
-from recognition.sites.lanes import NOWHERE, LaneGraph, place
+from recognition.sites.lanes import NOWHERE, LaneGraph, Strip, place
 from recognition.sites.roles import ROLES
 from runner.measures.criticality import time_headway, time_to_collision
 from runner.measures.measure import Series
 from runner.recording import Recording, Track
 from xodr.array_types import BoolArray, FloatArray, IntArray
+from xodr.graph.ways import DRIVABLE
 
 ABSENT = -1
 """Row (or track) of a lead, follower or partner that is absent."""
@@ -169,6 +171,22 @@ class Scene(SceneRows):
     def changes(self) -> LaneChanges:
         """Changes of lane."""
         return lane_changes(self)
+
+    @cached_property
+    def through(self) -> BoolArray:
+        """Rows on lanes that lead past ramps and junctions, or straight through a junction with another lane beside them."""
+        lanes, roads = self.site.lanes, self.site.network.roads
+        beside = Counter((strip.road, strip.section, strip.forward) for strip in lanes.strips if strip.kind in DRIVABLE)
+        limit = math.radians(self.rules.straight)
+
+        def wide(strip: Strip) -> bool:
+            line = roads[strip.road].line
+            bend = math.remainder(line.at(strip.end)[2] - line.at(strip.start)[2], math.tau)
+            several = beside[strip.road, strip.section, strip.forward] > 1
+            return strip.kind in DRIVABLE and several and abs(bend) < limit
+
+        inside = np.append([wide(strip) for strip in lanes.strips], False)[self.strip]
+        return self.has_role(Role.MAIN, Role.URBAN, Role.APPROACH) | (self.has_role(Role.INSIDE, Role.SIGNALISED) & inside)
 
     def least_shift(self, row: IntArray) -> FloatArray:
         """Least lateral displacement (m) of a change into the lane of each row of which not all need be recorded."""

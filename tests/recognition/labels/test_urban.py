@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from recognition.labels import Event, Label
-from recognition.sites import Site
+from recognition.sites import Role, Site
 from runner.recording import Track
-from tests.recognition.driving import STEP, labels, of, site, track
+from tests.recognition.driving import STEP, ahead, labels, of, sideways, site, track
 from xodr.builders import RoadMap, sharp_curve
+from xodr.lanelet2 import Lanelet, Neighbour, build
 
 SECONDS = 10.0
 
@@ -109,3 +110,22 @@ def test_who_is_oblique_to_the_lane_all_the_time_turns_off(street: Site, degrees
 def test_the_same_on_a_fast_road_is_no_urban_one(tmp_path: Path) -> None:
     fast = site(_street(80.0), tmp_path)
     assert of(found(fast, 8.0, ahead=34.0), "ego") == [Label.CUT_IN]
+
+
+def test_a_lane_change_beside_a_side_street_counts(tmp_path: Path) -> None:
+    angle = np.linspace(0.0, np.pi / 2.0, 20)
+    off = [np.array([120.0, -13.75]) + radius * np.column_stack([np.sin(angle), np.cos(angle)]) for radius in (12.0, 8.5)]
+    lanelets = [
+        Lanelet(
+            name, *(np.array([(start, y), (end, y)]) for y in (top, top - 3.5)), successors=after,
+            beside_right=Neighbour(right, True) if right else None,
+        )
+        for name, start, end, top, right, after in (
+            ("a", 0.0, 120.0, 1.75, "b", ("c",)), ("b", 0.0, 120.0, -1.75, "", ("d", "off")),
+            ("c", 120.0, 260.0, 1.75, "d", ()), ("d", 120.0, 260.0, -1.75, "", ()),
+        )
+    ]  # fmt: skip
+    place = site(build([*lanelets, Lanelet("off", *off)], "street").map, tmp_path)
+    assert Role.INSIDE in {entry.role for entry in place.roles.entries}
+    events = labels(place, track("ego", ahead(55.0, 14.0, SECONDS), sideways(-3.5, 0.0, 5.0, SECONDS)))
+    assert of(events, "ego") == [Label.LANE_CHANGE_LEFT]
