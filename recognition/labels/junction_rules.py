@@ -133,7 +133,7 @@ def _counting(scene: Scene) -> BoolArray:
 
 
 def crosses(scene: Scene) -> BoolArray:
-    """Passages whose way crosses one from another road into another lane: the longest passage of each stands for all."""
+    """Passages whose way crosses one from another road to another road: the longest passage of each stands for all."""
     from shapely import STRtree
 
     passages = scene.passages
@@ -148,7 +148,8 @@ def crosses(scene: Scene) -> BoolArray:
     used = np.array(list(longest.values()), np.int64)
     mine, theirs = STRtree([lines[index] for index in used]).query(lines, predicate="intersects")
     theirs = used[theirs]
-    other = (passages.origin_road[mine] != passages.origin_road[theirs]) & (passages.target[mine] != passages.target[theirs])
+    target_road = np.where(passages.target != NOWHERE, scene.site.lanes.road[passages.target], NOWHERE)
+    other = (passages.origin_road[mine] != passages.origin_road[theirs]) & (target_road[mine] != target_road[theirs])
     found[mine[other & (passages.origin_road[mine] != NOWHERE)]] = True
     return found
 

@@ -129,3 +129,24 @@ def test_a_lane_change_beside_a_side_street_counts(tmp_path: Path) -> None:
     assert Role.INSIDE in {entry.role for entry in place.roles.entries}
     events = labels(place, track("ego", ahead(55.0, 14.0, SECONDS), sideways(-3.5, 0.0, 5.0, SECONDS)))
     assert of(events, "ego") == [Label.LANE_CHANGE_LEFT]
+
+
+def test_a_way_into_another_lane_of_the_same_road_is_not_crossed(tmp_path: Path) -> None:
+    angle = np.linspace(0.0, np.pi / 2.0, 20)
+    into = [np.array([100.0, -13.75]) + radius * np.column_stack([-np.cos(angle), np.sin(angle)]) for radius in (12.0, 8.5)]
+    rows = [
+        Lanelet(
+            name, *(np.array([(start, y), (end, y)]) for y in (top, top - 3.5)), successors=after,
+            beside_right=Neighbour(right, True) if right else None,
+        )
+        for name, start, end, top, right, after in (
+            ("a", 0.0, 100.0, 1.75, "b", ("c",)), ("b", 0.0, 100.0, -1.75, "", ("d",)),
+            ("c", 100.0, 240.0, 1.75, "d", ()), ("d", 100.0, 240.0, -1.75, "", ()),
+        )
+    ]  # fmt: skip
+    place = site(build([*rows, Lanelet("into", *into, successors=("d",))], "street").map, tmp_path)
+    assert Role.INSIDE in {entry.role for entry in place.roles.entries}
+    time = STEP * np.arange(round(SECONDS / STEP) + 1)
+    other = track("other", 88.0 + 6.0 * time, np.minimum(-12.0 + 6.0 * time, 0.5))
+    ego = track("ego", ahead(40.0, 14.0, SECONDS), -3.0, start=20.0)
+    assert of(labels(place, ego, other), "ego") == []
