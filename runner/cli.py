@@ -18,6 +18,7 @@ from runner.settings import RunSettings
 from schemas.commands.help import epilog, explain
 from schemas.commands.options import (
     AllowInconclusive,
+    Overwrite,
     Verbose,
     Version,
     guarded,
@@ -93,6 +94,7 @@ def xosc_run(
     assess: Assess = None,
     gui: Annotated[bool, typer.Option("--gui", help="Play each run in SUMO's own window.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
+    overwrite: Overwrite = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
     junit_inconclusive: Annotated[
         Literal["skipped", "error"], typer.Option(help="What an inconclusive run is in the JUnit report.")
@@ -120,8 +122,12 @@ def xosc_run(
     if resume and (osi is not None or gui):
         option, instead = ("--gui", "xosc-replay shows them") if gui else ("--osi", "xosc-export --to osi writes their traces")
         raise UsageError(f"{option} is of runs that are played, and --resume leaves out finished ones: {instead}")
+    if overwrite and (out is None or resume or dry_run):
+        raise UsageError("--overwrite replaces the batch of --out by one that is run: without --resume and --dry-run")
     if against is not None:
         _need_runs(dry_run)
+        if overwrite and out is not None and against.resolve() == out.resolve():
+            raise UsageError("--against names the folder that --overwrite replaces", path=against)
     limits = [limit.strip() for limit in fail_if or []]
     by_new = NEW_FAILURE in limits
     if by_new and against is None:
@@ -137,6 +143,10 @@ def xosc_run(
 
         chosen = alone(source, osi)
     also = list(_also(osi, replay, gui, out))
+    if overwrite and out is not None:
+        from runner.batch.journal import discard
+
+        discard(out)
     with _reporting(junit, junit_inconclusive) as kept:
         if dry_run:
             outcomes = rehearse_batch(chosen, settings, jobs)
@@ -153,6 +163,11 @@ def xosc_run(
         table.compare(earlier, out if replay else None)
     if out is not None and not dry_run:
         table.tell(f"results: {out}" if report is None else f"report: {report}")
+    elif replay and not dry_run:
+        table.tell(f"replays: NAME.html in {Path.cwd()}")
+    for what, path in (("JUnit report", junit), ("OSI trace", osi)):
+        if path is not None and path.exists():
+            table.tell(f"{what}: {path}")
     if assess is not None and out is not None:
         from runner.assessment.table import write_assessment
 

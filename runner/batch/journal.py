@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from runner.batch.jobs import FLEETING, Job, Outcome
-from runner.outputs.folder import digests
+from runner.outputs.folder import RESULT, digests
 from runner.outputs.report import finite
 from schemas.commands.wording import many
 from schemas.errors import UsageError
-from schemas.storage import DRAFT, Records, check_settings, read_object, sync, write_object
+from schemas.storage import DRAFT, Records, alone, check_settings, read_object, sync, write_object, writing
 
 _JOURNAL, _SETTINGS = "runs.jsonl", "batch.json"
+_TABLE, _PAGES = "runs.parquet", ("report.html", "history.html", "assessment.html", "assessment.csv")
+"""Further files of a batch in its folder"""
 _GROUP = 1.0
 """Time (s) in which finished runs are gathered: a disk syncs the files of many in little more time than those of one"""
 
@@ -100,7 +102,10 @@ def begin(
     records, manifest = Records(out / _JOURNAL), out / _SETTINGS
     settings = finite(settings)
     if records.path.exists() and not resume:
-        raise UsageError("this folder holds the results of an earlier batch; use --resume to go on with it", path=out)
+        raise UsageError(
+            "this folder holds the results of an earlier batch; use --resume to go on with it, --overwrite to replace it",
+            path=out,
+        )
     done: dict[str, Outcome] = {}
     if records.path.exists():
         if not manifest.exists():
@@ -162,6 +167,25 @@ def clear_drafts(out: Path) -> None:
             shutil.rmtree(draft, ignore_errors=True)
         else:
             draft.unlink(missing_ok=True)
+
+
+def discard(out: Path) -> None:
+    """Remove the batch of an output folder: results of its runs, its journal, settings and pages; nothing where there is none.
+
+    Files that are not of the batch stay.
+
+    Raises:
+        UsageError: another process writes into the folder, or something can't be removed.
+    """
+    if not is_batch(out):
+        return
+    with alone(out, "a batch"), writing("the earlier batch", out):
+        clear_drafts(out)
+        names = {each.name for each in out.iterdir() if (each / RESULT).is_file() and not each.is_symlink()}
+        for name in names & finished(out).outcomes.keys():
+            shutil.rmtree(out / name)
+        for name in (_TABLE, *_PAGES, _SETTINGS, _JOURNAL):  # the journal last: until then it is the batch's
+            (out / name).unlink(missing_ok=True)
 
 
 def is_batch(out: Path) -> bool:

@@ -15,6 +15,7 @@ from runner.settings import RunSettings
 from schemas.commands.help import epilog
 from schemas.commands.options import (
     AllowInconclusive,
+    Overwrite,
     Verbose,
     Version,
     guarded,
@@ -56,11 +57,12 @@ def _print_targets(wanted: bool) -> None:
 def xosc_export(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs.")],
     to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],
-    out: Annotated[Path, out_folder("Folder to write into; nothing in it is overwritten.")],
+    out: Annotated[Path, out_folder("Folder to write into.")],
     settings: RunSettings,
     param: Param = None,
     only: Only = None,
     sample: Sample = None,
+    overwrite: Overwrite = False,
     allow_inconclusive: AllowInconclusive = False,
     _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print what is not exported or inconclusive only.")] = False,
@@ -78,11 +80,11 @@ def xosc_export(
         raise UsageError(f"there is no target {to!r}, only {', '.join(TARGETS)}")
     sources, selection = _sources(paths), selection_of(only, sample, settings.seed)
     if target.of_run:
-        exports = export_runs(sources, target, Folder(out), settings, parameters_of(param or []), selection)
+        exports = export_runs(sources, target, Folder(out, overwrite), settings, parameters_of(param or []), selection)
     elif param:
         raise UsageError(f"--param is for runs, and {to} is written without one")
     else:
-        exports = export_documents(sources, target, Folder(out), settings, selection)
+        exports = export_documents(sources, target, Folder(out, overwrite), settings, selection)
     with interruptible("xosc-export"):
         code = _tell(exports, sources, quiet, out)
         raise typer.Exit(ExitCode.PASSED if allow_inconclusive and code == ExitCode.INCONCLUSIVE else code)

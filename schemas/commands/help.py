@@ -15,8 +15,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Parameters": ("param", "only", "sample", "repeat", "enforce_constraints", "free", "pin", "density", "recorded", "kind"),
     "Files and roads": ("strict", "road", "road_path", "catalog_path"),
     "Output": (
-        "out", "output", "format", "osi", "plot", "replay", "against", "assess", "gui", "junit", "junit_inconclusive", "verbose",
-        "quiet",
+        "out", "overwrite", "output", "format", "osi", "plot", "replay", "against", "assess", "gui", "junit",
+        "junit_inconclusive", "verbose", "quiet",
     ),
     "Processes and limits": ("jobs", "ray", "resume", "untrusted", "max_memory", "max_seconds", "max_runs"),
 }  # fmt: skip

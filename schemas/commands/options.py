@@ -168,6 +168,7 @@ AllowInconclusive = Annotated[
     bool,
     typer.Option("--allow-inconclusive", help="Exit as if runs that did not test what their file describes had passed."),
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier call has written to --out.")]
 Version = Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")]
 

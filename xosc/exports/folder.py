@@ -1,4 +1,4 @@
-"""The folder that an export writes into: nothing outside it, nothing in it overwritten, one name for one source."""
+"""The folder that an export writes into: nothing outside it, nothing overwritten unless asked to, one name for one source."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ class Folder:
 
     Args:
         path: the folder; it is made when the first file is written.
+        overwrite: replace files that are there already.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+    def __init__(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+        self.path, self._overwrite = Path(path), overwrite
         self._names: dict[tuple[str, str], str] = {}
 
     def name(self, source: str | os.PathLike[str], preferred: str) -> str:
@@ -49,7 +50,8 @@ class Folder:
         try:
             if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.path)):
                 raise UsageError("a symbolic link leads out of the output folder", path=path)
-            if os.path.lexists(path) and not (path.is_file() and path.read_bytes() == content):
+            there = os.path.lexists(path) and not (path.is_file() and path.read_bytes() == content)
+            if there and not (self._overwrite and path.is_file() and not path.is_symlink()):
                 raise UsageError("this is in the way of an export, which overwrites nothing", path=path)
             keep(content, path)
         except OSError as error:

@@ -168,3 +168,22 @@ def test_a_run_is_entered_once_though_an_interrupt_brings_it_twice(tmp_path: Pat
         journal.enter(Outcome(Job("a", Path("a"), Path("a")), "passed", 0))
     journal.flush()
     assert len((tmp_path / "runs.jsonl").read_text().splitlines()) == 1
+
+
+def test_overwriting_replaces_the_batch_and_leaves_other_files(tmp_path: Path, command: Command) -> None:
+    scenario(tmp_path, "first")
+    scenario(tmp_path, "second")
+    out = tmp_path / "out"
+    call = ("xosc-run", "--world", "kinematic", "--sut", "none", "--out", out)
+    command(*call, tmp_path / "first.xosc", "--replay")
+    (out / "notes.txt").write_text("mine")
+    (out / "mine").mkdir()
+    refused = command(*call, tmp_path / "second.xosc")
+    assert refused.code == 2 and "--overwrite to replace it" in refused.err
+    other = command(*call, tmp_path / "second.xosc", "--resume")
+    assert other.code == 2 and "which is not among the files" in other.err, "a batch of other scenarios is not gone on with"
+    command(*call, tmp_path / "second.xosc", "--overwrite")
+    names = {path.name for path in out.iterdir() if not path.name.startswith(".")}
+    assert names == {"second", "runs.jsonl", "batch.json", "runs.parquet", "notes.txt", "mine"}
+    assert command(*call, tmp_path / "first.xosc", "--overwrite", "--against", out).code == 2
+    assert (out / "second" / "result.json").is_file(), "what is compared with is not removed"
