@@ -177,14 +177,20 @@ class Driving:
         generator = np.random.default_rng(0)
         chances, chance = _chances(probability, generator)
         met = self._counts * generator.beta(self.possible + _HALF, self.units - self.possible + _HALF, _DRAWS)
-        share = self.possible / self.units if self.units else 0.0
         found = {}
         for name, driven in ((PER_HOUR, self.exposure.hours), (PER_DISTANCE, self.exposure.kilometres / _DISTANCE)):
             low, high = np.quantile(chances * met / driven, (0.025, 0.975))
             if not chance:
                 low, high = 0.0, np.quantile(chances * met / driven, 0.95)
-            found[name] = Rate(chance * share * self.count / driven, (float(low), float(high)))
+            found[name] = Rate(chance * self.per[name], (float(low), float(high)))
         return found
+
+    @property
+    def per(self) -> dict[str, float]:
+        """Manoeuvres within the density's limits per hour and per 1,000 km, by these names."""
+        share = self.possible / self.units if self.units else 0.0
+        driven = {PER_HOUR: self.exposure.hours, PER_DISTANCE: self.exposure.kilometres / _DISTANCE}
+        return {name: share * self.count / each for name, each in driven.items()}
 
     @cached_property
     def _counts(self) -> FloatArray:

@@ -6,7 +6,7 @@ its precision and recall are shares of these runs. The probability of a region c
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,15 +72,18 @@ class FailureRegion(NamedTuple):
         """Order: regions with edge cases first, then by probability times severity."""
         return self.edge_cases > 0, (self.drawn.collisions + 0.5) / (self.drawn.runs + 1.0) * (1.0 + self.severity)
 
-    def as_json(self, measures: Sequence[Measure], values: Sequence[float]) -> dict[str, Any]:
-        """For files and the page; `values` are those of the typical member."""
+    def as_json(self, measures: Sequence[Measure], members: Mapping[str, Sequence[float]]) -> dict[str, Any]:
+        """For files and the page; `members` has the values of the `typical` and of the `likeliest` member."""
         low, high = self.drawn.interval
         chance = self.drawn.collisions / self.drawn.runs if self.drawn.runs else None
         return {
             "rule": self.rule(measures), "precision": round(self.precision, 3), "recall": round(self.recall, 3),
             "failures": self.failures, "draws": self.drawn.runs, "failing_draws": self.drawn.collisions, "probability": chance,
             "interval": [low, high], "severity": round(self.severity, 2), "edge_cases": self.edge_cases,
-            "typical": {each.name: value for each, value in zip(measures, values, strict=True)},
+            **{
+                name: {each.name: value for each, value in zip(measures, values, strict=True)}
+                for name, values in members.items()
+            },
         }  # fmt: skip
 
 

@@ -261,10 +261,18 @@ def _region(found: Region | str) -> Json:
 
 
 def _regions(report: Report, of: Sequence[Measure]) -> list[Json]:
-    return [
-        {**each.as_json(of, _rounded([measure.values[each.typical] for measure in of])), "name": f"region {number}"}
-        for number, each in enumerate(report.regions, start=1)
-    ]
+    """Regions with the measures of two members, and rates of the driving that an estimate knows."""
+    estimate = report.generated.estimate
+    driving = estimate.driving if estimate is not None else ""
+    per = driving.per if isinstance(driving, Driving) else {}
+    found = []
+    for number, each in enumerate(report.regions, start=1):
+        rows = {"typical": each.typical, "likeliest": each.likeliest}
+        members = {name: _rounded([measure.values[row] for measure in of]) for name, row in rows.items()}
+        chance = [each.drawn.collisions / max(each.drawn.runs, 1), *each.drawn.interval]
+        rates = {name: _rounded([scale * share for share in chance]) for name, scale in per.items()} if each.drawn.runs else {}
+        found.append({**each.as_json(of, members), "rates": rates, "name": f"region {number}"})
+    return found
 
 
 def _runs(generated: Generated, of: Sequence[Measure]) -> Json:

@@ -46,6 +46,7 @@ function often() {
 
 function regions() {
   if (!data.regions.length) return null;
+  const units = Object.keys(data.regions[0].rates);
   const columns = [
     ["region", null],
     ["rule", null],
@@ -53,10 +54,19 @@ function regions() {
     ["recall", "number"],
     ["failures", "number"],
     ["probability, % [95 %]", "number"],
+    ...units.map(each => [each, "number"]),
     ["mean impact (m/s)", "number"],
     ["edge cases", "number"],
     ["typical member", null],
+    ["likeliest member", null],
   ];
+  const member = values =>
+    cell(
+      Object.entries(values)
+        .map(([name, value]) => `${name} ${figure(value, 3)}`)
+        .join(", "),
+      null,
+    );
   const rows = data.regions.map(each =>
     el(
       "tr",
@@ -67,14 +77,11 @@ function regions() {
       cell(figure(each.recall, 2)),
       cell(String(each.failures)),
       cell(each.draws ? spanned([each.probability, ...each.interval], 100) : "no draws"),
+      ...units.map(unit => cell(spanned(each.rates[unit]))),
       cell(figure(each.severity, 3)),
       cell(String(each.edge_cases)),
-      cell(
-        Object.entries(each.typical)
-          .map(([name, value]) => `${name} ${figure(value, 3)}`)
-          .join(", "),
-        null,
-      ),
+      member(each.typical),
+      member(each.likeliest),
     ),
   );
   return panel(

@@ -45,8 +45,9 @@ def test_probable_and_severe_regions_come_first(found: tuple[list[FailureRegion]
     assert (fast.severity, near.severity) == (20.0, 2.0)
     low, high = fast.drawn.interval
     assert low < fast.failures / 600 < high
-    written = fast.as_json(measures, [1.0, 2.0])
-    assert written["typical"] == {"gap": 1.0, "speed": 2.0} and written["interval"] == [low, high]
+    written = fast.as_json(measures, {"typical": [1.0, 2.0], "likeliest": [3.0, 4.0]})
+    assert written["typical"] == {"gap": 1.0, "speed": 2.0} and written["likeliest"] == {"gap": 3.0, "speed": 4.0}
+    assert written["interval"] == [low, high]
 
 
 def test_without_failures_there_are_no_regions() -> None:
