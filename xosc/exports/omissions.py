@@ -61,8 +61,9 @@ def _idle_elements(document: Document) -> Iterator[str]:
     """Actions and acts without content, which schemas and other players refuse, do nothing by what they hold."""
     inside = "[not(*)][ancestor-or-self::Action or ancestor-or-self::PrivateAction]"
     for action in _at(document, " | ".join(f"//{tag}{inside}" for tag in ("Action", *CHOICES))):
-        yield f"{located(action, document).where}: {action.tag}: without an action it does nothing"
-        _idle(action)
+        if document.root in action.iterancestors():  # else it went with another one of the same Action
+            yield f"{located(action, document).where}: {action.tag}: without an action it does nothing"
+            _idle(action)
     for act in _at(document, "//Act[not(ManeuverGroup)]"):
         yield f"{located(act, document).where}: {act.tag}: without a group it does nothing"
         act.insert(0, _idle_group())
