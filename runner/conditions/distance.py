@@ -183,11 +183,19 @@ class _DistanceCondition(_Measured, NearCondition):
         return self._gaps[entity].exceeds(self.comparison.greatest)
 
     def way(self, entity: Entity, run: Instant) -> float:
-        """Half of the way to where a straight distance is short enough: both go it."""
+        """Half of the way to where a distance, straight or along a plain road, is short enough: both go it."""
         target = self.target.find(run, entity) if self.target.bound else None
-        if target is None or self.measure.kind != "euclidean":
+        measure = self.measure
+        if target is None:
             return 0.0
-        distance = math.hypot(target.x - entity.x, target.y - entity.y)
+        if measure.kind == "euclidean":
+            distance = math.hypot(target.x - entity.x, target.y - entity.y)
+        elif (
+            run.roads.plain and (measure.kind, measure.system) == ("longitudinal", "road") and measure.routing != "assignedRoute"
+        ):
+            distance = abs(measure._replace(freespace=False).between(run, entity, target) or 0.0)
+        else:
+            return 0.0
         if self.measure.freespace:
             distance -= entity.reach + (target.reach if isinstance(target, Entity) else 0.0)
         return (distance - self.comparison.greatest) / 2

@@ -32,6 +32,8 @@ class Roads:
     def __init__(self, network: RoadNetwork | None) -> None:
         self.network = network
         self._lane_motion = LaneMotion(network) if network is not None else None
+        self.plain = network is not None and _plain(network)
+        """Whether there is one straight, level road and no way round: s changes no faster than the place in the plane."""
 
     def road_point(self, entity: Entity) -> RoadPoint | None:
         """Return the road position of an entity; None off the road network."""
@@ -157,3 +159,9 @@ class Roads:
         pose = self.network.pose(point)
         direction = 1.0 if math.cos(entity.h - pose.h) >= 0.0 else -1.0
         entity.z, entity.pitch, entity.roll = pose.z, direction * pose.pitch, direction * pose.roll
+
+
+def _plain(network: RoadNetwork) -> bool:
+    road, *others = network.roads.values()
+    linked = others or road.predecessor or road.successor
+    return not linked and road.flat and road.line.straight and len(road.line.segments) == 1

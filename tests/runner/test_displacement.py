@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,13 +12,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import xodr
 from runner.conditions.comparison import RULES, Comparison
 from runner.conditions.distance import Measure, ReachPositionCondition, RelativeDistanceCondition, Target
 from runner.contracts.condition import ByEntityCondition, EntityCondition
 from runner.motion.placement import Placement
+from runner.motion.roads import Roads
 from runner.participants.boxes import gap, plane_gap
 from runner.participants.entity import Entities, Entity
 from runner.spacing.displacement import Displacement, Separation
+from runner.spacing.distances import longitudinal
 from tests.runner.movement import Move, move, moves
 from tests.runner.scene import vehicle
 
@@ -57,9 +61,11 @@ def test_a_separation_exceeds_what_the_gap_exceeds(steps: Steps, distance: float
             assert separation.exceeds(distance) == (plane_gap(a, b) > distance)
 
 
-def compare(steps: Steps, condition: EntityCondition, members: Sequence[Entity], every: bool, plain: Any) -> None:
+def compare(
+    steps: Steps, condition: EntityCondition, members: Sequence[Entity], every: bool, plain: Any, roads: Any = None
+) -> None:
     """Evaluate over all steps for the first two of them, against the plain way."""
-    sim: Any = SimpleNamespace(entities=Entities({each.name: each for each in members}), step_index=0)
+    sim: Any = SimpleNamespace(entities=Entities({each.name: each for each in members}), step_index=0, roads=roads)
     sim.displacement = Displacement(sim)
     entities = list(members[:2])
     watched = ByEntityCondition(entities, every, condition)
@@ -84,6 +90,29 @@ def test_a_distance_condition_sleeps_through_nothing(rule: str, steps: Steps, va
         return other.active and comparison.holds(distance)
 
     compare(steps, condition, members, every, plain)
+
+
+STRAIGHT = Path(__file__).parents[1] / "conformance" / "roads" / "straight.xodr"
+
+
+@pytest.mark.parametrize("rule", ["lessThan", "greaterThan"])
+@given(moves(3), st.floats(0.0, 50.0), st.booleans())
+def test_a_distance_along_a_straight_road_sleeps_through_nothing(rule: str, steps: Steps, value: float, freespace: bool) -> None:
+    members, roads = three(), Roads(xodr.load(STRAIGHT))
+    assert roads.plain
+    other, comparison, measure = members[2], Comparison(rule, value, "m"), Measure("longitudinal", "road", freespace, "undefined")
+    condition = RelativeDistanceCondition(Target(other, None), measure, comparison)
+
+    def plain(entity: Entity) -> bool:
+        distance = longitudinal(Roads(roads.network), entity, other, "road", freespace)
+        return other.active and comparison.holds(None if distance is None else abs(distance))
+
+    compare(steps, condition, members, False, plain, roads)
+
+
+@pytest.mark.parametrize("road", ["curve", "opposed", "crossing"])
+def test_distances_along_other_roads_are_measured_in_each_step(road: str) -> None:
+    assert not Roads(xodr.load(STRAIGHT.with_name(f"{road}.xodr"))).plain
 
 
 @given(moves(3), st.floats(0.0, 50.0), st.booleans())
