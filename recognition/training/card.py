@@ -251,7 +251,8 @@ def decision(model: TRFE) -> str:
     screening = f"The screening `joint` calls a window unknown below δ = {1.0 - known.screening.threshold:.2g}."
     text = f"{trees} trees vote on {features} features of {len(model.encoders)} encoders{beside}. {screening}"
     if model.least:
-        needed = ", ".join(f"{title_of(label)} {share:.0%}" for label, share in model.least.items())
+        shares = {label: model.least_share(label) for label in model.known.classes.tolist()}
+        needed = ", ".join(f"{title_of(label)} {share:.0%}" for label, share in shares.items() if share > 0.0)
         text += f"\nA class needs this share of the votes, else the window is nothing: {needed}."
     return text
 

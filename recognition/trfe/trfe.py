@@ -13,7 +13,7 @@ from recognition.tokens import changes
 from recognition.trfe.candidates import Buffer
 from recognition.trfe.config import Config, Steps
 from recognition.trfe.forest import Votes
-from recognition.trfe.known import Discovery, Known, Labelled, discover, labelled, learn
+from recognition.trfe.known import FIRST_DISCOVERED, Discovery, Known, Labelled, discover, labelled, learn
 from recognition.trfe.samples import BACKGROUND, UNKNOWN, Features, matrix
 from recognition.trfe.screening import EvtScreening
 from schemas.errors import UsageError
@@ -60,8 +60,7 @@ class TRFE:
         buffer: unknown samples that wait.
         unseen_sites: at sites that it was not trained on, the share of the rules' events that it gives the rules' class, and the
             share to which it gives another one or none, on the worst site that was measured; None where none was.
-        least: the least `Recognition.share` that a class needs; with less, a sample is taken for `BACKGROUND`. Other classes need
-            none.
+        least: the least `Recognition.share` that a class needs, as chosen on development data; see `least_share`.
     """
 
     def __init__(
@@ -132,9 +131,21 @@ class TRFE:
         score, threshold = self._score(seen, votes)
         share = most / np.maximum(votes.counts.sum(axis=1), 1)
         labels = np.where(score <= threshold, closed, UNKNOWN)
-        needed = np.array([self.least.get(label, 0.0) for label in labels.tolist()])
-        labels = np.where(share < needed, BACKGROUND, labels)
+        needed = np.array([self.least_share(label) for label in labels.tolist()])
+        chance = most < self.config.trees / len(known.classes) if self.least else np.zeros(len(most), bool)
+        labels = np.where((labels != UNKNOWN) & ((share < needed) | chance), BACKGROUND, labels)
         return Recognition(labels, most / self.config.trees, score, closed, features, share)
+
+    def least_share(self, label: int) -> float:
+        """Return the least share of the votes for classes that a class needs; with less, a sample is taken for `BACKGROUND`.
+
+        A class that no development data has an optimum for needs the median of the others' shares. Discovered classes need
+        none. Besides, a class of a model with least shares needs as many of all trees as chance gives: one by the number of
+        classes.
+        """
+        if label in self.least or not self.least or label in (BACKGROUND, UNKNOWN) or label >= FIRST_DISCOVERED:
+            return self.least.get(label, 0.0)
+        return float(np.median(list(self.least.values())))
 
     def _score(self, features: Features, votes: Votes) -> tuple[FloatArray, float]:
         """Outlyingness (n,) of samples, and the threshold above which they are unknown."""

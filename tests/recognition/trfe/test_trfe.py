@@ -14,7 +14,7 @@ from recognition.trfe.candidates import Buffer
 from recognition.trfe.clustering import Clustering
 from recognition.trfe.config import Config, Steps
 from recognition.trfe.known import DELTAS, FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
-from recognition.trfe.samples import BACKGROUND, Features
+from recognition.trfe.samples import BACKGROUND, UNKNOWN, Features
 from recognition.trfe.screening import EvtJoint
 from recognition.trfe.trfe import TRFE
 from schemas.errors import UsageError
@@ -73,12 +73,24 @@ def test_classes_that_need_more_of_the_votes_are_taken_for_nothing() -> None:
     samples, _ = stream()
     strict = model()
     before = strict.recognise(samples)
-    strict.least = {2: 1.1}
+    others = [label for label in KNOWN if label != 2]
+    strict.least = {2: 1.1, **dict.fromkeys(others, 0.0)}
     found = strict.recognise(samples)
     assert ((found.share > 0.0) & (found.share <= 1.0)).all()
-    assert np.array_equal(found.labels == BACKGROUND, before.labels == 2) and (before.labels == 2).any()
-    assert np.array_equal(found.labels[before.labels != 2], before.labels[before.labels != 2])
+    by_chance = (before.confidence < 1.0 / len(KNOWN)) & (before.labels != UNKNOWN)
+    assert np.array_equal(found.labels == BACKGROUND, (before.labels == 2) | by_chance) and (before.labels == 2).any()
+    assert np.array_equal(found.labels[found.labels != BACKGROUND], before.labels[found.labels != BACKGROUND])
     assert np.array_equal(found.closed, before.closed)
+
+
+def test_classes_without_development_data_need_the_median_share() -> None:
+    lax = model()
+    assert [lax.least_share(label) for label in (BACKGROUND, UNKNOWN, *KNOWN, 101)] == [0.0] * (3 + len(KNOWN))
+    first, second, *rest = KNOWN
+    lax.least = {first: 0.4, second: 0.6}
+    assert [lax.least_share(label) for label in (first, second)] == [0.4, 0.6]
+    assert all(lax.least_share(label) == 0.5 for label in rest) and rest
+    assert lax.least_share(101) == lax.least_share(UNKNOWN) == 0.0
 
 
 def test_unknown_samples_wait_in_the_buffer_under_their_keys() -> None:
