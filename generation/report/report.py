@@ -74,14 +74,15 @@ def _lost(generated: Generated) -> Iterator[str]:
     if len(errors):
         yield f"{many(len(errors), 'more run')} failed and count for nothing, the first with: {errors[0]}"
     if len(untested):
-        yield f"{many(len(untested), 'more run')} are inconclusive and count for nothing, the first: {untested[0]}"
+        verb = "are" if len(untested) > 1 else "is"
+        yield f"{many(len(untested), 'more run')} {verb} inconclusive and not counted, the first: {untested[0]}"
 
 
 def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
     failure, rates = estimate.probabilities[FAILURE], estimate.rates(FAILURE)
     if not failure.stable and failure.value > 0.0:
         few = f"{failure.counted} are fewer than {LEAST_EFFECTIVE:g}"
-        yield f"How often traffic makes {sut} collide is not known well enough for a headline: {few}; more runs help."
+        yield f"How often {sut} collides is not known well enough for a headline: {few}; more runs help."
         return
     yield f"{drawn}, {sut} collides with a probability of {chance(failure)}."
     if rates:
