@@ -91,6 +91,8 @@ def catalogue(
             model_after.keep(keep_model)
         _print_note(note, quiet)
         code = _report(summary, verbose, quiet)
+        if not quiet:
+            say(f"catalogue: {out}")
     raise typer.Exit(code)
 
 

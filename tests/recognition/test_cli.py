@@ -52,7 +52,9 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_recordings_become_a_catalogue(recognize: Command, recordings: Path, tmp_path: Path) -> None:
     answer = recognize(recordings, "--out", tmp_path, "--labels", "rules")
     assert (answer.code, answer.err) == (0, "")
-    counts = {name: int(count) for count, name in (line.split(maxsplit=1) for line in answer.out.splitlines()[1:])}
+    _, *table, place = answer.out.splitlines()
+    counts = {name: int(count) for count, name in (line.split(maxsplit=1) for line in table)}
+    assert place == f"catalogue: {tmp_path}"
     told = json.loads((tmp_path / "index.json").read_text())["scenarios"]
     assert counts["highway cut in"] == sum(row["class"] == "highway cut in" for row in told) == 2
 
