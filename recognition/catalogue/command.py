@@ -91,7 +91,7 @@ def catalogue(
             model_after.keep(keep_model)
         _print_note(note, quiet)
         code = _report(summary, verbose, quiet)
-        if not quiet:
+        if not quiet and summary.classes:
             say(f"catalogue: {out}")
     raise typer.Exit(code)
 
