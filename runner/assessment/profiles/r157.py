@@ -54,8 +54,8 @@ PROFILE = Profile(
             "4.4_1", "Cut-in", "5.2.5.2", CutIn(), "the cutting-in vehicle is taken as visible for 0.72 s before the intrusion"
         ),
         _test("4.4_2", "Cut-in, unavoidable", "5.2.5.2", Unassessed(_UNAVOIDABLE)),
-        _test("4.5_1", "Cut-out before a blocked lane", "Annex 5, 4.5", NoContact(), "a set that nobody can avoid counts, too"),
-        _test("4.5_2", "Cut-out before two vehicles", "Annex 5, 4.5", NoContact(), "a set that nobody can avoid counts, too"),
+        _test("4.5_1", "Cut-out before a blocked lane", "Annex 5, 4.5", NoContact(), "an unavoidable set counts, too"),
+        _test("4.5_2", "Cut-out before two vehicles", "Annex 5, 4.5", NoContact(), "an unavoidable set counts, too"),
         _test("4.6_1", "Forward detection range", "7.1.1", Unassessed(_RANGE)),
         _test("4.6_2", "Lateral detection range", "7.1.2", Unassessed(_RANGE)),
     ),
@@ -64,6 +64,7 @@ PROFILE = Profile(
         Absent("Human-machine interface, data storage, cyber security", 0.0, "these are not simulated"),
     ),
     assumptions=(
+        "Paragraph numbers of 5.2.5, 7.1 and Annex 5 were not checked against the regulation's text: check them before use.",
         "A run is one parameter set of the files; the regulation leaves the sets to the technical service.",
         "The comparison with a competent and careful driver (Annex 4, Appendix 3) is a batch of its own: --sut r157-cc.",
     ),
