@@ -66,7 +66,7 @@ def test_1_the_ego_collides(xosc_run: Command, tmp_path: Path) -> None:
         (["--param", "=3"], "NAME=VALUE"),
         (["--param", "Gapp=3"], "did you mean 'Gap'?"),
         (["--param", "Gap=wide"], "'wide' is not a number"),
-        (["--sut", "absent"], "there are adas, aeb, bridge, cas, fmu, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module:Class"),
+        (["--sut", "absent"], "there are adas, aeb, bridge, cas, fmu, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module"),
         (["--sut", ":Class"], "there are adas, aeb, bridge, cas"),
         (["--sut", "absent_module:Class"], "No module named 'absent_module'"),
         (["--sut", "json:Absent"], "Absent"),
