@@ -76,6 +76,10 @@ def recent(tmp_path: Path) -> Path:
         )
         for system in ("road", "entity")
     )
+    near += entity_condition(
+        '<RelativeDistanceCondition entityRef="Ego" value="5" freespace="false" rule="lessThan" coordinateSystem="lane" '
+        'relativeDistanceType="longitudinal"/>'
+    )
     phase = condition('<ByValueCondition><VariableCondition variableRef="Phase" value="2" rule="equalTo"/></ByValueCondition>')
     events = event("set", SET, near) + event("drive", AHEAD, phase)
     stories = (

@@ -235,11 +235,12 @@ def build(path: str | PathLike[str] | None) -> SumoNet:
         InvalidFile, Unsupported: the OpenDRIVE file cannot be read.
         UsageError: the cache folder cannot be written.
     """
-    return _build(None, _NO_FILE) if path is None else _build(Path(path), stamp(path))
+    folder = cache_folder("sumo")
+    return _build(None, _NO_FILE, folder) if path is None else _build(Path(path), stamp(path), folder)
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _build(path: Path | None, _stamp: Stamp) -> SumoNet:
+def _build(path: Path | None, _stamp: Stamp, _folder: Path) -> SumoNet:
     entry = CacheEntry(read_bytes(path) if path else b"")
     index = entry.read()
     if index is None:

@@ -347,6 +347,13 @@ def test_bad_files_and_folders_are_named(tmp_path: Path, monkeypatch: pytest.Mon
         sumo_net.build(written(road("1"), tmp_path))
 
 
+def test_a_network_is_built_anew_in_another_cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command without a cache of its own builds in a folder that is gone afterwards."""
+    for name in ("first", "second"):
+        monkeypatch.setenv("XOSC_CACHE_DIR", str(tmp_path / name))
+        assert sumo_net.build(None).path.is_relative_to(tmp_path / name)
+
+
 def test_parallel_processes_may_build_the_same_network(tmp_path: Path) -> None:
     path = builders.roundabout().write(tmp_path / "map.xodr")
     script = "import sys; from xodr import sumo_net; print(len(sumo_net.build(sys.argv[1]).sumo_lanes))"
