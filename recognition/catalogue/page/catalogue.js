@@ -71,7 +71,6 @@ function header(titles, numbers) {
   const cells = titles.map((text, i) => el("th", { scope: "col", class: i >= numbers && "number" }, text));
   return el("thead", null, el("tr", null, ...cells));
 }
-const wide = (label, table) => el("div", { class: "wide", tabindex: 0, role: "region", "aria-label": label }, table);
 
 /** Scenarios by class and site; a number chooses both. */
 function counts() {

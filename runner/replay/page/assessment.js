@@ -89,9 +89,8 @@ function grid(test) {
     "details",
     { class: "group", open: true },
     el("summary", null, el("h3", null, test.name)),
-    el(
-      "div",
-      { class: "wide", tabindex: 0, role: "region", "aria-label": `Grid of ${test.name}` },
+    wide(
+      `Grid of ${test.name}`,
       el(
         "table",
         { class: "matrix" },

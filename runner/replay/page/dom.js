@@ -11,6 +11,10 @@ function el(tag, attributes, ...children) {
   return node;
 }
 
+/** A region that scrolls sideways by itself, for a table. */
+const wide = (label, ...children) =>
+  el("div", { class: "wide", tabindex: 0, role: "region", "aria-label": label }, ...children);
+
 /** What has ended a run, by its status. */
 const ENDS = { completed: "stop trigger", collision: "collision", timeout: "time limit" };
 

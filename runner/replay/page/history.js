@@ -94,9 +94,8 @@ function table() {
     { class: "panel runs" },
     el("h2", null, "Runs"),
     el("div", { class: "choices" }, search, el("label", null, "Change", select), told),
-    el(
-      "div",
-      { class: "wide", tabindex: 0, role: "region", "aria-label": "Runs by version" },
+    wide(
+      "Runs by version",
       el(
         "table",
         null,

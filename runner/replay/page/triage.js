@@ -19,9 +19,8 @@ function table(files, label) {
       el("td", { class: "number" }, String(file.warnings || "–")),
     ),
   );
-  return el(
-    "div",
-    { class: "wide", tabindex: 0, role: "region", "aria-label": label },
+  return wide(
+    label,
     el(
       "table",
       null,

@@ -103,9 +103,8 @@ function matrix(runs, { across, down }) {
     el("th", { scope: "col" }, ...(down ? [`${across.name} →`, el("br"), `${down.name} ↓`] : [across.name])),
     ...across.values.map(x => el("th", { scope: "col" }, String(short(x)))),
   );
-  return el(
-    "div",
-    { class: "wide", tabindex: 0, role: "region", "aria-label": down ? `${across.name} by ${down.name}` : across.name },
+  return wide(
+    down ? `${across.name} by ${down.name}` : across.name,
     el(
       "table",
       { class: "matrix" },

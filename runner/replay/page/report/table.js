@@ -77,9 +77,8 @@ function table() {
     "section",
     { class: "panel runs" },
     el("h2", null, "Runs"),
-    el(
-      "div",
-      { class: "wide", tabindex: 0, role: "region", "aria-label": "Table of runs" },
+    wide(
+      "Table of runs",
       el(
         "table",
         null,

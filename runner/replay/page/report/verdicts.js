@@ -60,9 +60,8 @@ function worst() {
     "section",
     { class: "panel" },
     el("h2", null, title),
-    el(
-      "div",
-      { class: "wide", tabindex: 0, role: "region", "aria-label": title },
+    wide(
+      title,
       el(
         "table",
         null,
@@ -147,9 +146,8 @@ function change(title, runs, open) {
     "details",
     { class: "group", open },
     el("summary", null, el("span", { class: "count" }, String(runs.length)), title),
-    el(
-      "div",
-      { class: "wide", tabindex: 0, role: "region", "aria-label": title },
+    wide(
+      title,
       el(
         "table",
         null,
