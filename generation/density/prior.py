@@ -368,11 +368,16 @@ class RecordedPrior(Prior):
             found[tested] = KDTree(self._standard[rest]).query(self._standard[tested])[0]
         return float(np.quantile(found, 1.0 - FORESEEABLE))
 
-    def _recorded_like(self, theta: FloatArray) -> BoolArray:
-        """Rows (n, d) that are no further from recorded units than these are from those of other recordings: (n,)."""
+    @cached_property
+    def _nearest(self) -> Any:
+        """KDTree of all recorded units: a search asks for it in every round."""
         from scipy.spatial import KDTree
 
-        return np.asarray(KDTree(self._standard).query(self._logs(theta) / self._spread)[0] <= self.farthest)
+        return KDTree(self._standard)
+
+    def _recorded_like(self, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that are no further from recorded units than these are from those of other recordings: (n,)."""
+        return np.asarray(self._nearest.query(self._logs(theta) / self._spread)[0] <= self.farthest)
 
     # uncertainty
 

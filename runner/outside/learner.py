@@ -54,7 +54,7 @@ class View:
         """`ego` (7,), `participants` (n, 9) and `state` (1 + n, 8), see `EGO`, `PARTICIPANT`, `STATE`."""
         ego, network = observation.ego, observation.network
         seat = self._seat(network, ego) if network is not None else None
-        nearest = sorted(observation.others, key=lambda other: math.hypot(other.x - ego.x, other.y - ego.y))[: self._most]
+        nearest = self.nearest(observation)
         rows = {
             "ego": np.zeros(len(EGO), np.float32),
             "participants": np.zeros((self._most, len(PARTICIPANT)), np.float32),
@@ -66,6 +66,11 @@ class View:
         for row, each in enumerate((ego, *nearest)):
             rows["state"][row] = [getattr(each, name) for name in STATE]
         return rows
+
+    def nearest(self, observation: Observation) -> list[Participant]:
+        """Return the participants that have a row, in the order of the rows."""
+        ego = observation.ego
+        return sorted(observation.others, key=lambda other: math.hypot(other.x - ego.x, other.y - ego.y))[: self._most]
 
     def is_off_road(self, observation: Observation) -> bool:
         """Whether the ego's reference point is on no lane; never without roads."""

@@ -135,7 +135,7 @@ class Fmu:
         """Load a new instance."""
         self.close()
         self._instance = Instance(self._described)
-        places = {link.field.partition(".")[0] for link in self._mapping.inputs if "." in link.field}
+        places = self._named()
         numbers = [int(found[1]) + 1 for found in map(_OTHER.match, places) if found]
         self._view = View(max([*numbers, _NEAREST * ("lead" in places)], default=0)) if places else None
         self._views = SensorViews(self._described.has_binary(GROUND_TRUTH)) if self._described.has_binary(VIEW) else None
@@ -184,11 +184,15 @@ class Fmu:
             value = look(link.field)
             instance.set(link.variable, link.absent if value is None else value * link.factor)
 
+    def _named(self) -> set[str]:
+        """Participants whose fields the mapping names: `ego`, `lead`, `others[n]`."""
+        return {link.field.partition(".")[0] for link in self._mapping.inputs if "." in link.field}
+
     def _fields(self, observation: Observation, dt: float) -> Callable[[str], float | None]:
         """Return what gives the value of a field of the observation; None for a lead or other that is not there."""
         ego = observation.ego
         rows = self._view.of(observation) if self._view is not None else {}
-        near = sorted(observation.others, key=lambda one: math.hypot(one.x - ego.x, one.y - ego.y))
+        near = self._view.nearest(observation) if self._view is not None else []
 
         def seat(name: str) -> tuple[Participant, dict[str, float]] | None:
             if name == "ego":
@@ -199,11 +203,13 @@ class Fmu:
                 return None
             return near[number], dict(zip(PARTICIPANT, rows["participants"][number].tolist(), strict=True))
 
+        seats = {name: seat(name) for name in self._named()}
+
         def look(name: str) -> float | None:
             if name in _INPUTS:
                 return {"time": observation.time, "dt": dt, "target_speed": observation.target_speed}[name]
             whose, _, column = name.partition(".")
-            found = seat(whose)
+            found = seats[whose]
             if found is None:
                 return None
             one, columns = found
