@@ -56,7 +56,7 @@ def read(path: Path) -> list:
 
 
 def broken(messages: list[Any]) -> list[str]:
-    """What breaks OSI's rules: uid and text."""
+    """Return the breaches of OSI's rules: uid and text."""
     return [f"{rule.uid}: {text}" for _, rule, text in breaches(Frame(n, each, each) for n, each in enumerate(messages, 1))]
 
 

@@ -41,6 +41,7 @@ def chosen(text: str) -> list[str]:
         ("site not like 'US%'", "3"),
         ("ego_speed > gap and ego_speed <> 25.2", "13"),
         ("ego_speed not between -1e1 and 30", "4"),
+        ("ego_speed between 25.1 and 50", "24"),
     ],
 )
 def test_conditions_choose_rows(text: str, rows: str) -> None:

@@ -57,6 +57,24 @@ def test_intervals_cover_the_truth(controlled: bool) -> None:
     assert variation < (0.07 if controlled else 0.12)
 
 
+class Unsure(DeclaredPrior):
+    """A prior whose refitted densities are 0.6 to 1.6 times as great everywhere."""
+
+    def log_ratios(self, theta: FloatArray, n: int, generator: np.random.Generator) -> FloatArray:
+        return np.repeat(np.linspace(-0.5, 0.5, n)[:, None], len(theta), axis=1)
+
+
+def test_an_unsure_density_widens_the_interval_and_leaves_the_value() -> None:
+    unsure = Unsure({"a": uniform(0.0, 1.0), "b": uniform(-1.0, 0.0)}, None)
+    settings = EstimateSettings(300, 0)
+    both = [estimate(each, failing, failing, NONE, misled, settings) for each in (PRIOR, unsure)]
+    sure, found = (each.probabilities[FAILURE] for each in both)
+    assert found.value == sure.value
+    assert found.density == pytest.approx(np.linspace(-0.5, 0.5, settings.resampled).std(ddof=1))
+    assert sure.density == pytest.approx(0.0)
+    assert found.interval[0] < 0.8 * sure.interval[0] and found.interval[1] > 1.2 * sure.interval[1]
+
+
 def searched(seed: int) -> Known:
     """Runs of a search: evenly spread over twice the corner, and a few elsewhere."""
     generator = np.random.default_rng(seed)

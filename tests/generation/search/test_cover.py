@@ -10,7 +10,7 @@ import pytest
 from generation.logical.library import SCENARIOS
 from generation.outcomes.outcomes import Outcomes
 from generation.recorded import of_recordings, of_samples
-from generation.search.methods.cover import cover
+from generation.search.methods.cover import CoverSettings, _Search, cover
 from generation.search.problem import Problem, Realism, Reward
 from generation.search.space import Space
 from schemas.errors import UsageError
@@ -56,6 +56,17 @@ def test_each_finding_is_covered_though_another_fails_more_often(posed: Problem)
     found = cover(posed, 300, 1)
     for region in (near, fast):
         assert region(found.theta).sum() > 1.5 * region(drawn).sum() > 0.0
+
+
+def test_a_guided_run_counts_no_more_where_another_one_is(posed: Problem) -> None:
+    """Many sure candidates in the region of most failures, and one unsure one in another: the second run goes there."""
+    assert posed.prior is not None
+    search = _Search(posed, posed.prior, 100, 1, CoverSettings())
+    crowd, alone = np.full((1, int(search._told.sum())), 0.2), np.full((1, int(search._told.sum())), 0.8)
+    aside = np.linspace(0.0, 0.06, 5)[:, None]
+    candidates, worth = np.concatenate([crowd + aside, alone]), np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.6])
+    traffic = np.concatenate([np.repeat(crowd, 3, axis=0), alone])
+    assert search._most(candidates, worth, traffic, np.ones(4), 2)[1] == 5
 
 
 def test_without_a_failure_every_run_is_still_spent(posed: Problem) -> None:

@@ -13,11 +13,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from recognition.catalogue import exposure, pipeline
-from recognition.catalogue.exposure import Exposure, interval, rates
+from recognition.catalogue.exposure import Exposure, exposure_of, interval, rates
 from recognition.catalogue.pipeline import ByRules
 from recognition.catalogue.recordings import CatalogueSettings
+from recognition.labels.classes import Rules
 from schemas.commands.options import progress_bar
 from tests.recognition import motorway
+from tests.recognition.scenes import Driver, recording
 from tests.runner.chromium import Browser
 
 
@@ -58,6 +60,11 @@ def test_rates_cover_every_class_at_every_site_and_all_together() -> None:
     assert table["a", "cut out"]["per_hour_high"] == pytest.approx(3.6889 / 2.0, abs=1e-4)
     assert table["b", "cut out"]["per_1000_km"] is None, "nothing moved there"
     assert table["all", "all"]["events"] == 4 and table["all", "all"]["vehicle_hours"] == 2.5
+
+
+def test_exposure_is_that_of_motor_vehicles_that_move() -> None:
+    found = exposure_of(recording([Driver("moving", speed=10.0), Driver("parked", x=50.0)]), Rules())
+    assert found.vehicles == 1 and found[1:] == pytest.approx((4.0, 40.0))
 
 
 def test_exposure_is_beside_the_index(made: Path) -> None:

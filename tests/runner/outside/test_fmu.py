@@ -66,6 +66,17 @@ def test_the_gap_is_that_between_the_boxes_and_parameters_are_set(tmp_path: Path
     assert at(track(run(file, far), "Ego"), 0.05, "acceleration") == pytest.approx(-5.0)
 
 
+def test_factors_change_the_units_of_inputs_and_of_outputs(tmp_path: Path) -> None:
+    """The demand for 10 m/s is -3 m/s²; half of it is driven, and an input of 2 v_set / 2 is the same speed as v_set."""
+    halved = ACC.replace('acceleration = "a_demand"', 'acceleration = { variable = "a_demand", factor = 0.5 }')
+    assert halved != ACC
+    file = scenario(tmp_path, stop=0.1)
+    whole, half = (
+        track(run(file, fmu(tmp_path, mapping=each, name=name)), "Ego") for each, name in ((ACC, "one"), (halved, "two"))
+    )
+    assert at(half, 0.05, "acceleration") == pytest.approx(0.5 * at(whole, 0.05, "acceleration")) != 0.0
+
+
 def test_where_it_is_not_active_the_ego_drives_as_scripted(tmp_path: Path) -> None:
     mapping = ACC.replace("v_set =", 'on = "others[0].present"\nv_set =') + 'active = "engaged"\n[parameters]\nheadway = 2.0\n'
     result = run(scenario(tmp_path, stop=1.5), fmu(tmp_path, mapping=mapping))

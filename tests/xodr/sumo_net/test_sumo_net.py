@@ -349,9 +349,11 @@ def test_bad_files_and_folders_are_named(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_network_is_built_anew_in_another_cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A command without a cache of its own builds in a folder that is gone afterwards."""
+    roads = builders.roundabout().write(tmp_path / "map.xodr")
     for name in ("first", "second"):
         monkeypatch.setenv("XOSC_CACHE_DIR", str(tmp_path / name))
-        assert sumo_net.build(None).path.is_relative_to(tmp_path / name)
+        for path in (None, roads):
+            assert sumo_net.build(path).path.is_relative_to(tmp_path / name)
 
 
 def test_parallel_processes_may_build_the_same_network(tmp_path: Path) -> None:
