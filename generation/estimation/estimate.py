@@ -63,7 +63,7 @@ _UNSURE = 0.3
 class Proposal:
     """q = a·p + (1 − a)·k: a prior p, and kernels k around known failures, cut where the prior ends.
 
-    The defensive share a bounds the weights p/q by 1/a: failures far from those that are known are missed by no more than that.
+    The defensive share a bounds the weights p/q by 1/a, and with them the error from failures far from the known ones.
     Kernels as narrow as the likelihood of the known failures wants them leave others just outside to that share, and one of them
     among the draws weighs as much as all the rest: so there are two around each failure, a narrow and a wide one.
     T. Hesterberg, Weighted average importance sampling and defensive mixture distributions, Technometrics 37, 1995.

@@ -37,7 +37,7 @@ class Measure(NamedTuple):
 
 
 def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list[Measure]:
-    """The measures of points (n, d): of each actor whose parameters are known in recordings, and all other parameters.
+    """Return the measures of points (n, d): of each actor with recorded parameters, and all other parameters.
 
     Args:
         roles: of the parameters that are known in recordings, of pinned ones too: these enter into measures, and are none.

@@ -85,7 +85,7 @@ def rows_of(root: Path) -> list[dict[str, Any]]:
 
 
 def recordings_of(root: Path) -> list[str]:
-    """Names of the recordings in the index of a catalogue; none where there is no index.
+    """Return the names of the recordings in the index of a catalogue; none without an index.
 
     Raises:
         InvalidFile: it is not readable.

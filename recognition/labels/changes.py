@@ -94,7 +94,7 @@ def held(values: IntArray, group: IntArray, least: int | IntArray) -> IntArray:
 
 
 def totals(values: NDArray, half: int, first: IntArray, last: IntArray) -> tuple[FloatArray, IntArray]:
-    """Sum of the values from `half` rows before each row to `half` rows after it, as far as its part goes, and their number."""
+    """Return sum and number of the values within `half` rows of each row, inside its part."""
     here = np.arange(len(values))
     before, after = np.maximum(here - half, first), np.minimum(here + half, last)
     sums = np.concatenate([[0.0], np.cumsum(values, dtype=np.float64)])

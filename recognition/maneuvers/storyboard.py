@@ -131,7 +131,7 @@ def greater(a: str, b: str, version: Version = _MIN_MAX) -> str:
 _SHAPE = "sinusoidal"
 """Shape of lane changes over time"""
 _PATIENCE = 10.0
-"""Time (s) after which a scenario ends whose gap never came, beyond the time that it would have taken"""
+"""Time (s), beyond the expected one, after which a scenario without its gap ends"""
 
 
 def started(delay: str) -> Condition:

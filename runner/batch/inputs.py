@@ -34,10 +34,10 @@ _LIBRARIES = ("numpy", "libsumo", "eclipse-sumo")
 
 
 def of_batch(run: RunSettings) -> str:
-    """Digest of all that the runs of a batch share: settings, code of the toolchain, its libraries and the system under test.
+    """Return the digest of everything the runs of a batch share: settings, code of the toolchain, its libraries and the system under test.
 
     Raises:
-        UsageError: there is no such system under test.
+        UsageError: the system under test is unknown.
     """
     return digest(repr((run.as_json(), _system(run), program(OURS))).encode())
 

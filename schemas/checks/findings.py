@@ -39,7 +39,7 @@ def on_cycles(graph: Mapping[Node, Collection[Node]]) -> Iterator[Node]:
     """The nodes from which edges lead back to themselves, in the order of the mapping.
 
     Args:
-        graph: the nodes that each node points to; those that are no key point nowhere.
+        graph: successors of each node; nodes that are no key have none.
     """
     suspects = _unfinished(graph)
     for node in graph:

@@ -233,7 +233,7 @@ class ProbabilityDistributionSet:
             return cls(tuple((child.get("value"), child.finite("weight")) for child in node.children("Element")))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """Return its element."""
         listed = (element("Element", value=value, weight=text(weight)) for value, weight in self.elements)
         return element("ProbabilityDistributionSet", *listed)
 

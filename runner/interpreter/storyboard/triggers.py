@@ -285,7 +285,7 @@ Waiting = TypeVar("Waiting", bound=Triggered)
 
 
 class Watch(Generic[Waiting]):
-    """Elements in document order with the triggers that they wait for, of which those are evaluated that may fire now.
+    """Waiting elements in document order. Only the triggers that may fire now are evaluated.
 
     The others are dormant until a time or a total displacement (`Trigger.dormancy`), or rest until something happens
     (`Trigger.rests`); they cost nothing in a step.

@@ -247,7 +247,7 @@ function motionAt(track, time, length) {
   });
 }
 
-/** Which lamps of a vehicle are lit: those that the event log names, and brakes that slow it down. */
+/** Lit lamps of a vehicle: from the event log, and brake lights from its deceleration. */
 function litOf(run, track, state, time) {
   const said = {};
   run.switched ??= run.events.filter(([, kind]) => kind === "light");

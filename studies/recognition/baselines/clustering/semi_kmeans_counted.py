@@ -10,7 +10,7 @@ TITLE = "semi-supervised k-means on TRFE's axes, K of held-out classes"
 
 
 class SemiSupervisedCounted(ClusteringMethod):
-    """k-means beside labelled samples (`studies.recognition.semi_supervised`), as many as held-out known classes suggest."""
+    """k-means with labelled samples (`studies.recognition.semi_supervised`); held-out known classes give the number of clusters."""
 
     def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""
