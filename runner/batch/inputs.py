@@ -34,7 +34,7 @@ _LIBRARIES = ("numpy", "libsumo", "eclipse-sumo")
 
 
 def of_batch(run: RunSettings) -> str:
-    """Return the digest of everything the runs of a batch share: settings, code of the toolchain, its libraries and the system under test.
+    """Return the digest of the shared part of a batch: settings, code of the toolchain, its libraries, the system under test.
 
     Raises:
         UsageError: the system under test is unknown.

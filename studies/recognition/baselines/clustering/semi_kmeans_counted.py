@@ -10,7 +10,7 @@ TITLE = "semi-supervised k-means on TRFE's axes, K of held-out classes"
 
 
 class SemiSupervisedCounted(ClusteringMethod):
-    """k-means with labelled samples (`studies.recognition.semi_supervised`); held-out known classes give the number of clusters."""
+    """k-means with labelled samples (`studies.recognition.semi_supervised`); held-out classes give their number."""
 
     def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""
