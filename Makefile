@@ -9,7 +9,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # Modules are compiled when they are first imported: most of what is installed never is.
 PIP := pip install --no-compile --quiet --disable-pip-version-check
 
-.PHONY: demo test readers lint types install docs docs-site clean
+.PHONY: demo test test-studies readers lint types install docs docs-site clean
 
 # What an extra brings. The pip of Python 3.11 takes a third more processor time for it than today's.
 $(VENV)/.with-%: pyproject.toml constraints.txt
@@ -26,8 +26,11 @@ demo: $(or $(wildcard $(DEVELOPMENT)),$(VENV)/.with-search)  ## from recordings 
 	rm -rf out/demo
 	$(BIN)/xosc-loop generation/loop/demo --out out/demo --sut cas --budget 100 --rounds 2 --most 4 --shown 6
 
-test: install  ## the whole test suite, in parallel
-	$(BIN)/python -m pytest -n auto --dist worksteal
+test: install  ## the tests of the product, in parallel
+	$(BIN)/python -m pytest -n auto --dist worksteal --ignore tests/studies
+
+test-studies: install  ## the tests of studies/, which no command uses
+	$(BIN)/python -m pytest -n auto --dist worksteal tests/studies
 
 $(READERS)/.installed: tests/readers/requirements.txt
 	$(PYTHON) -m venv $(READERS)
