@@ -43,7 +43,7 @@ from recognition.recorder.sites import SITES
 from recognition.sites import site_of
 from runner.measures.criticality import criticality
 from runner.measures.relations import Motion
-from schemas.commands.options import progress_bar
+from schemas.common.command_line import progress_bar
 from xosc import maneuvers
 from xosc.document import to_bytes
 from xosc.maneuvers import world_position

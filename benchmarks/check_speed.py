@@ -16,7 +16,7 @@ from pathlib import Path
 from lxml import etree
 
 from schemas import check
-from schemas.commands.files import expand
+from schemas.common.command_line import expand
 from schemas.registry import Schema, detect, schema_for
 from schemas.validate import violations
 from schemas.xml import parse

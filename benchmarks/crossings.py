@@ -21,7 +21,7 @@ from recognition.datasets import cache_roads
 from recognition.labels import Event, Label, Rules, label
 from recognition.labels.scene import Scene, prepare
 from recognition.sites import Role, site_of
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 
 _BACK = 1.0
 """Time (s) within which a return undoes a crossing"""

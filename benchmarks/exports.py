@@ -26,7 +26,7 @@ import xosc
 from runner.exports import TARGETS
 from runner.exports.exporting import export_documents
 from runner.settings import RunSettings
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 from xosc.exports.folder import Folder
 
 DOCUMENTS = [target.name for target in TARGETS.values() if not target.of_run]

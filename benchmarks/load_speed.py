@@ -16,7 +16,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from schemas.commands.files import expand
+from schemas.common.command_line import expand
 
 HERE = Path(__file__).parents[1]
 WARM = (HERE / "xosc" / "library" / "simple_cut_in.xosc", next((HERE / "xodr" / "library").glob("*.xodr")))
@@ -24,7 +24,7 @@ WARM = (HERE / "xosc" / "library" / "simple_cut_in.xosc", next((HERE / "xodr" / 
 _READ = """
 import gc, json, sys, time
 import xodr, xosc
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 
 def read(path):
     if path.endswith(".xodr"):

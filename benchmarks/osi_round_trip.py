@@ -20,7 +20,7 @@ from runner.exports import osi
 from runner.exports.moments import box_centre
 from runner.recording import Track
 from runner.traces.reading import read
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 from xosc.listing import LIBRARY
 
 PLACE, TIME = 0.01, 0.001

@@ -25,7 +25,7 @@ import pyarrow.parquet as pq
 import runner
 import xosc
 from runner.settings import RunSettings
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 
 METRES, SECONDS = 0.25, 0.25
 SETTINGS = RunSettings(timestep=0.01, sut="none", enforce_constraints=False)

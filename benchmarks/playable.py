@@ -21,7 +21,7 @@ import xosc
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
 from runner.settings import RunSettings
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 from xosc.distributions import Selection
 
 SETS = 3

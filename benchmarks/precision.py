@@ -26,7 +26,7 @@ from recognition import datasets
 from recognition.catalogue.index import rows_of
 from recognition.datasets import Source, cache_roads
 from recognition.sites import site_of
-from schemas.security.text import csv_text
+from schemas.common.text import csv_text
 from xodr.lookup.arrays import sample
 
 if TYPE_CHECKING:

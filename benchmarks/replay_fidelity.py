@@ -21,10 +21,9 @@ from recognition import datasets
 from recognition.catalogue import pipeline, recordings
 from recognition.labels import Rules
 from schemas import check_many
-from schemas.commands.files import expand
-from schemas.commands.options import progress_bar
+from schemas.common.array_types import FloatArray
+from schemas.common.command_line import expand, progress_bar
 from studies.recognition import fidelity
-from xodr.array_types import FloatArray
 
 _PHYSICS = 9.5
 """More than tyres hold on a dry road, m/s²"""

@@ -16,7 +16,7 @@ from sklearn.ensemble import RandomForestClassifier
 
 from recognition.trfe.forest import forest, random_trees, similarity, votes
 from recognition.trfe.samples import Features
-from xodr.array_types import IntArray
+from schemas.common.array_types import IntArray
 
 SIZES = (250, 500, 1000, 2000, 4000)
 NAIVE = 150

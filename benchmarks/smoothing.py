@@ -14,7 +14,7 @@ import numpy as np
 
 from recognition import datasets
 from runner.recording import Track
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 
 def main() -> None:

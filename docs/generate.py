@@ -30,7 +30,7 @@ REFERENCE = ROOT / "docs" / "reference"
 MODULES = (
     "xosc", "xosc.distributions", "xosc.maneuvers", "xosc.listing", "xosc.listing.questions", "xosc.tags",
     "xodr", "xodr.builders", "xodr.lanelet2", "xodr.sumo_net",
-    "schemas", "schemas.errors",
+    "schemas", "schemas.common.errors",
     "runner", "runner.settings", "runner.batch.batch", "runner.batch.jobs", "runner.recording",
     "runner.measures.criticality", "runner.measures.measure",
     "runner.sut", "runner.sut.adas", "runner.sut.fmu", "runner.positions", "runner.outside.environment", "runner.outside.learner",

@@ -28,12 +28,12 @@ from generation.options import (
 from generation.settings import Ask, Choice, SearchSettings
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.commands.help import epilog
-from schemas.commands.options import (
+from schemas.common.command_line import (
     CatalogPath,
     RoadPath,
     Verbose,
     Version,
+    epilog,
     guarded,
     interruptible,
     new_app,
@@ -43,8 +43,8 @@ from schemas.commands.options import (
     protected,
     say,
 )
-from schemas.commands.wording import many
-from schemas.errors import ExitCode, InvalidFile, NotWritten, UsageError, exit_codes, gravest
+from schemas.common.errors import ExitCode, InvalidFile, NotWritten, UsageError, exit_codes, gravest
+from schemas.common.text import many
 
 if TYPE_CHECKING:
     from generation.pipeline import Generated

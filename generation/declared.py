@@ -14,7 +14,7 @@ from generation.density.roles import EGO, ROLES, Role
 from generation.recorded import Recorded, kind_of, of_recordings, of_samples, of_statements
 from generation.search.space import Space
 from generation.settings import Ask
-from schemas.errors import UsageError, nearest
+from schemas.common.errors import UsageError, nearest
 from xosc.distributions import DeterministicMultiParameterDistribution, ParameterSpace
 
 

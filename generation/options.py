@@ -11,9 +11,9 @@ import typer
 from generation.density.models import UNIFORM, models
 from generation.density.roles import ROLES
 from generation.search.methods import offered
-from schemas.commands.options import say
-from schemas.errors import UsageError
-from schemas.security.policy import current
+from schemas.common.command_line import say
+from schemas.common.errors import UsageError
+from schemas.common.policy import current
 
 Recorded = Annotated[
     Path | None,

@@ -27,9 +27,9 @@ from generation.variations import Evidence, Writer, Written
 from runner.batch.inputs import OURS, inputs
 from runner.settings import RunSettings
 from runner.sut import system_name
-from schemas.errors import Unsupported, UsageError
-from schemas.storage import alone, digest, write_object
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import Unsupported, UsageError
+from schemas.common.storage import alone, digest, write_object
 
 LEAST = 30
 """Fewest recorded manoeuvres inside the box that a density is fitted on."""

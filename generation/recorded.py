@@ -22,8 +22,8 @@ from generation.logical.pairs import PAIRS, PairUnits, pair_units
 from generation.search.space import Space, free_option, numbers
 from recognition.maneuvers.parameters import JERK, KINDS, Parameter
 from recognition.maneuvers.units import OWN, Exposure, Samples, extract
-from schemas.errors import UsageError
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError
 from xosc.node import Node
 from xosc.tags import PREFIX
 

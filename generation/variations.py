@@ -17,9 +17,9 @@ from generation.density.base import Density
 from generation.outcomes.judges import Cases
 from generation.search.space import Space
 from runner.settings import RunSettings
-from schemas.commands.wording import many
-from schemas.storage import digest, read_object, write_object
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.storage import digest, read_object, write_object
+from schemas.common.text import many
 from xosc.distributions import (
     Deterministic,
     DeterministicMultiParameterDistribution,

@@ -12,9 +12,9 @@ from typer.core import TyperGroup
 
 from recognition.catalogue.command import NAME, catalogue, label, replay
 from recognition.training.command import train
-from schemas import discovery
-from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, protected, say, writable_folder
-from schemas.errors import exit_codes
+from schemas.common import discovery
+from schemas.common.command_line import Verbose, Version, guarded, interruptible, new_app, protected, say, writable_folder
+from schemas.common.errors import exit_codes
 
 
 @protected("max_runs")

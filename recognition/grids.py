@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runner.recording import Recording
-from schemas.errors import UsageError
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError
 from xodr.graph.ways import DRIVABLE
 from xodr.lookup.arrays import lane_borders
 from xodr.network import RoadNetwork

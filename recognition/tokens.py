@@ -18,8 +18,8 @@ from recognition.sites import Site
 from recognition.sites.lanes import NOWHERE, LaneGraph
 from recognition.sites.roles import ROLES, Role
 from runner.recording import Recording
-from schemas.errors import UsageError
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError
 from xodr.graph.ways import DRIVABLE
 
 MOTION = ("speed", "acceleration", "yaw_rate", "lateral_speed", "length", "width")

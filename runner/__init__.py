@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from schemas.packages import public
+from schemas.common.packages import public
 
 if TYPE_CHECKING:
     from runner.interpreter.execution import Prepared as Prepared

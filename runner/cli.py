@@ -15,12 +15,13 @@ import typer
 from runner.measures.limits import NEW_FAILURE
 from runner.run_options import FailIf, Only, Param, Sample, selection_of, with_run_settings
 from runner.settings import RunSettings
-from schemas.commands.help import epilog, explain
-from schemas.commands.options import (
+from schemas.common.command_line import (
     AllowInconclusive,
     Overwrite,
     Verbose,
     Version,
+    epilog,
+    explain,
     guarded,
     interruptible,
     new_app,
@@ -28,8 +29,8 @@ from schemas.commands.options import (
     parameters_of,
     protected,
 )
-from schemas.errors import ExitCode, UsageError, exit_codes, gravest
-from schemas.storage import writing
+from schemas.common.errors import ExitCode, UsageError, exit_codes, gravest
+from schemas.common.storage import writing
 
 if TYPE_CHECKING:
     from runner.batch.batch import Also

@@ -15,7 +15,7 @@ from lxml import etree
 
 from runner.contracts import registry
 from runner.interpreter.compiler import WRAPPERS
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 from schemas.registry import ATTRIBUTE, CHILD, DIFFERENCES, VALUES, additions, schema_for
 
 VERSIONS = ((1, 0), (1, 1), (1, 2), (1, 3), (1, 4))

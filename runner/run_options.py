@@ -11,8 +11,7 @@ import typer
 
 from runner.measures.limits import EVENTS, NEW_FAILURE, UNITS
 from runner.settings import RunSettings
-from schemas.commands.help import explain
-from schemas.commands.options import CatalogPath, RoadPath
+from schemas.common.command_line import CatalogPath, RoadPath, explain
 
 if TYPE_CHECKING:
     from xosc.distributions.space import Selection

@@ -19,10 +19,10 @@ from urllib.parse import unquote
 
 from lxml import etree
 
-from schemas.errors import InvalidFile, ToolchainError, nearest
-from schemas.remarks import Remark, Remarks
-from schemas.security.policy import current
-from schemas.storage import Stamp, above, in_any_case, search_path, stamp
+from schemas.common.errors import InvalidFile, ToolchainError, nearest
+from schemas.common.policy import current
+from schemas.common.remarks import Remark, Remarks
+from schemas.common.storage import Stamp, above, in_any_case, search_path, stamp
 from schemas.values import quoted
 
 ENTITIES = ("Vehicle", "Pedestrian", "MiscObject")
@@ -271,7 +271,7 @@ def locate(path: Path, scenario: Path, folders: Folders = ()) -> Located:
 
     Raises:
         OSError, ValueError: there is no such directory, or it cannot be read.
-        InvalidFile: it may not be looked at (`schemas.security.policy`).
+        InvalidFile: it may not be looked at (`schemas.common.policy`).
     """
     assumed = ""
     current().admit(path)

@@ -12,20 +12,20 @@ from typing import Annotated, Literal
 import typer
 
 from schemas.checks.problems import LEVELS, Problem
-from schemas.commands.help import epilog
-from schemas.commands.options import (
+from schemas.common.command_line import (
     CatalogPath,
     RoadPath,
     Version,
     deliver,
+    epilog,
     guarded,
     new_app,
     progress_bar,
     protected,
     say,
 )
-from schemas.errors import ExitCode, UsageError, exit_codes
-from schemas.security.text import one_line
+from schemas.common.errors import ExitCode, UsageError, exit_codes
+from schemas.common.text import one_line
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 _EXAMPLES = (
@@ -74,7 +74,7 @@ def xosc_check(
     _version: Version = False,
 ) -> None:
     """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules, OSI traces against OSI's rules."""
-    from schemas.commands.files import expand
+    from schemas.common.command_line import expand
 
     files = expand(paths)
     missing = any(not os.path.lexists(path) for path in files)

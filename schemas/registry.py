@@ -34,7 +34,7 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from schemas.xml import line_of, local_name, parse
 
 OPENSCENARIO, OPENDRIVE = "OpenSCENARIO", "OpenDRIVE"

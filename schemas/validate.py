@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from lxml import etree
 
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from schemas.registry import Schema
 from schemas.xml import local_name
 

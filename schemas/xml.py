@@ -10,9 +10,9 @@ from pathlib import Path
 
 from lxml import etree
 
-from schemas.errors import InvalidFile
-from schemas.remarks import Remark
-from schemas.storage import read_bytes
+from schemas.common.errors import InvalidFile
+from schemas.common.remarks import Remark
+from schemas.common.storage import read_bytes
 
 _WELL_FORMED = "asam.net:{}:1.0.0:xml.valid_xml_document"
 _BEFORE_DOCTYPE = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?(?>\s+|<\?.*?\?>|<!--.*?-->)*+<!DOCTYPE", re.DOTALL)
@@ -36,8 +36,8 @@ def parse(path: str | PathLike[str], remarks: list[Remark] | None = None) -> etr
     """Parse an XML file that may come from anyone.
 
     Args:
-        path: a regular file that is not too large (see `schemas.storage`), in any encoding that its declaration or byte order
-            mark names.
+        path: a regular file that is not too large (see `schemas.common.storage`), in any encoding that its declaration or byte
+            order mark names.
         remarks: where given, faults outside of the elements are repaired (see `repaired`), each with a remark added here.
 
     Raises:

@@ -69,7 +69,7 @@ def watched(
         patch.setattr(io, "open", opening)
         patch.setattr(builtins, "open", opening)
         patch.setattr(pq, "write_table", wrapped("table", pq.write_table, lambda table, path, **_: inside(path)))
-        patch.setattr("schemas.storage._SYNCED", 1)  # one after the other, so that operations have numbers
+        patch.setattr("schemas.common.storage._SYNCED", 1)  # one after the other, so that operations have numbers
         yield
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from runner import cli
 from schemas import check
-from schemas.storage import MAX_BYTES
+from schemas.common.storage import MAX_BYTES
 from tests.mutation import BOMB, EXTERNAL, OWN_SCENARIOS, sources, write_mutant
 from tests.runner.files import HEADER, ROADS, car, place, scenario, speed_action, story
 

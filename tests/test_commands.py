@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from schemas.errors import exit_codes
-from schemas.packages import version
+from schemas.common.errors import exit_codes
+from schemas.common.packages import version
 from tests.commands import SCRIPTS, Command
 from tests.runner.files import scenario
 from xosc.listing import LIBRARY

@@ -11,7 +11,7 @@ from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.outputs.trajectories import write_parquet
 from runner.settings import RunSettings
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.conformance.support import SCENARIOS
 from tests.mutation import REPOSITORY
 

@@ -15,7 +15,7 @@ from runner.batch.jobs import Job, jobs_of
 from runner.exports import TARGETS, Target
 from runner.exports.exporting import export_documents, export_runs
 from runner.settings import RunSettings
-from schemas.errors import ExitCode, ToolchainError
+from schemas.common.errors import ExitCode, ToolchainError
 from xosc.exports.folder import Folder
 
 ROOT = Path(__file__).parents[1]

@@ -18,10 +18,10 @@ from runner.batch.jobs import Job, Outcome
 from runner.batch.journal import Journal
 from runner.settings import RunSettings
 from schemas.catalogs import locate, referred
-from schemas.errors import InvalidFile, UsageError
-from schemas.security import policy
-from schemas.security.policy import Policy, in_force
-from schemas.storage import in_any_case, keep
+from schemas.common import policy
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.policy import Policy, in_force
+from schemas.common.storage import in_any_case, keep
 from tests.runner.files import distribution, scenario
 
 ROOT = Path(__file__).parents[1]

@@ -5,7 +5,7 @@
 
 from typing import TYPE_CHECKING
 
-from schemas.packages import public
+from schemas.common.packages import public
 from xodr.graph.relative import Relative
 from xodr.graph.routes import RoadPath
 from xodr.graph.travel import Travel

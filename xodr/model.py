@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from xodr.profiles import Profile
 
 NO_WIDTH = 1e-6

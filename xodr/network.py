@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from random import Random
 
-from schemas.remarks import Remark
+from schemas.common.remarks import Remark
 from xodr.graph.links import divided, link_table, side_table
 from xodr.graph.relative import Relations, Relative
 from xodr.graph.routes import RoadPath, Router

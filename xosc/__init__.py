@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from schemas.packages import public
+from schemas.common.packages import public
 from xosc.document import Document, load, write
 from xosc.node import Node
 from xosc.resolve import Resolved, resolve

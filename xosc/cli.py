@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from schemas.commands.help import epilog
-from schemas.commands.options import Version, deliver, guarded, new_app, protected, say
-from schemas.errors import ExitCode, ToolchainError, UsageError, exit_codes, gravest
+from schemas.common.command_line import Version, deliver, epilog, guarded, new_app, protected, say
+from schemas.common.errors import ExitCode, ToolchainError, UsageError, exit_codes, gravest
 
 if TYPE_CHECKING:
     from xosc.tags import Tag

@@ -11,8 +11,8 @@ from typing import Any
 from lxml import etree
 
 from schemas.catalogs import referred
-from schemas.errors import InvalidFile, Unsupported
-from schemas.remarks import Remark
+from schemas.common.errors import InvalidFile, Unsupported
+from schemas.common.remarks import Remark
 from schemas.values import boolean, number
 
 SOURCE = "{urn:xosc-toolchain}source"

@@ -11,9 +11,9 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
-from schemas.errors import ToolchainError, nearest
+from schemas.common.errors import ToolchainError, nearest
+from schemas.common.remarks import Remark, Remarks
 from schemas.expressions import ExpressionError, is_wellformed, references, substitute
-from schemas.remarks import Remark, Remarks
 from schemas.values import Value, holds, literal, meant, number, operand, quoted, type_named, typed
 from schemas.xml import canonical
 from xosc.node import Node

@@ -13,9 +13,9 @@ from typing import cast
 from lxml import etree
 
 from schemas.catalogs import ENTRIES, EXPECTED, REFERENCES, Catalogs, Directory, Entry, Folders, NoEntry
-from schemas.errors import ToolchainError, UsageError
+from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.remarks import Remark, Remarks, with_ignored
 from schemas.expressions import ExpressionError, is_expression
-from schemas.remarks import Remark, Remarks, with_ignored
 from schemas.values import quoted
 from xosc.dialects.carla import is_for_carla, to_standard
 from xosc.document import Document, load

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from schemas.checks.roads import VARIABLE, asked_for, candidates, first
-from schemas.remarks import Remark
-from schemas.security.policy import current
-from schemas.storage import above, in_any_case, search_path
+from schemas.common.policy import current
+from schemas.common.remarks import Remark
+from schemas.common.storage import above, in_any_case, search_path
 from xosc.node import Node
 
 RULE = "xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference"

@@ -6,8 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from schemas.commands.wording import many
-from schemas.security.text import csv_text, one_line
+from schemas.common.text import csv_text, many, one_line
 from xosc.listing import Declared, Listed, Listing
 
 _COLUMNS = ("NAME", "CLASS", "ROAD", "PARAMETERS", "VARIATIONS", "WHAT IT IS")

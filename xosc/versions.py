@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from lxml import etree
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from schemas.expressions import FUNCTIONS, ExpressionError, functions, is_expression
 from schemas.registry import OPENSCENARIO, schema_for
 from schemas.validate import Violation, violations

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from schemas.packages import public
+from schemas.common.packages import public
 
 if TYPE_CHECKING:
     from generation.pipeline import generate as search
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from schemas import Problem as Problem
     from schemas import check as check
     from schemas import check_many as check_many
-    from schemas.errors import ToolchainError as ToolchainError
+    from schemas.common.errors import ToolchainError as ToolchainError
     from xodr import RoadNetwork as RoadNetwork
     from xodr import load as load_road
     from xosc import Document as Document
@@ -71,7 +71,7 @@ else:
             "Session": "runner.interpreter.session",
             "SystemUnderTest": "runner.sut",
             "TRFE": "recognition.trfe.trfe",
-            "ToolchainError": "schemas.errors",
+            "ToolchainError": "schemas.common.errors",
             "check": "schemas",
             "check_many": "schemas",
             "convert": "xosc",

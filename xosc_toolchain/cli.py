@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from schemas.commands.options import Verbose, Version, guarded, new_app
-from schemas.errors import UsageError, exit_codes
+from schemas.common.command_line import Verbose, Version, guarded, new_app
+from schemas.common.errors import UsageError, exit_codes
 
 NAME = "xosc"
 COMMANDS = {

@@ -17,8 +17,8 @@ import numpy as np
 
 from generation.outcomes.judges import Drivers, survivors
 from generation.outcomes.outcomes import Outcomes
-from schemas.commands.wording import many
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.text import many
 
 Run = Callable[[FloatArray], Outcomes]
 

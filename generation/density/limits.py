@@ -10,7 +10,7 @@ import numpy as np
 
 from generation.density.roles import BEHIND, EGO, EGO_SPEED, Role
 from recognition.maneuvers.parameters import JERK
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 
 QUANTILE = 0.999
 """Share of the recorded units that keep within a limit, of each quantity."""

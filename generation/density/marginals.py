@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from generation.density.prior import FORESEEABLE, Prior
-from schemas.errors import UsageError
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import UsageError
 from xosc.distributions import (
     DistributionRange,
     DistributionSet,

@@ -16,8 +16,8 @@ from generation.density.base import Components, Density, folds
 from generation.density.limits import ByRole, LeastGap, Limits
 from generation.density.models import model
 from generation.density.roles import NUISANCES, Role
-from schemas.errors import UsageError
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 _Found = TypeVar("_Found")
 _Work = Callable[[str, FloatArray, NDArray[Any]], _Found]

@@ -16,9 +16,9 @@ from generation.outcomes.judges import Drivers, survivors
 from generation.outcomes.outcomes import Evaluate, Outcomes, joined
 from generation.search.problem import Plays
 from generation.search.screen import differences
-from schemas.commands.wording import many
-from schemas.extras import optional
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.packages import optional
+from schemas.common.text import many
 
 _TREES = 100
 

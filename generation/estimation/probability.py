@@ -15,8 +15,8 @@ from generation.density.roles import NUISANCES
 from generation.recorded import Recorded
 from generation.search.space import Space
 from recognition.maneuvers.units import Exposure
-from schemas.commands.wording import many
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.text import many
 
 LEAST_EFFECTIVE = 50.0
 """Effective number of failures below which an interval is not to be trusted"""

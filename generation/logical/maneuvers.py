@@ -12,7 +12,7 @@ from generation.logical.roads import Geometry, Limits, header, scenario_tags
 from recognition.labels import Label
 from recognition.maneuvers import storyboard
 from recognition.maneuvers.parameters import BRAKING, CUT_IN, CUT_OUT, DECLARED, JERK, LANE_CHANGE, PARAMETERS, declared_name
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.maneuvers import Condition, Conditions

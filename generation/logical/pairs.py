@@ -20,7 +20,7 @@ from recognition.labels import Label
 from recognition.maneuvers import storyboard
 from recognition.maneuvers.parameters import BRAKING, CUT_IN, PARAMETERS, declared_name
 from recognition.maneuvers.units import LENGTH, MOST_LAG, Exposure, Followed, Pairs, Samples, followed, pairs
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.maneuvers import Conditions, Reaction

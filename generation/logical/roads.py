@@ -16,9 +16,9 @@ from scenariogeneration import xosc as sg
 import xosc
 from recognition.catalogue.write import ontology_tags
 from recognition.labels import Label
-from schemas.errors import UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 from xodr import builders
-from xodr.array_types import FloatArray
 from xodr.builders import RoadMap
 from xodr.network import RoadNetwork
 from xosc import maneuvers, tags

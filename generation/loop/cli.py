@@ -13,13 +13,13 @@ from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Pin, Quie
 from generation.settings import Ask, LoopSettings
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.commands.help import epilog
-from schemas.commands.options import (
+from schemas.common.command_line import (
     AllowInconclusive,
     CatalogPath,
     RoadPath,
     Verbose,
     Version,
+    epilog,
     guarded,
     interruptible,
     new_app,
@@ -29,8 +29,8 @@ from schemas.commands.options import (
     protected,
     say,
 )
-from schemas.commands.wording import many
-from schemas.errors import ExitCode, UsageError, exit_codes
+from schemas.common.errors import ExitCode, UsageError, exit_codes
+from schemas.common.text import many
 
 if TYPE_CHECKING:
     from generation.loop.findings import Finding, Stage

@@ -9,7 +9,7 @@ from functools import singledispatch
 from typing import NamedTuple
 
 from generation.report.regression import Fate, Fates
-from schemas.commands.wording import many
+from schemas.common.text import many
 
 
 class Stage(NamedTuple):

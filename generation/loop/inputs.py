@@ -24,8 +24,8 @@ from recognition.labels.classes import Label
 from recognition.maneuvers.units import OWN, Samples
 from runner.batch.inputs import files
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
-from schemas.storage import digest
+from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
+from schemas.common.storage import digest
 
 
 class Inputs(NamedTuple):

@@ -35,11 +35,10 @@ from runner.batch.inputs import plugged_in
 from runner.batch.jobs import Job, Outcome, jobs_of
 from runner.settings import RunSettings
 from schemas import check_many
-from schemas.commands.files import files_in
-from schemas.commands.options import Bar
-from schemas.errors import UsageError
-from schemas.storage import alone, digest
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.command_line import Bar, files_in
+from schemas.common.errors import UsageError
+from schemas.common.storage import alone, digest
 from xosc.distributions.space import Selection
 
 CATALOGUE = "catalogue"

@@ -26,11 +26,10 @@ from runner.batch.jobs import Job, Outcome
 from runner.replay.player import REPLAY, keep_replay
 from runner.replay.report import report, write_report
 from runner.settings import RunSettings
-from schemas.commands.options import Bar
-from schemas.commands.wording import many
-from schemas.errors import ExitCode, InvalidFile, ToolchainError, UsageError
-from schemas.security.text import one_line
-from schemas.storage import LOCK, check_settings, digest, read_bytes, read_object, write_object, writing
+from schemas.common.command_line import Bar
+from schemas.common.errors import ExitCode, InvalidFile, ToolchainError, UsageError
+from schemas.common.storage import LOCK, check_settings, digest, read_bytes, read_object, write_object, writing
+from schemas.common.text import many, one_line
 from xosc.distributions import ParameterSpace
 
 MODEL = "model"

@@ -22,8 +22,8 @@ from generation.report.regression import Before, Fate, Tried, regression
 from generation.search.space import Space, apart, diverse
 from generation.settings import Choice, LoopSettings, SearchSettings
 from runner.batch.pool import executor
-from schemas.errors import ToolchainError, UsageError
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import ToolchainError, UsageError
 
 _ALIKE = Choice().apart
 """Failures that are nearer to each other than this are one; as for edge cases"""

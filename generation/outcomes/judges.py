@@ -12,7 +12,7 @@ from generation.outcomes.outcomes import Episodes, Outcomes, joined
 from generation.search.space import Space, apart, distinctive, diverse
 from generation.settings import Choice
 from runner.sut.base import Control, Observation, Participant
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _CHANGED = 1e-3
 """Change of a speed (m/s) or of a lateral position (m) above which a vehicle is active"""

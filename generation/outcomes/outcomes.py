@@ -17,9 +17,9 @@ from runner.batch.pool import Pool
 from runner.interpreter.result import INCONCLUSIVE
 from runner.measures.rss import parameter_set
 from runner.settings import RunSettings
-from schemas.security.policy import limited
-from schemas.security.text import one_line
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.policy import limited
+from schemas.common.text import one_line
 
 if TYPE_CHECKING:
     from generation.search.space import Space

@@ -17,8 +17,8 @@ from generation.pipeline import Generated, evidence
 from generation.search.space import Space, distinctive
 from generation.settings import SearchSettings
 from generation.variations import Writer
-from schemas.commands.wording import many
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.text import many
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline

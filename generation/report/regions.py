@@ -15,7 +15,7 @@ from generation.density.gate import NEAR, Share
 from generation.pipeline import Generated
 from generation.report.counterexamples import Measure
 from generation.search.space import distinctive
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _LINKED = 0.15
 """Distance in the unit cube, root mean square, up to which failures are of one region"""

@@ -17,9 +17,9 @@ from generation.pipeline import Generated, estimate_file, evaluator_of, summary_
 from generation.search.space import Space, apart, distinctive
 from generation.settings import SearchSettings
 from runner.settings import RunSettings
-from schemas.errors import UsageError
-from schemas.storage import read_object
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import UsageError
+from schemas.common.storage import read_object
 from xosc.distributions import ParameterSpace
 from xosc.tags import tags_of
 

@@ -34,9 +34,9 @@ from generation.settings import SearchSettings
 from generation.variations import Written
 from runner.replay.page import page, write_page
 from runner.sut import system_name
-from schemas.commands.wording import many
-from schemas.storage import alone, write_object
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.storage import alone, write_object
+from schemas.common.text import many
 
 _SMALLEST = 1e-4
 """Numbers below this are written with a power of ten"""

@@ -17,8 +17,8 @@ from generation.density.roles import roles_of
 from generation.search.policy import Learner, McsgSettings, coordinated, uniform_rows
 from generation.search.problem import Problem
 from generation.search.space import Space
-from schemas.extras import optional
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.packages import optional
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from generation.density.base import Whitening
 from generation.search.space import Space
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from generation.density.base import Density
 from generation.density.prior import Prior, fitted, held_out
 from generation.outcomes.outcomes import NOTHING, Episodes, Evaluate, Outcomes, joined
 from generation.search.space import Space
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import Records, writing
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.storage import Records, writing
 
 COLLISION, SAFE, RISK = 0.25, -0.1, 0.2
 """Rewards of a collision, of a scenario without any risk, and of R_risk = 1 in addition to that."""
@@ -242,8 +242,8 @@ class Memory:
 
     Args:
         evaluate: answers what was not asked before.
-        path: records of the points (see `schemas.storage.Records`), each kept as soon as there is an answer. Damaged ones are
-            removed, and their points are asked again.
+        path: records of the points (see `schemas.common.storage.Records`), each kept as soon as there is an answer. Damaged ones
+            are removed, and their points are asked again.
 
     Attributes:
         reused: how many answers came from memory.

@@ -14,9 +14,9 @@ from generation.outcomes.judges import survivors
 from generation.outcomes.outcomes import Outcomes, joined
 from generation.search.problem import Calls, History, Plays, Problem
 from generation.search.space import apart, distinctive, diverse
-from schemas.errors import UsageError
-from schemas.extras import optional
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError
+from schemas.common.packages import optional
 
 _FAR, _HARD = 5.0, 8.0
 """Clearance (m) at which its margin counts 1/e, and DRAC (m/s²) at which nothing is left of its own"""

@@ -21,8 +21,8 @@ from scipy.spatial.distance import cdist
 import xosc
 from generation.density.roles import NUISANCES, ON_REQUEST, roles_of
 from recognition.maneuvers.parameters import DECLARED, Parameter
-from schemas.errors import UsageError, nearest
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError, nearest
 from xosc.node import Node
 from xosc.parameters import Assignment, Scope
 

@@ -17,8 +17,8 @@ from runner.sut.cas import CollisionAvoidance, safe_sideways
 from runner.sut.encounters import Encounter, encounter
 from runner.sut.idm import IntelligentDriver
 from runner.sut.reference import CarefulCompetent, FuzzySafety, ReferenceDriver, Regulation157, SafeDistance
-from schemas.errors import Unsupported
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import Unsupported
 
 
 class Situation(NamedTuple):

@@ -21,8 +21,8 @@ from runner.measures.criticality import lateral_violation, longitudinal_violatio
 from runner.measures.relations import boxes_overlap
 from runner.measures.rss import RssParameters, parameter_set
 from runner.settings import RunSettings
-from schemas.errors import Unsupported
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import Unsupported
 
 BLOCK = 16384
 """Points that are played at a time: what they need fits into the processor's cache"""

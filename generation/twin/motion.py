@@ -16,7 +16,7 @@ from runner.actions.speed_profile import STRETCH, STRETCHES
 from runner.measures.relations import Motion, View, interval_gaps
 from runner.motion.dynamics import EPSILON, RESERVE
 from runner.participants.declaration import Performance
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 
 _RETURN, _GRAVITY = 3.5, 9.81
 """As in `runner.interpreter.drivers`, m/s²"""

@@ -17,9 +17,9 @@ from runner.interpreter.execution import prepare
 from runner.motion.dynamics import read_constraints, tighter
 from runner.participants.declaration import BoundingBox, Performance
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import InvalidFile, Unsupported
 from schemas.expressions import ExpressionError, is_expression, references
-from xodr.array_types import FloatArray
 from xodr.road import Road
 from xosc.node import Node
 

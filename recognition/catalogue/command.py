@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from schemas.commands.options import Verbose, Version, interruptible, out_folder, progress_bar, protected, say
-from schemas.errors import UsageError
+from schemas.common.command_line import Verbose, Version, interruptible, out_folder, progress_bar, protected, say
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     from recognition.catalogue.pipeline import Recogniser, Summary

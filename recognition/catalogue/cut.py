@@ -10,7 +10,7 @@ import numpy as np
 
 from runner.motion.schedules import quadratic
 from runner.recording import Recording, Track
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _FIRST = 1.6
 """Time (s) between vertices to begin with; halved as often as needed."""

@@ -16,9 +16,9 @@ from recognition.catalogue.store import Store
 from recognition.catalogue.write import CatalogueConfig, Entries, Written, write_catalog
 from recognition.datasets import Exclusion, Report, Source
 from runner.measures.measure import measures
-from schemas.errors import InvalidFile
-from schemas.security.text import csv_text
-from schemas.storage import digest, read_object
+from schemas.common.errors import InvalidFile
+from schemas.common.storage import digest, read_object
+from schemas.common.text import csv_text
 
 FILE = "index.json"
 """Its place in the folder of a catalogue."""

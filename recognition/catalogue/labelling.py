@@ -17,14 +17,14 @@ from recognition.catalogue.store import digests, write_unless_edited
 from recognition.catalogue.write import AUTHOR
 from recognition.datasets import Source
 from recognition.datasets.formats import runs
-from schemas.errors import InvalidFile, Unsupported
-from schemas.storage import digest
+from schemas.common.errors import InvalidFile, Unsupported
+from schemas.common.storage import digest
 from xosc import tags
 from xosc.document import to_bytes
 from xosc.tags import Tag
 
 if TYPE_CHECKING:
-    from schemas.commands.options import Bar
+    from schemas.common.command_line import Bar
 
 LABELS = "labels.json"
 """File in the folder of the runs with what was found in each, and the digests of the files written"""

@@ -23,8 +23,8 @@ from recognition.trfe.known import FIRST_DISCOVERED, title_of
 from recognition.trfe.samples import BACKGROUND, Features
 from recognition.trfe.trfe import TRFE
 from runner.recording import Recording
-from schemas.errors import InvalidFile, UsageError, reason
-from schemas.security.policy import current
+from schemas.common.errors import InvalidFile, UsageError, reason
+from schemas.common.policy import current
 
 AGREE, WRONG = 0.75, 0.10
 """Least share of rules' events that a model gives the rules' class, and greatest share that gets another one or none"""

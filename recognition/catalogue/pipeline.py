@@ -20,11 +20,11 @@ from recognition.labels import Event
 from recognition.sites import Site
 from runner.batch.pool import executor
 from runner.recording import Recording
-from schemas.errors import ToolchainError, UsageError
-from schemas.security.policy import Policy, current, in_force
+from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.policy import Policy, current, in_force
 
 if TYPE_CHECKING:
-    from schemas.commands.options import Bar
+    from schemas.common.command_line import Bar
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

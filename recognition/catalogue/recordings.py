@@ -26,10 +26,10 @@ from recognition.labels import Event, Rules, label
 from recognition.sites import Roles, Site, site_of
 from runner.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
-from schemas.errors import InvalidFile, NotWritten, ToolchainError, Unsupported, UsageError
-from schemas.packages import version
-from schemas.security.policy import limited
-from schemas.storage import Records, Stamp, digest, drafted, stamp, sync, writing
+from schemas.common.errors import InvalidFile, NotWritten, ToolchainError, Unsupported, UsageError
+from schemas.common.packages import version
+from schemas.common.policy import limited
+from schemas.common.storage import Records, Stamp, digest, drafted, stamp, sync, writing
 from xodr.network import RoadNetwork
 from xodr.reader import load
 

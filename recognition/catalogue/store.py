@@ -8,8 +8,8 @@ from __future__ import annotations
 import json
 from pathlib import Path, PurePath
 
-from schemas.errors import InvalidFile
-from schemas.storage import digest, keep, read_object, writing
+from schemas.common.errors import InvalidFile
+from schemas.common.storage import digest, keep, read_object, writing
 
 MANIFEST = "manifest.json"
 

@@ -13,9 +13,9 @@ from recognition.catalogue.write import AUTHOR, DATE
 from recognition.datasets import Source, cache_roads
 from recognition.sites import map_of
 from runner.recording import Recording, Track
-from schemas.errors import InvalidFile, UsageError
-from schemas.security.policy import limited
-from schemas.storage import keep, read_bytes, writing
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.policy import limited
+from schemas.common.storage import keep, read_bytes, writing
 from xosc.document import to_bytes
 from xosc.files import Header
 from xosc.versions import Version

@@ -29,8 +29,8 @@ from runner.measures.criticality import criticality
 from runner.measures.measure import Series, measures
 from runner.measures.relations import Motion, relations
 from runner.recording import Recording, Track
-from schemas.errors import Unsupported
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import Unsupported
 from xosc import maneuvers
 from xosc import tags as xosc_tags
 from xosc.document import to_bytes

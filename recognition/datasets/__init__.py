@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from schemas.packages import public
+from schemas.common.packages import public
 
 if TYPE_CHECKING:
     from recognition.datasets.source import Cut as Cut

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from recognition.datasets.rows import Rows
 from recognition.datasets.table import Kind, Table, column_names, read_table
-from schemas.errors import InvalidFile
-from xodr.array_types import BoolArray, IntArray
+from schemas.common.array_types import BoolArray, IntArray
+from schemas.common.errors import InvalidFile
 
 CENTRE = "xCenter"
 """Column of the tracks of later data sets, which highD's do not have"""

@@ -11,7 +11,7 @@ from scipy.linalg import solveh_banded
 
 from recognition.datasets.observations import Observations, cost, headings, turned, weight
 from recognition.datasets.rows import Rows, rate
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 _ITERATIONS = 60
 _ENOUGH = 1e-4

@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from recognition.datasets.rows import Rows, rate
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 
 class Limits(NamedTuple):

@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from recognition.datasets.table import GREATEST, Kind, Table, from_arrow
-from schemas.errors import InvalidFile
-from schemas.storage import read_bytes
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import InvalidFile
+from schemas.common.storage import read_bytes
 
 T = TypeVar("T")
 _NAMES: dict[type, str] = {list: "a list", dict: "an object", str: "text", bool: "true or false", int: "a whole number"}

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from recognition.datasets.source import SiteRoad
 from runner.recording import Recording
-from schemas.errors import UsageError
-from schemas.storage import digest, keep, writing
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import UsageError
+from schemas.common.storage import digest, keep, writing
 from xodr.builders.curves import Pose, line
 from xodr.builders.elements import Cubic, Lane, Road, RoadMap, Section
 

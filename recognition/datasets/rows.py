@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from recognition.datasets.source import Exclusion, Gap, Participant, Report
 from recognition.datasets.table import Table
 from runner.recording import Track
-from schemas.errors import InvalidFile
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import InvalidFile
 
 _LEAST_STEP = 1e-4
 """Times (s) from frame to frame below this are no recording's"""

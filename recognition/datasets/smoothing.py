@@ -12,8 +12,8 @@ from recognition.datasets import motion_models
 from recognition.datasets.observations import Bounds, Noise, Observations, deviation
 from recognition.datasets.rows import Columns, Parted, Rows, parted
 from recognition.datasets.source import Cut, Exclusion, Participant, Report
-from schemas.errors import InvalidFile
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import InvalidFile
 
 EDGE = 3.0
 """Time (s) from the ends of a track in which it may be at the edge of the view."""

@@ -14,10 +14,10 @@ from typing import NamedTuple, NoReturn
 
 from runner.participants.declaration import BoundingBox
 from runner.recording import Recording
-from schemas import discovery
-from schemas.errors import InvalidFile
-from schemas.security.policy import current
-from schemas.storage import cache_folder
+from schemas.common import discovery
+from schemas.common.errors import InvalidFile
+from schemas.common.policy import current
+from schemas.common.storage import cache_folder
 
 
 class SiteRoad(NamedTuple):

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from schemas.errors import InvalidFile
-from schemas.security.policy import current
-from schemas.storage import read_parquet
+from schemas.common.errors import InvalidFile
+from schemas.common.policy import current
+from schemas.common.storage import read_parquet
 
 if TYPE_CHECKING:
     import numpy as np

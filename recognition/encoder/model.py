@@ -14,7 +14,7 @@ from recognition.encoder.config import Architecture, Sizes, TokenArchitecture
 from recognition.grids import Grid
 from recognition.tokens import Tokens
 from recognition.training.windows import View
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 _WIDER = 4
 """The hidden layer of a block is this many times as wide as its tokens."""

@@ -20,8 +20,8 @@ from recognition.encoder.training import deterministic, device, mixed
 from recognition.grids import Grid
 from recognition.tokens import Tokens
 from recognition.training.windows import Inputs, View, Windows
-from schemas.errors import InvalidFile, ToolchainError, reason
-from schemas.storage import keep, read_object, writing
+from schemas.common.errors import InvalidFile, ToolchainError, reason
+from schemas.common.storage import keep, read_object, writing
 
 _WEIGHTS, _CONFIG = "encoder.safetensors", "encoder.json"
 _FORMAT = "xosc-toolchain encoder 3"

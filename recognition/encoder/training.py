@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from recognition.encoder.config import Preset, Schedule
 from recognition.encoder.model import Encoder, GridEncoder, TokenEncoder, augmented, untrained
 from recognition.training.windows import View, Windows
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 _THREADS = 2
 """Most threads. Sums over threads depend on how many there are, so it is the same on all machines that have as many cores."""

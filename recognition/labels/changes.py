@@ -13,7 +13,7 @@ from recognition.sites import Site
 from recognition.sites.lanes import NOWHERE, LaneGraph
 from recognition.sites.roles import ROLES, Role
 from runner.recording import Recording
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

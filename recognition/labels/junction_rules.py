@@ -12,7 +12,7 @@ from recognition.labels.scene import ABSENT, Hits, Scene, alone, spaced
 from recognition.sites import Role
 from recognition.sites.lanes import NOWHERE
 from recognition.sites.roles import ROLES
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from shapely import LineString

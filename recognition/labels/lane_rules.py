@@ -10,7 +10,7 @@ from recognition.labels.changes import Changes, always, constant, deviation
 from recognition.labels.classes import Label
 from recognition.labels.scene import ABSENT, Hits, Scene, ahead_of, alone, near, spaced
 from recognition.sites import Role
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 
 class Cuts(NamedTuple):

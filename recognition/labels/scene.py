@@ -20,7 +20,7 @@ from recognition.sites.roles import ROLES
 from runner.measures.criticality import time_headway, time_to_collision
 from runner.measures.measure import Series
 from runner.recording import Recording, Track
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.graph.ways import DRIVABLE
 
 ABSENT = -1

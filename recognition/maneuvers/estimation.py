@@ -12,7 +12,7 @@ from recognition.labels import lane_rules
 from recognition.labels.changes import stays
 from recognition.labels.scene import ABSENT, Scene
 from recognition.maneuvers.parameters import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE, PARAMETERS, Unit, Values
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

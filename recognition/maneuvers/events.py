@@ -30,8 +30,8 @@ from recognition.maneuvers.maneuver import (
 from recognition.maneuvers.parameters import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE, Unit, Values
 from recognition.sites import Site
 from runner.recording import Recording, Track
-from schemas.errors import Unsupported
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import Unsupported
 from xodr.network import RoadNetwork
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from recognition.catalogue.cut import needed
 from recognition.maneuvers.estimation import EVERY, distance_model, fit_speeds
 from recognition.maneuvers.parameters import APART, PARAMETERS, STILL, Values
 from runner.recording import Track
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 from xosc import maneuvers
 
 LONGEST = PARAMETERS["start_time"].high

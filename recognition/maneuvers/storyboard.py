@@ -16,7 +16,7 @@ from recognition.maneuvers.maneuver import LONGEST, Maneuver, RecordedPath
 from recognition.maneuvers.parameters import APART, EGO_SPEED, JERK, OTHER_SPEED, PARAMETERS, STILL
 from runner.positions.lane import travel_s
 from runner.recording import Track
-from schemas.errors import Unsupported
+from schemas.common.errors import Unsupported
 from xodr.model import RoadPoint
 from xodr.network import RoadNetwork
 from xosc import maneuvers

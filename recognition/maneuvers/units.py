@@ -19,9 +19,9 @@ from recognition.labels.scene import prepare
 from recognition.maneuvers.estimation import LaneMotion, errors, estimate, lane_motion, segment
 from recognition.maneuvers.parameters import ACCELERATION, BRAKING, DECLARED, JERK, PARAMETERS, Unit
 from recognition.sites import site_of
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import drafted, read_parquet
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.storage import drafted, read_parquet
 
 _HOUR, _KILOMETRE, _DIGITS = 3600.0, 1000.0, 4
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from schemas.packages import public
+from schemas.common.packages import public
 
 if TYPE_CHECKING:
     from recognition.recorder.recorder import record as record

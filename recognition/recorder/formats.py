@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recognition.recorder.simulation import VehicleMotion
 from recognition.recorder.sites import View
 from recognition.recorder.traffic import Vehicle
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.network import RoadNetwork
 
 

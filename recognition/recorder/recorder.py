@@ -18,9 +18,9 @@ from recognition.recorder import formats
 from recognition.recorder.simulation import VehicleMotion, motion, overlaps, simulate
 from recognition.recorder.sites import SITES, Site, View, family
 from recognition.recorder.traffic import Vehicle, departures, parked
-from schemas.errors import ToolchainError, UsageError
-from schemas.security.policy import limited
-from schemas.storage import DRAFT, writing
+from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.policy import limited
+from schemas.common.storage import DRAFT, writing
 from xodr.reader import load
 from xodr.sumo_net import SumoNet, build
 

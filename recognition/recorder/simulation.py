@@ -17,8 +17,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from recognition.datasets.source import REAR_AXLE
 from recognition.recorder.traffic import Departure, write_routes
-from schemas.errors import ToolchainError
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import ToolchainError
 from xodr.sumo_net import SumoNet, sumo_home
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from lxml import etree
 
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 from xodr.sumo_net import SumoNet
 
 _SPREAD = 2.5

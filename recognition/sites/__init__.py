@@ -14,9 +14,9 @@ from recognition.datasets import SiteRoad, Source
 from recognition.sites.lanes import LaneGraph, Strip, graph
 from recognition.sites.roles import Entry, Role, Roles, crosses_or_turns, ramp_roles, ring_strips, roles_of
 from runner.recording import Recording, Track
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import writing
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.storage import writing
 from xodr.graph.ways import DRIVABLE
 from xodr.lookup import placing
 from xodr.model import RoadPoint

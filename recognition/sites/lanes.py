@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runner.recording import Recording
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.graph.travel import Traveller
 from xodr.lookup import placing
 from xodr.model import LaneLink

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.sites.lanes import LaneGraph
-from schemas.errors import InvalidFile
-from schemas.storage import digest, keep, read_object
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import InvalidFile
+from schemas.common.storage import digest, keep, read_object
 from xodr.graph.ways import DRIVABLE
 from xodr.lookup.arrays import sample
 from xodr.network import RoadNetwork

@@ -18,8 +18,8 @@ from recognition.training.windows import View, Windows, events_and_background, n
 from recognition.trfe.known import title_of
 from recognition.trfe.samples import BACKGROUND, UNKNOWN
 from recognition.trfe.trfe import TRFE
-from schemas.packages import version
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.packages import version
 
 if TYPE_CHECKING:
     from recognition.training.data import Split

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from recognition.training import Unit
-from schemas.commands.options import Verbose, Version, interruptible, out_folder, protected
-from schemas.errors import UsageError
-from schemas.security.text import markdown
-from schemas.storage import keep
+from schemas.common.command_line import Verbose, Version, interruptible, out_folder, protected
+from schemas.common.errors import UsageError
+from schemas.common.storage import keep
+from schemas.common.text import markdown
 
 if TYPE_CHECKING:
     from recognition.encoder.config import Preset

@@ -19,9 +19,9 @@ from recognition.training import Unit
 from recognition.training.windows import Moment, View, Windows, events_and_background, store, visible, windows_of
 from recognition.trfe.samples import drawn_of_each
 from runner.recording import Recording
-from schemas.errors import UsageError
-from schemas.security.policy import limited
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import UsageError
+from schemas.common.policy import limited
 
 
 def windows_at(path: Path, cache: Path, view: View, most: int | None, *, background: bool = False) -> Windows:

@@ -18,9 +18,9 @@ from recognition.sites import Site
 from recognition.tokens import Tokens, in_parts, tokenise
 from recognition.trfe.samples import BACKGROUND
 from runner.recording import Recording
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import drafted, read_parquet, writing
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.storage import drafted, read_parquet, writing
 
 if TYPE_CHECKING:
     import pyarrow as pa

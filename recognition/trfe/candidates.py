@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recognition.trfe.samples import Prototypes, class_labels, matrix
-from schemas.errors import UsageError
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 _NORMAL = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""

@@ -27,8 +27,8 @@ from torch.nn import functional
 
 from recognition.encoder.training import deterministic
 from recognition.trfe.samples import Features
-from schemas.errors import UsageError
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 Augment = Callable[[Tensor], Tensor]
 _LEAST = 1e-6

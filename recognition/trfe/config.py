@@ -24,7 +24,7 @@ from recognition.trfe.clustering import (
 from recognition.trfe.forest import TREES, VotingForest, grow, random_trees, similarity
 from recognition.trfe.samples import Features, Prototypes
 from recognition.trfe.screening import EvtJoint, Screening
-from xodr.array_types import IntArray
+from schemas.common.array_types import IntArray
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from sklearn.ensemble import RandomForestClassifier, RandomTreesEmbedding
 from sklearn.tree import BaseDecisionTree
 
 from recognition.trfe.samples import UNKNOWN, Features, class_labels, deviations, drawn_of_each, matrix
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 TREES = 250
 

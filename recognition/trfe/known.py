@@ -15,8 +15,8 @@ from recognition.trfe.forest import VotingForest
 from recognition.trfe.forest import grow as grow_forest
 from recognition.trfe.samples import BACKGROUND, UNKNOWN, Features, PrincipalAxes, Prototypes, class_labels, drawn_of_each, matrix
 from recognition.trfe.screening import EvtJoint, Screening
-from schemas.errors import UsageError
-from xodr.array_types import IntArray
+from schemas.common.array_types import IntArray
+from schemas.common.errors import UsageError
 
 DELTAS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)
 FEWEST_CLASSES = 3

@@ -12,8 +12,8 @@ from scipy.special import xlogy
 from scipy.stats import genpareto
 
 from recognition.trfe.samples import UNKNOWN, class_labels
-from schemas.errors import UsageError
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 State = Mapping[str, NDArray[Any]]
 

@@ -26,10 +26,10 @@ from recognition.trfe.known import Known, Labelled, labelled
 from recognition.trfe.samples import UNKNOWN, Prototypes, matrix
 from recognition.trfe.screening import EvtJoint
 from recognition.trfe.trfe import TRFE
-from schemas.errors import InvalidFile, ToolchainError, UsageError, reason
-from schemas.security.policy import current
-from schemas.storage import keep, writing
-from xodr.array_types import IntArray
+from schemas.common.array_types import IntArray
+from schemas.common.errors import InvalidFile, ToolchainError, UsageError, reason
+from schemas.common.policy import current
+from schemas.common.storage import keep, writing
 
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder

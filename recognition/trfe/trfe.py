@@ -16,8 +16,8 @@ from recognition.trfe.forest import Votes
 from recognition.trfe.known import FIRST_DISCOVERED, Discovery, Known, Labelled, discover, labelled, learn
 from recognition.trfe.samples import BACKGROUND, UNKNOWN, Features, matrix
 from recognition.trfe.screening import EvtScreening
-from schemas.errors import UsageError
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder

@@ -22,9 +22,9 @@ from runner.replay.player import REPLAY
 from runner.replay.report import runs_of
 from runner.settings import RunSettings
 from runner.sut.parameters import split
-from schemas.errors import InvalidFile, ToolchainError, UsageError
-from schemas.packages import version
-from schemas.storage import keep, read_object, read_parquet
+from schemas.common.errors import InvalidFile, ToolchainError, UsageError
+from schemas.common.packages import version
+from schemas.common.storage import keep, read_object, read_parquet
 
 PAGE, CSV = "assessment.html", "assessment.csv"
 """Names of the two files in the output folder"""

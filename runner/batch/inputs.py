@@ -19,9 +19,9 @@ from runner.settings import RunSettings
 from runner.sut import find_system, system_name
 from runner.sut.parameters import parameters_of, split
 from schemas.catalogs import locate
-from schemas.errors import InvalidFile, ToolchainError, UsageError
+from schemas.common.errors import InvalidFile, ToolchainError, UsageError
+from schemas.common.storage import Stamp, digest, read_bytes, stamp
 from schemas.expressions import ExpressionError
-from schemas.storage import Stamp, digest, read_bytes, stamp
 from xosc.node import Node
 from xosc.parameters import Assignment, Scope
 from xosc.roads import find_roads

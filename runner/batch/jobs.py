@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.interpreter.result import FAILED, INCONCLUSIVE, PASSED
-from schemas.errors import ExitCode, InvalidFile, ToolchainError, Unsupported, UsageError, describe
-from schemas.remarks import Remarks
-from schemas.security.policy import current, limited
+from schemas.common.errors import ExitCode, InvalidFile, ToolchainError, Unsupported, UsageError, describe
+from schemas.common.policy import current, limited
+from schemas.common.remarks import Remarks
 from xosc.distributions.space import Selection, numbered
 
 if TYPE_CHECKING:
-    from schemas.remarks import Remark
+    from schemas.common.remarks import Remark
     from xosc.distributions import ParameterSpace
 
 CODES = {PASSED: ExitCode.PASSED, FAILED: ExitCode.FINDING, INCONCLUSIVE: ExitCode.INCONCLUSIVE}

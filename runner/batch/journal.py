@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 from runner.batch.jobs import FLEETING, Job, Outcome
 from runner.outputs.folder import RESULT, digests
 from runner.outputs.report import finite
-from schemas.commands.wording import many
-from schemas.errors import UsageError
-from schemas.storage import DRAFT, Records, alone, check_settings, read_object, sync, write_object, writing
+from schemas.common.errors import UsageError
+from schemas.common.storage import DRAFT, Records, alone, check_settings, read_object, sync, write_object, writing
+from schemas.common.text import many
 
 _JOURNAL, _SETTINGS = "runs.jsonl", "batch.json"
 _TABLE, _PAGES = "runs.parquet", ("report.html", "history.html", "assessment.html", "assessment.csv")

@@ -14,7 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, suppress
 
 from runner.batch.jobs import Job, Outcome
-from schemas.security.policy import Policy, current, in_force
+from schemas.common.policy import Policy, current, in_force
 
 _AHEAD = 8
 """Runs handed out for each process ahead of need: few, so that a space of any size is never enumerated."""

@@ -18,9 +18,9 @@ from functools import partial
 from typing import Any
 
 from runner.batch.jobs import Job, Outcome
-from schemas.errors import ToolchainError, UsageError
-from schemas.extras import optional
-from schemas.security.policy import Policy, current, in_force
+from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.packages import optional
+from schemas.common.policy import Policy, current, in_force
 
 LOCAL = "local"
 _AHEAD = 2

@@ -14,10 +14,9 @@ from runner.batch.batch import each, lost
 from runner.batch.jobs import Job, Outcome, assumed, failure
 from runner.interpreter.result import INCONCLUSIVE
 from runner.settings import RunSettings
-from schemas.commands.wording import shown
-from schemas.errors import ExitCode, gravest
-from schemas.security.policy import limited
-from schemas.security.text import one_line
+from schemas.common.errors import ExitCode, gravest
+from schemas.common.policy import limited
+from schemas.common.text import one_line, shown
 
 ALL = 1000
 """So many parameter sets of a file are rehearsed whatever their values are."""

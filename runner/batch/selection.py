@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from schemas.errors import ToolchainError, UsageError
+from schemas.common.errors import ToolchainError, UsageError
 
 
 def runnable(arguments: Iterable[str]) -> list[Path]:
@@ -14,7 +14,7 @@ def runnable(arguments: Iterable[str]) -> list[Path]:
     Raises:
         UsageError: a folder or glob stands for nothing that can be run.
     """
-    from schemas.commands.files import expand
+    from schemas.common.command_line import expand
 
     found: dict[Path, None] = {}
     for argument in arguments:

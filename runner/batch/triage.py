@@ -21,11 +21,10 @@ from runner.replay.page import page
 from runner.settings import RunSettings
 from schemas.checks.checker import check_many
 from schemas.checks.problems import Problem
-from schemas.commands.wording import many
-from schemas.errors import ToolchainError, describe
-from schemas.packages import version
-from schemas.remarks import BREACH
-from schemas.security.text import one_line
+from schemas.common.errors import ToolchainError, describe
+from schemas.common.packages import version
+from schemas.common.remarks import BREACH
+from schemas.common.text import many, one_line
 from xodr.reader import load as load_road
 from xosc.distributions.space import Selection
 

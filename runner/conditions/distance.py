@@ -15,7 +15,7 @@ from runner.contracts.registry import condition
 from runner.participants.entity import Entity
 from runner.spacing import closing, distances
 from runner.spacing.displacement import Separation
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from xosc.node import Node
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
-from schemas import discovery
+from schemas.common import discovery
 from xosc.node import Node
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from runner.surroundings.environment import Environment
     from runner.surroundings.signals import TrafficSignals
     from runner.worlds.base import World
-    from schemas.remarks import Remarks
+    from schemas.common.remarks import Remarks
     from schemas.values import Value
 
 

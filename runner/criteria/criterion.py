@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
-from schemas.discovery import load
+from schemas.common.discovery import load
 
 if TYPE_CHECKING:
     from runner.recording import Recording, Track

@@ -12,12 +12,12 @@ import typer
 from runner.exports import TARGETS
 from runner.run_options import Only, Param, Sample, selection_of, with_run_settings
 from runner.settings import RunSettings
-from schemas.commands.help import epilog
-from schemas.commands.options import (
+from schemas.common.command_line import (
     AllowInconclusive,
     Overwrite,
     Verbose,
     Version,
+    epilog,
     guarded,
     interruptible,
     new_app,
@@ -26,9 +26,9 @@ from schemas.commands.options import (
     protected,
     say,
 )
-from schemas.commands.wording import shown
-from schemas.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest
-from schemas.remarks import told_quietly
+from schemas.common.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest
+from schemas.common.remarks import told_quietly
+from schemas.common.text import shown
 
 if TYPE_CHECKING:
     from runner.exports.exporting import Exported
@@ -92,7 +92,7 @@ def xosc_export(
 
 def _sources(paths: list[str]) -> list[Path]:
     """The files meant; roads, which are taken along by the scenarios on them, only where they are named themselves."""
-    from schemas.commands.files import expand
+    from schemas.common.command_line import expand
 
     return [path for path in expand(paths) if path.suffix.lower() != ".xodr" or str(path) in paths]
 

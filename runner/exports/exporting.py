@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from runner.batch.jobs import Outcome, assumed, jobs_of
 from runner.interpreter.result import INCONCLUSIVE
 from runner.settings import RunSettings
-from schemas.errors import ExitCode, ToolchainError, describe
-from schemas.security.policy import limited
+from schemas.common.errors import ExitCode, ToolchainError, describe
+from schemas.common.policy import limited
 from xosc.distributions.space import Selection
 from xosc.document import load
 from xosc.exports.draft import ExportSettings, Roads, roads_in

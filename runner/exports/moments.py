@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schemas.errors import Unsupported
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import Unsupported
 from xosc.document import load
 
 if TYPE_CHECKING:

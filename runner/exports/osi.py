@@ -21,9 +21,9 @@ from runner.exports.osi_lanes import Lanes, around
 from runner.exports.osi_logical import LogicalLanes
 from runner.exports.osi_objects import Osi, fill_base, fill_type
 from runner.exports.osi_traffic import host_of, message_types, traffic
-from schemas.errors import UsageError
-from schemas.packages import version
-from schemas.storage import drafted, writing
+from schemas.common.errors import UsageError
+from schemas.common.packages import version
+from schemas.common.storage import drafted, writing
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Job, Outcome

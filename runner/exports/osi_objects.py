@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from runner.participants.declaration import BoundingBox
-from schemas.extras import optional
+from schemas.common.packages import optional
 
 _TYPES = {
     "car": "TYPE_CAR", "van": "TYPE_VAN", "truck": "TYPE_HEAVY_TRUCK", "trailer": "TYPE_TRAILER",

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from runner.exports.osi_objects import Osi
-from schemas.extras import optional
+from schemas.common.packages import optional
 
 COMMAND, UPDATE = "traffic_command", "traffic_update"
 """Topics of the two channels"""

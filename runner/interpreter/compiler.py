@@ -23,7 +23,7 @@ from runner.interpreter.storyboard.triggers import OneShotCondition, TimedCondit
 from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
 from runner.surroundings.signals import TrafficSignals
-from schemas.remarks import Remark, Remarks, with_ignored
+from schemas.common.remarks import Remark, Remarks, with_ignored
 from schemas.rules.entities import ACTORS_UID
 from schemas.rules.signals import SIGNAL_UID
 from schemas.rules.storyboard import EMPTY_ELEMENTS_UID
@@ -32,7 +32,7 @@ from xosc.node import Node
 if TYPE_CHECKING:
     from runner.contracts.position import Position
     from runner.contracts.run import Run, StoryboardElement
-    from schemas.errors import ToolchainError
+    from schemas.common.errors import ToolchainError
     from xodr.network import RoadNetwork
     from xosc.resolve import Resolved
 

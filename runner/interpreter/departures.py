@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from schemas.remarks import Remark
+from schemas.common.remarks import Remark
 from schemas.rules.entities import ENTITY_POSITION_UID
 
 if TYPE_CHECKING:

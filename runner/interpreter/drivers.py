@@ -17,7 +17,7 @@ from runner.contracts.action import LATERAL, LONGITUDINAL
 from runner.sut import System, system_name
 from runner.sut.base import PEDAL, Control, Observation, Pose, SystemUnderTest, seen
 from runner.worlds.base import DriverRequest
-from schemas.errors import ToolchainError, blame
+from schemas.common.errors import ToolchainError, blame
 
 if TYPE_CHECKING:
     from runner.contracts.run import Run

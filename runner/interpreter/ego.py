@@ -22,7 +22,7 @@ from runner.contracts.action import LONGITUDINAL, PrivateAction
 from runner.interpreter.drivers import EgoDriver, SystemDriver, WorldDriver, failed
 from runner.participants.controllers import EXTERNAL, module_of
 from runner.sut.base import WorldDriven, seen
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xosc.names import EGO_NAME
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runner.criteria.criterion import CriterionResult
 from runner.recording import LogEntry
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from runner.measures.criticality import Criticality
     from runner.recording import Recording
-    from schemas.remarks import Remark
+    from schemas.common.remarks import Remark
 
 
 PASSED, FAILED, INCONCLUSIVE = "passed", "failed", "inconclusive"
@@ -82,8 +82,8 @@ class RunResult:
         status: `completed` (by its stop trigger), `collision` (a contact of the ego ended it) or `timeout` (the time limit).
         end_time: simulation time at the end, s.
         verdict: passed, failed or inconclusive, and why.
-        remarks: what is no failure, but may not be meant: what was assumed of the files (see `schemas.remarks`), that the ego
-            has left the road, or come to its end.
+        remarks: what is no failure, but may not be meant: what was assumed of the files (see `schemas.common.remarks`), that
+            the ego has left the road, or come to its end.
         ego: name of the ego, None where the scenario has none.
         sut: name of the system under test that drove it, `none` for none.
         settings: timestep, seed, world and time limit of the run.

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import xodr
-from schemas.errors import InvalidFile, UsageError
-from schemas.remarks import Remark
-from schemas.security.policy import current
-from schemas.storage import cache_folder
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.policy import current
+from schemas.common.remarks import Remark
+from schemas.common.storage import cache_folder
 from xosc.document import load
 from xosc.resolve import resolve
 from xosc.roads import RULE, RoadFile, find_roads, logic_file
@@ -109,7 +109,7 @@ def _made(scenario: Node, logic: Node | None) -> RoadFile | None:
 
 
 def _keep(content: bytes, path: Path) -> None:
-    from schemas.storage import keep
+    from schemas.common.storage import keep
 
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

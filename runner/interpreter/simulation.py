@@ -22,7 +22,7 @@ from runner.participants.trailers import disconnect, line_up, tow, train
 from runner.recording import LogEntry, Recorder
 from runner.spacing.displacement import Displacement
 from runner.surroundings.environment import Environment
-from schemas.remarks import Remarks
+from schemas.common.remarks import Remarks
 
 if TYPE_CHECKING:
     from runner.contracts.run import Running, Transition

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from runner.interpreter.storyboard.triggers import Trigger
     from runner.participants.entity import Entity
     from runner.recording import Recording, Track
-    from schemas.remarks import Remark
+    from schemas.common.remarks import Remark
 
 CAUSES: Mapping[str, str] = {
     "ignored": "an element or attribute that no version of the standard has was not executed",

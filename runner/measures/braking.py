@@ -8,7 +8,7 @@ import numpy as np
 
 from runner.measures.measure import GREATEST_DECELERATION
 from runner.measures.relations import Motion, boxes_overlap
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 FULL = 8.0
 """Deceleration (m/s²) of full braking by a car on a dry road"""

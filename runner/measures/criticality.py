@@ -26,7 +26,7 @@ from runner.measures.impact import Impact, first_impact
 from runner.measures.measure import Extreme, Series, least, measures
 from runner.measures.relations import Motion, View, blocks, relations
 from runner.measures.risk_field import greatest
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from runner.recording import Recording

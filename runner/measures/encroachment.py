@@ -18,7 +18,7 @@ import numpy as np
 
 from runner.measures.measure import LONGEST_PET, Extreme
 from runner.measures.relations import Motion, blocks, boxes_overlap, joined
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _STEP = 0.05
 """Least time (s) between footprints that are compared"""

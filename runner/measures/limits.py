@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from runner.measures.measure import measures, units
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 _RSS = "rss_risk_ad_rss"
 """Measure that `rss` stands for"""

@@ -11,13 +11,13 @@ from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
-from schemas.discovery import load
+from schemas.common.discovery import load
 
 if TYPE_CHECKING:  # commands list measures before numpy is needed
     import numpy as np
     from numpy.typing import NDArray
 
-    from xodr.array_types import BoolArray, FloatArray
+    from schemas.common.array_types import BoolArray, FloatArray
 
 GREATEST_DECELERATION = 9.81
 """Deceleration (m/s²) beyond which tyres on a dry road do not brake: a coefficient of friction of 1"""

@@ -27,7 +27,7 @@ import numpy as np
 
 from runner.measures.measure import Extreme
 from runner.measures.relations import Motion, blocks, boxes_overlap, common, seen_by
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

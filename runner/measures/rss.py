@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True)

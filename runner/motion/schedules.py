@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 
 _SAME_TIME = 1e-9
 """Times (s) that are one but for rounding."""

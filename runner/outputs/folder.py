@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.outputs import report, trajectories
-from schemas.errors import UsageError
-from schemas.storage import DRAFT, digest
+from schemas.common.errors import UsageError
+from schemas.common.storage import DRAFT, digest
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from lxml import etree
 
 from runner.recording import LogEntry
-from schemas.packages import version
-from schemas.security.text import xml_text
-from schemas.storage import keep
+from schemas.common.packages import version
+from schemas.common.storage import keep
+from schemas.common.text import xml_text
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Outcome

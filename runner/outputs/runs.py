@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.measures.measure import measures
-from schemas.storage import keep
+from schemas.common.storage import keep
 
 if TYPE_CHECKING:
     import pyarrow as pa

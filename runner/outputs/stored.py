@@ -14,9 +14,9 @@ from runner.interpreter.result import FAILED, Cause, RunResult, Verdict
 from runner.outputs.folder import RESULT
 from runner.participants.declaration import BoundingBox
 from runner.recording import COLUMNS, LogEntry, Recording, Track, arrow_type
-from schemas.errors import InvalidFile
-from schemas.security.policy import current
-from schemas.storage import parse_object, read_bytes, read_object, read_parquet
+from schemas.common.errors import InvalidFile
+from schemas.common.policy import current
+from schemas.common.storage import parse_object, read_bytes, read_object, read_parquet
 
 if TYPE_CHECKING:
     import numpy as np

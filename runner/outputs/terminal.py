@@ -12,9 +12,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from schemas.commands.wording import many
-from schemas.remarks import told_quietly
-from schemas.security.text import one_line
+from schemas.common.remarks import told_quietly
+from schemas.common.text import many, one_line
 
 if TYPE_CHECKING:
     from runner.batch.comparison import Comparison

@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schemas.packages import version
-from schemas.security.text import csv_text, one_line
+from schemas.common.packages import version
+from schemas.common.text import csv_text, one_line
 
 if TYPE_CHECKING:
     import numpy as np

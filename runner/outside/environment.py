@@ -19,8 +19,8 @@ from runner.outside.learner import EGO, PARTICIPANT, STATE, EgoStep, Reward, Rew
 from runner.settings import RunSettings
 from runner.sut.base import PEDAL, Control, Observation
 from runner.sut.commanded import Commanded
-from schemas.errors import InvalidFile, UsageError
-from schemas.extras import missing
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.packages import missing
 from xosc.distributions import variations
 
 try:

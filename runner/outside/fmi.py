@@ -20,11 +20,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError, reason
-from schemas.extras import optional
-from schemas.security.policy import current
-from schemas.security.text import one_line
-from schemas.storage import Stamp, cache_folder, read_bytes, stamp
+from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError, reason
+from schemas.common.packages import optional
+from schemas.common.policy import current
+from schemas.common.storage import Stamp, cache_folder, read_bytes, stamp
+from schemas.common.text import one_line
 
 Value = float | int | bool | str | bytes
 

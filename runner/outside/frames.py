@@ -9,7 +9,7 @@ import socket
 import struct
 import time
 
-from schemas.errors import ToolchainError, UsageError
+from schemas.common.errors import ToolchainError, UsageError
 
 _LENGTH = struct.Struct(">I")
 LONGEST = 65_536

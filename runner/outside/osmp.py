@@ -12,8 +12,8 @@ from typing import Any
 from runner.motion.placement import wrap
 from runner.outside.truth import Truth
 from runner.sut.base import Observation, Participant, Pose
-from schemas.errors import ToolchainError
-from schemas.extras import optional
+from schemas.common.errors import ToolchainError
+from schemas.common.packages import optional
 
 VIEW, GROUND_TRUTH, SENSOR_DATA = "OSMPSensorViewIn", "OSMPGroundTruthInit", "OSMPSensorDataIn"
 UPDATE, REQUEST = "OSMPTrafficUpdateOut", "OSMPMotionRequestOut"

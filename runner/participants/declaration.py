@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from xosc.node import Node
 
 

@@ -10,11 +10,10 @@ from urllib.parse import quote
 
 import typer
 
-from schemas.commands.help import epilog
-from schemas.commands.options import Verbose, Version, guarded, interruptible, new_app, protected, say
-from schemas.commands.wording import many
-from schemas.errors import InvalidFile, UsageError, exit_codes
-from schemas.security.policy import limited
+from schemas.common.command_line import Verbose, Version, epilog, guarded, interruptible, new_app, protected, say
+from schemas.common.errors import InvalidFile, UsageError, exit_codes
+from schemas.common.policy import limited
+from schemas.common.text import many
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult

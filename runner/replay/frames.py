@@ -20,8 +20,8 @@ from runner.replay.scene import timeline
 from runner.replay.scene.account import partners
 from runner.replay.scene.roads import Area, Line, marks, surfaces
 from runner.replay.scene.scene import extent
-from schemas.errors import UsageError
-from schemas.storage import drafted, writing
+from schemas.common.errors import UsageError
+from schemas.common.storage import drafted, writing
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult

@@ -15,8 +15,8 @@ from runner.outputs.folder import RESULT
 from runner.replay.page import page, write_page
 from runner.replay.player import REPLAY, REPORT
 from runner.replay.report import number, rounded, runs_of, varied
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import read_object
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.storage import read_object
 
 HISTORY = "history.html"
 """Name of the page, in the output folder of the last batch"""

@@ -20,7 +20,7 @@ from runner.batch import journal
 from runner.outputs.stored import load_run
 from runner.replay.player import REPLAY, replay_page
 from runner.replay.report import write_report
-from schemas.commands.wording import many
+from schemas.common.text import many
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Outcome

@@ -18,8 +18,8 @@ from runner.outputs.runs import CONTACT, schema, write_runs
 from runner.outputs.stored import load_run
 from runner.replay.page import page, write_page
 from runner.replay.player import PAIR, REPLAY, REPORT, TO_REPORT, write_replay
-from schemas.errors import InvalidFile, reason
-from schemas.storage import read_parquet
+from schemas.common.errors import InvalidFile, reason
+from schemas.common.storage import read_parquet
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -10,11 +10,10 @@ from importlib.metadata import EntryPoint
 
 from runner.sut.base import Control, Observation, Participant, Pose, SystemUnderTest, WorldDriven
 from runner.sut.parameters import arguments, split
-from schemas.discovery import described
-from schemas.errors import ToolchainError, UsageError, blame
-from schemas.extras import missing
-from schemas.security.plugins import from_working_folder, installed
-from schemas.security.policy import current
+from schemas.common.discovery import described, from_working_folder, installed
+from schemas.common.errors import ToolchainError, UsageError, blame
+from schemas.common.packages import missing
+from schemas.common.policy import current
 
 __all__ = [
     "Control",

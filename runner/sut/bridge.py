@@ -13,7 +13,7 @@ from typing import Any
 from runner.outside.frames import Frames, accept
 from runner.outside.truth import Truth
 from runner.sut.base import Control, Observation, Participant, Pose
-from schemas.errors import ToolchainError, UsageError
+from schemas.common.errors import ToolchainError, UsageError
 
 SYSTEMS = {
     "bridge": ("Bridge", "another process over a socket"),

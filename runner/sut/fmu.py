@@ -14,8 +14,8 @@ from runner.outside.fmi import Description, Instance, describe_fmu
 from runner.outside.learner import EGO, PARTICIPANT, STATE, View
 from runner.outside.osmp import GROUND_TRUTH, REQUEST, SENSOR_DATA, UPDATE, VIEW, SensorViews, pose_of_request, pose_of_update
 from runner.sut.base import PEDAL, Control, Observation, Participant, Pose
-from schemas.errors import InvalidFile, ToolchainError, UsageError
-from schemas.storage import read_bytes
+from schemas.common.errors import InvalidFile, ToolchainError, UsageError
+from schemas.common.storage import read_bytes
 
 SYSTEMS = {
     "fmu": ("Fmu", "fmu:FILE, an FMU for co-simulation (FMI 2 and 3)"),

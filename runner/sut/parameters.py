@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Collection
 from typing import Any
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 SENSOR_RANGE = "sensor_range"
 """Parameter for the range (m) of a system's sensor, if it has one; failed verdicts mention it."""

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from schemas.errors import ToolchainError, UsageError
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import ToolchainError, UsageError
 from xodr.lanelet2 import Lanelet, Neighbour, build
 from xodr.lanelet2.lanelet import between, direction, frame_at, joined, lengths, middle, resampled
 

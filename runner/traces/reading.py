@@ -20,9 +20,9 @@ import numpy as np
 
 from runner.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
-from schemas.errors import InvalidFile
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import InvalidFile
 from schemas.osi.traces import Trace
-from xodr.array_types import FloatArray
 
 SCENARIO = "net.asam.openscenario"
 """Type of the reference by which players of OpenSCENARIO name entities"""

@@ -8,8 +8,8 @@ from runner.interpreter.result import Cause, RunResult, Verdict
 from runner.recording import Recording
 from runner.traces.reading import read
 from runner.traces.roads import road_of
+from schemas.common.storage import cache_folder, writing
 from schemas.osi.traces import SUFFIXES
-from schemas.storage import cache_folder, writing
 from xodr.reader import load
 
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 from runner.traces.lanes import drawn
 from runner.traces.reading import TraceRecording
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
+from schemas.common.policy import current
+from schemas.common.storage import digest, keep
 from schemas.osi.traces import AttachedMap, Trace
-from schemas.security.policy import current
-from schemas.storage import digest, keep
 
 _ENDINGS = (".xodr", ".odr")
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from runner.worlds.sumo_translation import link_state
-from schemas.errors import Unsupported, UsageError
+from schemas.common.errors import Unsupported, UsageError
 from xodr import sumo_net
 
 if TYPE_CHECKING:

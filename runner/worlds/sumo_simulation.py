@@ -32,7 +32,7 @@ from runner.participants.declaration import BoundingBox, Performance
 from runner.participants.entity import Entity
 from runner.worlds.base import DriverRequest, Reading
 from runner.worlds.sumo_translation import KINDS, OBSTACLE, OFF, REACH, SumoRoutes, joined, link_state
-from schemas.errors import ToolchainError, UsageError
+from schemas.common.errors import ToolchainError, UsageError
 from xodr.model import RoadPoint
 from xodr.network import RoadNetwork
 from xodr.sumo_net import DOCK, SumoNet

@@ -11,10 +11,10 @@ from schemas.catalogs import Folders
 from schemas.checks.document import Document
 from schemas.checks.problems import Problem
 from schemas.checks.registry import all_rules
-from schemas.errors import InvalidFile, ToolchainError, UsageError, describe
+from schemas.common.errors import InvalidFile, ToolchainError, UsageError, describe
+from schemas.common.policy import LimitReached, limited
 from schemas.osi.rules import check_trace
 from schemas.osi.traces import SUFFIXES
-from schemas.security.policy import LimitReached, limited
 from schemas.xml import parse, rule_of
 
 LIMITS = "xosc.toolchain:xosc:1.0.0:limits"

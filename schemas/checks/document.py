@@ -14,9 +14,9 @@ from schemas import expressions
 from schemas.catalogs import Catalogs, Directory, Entry, Folders, NoEntry, referred
 from schemas.checks import roads
 from schemas.checks.problems import Problem
-from schemas.errors import InvalidFile, ToolchainError
+from schemas.common.errors import InvalidFile, ToolchainError
+from schemas.common.policy import current
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of
-from schemas.security.policy import current
 from schemas.values import operand, type_named, typed
 from schemas.xml import line_of, local_name, parse
 

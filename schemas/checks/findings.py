@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from schemas.checks.document import Document
 from schemas.checks.registry import Finding
-from schemas.errors import nearest
+from schemas.common.errors import nearest
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from schemas import discovery
 from schemas.checks.document import Document
 from schemas.checks.problems import Problem
+from schemas.common import discovery
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from schemas.errors import nearest
+from schemas.common.errors import nearest
 from schemas.values import number, quoted
 from schemas.xml import local_name
 

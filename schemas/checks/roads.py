@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from schemas.errors import InvalidFile
-from schemas.security.policy import current
-from schemas.storage import Stamp, search_path, stamp
+from schemas.common.errors import InvalidFile
+from schemas.common.policy import current
+from schemas.common.storage import Stamp, search_path, stamp
 from schemas.xml import local_name, parse
 
 VARIABLE = "XOSC_ROAD_PATH"

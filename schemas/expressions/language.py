@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from typing import NamedTuple
 
-from schemas.errors import ExitCode, ToolchainError
+from schemas.common.errors import ExitCode, ToolchainError
 
 Value = float | int | bool | str
 Number = float | int

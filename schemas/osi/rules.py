@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from schemas.checks.problems import Problem
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from schemas.osi.requirements import REQUIREMENTS, Requirements
 from schemas.osi.traces import TRACE, Frame, Trace
 

@@ -14,10 +14,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from schemas.errors import InvalidFile, Unsupported
-from schemas.extras import optional
-from schemas.security.policy import current
-from schemas.storage import MAX_BYTES
+from schemas.common.errors import InvalidFile, Unsupported
+from schemas.common.packages import optional
+from schemas.common.policy import current
+from schemas.common.storage import MAX_BYTES
 
 SUFFIXES = (".osi", ".mcap")
 LONGEST = 32 * 1024 * 1024

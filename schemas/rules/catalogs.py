@@ -9,8 +9,8 @@ from schemas.catalogs import DIRECTORIES, ENTRIES, REFERENCES, NoEntry, locate
 from schemas.checks.document import Document
 from schemas.checks.findings import unknown
 from schemas.checks.registry import Finding, rule
-from schemas.security.policy import current
-from schemas.storage import in_any_case
+from schemas.common.policy import current
+from schemas.common.storage import in_any_case
 from schemas.xml import local_name
 
 

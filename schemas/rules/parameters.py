@@ -9,7 +9,7 @@ from lxml import etree
 from schemas.checks.document import Document
 from schemas.checks.findings import negative, on_cycles, unknown, unresolved
 from schemas.checks.registry import Finding, rule
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from schemas.expressions import ExpressionError, references
 from schemas.xml import canonical, line_of, parse
 

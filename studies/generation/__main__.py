@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from schemas.commands.options import guarded, new_app
-from schemas.discovery import load
+from schemas.common.command_line import guarded, new_app
+from schemas.common.discovery import load
 
 NAME = "python -m studies.generation"
 app = new_app()

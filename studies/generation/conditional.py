@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from generation.density.base import Components, Whitening, folds
 from generation.density.models.mixtures import Student
+from schemas.common.array_types import FloatArray, IntArray
 from studies.generation.packages import package
 from studies.recognition.report.tables import Table, spread
-from xodr.array_types import FloatArray, IntArray
 
 _DRAWN, _LEAST = 400, 0.01
 """Draws for each recorded row, and the share of them that it may be less likely than"""

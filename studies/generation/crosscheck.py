@@ -13,8 +13,8 @@ from scipy.special import ndtr
 
 from generation.density.prior import RecordedPrior
 from generation.search.problem import Plays
+from schemas.common.array_types import FloatArray
 from studies.generation.packages import package
-from xodr.array_types import FloatArray
 
 _BLOCK, _BLOCKS, _LEVEL = 2000, 2, 0.1
 """Points of a level at once, how often, and the share of them that is beyond the next level"""

@@ -13,8 +13,8 @@ from generation.density.gate import Gate, Share
 from generation.density.models import models
 from generation.density.prior import RecordedPrior, held_out
 from generation.outcomes.outcomes import Outcomes
+from schemas.common.array_types import FloatArray
 from studies.recognition.report.tables import Table, spread
-from xodr.array_types import FloatArray
 
 _LEAST = 0.01
 """Share of its own draws that a density finds less likely than a recorded unit may be"""

@@ -6,9 +6,9 @@ import numpy as np
 
 from generation.density.roles import EGO_SPEED, roles_of
 from generation.search.space import Space
+from schemas.common.array_types import FloatArray
 from studies.generation.adversary.course import START, Scene
 from studies.generation.adversary.environment import Episodes
-from xodr.array_types import FloatArray
 
 _DURATIONS = np.arange(1.0, 8.01, 0.25)
 _STARTS = np.arange(0.0, 7.01, 0.25)

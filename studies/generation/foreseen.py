@@ -10,8 +10,8 @@ from generation.density.models import JUDGE, judge
 from generation.outcomes.outcomes import Outcomes
 from generation.recorded import Recorded
 from generation.search.space import Space
+from schemas.common.array_types import BoolArray, FloatArray
 from studies.recognition.report.tables import Table
-from xodr.array_types import BoolArray, FloatArray
 
 _BOX = 20_000
 """Points of the whole space"""

@@ -16,7 +16,7 @@ from generation.search.space import Space
 from generation.twin.episodes import Twin
 from recognition.maneuvers.parameters import BRAKING, JERK
 from runner.settings import RunSettings
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 
 WITH, WITHOUT = (SCENARIOS / f"{name}_highway.xosc" for name in ("braking_leader", "car_following"))
 """The same manoeuvre, with the parameter and without it"""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 
 def package(name: str, what: str) -> Any:

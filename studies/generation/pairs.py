@@ -19,10 +19,10 @@ from generation.search.space import distinctive, diverse
 from generation.settings import Choice
 from generation.twin.episodes import Twin
 from runner.settings import RunSettings
-from schemas.commands.wording import many
-from schemas.errors import Unsupported, UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import Unsupported, UsageError
+from schemas.common.text import many
 from studies.generation.failures.problem import Posed
-from xodr.array_types import FloatArray
 from xosc.exports.folder import Folder
 from xosc.exports.standard import export
 

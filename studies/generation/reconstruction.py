@@ -6,8 +6,8 @@ import numpy as np
 
 from recognition.maneuvers.parameters import CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, PARAMETERS
 from recognition.maneuvers.units import Samples
+from schemas.common.array_types import FloatArray
 from studies.recognition.report.tables import Table
-from xodr.array_types import FloatArray
 
 _COLUMNS = ("RMSE_t [m]", "95 %", "RMSE_s [m]", "95 %")
 _NOTE = (

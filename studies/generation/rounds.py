@@ -13,7 +13,7 @@ from generation.pipeline import generate
 from generation.recorded import kind_of, of_recordings, of_samples
 from generation.settings import SearchSettings
 from runner.settings import RunSettings
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 
 class Rounds(NamedTuple):

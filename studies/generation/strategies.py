@@ -10,8 +10,8 @@ from torch import nn
 
 from generation.outcomes.outcomes import Episodes
 from generation.search.problem import Calls, History, Problem, Search
-from schemas.extras import optional
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.packages import optional
 
 
 @dataclass(frozen=True)

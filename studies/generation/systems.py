@@ -17,7 +17,7 @@ from generation.outcomes.judges import CAREFUL
 from generation.outcomes.outcomes import Outcomes, Simulator
 from runner.batch.jobs import Job, Outcome
 from runner.settings import RunSettings
-from xodr.array_types import BoolArray
+from schemas.common.array_types import BoolArray
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -16,7 +16,7 @@ from runner.interpreter.execution import run
 from runner.interpreter.result import RunResult
 from runner.measures.criticality import Criticality, of_recording
 from runner.recording import Recording, Track
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 _STEP = 0.05
 """Time step (s) of the runs"""

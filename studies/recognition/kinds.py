@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from types import ModuleType
 
-from schemas import discovery
+from schemas.common import discovery
 
 OPEN_SET, CLUSTERING = "studies.recognition.baselines.open_set", "studies.recognition.baselines.clustering"
 SCREENINGS = "studies.recognition.screenings"

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from recognition.trfe.known import macro_f1 as macro_f1
 from recognition.trfe.samples import UNKNOWN
-from xodr.array_types import IntArray
+from schemas.common.array_types import IntArray
 
 DROPPED = -1
 """Cluster number of a sample that a method put into no cluster."""

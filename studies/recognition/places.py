@@ -10,8 +10,8 @@ import numpy as np
 import typer
 
 from recognition.labels.classes import Label
-from schemas.commands.options import Verbose, Version, interruptible, out_folder
-from schemas.errors import UsageError
+from schemas.common.command_line import Verbose, Version, interruptible, out_folder
+from schemas.common.errors import UsageError
 from studies.recognition.plain import kinematic, static
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def places(
     Balanced accuracy, cross-validated by recording, so that no map of a test trains.
     """
     from recognition.training.windows import Windows
-    from schemas.storage import keep, writing
+    from schemas.common.storage import keep, writing
 
     found = Windows.load(windows)
     if len(np.unique(found.recordings)) < _FOLDS:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.trfe.screening import MEAN_JITTER, EvtJoint
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 _WINDOW = 200
 """Accepted samples that `recalibrate` looks back on."""

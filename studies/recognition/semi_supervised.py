@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.trfe.samples import Features
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 _STARTS, _STEPS = 5, 30
 _MOST = 10

@@ -11,8 +11,8 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from schemas.commands.options import Verbose, Version, interruptible, out_folder
-from schemas.errors import UsageError
+from schemas.common.command_line import Verbose, Version, interruptible, out_folder
+from schemas.common.errors import UsageError
 from studies.recognition.plain import kinematic, static
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def sites(
     from recognition.training.card import agreement, site_windows, table
     from recognition.training.windows import Windows
     from recognition.trfe.storage import load
-    from schemas.storage import keep, writing
+    from schemas.common.storage import keep, writing
 
     trfe = load(model)
     if not trfe.encoders:

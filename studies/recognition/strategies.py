@@ -15,8 +15,8 @@ from recognition.trfe.config import Config, Task, fixed_pairs, likely_clusters, 
 from recognition.trfe.forest import Votes, VotingForest, grow, random_trees, similarity
 from recognition.trfe.samples import Features, Prototypes
 from recognition.trfe.trfe import TRFE
-from schemas.errors import UsageError
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 grow_plain = partial(grow, background=False, neighbours=False)
 """A forest whose trees see features alone and always vote for a class."""

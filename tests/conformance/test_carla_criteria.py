@@ -14,7 +14,7 @@ from runner.batch.jobs import Job
 from runner.outputs.report import write_junit
 from runner.outputs.stored import load_run
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import changed
 
 SCENARIO = Path(__file__).parent / "carla" / "criteria.xosc"

@@ -10,7 +10,7 @@ import pytest
 import runner
 from runner.sut import Control
 from runner.sut.base import Observation
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import at, changed, events, track
 
 SCENARIO = Path(__file__).parent / "carla" / "dialect.xosc"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import runner
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import changed, track
 
 REPAIRS = Path(__file__).parent / "repairs"

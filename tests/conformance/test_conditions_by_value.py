@@ -12,7 +12,7 @@ import xosc
 from runner.interpreter.compiler import compile_scenario
 from runner.interpreter.simulation import Simulation
 from runner.worlds.base import KinematicWorld
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, events
 from tests.conformance.support import run as run_scenario
 

@@ -6,7 +6,7 @@ import functools
 
 import pytest
 
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import at, events, track
 from tests.conformance.support import run as run_scenario
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from runner import RunResult
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import at, track
 from tests.conformance.support import run as run_scenario
 

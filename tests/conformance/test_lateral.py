@@ -16,7 +16,7 @@ from runner import RunResult
 from runner.interpreter.execution import prepare
 from runner.settings import RunSettings
 from schemas import check
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
 DT = 0.01

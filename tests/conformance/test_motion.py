@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from runner import RunResult
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from tests.conformance.support import SCENARIOS, at, changed, track
 from tests.conformance.support import run as run_scenario
 

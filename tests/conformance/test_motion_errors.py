@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import runner
-from schemas.errors import InvalidFile, ToolchainError, Unsupported
+from schemas.common.errors import InvalidFile, ToolchainError, Unsupported
 from tests.conformance.support import SCENARIOS
 
 FAULTS: list[tuple[str, str, str, type[ToolchainError], str]] = [

@@ -11,7 +11,7 @@ import pytest
 
 import runner
 from runner.interpreter.execution import prepare
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, run, track
 
 ROADS = {"RHT": "../roads/straight.xodr", "LHT": "../roads/straight_lht.xodr"}

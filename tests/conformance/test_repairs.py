@@ -10,7 +10,7 @@ import pytest
 
 import runner
 from schemas import check
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import track
 
 HERE = Path(__file__).parent

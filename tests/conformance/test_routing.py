@@ -12,7 +12,7 @@ import pytest
 
 import runner
 from runner.interpreter.execution import prepare
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
 ARMS = {"1": (111.5, -1.75), "2": (1.75, 111.5), "4": (-1.75, -111.5)}

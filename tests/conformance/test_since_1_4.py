@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, changed, events, track
 from tests.conformance.support import run as run_scenario
 

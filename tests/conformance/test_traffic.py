@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import runner
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from tests.conformance.support import SCENARIOS, at, events, track
 from tests.conformance.support import run as run_scenario
 

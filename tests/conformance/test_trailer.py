@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import runner
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, changed, run, track
 
 HITCH, COUPLER = -1.0, 3.0

@@ -221,7 +221,7 @@ def _reader(read: Callable[..., object]) -> Callable[[Sequence[str]], Answer]:
 
     def call(arguments: Sequence[str]) -> Answer:
         def reading() -> None:
-            from schemas.errors import ToolchainError, describe
+            from schemas.common.errors import ToolchainError, describe
 
             try:
                 read(*map(Path, arguments))

@@ -13,7 +13,7 @@ from generation.outcomes.outcomes import Outcomes
 from generation.search.space import Space
 from recognition.maneuvers.parameters import PARAMETERS
 from runner.measures.rss import lateral_distance, longitudinal_distance, parameter_set
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 STEP, LENGTH, WIDTH, LANE, EGO, SENSOR, BRAKE = 0.1, 4.5, 1.8, 3.5, 30.0, 10.0, 8.0
 SPACE = Space(tuple(PARAMETERS.values()))

@@ -11,7 +11,7 @@ import schemas
 from generation.cli import main
 from generation.logical.library import SCENARIOS
 from runner.sut import Control, Observation, Participant
-from schemas.storage import alone
+from schemas.common.storage import alone
 
 CUT_IN = str(SCENARIOS / "cut_in_highway.xosc")
 QUICK = ("--method", "kde", "--budget", "15", "--density", "gaussian", "--jobs", "1")

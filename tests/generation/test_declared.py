@@ -13,7 +13,7 @@ from generation.declared import asked_of, freed, mapped
 from generation.logical.library import SCENARIOS
 from generation.search.space import Space
 from generation.settings import Ask
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xosc.distributions import (
     Deterministic,
     DeterministicMultiParameterDistribution,

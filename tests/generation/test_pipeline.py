@@ -14,7 +14,7 @@ from generation.recorded import Recorded
 from generation.search.space import Space
 from generation.settings import SearchSettings
 from runner.settings import RunSettings
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 QUICK = SearchSettings(method="random", budget=60, density="gaussian", processes=1, run=RunSettings(timestep=0.1))

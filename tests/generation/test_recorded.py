@@ -14,7 +14,7 @@ from generation.recorded import kind_of, of_catalogue, of_recordings, of_samples
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from recognition.maneuvers.units import Samples
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.recognition.motorway import write_motorway
 from xosc.tags import Tag, annotated
 

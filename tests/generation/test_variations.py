@@ -22,7 +22,7 @@ from generation.settings import Choice
 from generation.twin.episodes import Twin
 from generation.variations import Evidence, Writer
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from xosc.exports import standard
 from xosc.exports.folder import Folder
 from xosc.tags import read

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.trfe.samples import Features
-from xodr.array_types import IntArray
+from schemas.common.array_types import IntArray
 
 
 def clouds(labels: list[int], each: int, seed: int, apart: float = 5.0, width: int = 16) -> tuple[Features, IntArray]:

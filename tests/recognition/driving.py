@@ -12,7 +12,7 @@ from recognition.datasets.source import participant
 from recognition.labels import Event, Label, Rules, label
 from recognition.sites import Site, site_at
 from runner.recording import Recording, Track
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 from xodr.builders import RoadMap
 from xodr.network import RoadNetwork
 

@@ -15,7 +15,7 @@ from recognition import cli
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
 from runner.settings import RunSettings
-from schemas.packages import version
+from schemas.common.packages import version
 from tests.recognition import motorway
 from tests.recognition.traffic import Car, write_highd
 

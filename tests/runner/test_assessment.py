@@ -16,7 +16,7 @@ from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.outputs.folder import write_run
 from runner.settings import RunSettings
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.commands import Command
 from tests.runner.chromium import Browser
 from tests.runner.files import car, distribution, place, scenario

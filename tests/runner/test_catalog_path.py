@@ -13,7 +13,7 @@ import xosc
 from generation.search.space import Space
 from generation.variations import Writer
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.commands import Command
 from xosc.exports import standard
 from xosc.exports.folder import Folder

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 from lxml import etree
 
-from schemas.packages import version
+from schemas.common.packages import version
 from tests.commands import Command
 from tests.conformance.support import SCENARIOS as CONFORMANCE
 from tests.runner.files import HEADER, car, distribution, place, scenario, story

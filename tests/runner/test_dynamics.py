@@ -13,7 +13,7 @@ from lxml import etree
 
 from runner.motion.dynamics import SHAPES, GapController, TransitionDynamics, read_constraints, tighter
 from runner.participants.declaration import Performance
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from xosc.node import Node
 
 SMOOTH = ("linear", "cubic", "sinusoidal")

@@ -13,7 +13,7 @@ import runner
 from runner.interpreter.execution import prepare
 from runner.sut import Control
 from runner.sut.commanded import Scripted
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.conformance.support import at, events, track
 from tests.runner.files import ROADS, car, place, scenario, speed_action, story
 

@@ -13,7 +13,7 @@ import runner.exports
 from runner.exports import TARGETS, find_targets
 from runner.exports.exporting import Exported, export_runs
 from runner.settings import RunSettings
-from schemas import discovery
+from schemas.common import discovery
 from tests.commands import Command
 from tests.runner.files import HEADER, distribution, place, scenario, speed_action, story
 from xosc.exports import standard

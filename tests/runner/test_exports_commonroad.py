@@ -14,7 +14,7 @@ from recognition.datasets.formats.commonroad.lanelets import lanelets as read_la
 from runner.exports import commonroad
 from runner.exports.lanelets import lanelets
 from runner.exports.moments import box_centre
-from schemas.errors import Unsupported
+from schemas.common.errors import Unsupported
 from tests.runner.files import ROADS, car, place, scenario, story
 from xosc.exports.folder import Folder
 

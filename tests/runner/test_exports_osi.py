@@ -19,7 +19,7 @@ import xosc
 from runner import cli
 from runner.exports import osi
 from runner.exports.moments import box_centre
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from schemas.osi.rules import breaches
 from schemas.osi.traces import Frame
 from tests.runner.files import car, place, scenario, speed_action, story

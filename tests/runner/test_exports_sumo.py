@@ -14,7 +14,7 @@ from lxml import etree
 
 import runner
 from runner.exports import sumo
-from schemas.errors import Unsupported
+from schemas.common.errors import Unsupported
 from tests.runner.files import car, place, scenario, story
 from xodr.sumo_net import sumo_home
 from xosc.exports.folder import Folder

@@ -17,7 +17,7 @@ import pytest
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
 from runner.settings import RunSettings
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.runner.files import SLOW_SYSTEM, distribution, scenario
 
 ray = pytest.importorskip("ray", reason="Ray is not installed (extra: ray)")

@@ -13,7 +13,7 @@ import traci
 
 import runner
 from runner.replay.sumo_gui import need_display, show
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.runner.files import scenario
 
 

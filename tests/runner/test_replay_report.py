@@ -17,7 +17,7 @@ from runner.replay.history import write_history
 from runner.replay.player import keep_replay
 from runner.replay.report import report, varied, write_report
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.runner.chromium import Browser
 from tests.runner.files import distribution, scenario
 

@@ -14,7 +14,7 @@ from runner.batch.jobs import Job
 from runner.outputs.stored import load_run
 from runner.replay import notebook
 from runner.replay.player import replay_page, write_replay
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.runner.files import scenario
 
 

@@ -10,7 +10,7 @@ import runner
 import xosc
 from runner.interpreter.roads import road_uses
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.runner.files import place, scenario, speed_action, story
 from xodr.builders.roads import RoadUse

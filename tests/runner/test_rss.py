@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runner.measures.rss import PARAMETERS, lateral_distance, longitudinal_distance, parameter_set
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 AD, R157 = PARAMETERS["ad-rss"], PARAMETERS["r157"]
 speeds = st.floats(0.0, 60.0)

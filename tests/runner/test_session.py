@@ -9,7 +9,7 @@ import pytest
 import runner
 from runner.sut import Control
 from runner.sut.commanded import Scripted
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.conformance.support import at, track
 from tests.runner.files import scenario
 

@@ -13,7 +13,7 @@ import runner
 from runner import RunSettings, exports
 from runner.cli import app
 from runner.exports.cli import app as export_app
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.runner.files import scenario
 
 CONSTRAINED = """<ParameterDeclaration name="Gap" parameterType="double" value="70">

@@ -14,7 +14,7 @@ from lxml import etree
 
 import xodr
 from runner.surroundings.signals import Phase, SignalController, TrafficSignals
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.runner.scene import ROADS
 from xosc.node import Node
 

@@ -19,7 +19,7 @@ from runner.outputs.folder import RESULT
 from runner.outputs.report import summary
 from runner.outputs.stored import EVENTS, TRAJECTORIES, load_run
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.runner.files import place, scenario, speed_action, story
 
 

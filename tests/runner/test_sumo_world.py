@@ -22,7 +22,7 @@ from runner.participants.entity import Entity
 from runner.worlds import sumo, sumo_simulation
 from runner.worlds.base import DriverRequest
 from runner.worlds.sumo_translation import link_state
-from schemas.errors import Unsupported, UsageError
+from schemas.common.errors import Unsupported, UsageError
 from tests.conformance.support import at, events, track
 from tests.runner.files import ROADS, car, place, scenario, speed_action, story
 from tests.runner.scene import vehicle

@@ -22,7 +22,7 @@ from runner.sut import Control, Observation, Participant, Pose, find_system, loa
 from runner.sut.base import seen
 from runner.sut.cas import CollisionAvoidance
 from runner.sut.commanded import Scripted
-from schemas.errors import ToolchainError, UsageError
+from schemas.common.errors import ToolchainError, UsageError
 from tests.conformance.support import at, events, track
 from tests.runner.files import car, place, scenario
 

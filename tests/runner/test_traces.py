@@ -20,7 +20,7 @@ from runner.recording import Track
 from runner.replay import cli
 from runner.traces.reading import read
 from runner.traces.roads import road_of
-from schemas.errors import InvalidFile, ToolchainError
+from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.osi import traces
 from schemas.osi.traces import Trace
 from xodr.reader import load

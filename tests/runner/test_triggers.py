@@ -15,7 +15,7 @@ from lxml import etree
 from runner.contracts.condition import ByEntityCondition, Condition, EntityCondition
 from runner.interpreter.storyboard.triggers import TimedCondition, Trigger
 from runner.participants.entity import Entity
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.runner.scene import vehicle
 from xosc.node import Node
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 from schemas.expressions import FUNCTIONS, ExpressionError, evaluate, functions, is_expression, literal, references, substitute
 
 VALUES = {"a": 3, "b": 2.5, "yes": True, "text": "Ego", "number_text": "5", "inf": math.inf, "nan": math.nan, "huge": 10**400}

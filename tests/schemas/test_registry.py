@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from lxml import etree
 
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from schemas.registry import OPENDRIVE, OPENSCENARIO, SCHEMA_DIR, FileType, available_schemas, detect, schema_for
 
 

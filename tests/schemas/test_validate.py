@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from schemas.registry import SCHEMA_DIR
 
 CASES = {

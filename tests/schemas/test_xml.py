@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from schemas import storage
-from schemas.errors import InvalidFile
+from schemas.common import storage
+from schemas.common.errors import InvalidFile
 from schemas.xml import line_of, parse
 
 BOMB = b"""<?xml version="1.0"?>

@@ -9,7 +9,7 @@ import pytest
 
 from schemas import check
 from schemas.checks import road_elements
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from schemas.registry import OPENDRIVE, schema_for
 from schemas.xml import parse
 from tests.runner.files import ROADS

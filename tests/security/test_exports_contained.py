@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import InvalidFile, Unsupported
-from schemas.security.content import is_model, need_roads
+from schemas.common.errors import InvalidFile, Unsupported
 from tests.commands import Answer, Command
 from tests.runner.files import ROADS, scenario
 from xodr.lookup.geo import without_files
+from xosc.exports.references import is_model, need_roads
 
 SECRET = "TOKEN=swordfish"
 MODELS = {

@@ -12,8 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from schemas import check
-from schemas.errors import InvalidFile
-from schemas.storage import read_parquet
+from schemas.common.errors import InvalidFile
+from schemas.common.storage import read_parquet
 from schemas.xml import LONGEST_TAG, parse
 from tests.runner.files import place, scenario
 

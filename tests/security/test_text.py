@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from schemas.security.text import cell, csv_text, markdown, of_service, one_line, sarif_text
+from schemas.common.text import cell, csv_text, markdown, of_service, one_line, sarif_text
 from tests.commands import Command
 from tests.recognition.datasets.test_corruption import EXAMPLES
 from tests.runner.files import scenario

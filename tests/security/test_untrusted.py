@@ -16,10 +16,10 @@ import runner.batch.pool
 from runner.batch.jobs import Job, Outcome
 from runner.sut import find_system
 from schemas.checks.checker import check_many
-from schemas.commands import options
-from schemas.errors import InvalidFile, Unsupported, UsageError
-from schemas.security.policy import UNTRUSTED, LimitReached, Policy, current, in_force, limited, of_command
-from schemas.storage import read_bytes
+from schemas.common import command_line
+from schemas.common.errors import InvalidFile, Unsupported, UsageError
+from schemas.common.policy import UNTRUSTED, LimitReached, Policy, current, in_force, limited, of_command
+from schemas.common.storage import read_bytes
 from tests.commands import SCRIPTS, Command
 from tests.runner.files import ROADS, SLOW_SYSTEM, distribution, scenario
 from xosc.distributions.values import UserDefinedDistribution
@@ -68,7 +68,7 @@ def test_every_command_has_it_and_knows_which_arguments_are_files(name: str) -> 
     assert {"untrusted", "max_memory", "max_seconds"} <= parameters.keys()
     assert ("max_runs" in parameters) == (function in {"xosc_run", "xosc_export", "xosc_generate", "xosc_loop"})
     paths = {each for each, what in parameters.items() if "Path" in str(what.annotation)}
-    assert paths <= {*options._INPUTS, *options._OUTPUTS}
+    assert paths <= {*command_line._INPUTS, *command_line._OUTPUTS}
 
 
 def test_no_command_is_forgotten() -> None:
@@ -228,7 +228,7 @@ def test_what_a_name_stands_for(contributed: Path) -> None:
     assert named("deep/a.xosc") == named(".") == (contributed,)
     assert named("deep") == (contributed / "deep",)
     assert named("../outside/road.xodr") == named("../outside") == (contributed.parent / "outside",)
-    assert options._named({"paths": ["deep/**/*.xosc", "a?.xosc"]}, ["paths"]) == [Path("deep"), Path()]
+    assert command_line._named({"paths": ["deep/**/*.xosc", "a?.xosc"]}, ["paths"]) == [Path("deep"), Path()]
     with in_force(of_command(["deep"], ["out"], [], UNTRUSTED)):
         assert current().allows("out/new") and not current().allows("beside") and not current().allows("\0")
         with pytest.raises(InvalidFile, match="at most"), (contributed / "deep" / "large").open("wb") as file:
@@ -272,7 +272,7 @@ def lost(job: Job, signal_number: int | None = None) -> Outcome:
 
 
 def test_limits_hold_in_worker_processes_and_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("schemas.security.policy._GRACE", 0.2)
+    monkeypatch.setattr("schemas.common.policy._GRACE", 0.2)
     monkeypatch.setattr("os.cpu_count", lambda: 1)
     names = ["first", "waits", "swallows", "blocks", "grows", "last"]
     jobs = [Job(name, Path(name), Path(name)) for name in names]

@@ -15,9 +15,9 @@ import typer
 from generation.logical.library import SCENARIOS
 from runner.batch.ray_pool import connect
 from runner.sut import find_system
-from schemas.errors import UsageError
-from schemas.extras import _EXTRAS
-from schemas.security.plugins import installed, leave_working_folder_out
+from schemas.common.discovery import installed, leave_working_folder_out
+from schemas.common.errors import UsageError
+from schemas.common.packages import _EXTRAS
 from tests.commands import SCRIPTS as COMMANDS
 from tests.commands import Command
 from tests.runner.files import distribution, scenario
@@ -100,7 +100,7 @@ def test_processes_that_are_started_anew_do_not_either(trapped: Path) -> None:
     """Of `xosc-loop`: multiprocessing starts them by `python -c`, which has the working folder on its path."""
     program = trapped.parent / "program.py"
     program.write_text(
-        "from schemas.security.plugins import leave_working_folder_out\n"
+        "from schemas.common.discovery import leave_working_folder_out\n"
         "from runner.batch.pool import executor\n"
         "if __name__ == '__main__':\n"
         "    leave_working_folder_out()\n"

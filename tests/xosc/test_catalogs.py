@@ -8,7 +8,7 @@ import pytest
 
 import xosc
 from schemas.catalogs import EXPECTED, KINDS
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from xosc.resolve import MAX_NESTING
 
 LOCATIONS = "".join(f'<{kind}Catalog><Directory path="{kind.lower()}"/></{kind}Catalog>' for kind in KINDS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import xosc
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 
 NEEDS_ABSENT_ASSETS = {"car_walk.xosc"}
 

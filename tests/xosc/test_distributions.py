@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from schemas.registry import OPENSCENARIO, schema_for
 from schemas.validate import violations
 from xosc.distributions import (

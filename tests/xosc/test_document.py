@@ -7,7 +7,7 @@ import os
 import pytest
 
 import xosc
-from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from xosc.node import LINE, SOURCE
 
 DISTRIBUTION = """<OpenSCENARIO><FileHeader revMajor="1" revMinor="2" date="2024-05-31T12:00:00" description="" author=""/>

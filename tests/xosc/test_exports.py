@@ -12,7 +12,7 @@ import pytest
 import runner
 import schemas
 import xosc
-from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from tests.runner.files import at_time, car, distribution, place, scenario, speed_action, story
 from xosc.exports import carla, esmini, standard
 from xosc.exports.concrete import concrete

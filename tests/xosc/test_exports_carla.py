@@ -15,7 +15,7 @@ import runner
 import xosc
 from runner.exports import TARGETS
 from runner.exports.exporting import export_documents
-from schemas.errors import Unsupported
+from schemas.common.errors import Unsupported
 from tests.conformance.support import changed
 from tests.xosc.scenario_runner_grammar import stops_at
 from xosc.exports import carla

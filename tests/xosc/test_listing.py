@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.xosc.conftest import Writer
 from xosc.listing import LIBRARY, Declared, listing

@@ -13,7 +13,7 @@ import pytest
 from scenariogeneration import xosc as sg
 
 import xosc
-from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from schemas.registry import OPENSCENARIO, schema_for
 from schemas.validate import violations
 from xosc import maneuvers as m

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from xosc import Node
 from xosc.node import LINE, SOURCE
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import schemas
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from tests.runner.files import car, place, scenario, speed_action, story
 from tests.xosc.test_exports import motion
 from xosc.exports import standard

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import xosc
 from schemas import check
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from schemas.values import RULES, TYPES
 from tests.xosc.conftest import SCENARIO
 

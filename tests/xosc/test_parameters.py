@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import xosc
-from schemas.errors import InvalidFile, ToolchainError, UsageError
+from schemas.common.errors import InvalidFile, ToolchainError, UsageError
 
 
 def parameter(name, value, kind="double", *groups):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from schemas import check
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from xosc.document import load, to_bytes
 
 HEADER = '<FileHeader revMajor="1" revMinor="{minor}" date="2026-01-01T00:00:00" description="" author=""/>'

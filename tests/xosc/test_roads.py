@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from xosc.node import Node
 from xosc.roads import VARIABLE, find_roads
 

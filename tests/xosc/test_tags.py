@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import xosc
 from schemas import check
-from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from xosc import maneuvers as m
 from xosc import tags
 from xosc.tags import ASAM, OWN, Tag

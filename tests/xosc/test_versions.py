@@ -9,7 +9,7 @@ import pytest
 from lxml import etree
 
 import xosc
-from schemas.errors import InvalidFile, Unsupported, UsageError
+from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from schemas.registry import OPENSCENARIO, schema_for
 from schemas.validate import violations
 from xosc.versions import RULES, convert

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from schemas.storage import keep
+from schemas.common.storage import keep
 from xodr.builders.curves import ParamPoly3, Pose, Segment, advance
 from xodr.model import PERMANENT, TEMPORARY
 

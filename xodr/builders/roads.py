@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xodr.builders.curves import Pose, Segment, arc, connect, line
 from xodr.builders.elements import Cubic, Lane, Link, Road, RoadMap, Section
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points, lengths, points_at
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from schemas.errors import Unsupported, UsageError
+from schemas.common.errors import Unsupported, UsageError
 from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points, lengths, middle, resampled
 
 APART = 0.5

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 Points = FloatArray
 """Points of a line, (n, 2), m."""

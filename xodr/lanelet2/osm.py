@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeVar
 
 from lxml import etree
 
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from schemas.xml import line_of, parse
 from xodr.builders.elements import Geo
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from xodr.builders.elements import Geo
 from xodr.lanelet2.borders import Bounds, bounds_of, linked, split_at_joints
 from xodr.lanelet2.lanelet import Lanelet, Points

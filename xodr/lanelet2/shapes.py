@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 from xodr.builders.curves import ParamPoly3, Pose
 from xodr.lanelet2.graph import Graph, Joint, Layout
 from xodr.lanelet2.lanelet import (

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.model import NO_WIDTH, LaneSection
 from xodr.profiles import Profile
 from xodr.road import Road

@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from xodr.network import RoadNetwork
 
 

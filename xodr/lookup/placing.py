@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.lookup import arrays
 from xodr.lookup.arrays import OnChord, Part
 from xodr.lookup.locate import CONVERGED, ON_SURFACE, OTHER_LEVEL

@@ -12,9 +12,9 @@ from typing import NamedTuple, TypeVar
 from lxml import etree
 
 from schemas.checks.road_elements import Unknown, unknown
-from schemas.errors import InvalidFile, ToolchainError, nearest
-from schemas.remarks import Remark, Remarks
-from schemas.storage import Stamp, stamp
+from schemas.common.errors import InvalidFile, ToolchainError, nearest
+from schemas.common.remarks import Remark, Remarks
+from schemas.common.storage import Stamp, stamp
 from schemas.values import quoted
 from schemas.xml import line_of, local_name, parse
 from xodr.model import Header, Junction

@@ -9,7 +9,7 @@ import math
 
 from lxml import etree
 
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from schemas.xml import line_of
 from xodr.model import PERMANENT, TEMPORARY
 from xodr.profiles import ZERO, Cubic, Profile

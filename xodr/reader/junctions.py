@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from schemas.remarks import Remark
+from schemas.common.remarks import Remark
 from schemas.xml import line_of
 from xodr.model import Connection, Controller, Junction, LaneRef
 from xodr.reader.elements import contact_point, integer, invalid, lane_layer, number, text

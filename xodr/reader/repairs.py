@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from schemas.errors import ToolchainError
-from schemas.remarks import Remark
+from schemas.common.errors import ToolchainError
+from schemas.common.remarks import Remark
 from schemas.xml import line_of
 from xodr.model import PERMANENT
 from xodr.reader.elements import LARGEST, text

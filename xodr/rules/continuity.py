@@ -12,7 +12,7 @@ from lxml import etree
 from schemas.checks.document import Document
 from schemas.checks.lanes import Meeting, Section, integer, meetings
 from schemas.checks.registry import Finding, rule
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 from schemas.rules.lanes import DRIVABLE
 from xodr.network import RoadNetwork
 from xodr.reader.document import linked_roads, load

@@ -21,8 +21,8 @@ from typing import Any
 
 from lxml import etree
 
-from schemas.errors import ToolchainError, Unsupported, UsageError
-from schemas.storage import Stamp, cache_folder, is_own, keep, read_bytes, stamp
+from schemas.common.errors import ToolchainError, Unsupported, UsageError
+from schemas.common.storage import Stamp, cache_folder, is_own, keep, read_bytes, stamp
 from schemas.xml import parse
 from xodr.network import RoadNetwork
 from xodr.reader import load

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import isfinite
 
-from schemas.remarks import Remark
+from schemas.common.remarks import Remark
 from xosc.node import TO_RIGHT, Node
 
 FLAG = "CARLA:"

@@ -15,7 +15,7 @@ from typing import get_args
 
 from lxml import etree
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xosc.distributions.values import Range, UserDefinedDistribution, element, finite, located, text
 from xosc.node import Node
 

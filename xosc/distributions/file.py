@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from lxml import etree
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
+from schemas.common.remarks import Remark
 from schemas.expressions import ExpressionError, substitute
-from schemas.remarks import Remark
 from schemas.rules.values import DECLARED_TYPE_UID
 from schemas.values import meant, quoted, type_named
 from xosc.distributions.deterministic import Deterministic

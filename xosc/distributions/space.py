@@ -16,10 +16,10 @@ from itertools import islice
 from pathlib import Path
 
 from schemas.catalogs import referred
-from schemas.commands.wording import many
-from schemas.errors import InvalidFile, UsageError, nearest
+from schemas.common.errors import InvalidFile, UsageError, nearest
+from schemas.common.storage import digest
+from schemas.common.text import many
 from schemas.expressions import ExpressionError, references
-from schemas.storage import digest
 from schemas.values import meant, quoted, type_named
 from xosc.distributions.deterministic import Deterministic
 from xosc.distributions.file import ParameterValueDistribution

@@ -17,7 +17,7 @@ from typing import Self, get_args
 
 from lxml import etree
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xosc.distributions.values import Range, UserDefinedDistribution, element, finite, located, text, weights
 from xosc.node import Node
 

@@ -12,9 +12,9 @@ from typing import Protocol
 
 from lxml import etree
 
-from schemas.errors import Unsupported, UsageError
-from schemas.security.plugins import installed
-from schemas.security.policy import current
+from schemas.common.discovery import installed
+from schemas.common.errors import Unsupported, UsageError
+from schemas.common.policy import current
 from xosc.node import Node
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from lxml import etree
 
 from schemas.catalogs import Folders
-from schemas.security.policy import current
+from schemas.common.policy import current
 from xosc.distributions import ParameterSpace
 from xosc.distributions.space import numbered
 from xosc.document import Document, load

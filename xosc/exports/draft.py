@@ -8,7 +8,7 @@ from os import PathLike
 from typing import TypedDict
 
 from schemas.catalogs import Folders
-from schemas.remarks import Remark, Remarks
+from schemas.common.remarks import Remark, Remarks
 from xosc.distributions.space import Selection
 from xosc.document import Document
 from xosc.exports.folder import Folder

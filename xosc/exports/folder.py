@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
-from schemas.errors import NotWritten, UsageError
-from schemas.storage import keep, read_bytes
+from schemas.common.errors import NotWritten, UsageError
+from schemas.common.storage import keep, read_bytes
 
 
 class Folder:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
 from xosc.exports.concrete import concrete, concrete_scenarios, copied

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path, PurePosixPath
 
-from schemas.commands.files import expand
-from schemas.errors import ToolchainError, UsageError
+from schemas.common.command_line import expand
+from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.policy import limited
 from schemas.expressions import ExpressionError
-from schemas.security.policy import limited
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load
 from xosc.node import Node

@@ -13,9 +13,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from schemas.errors import InvalidFile, UsageError, nearest, reason
-from schemas.security.text import csv_text
-from schemas.storage import read_bytes, read_object, read_parquet
+from schemas.common.errors import InvalidFile, UsageError, nearest, reason
+from schemas.common.storage import read_bytes, read_object, read_parquet
+from schemas.common.text import csv_text
 from xosc.document import load
 from xosc.exports.folder import Folder
 from xosc.tags import tags_of

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scenariogeneration import xosc as sg
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xosc.maneuvers.base import Number, Polyline, enum_value, number
 from xosc.maneuvers.entities import declarations
 

@@ -14,7 +14,7 @@ import numpy as np
 from lxml import etree
 from scenariogeneration import xosc as sg
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 Number = float | str
 """A number, or the text of a parameter reference `$Speed` or an expression `${2 * $Speed}`."""

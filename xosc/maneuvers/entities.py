@@ -7,7 +7,7 @@ from typing import Any
 
 from scenariogeneration import xosc as sg
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xosc.maneuvers.base import Number, enum_value, number
 
 WHEELBASE = 0.6

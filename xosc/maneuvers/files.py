@@ -13,7 +13,7 @@ from xml.sax.saxutils import escape
 from lxml import etree
 from scenariogeneration import xosc as sg
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xosc.document import Document, to_bytes
 from xosc.files import Header, new_document
 from xosc.maneuvers.actions import Conditions, trigger

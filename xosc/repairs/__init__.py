@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections import Counter
 from dataclasses import replace
 
-from schemas.remarks import Remark
+from schemas.common.remarks import Remark
 from xosc.node import Node
 from xosc.repairs import attributes, elements, names, revision
 

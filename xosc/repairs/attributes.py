@@ -8,7 +8,7 @@ from typing import cast
 
 from lxml import etree
 
-from schemas.remarks import Remark
+from schemas.common.remarks import Remark
 from schemas.rules.structure import SCHEMA_UID
 from schemas.values import meant
 from xosc.node import Node

@@ -9,8 +9,8 @@ from itertools import pairwise
 from lxml import etree
 
 from schemas import validate
+from schemas.common.remarks import Remark
 from schemas.registry import OPENSCENARIO, schema_for
-from schemas.remarks import Remark
 from schemas.rules.storyboard import lacking
 from schemas.rules.structure import SCHEMA_UID
 from xosc.node import Node

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lxml import etree
 
-from schemas.remarks import Remark
+from schemas.common.remarks import Remark
 from schemas.rules.parameters import DECLARED_NAME_UID, UNIQUE_DECLARATIONS_UID
 from schemas.rules.structure import UNIQUE_NAMES_UID, doubled
 from schemas.xml import canonical

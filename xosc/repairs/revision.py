@@ -7,8 +7,8 @@ import copy
 from lxml import etree
 
 from schemas import validate
+from schemas.common.remarks import Remark
 from schemas.registry import HEADERS, OPENSCENARIO, header_of, revision, schema_for
-from schemas.remarks import Remark
 from xosc.node import Node
 
 _PRESENT, _DEFINED, _VALID = (

@@ -12,8 +12,8 @@ from torch import Tensor, nn
 
 from generation.density.base import Density, Whitening, folds
 from recognition.training.data import seeded
-from schemas.errors import UsageError
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 DENSITIES = {"flow": {"class": "Flow", "title": "normalizing flow (RealNVP)"}}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.density.base import Components, Density, Whitening, folds
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 DENSITIES = {
     "kde": {"class": "KDE", "title": "KDE, full covariance"},

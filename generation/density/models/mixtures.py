@@ -10,8 +10,8 @@ from sklearn.mixture import GaussianMixture
 from threadpoolctl import threadpool_limits
 
 from generation.density.base import Components, Density, Whitening, folds
-from schemas.errors import UsageError
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 DENSITIES = {
     "gaussian": {"class": "Gaussian", "title": "one Gaussian"},

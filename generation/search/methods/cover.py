@@ -22,8 +22,8 @@ from generation.search.emitters import Frame
 from generation.search.problem import Calls, History, Plays, Problem
 from generation.search.screen import Surrogate
 from generation.search.space import apart, distinctive
-from schemas.errors import UsageError
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 METHODS = {
     "cover": {

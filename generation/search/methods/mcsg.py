@@ -12,7 +12,7 @@ from generation.search.policy import Learner, McsgSettings, Moves, coordinated, 
 from generation.search.problem import Calls, History, Problem
 from generation.search.space import Space, diverse
 from recognition.training.data import seeded
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 __all__ = ["McsgSettings", "mcsg", "mcsg_published"]
 

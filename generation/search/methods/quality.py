@@ -19,7 +19,7 @@ from generation.search.emitters import EMITTERS, Archive, Emitter, Frame
 from generation.search.problem import BATCH, History, Problem
 from generation.search.screen import PACE, Screen, nearness
 from recognition.training.data import seeded
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 METHODS = {
     "quality": {

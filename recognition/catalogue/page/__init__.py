@@ -12,7 +12,7 @@ import shapely
 from recognition.catalogue.cut import Part, Scene
 from recognition.catalogue.exposure import EVERYWHERE
 from runner.replay.page import page
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 from xodr.lookup.arrays import sample, stations
 from xodr.network import RoadNetwork
 

@@ -21,7 +21,7 @@ from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, Source, participant
 from recognition.datasets.table import GREATEST, Kind, Table, read_table
 from runner.recording import Recording
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 from xodr.reader import load
 
 FORMAT = "highD"

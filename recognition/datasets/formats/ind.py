@@ -33,8 +33,8 @@ from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, Source, participant
 from recognition.datasets.table import Kind, Table, read_table
 from runner.recording import Recording
-from schemas.errors import InvalidFile
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import InvalidFile
 from xodr.lanelet2.osm import utm_zone
 
 FORMAT = "inD"

@@ -28,7 +28,7 @@ from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant
 from recognition.datasets.table import Kind, Table, column_names, read_table
 from runner.recording import Recording, Track
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 
 FORMAT = "INTERACTION"
 TITLE = "INTERACTION"

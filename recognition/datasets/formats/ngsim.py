@@ -28,8 +28,8 @@ from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant
 from recognition.datasets.table import HEADLESS, PARQUET, Kind, Table, column_names, first_numbers, read_table
 from runner.recording import Recording
-from schemas.errors import InvalidFile
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import InvalidFile
 
 FORMAT = "NGSIM"
 TITLE = "NGSIM"

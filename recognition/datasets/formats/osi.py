@@ -15,7 +15,7 @@ from runner.recording import Recording, Track
 from runner.traces.reading import TraceRecording
 from runner.traces.reading import read as read_trace
 from runner.traces.roads import road_of
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from schemas.osi.traces import SUFFIXES
 
 FORMAT = "OSI"

@@ -17,7 +17,7 @@ from recognition.datasets.table import Kind, read_table
 from runner.outputs.folder import RESULT
 from runner.outputs.stored import TRAJECTORIES, read_setup
 from runner.recording import COLUMNS, Recording
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from xodr.network import RoadNetwork
 from xodr.reader import load
 

@@ -25,9 +25,9 @@ from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Exclusion, Participant, Report, SiteRoad, Source, participant
 from recognition.datasets.table import GREATEST, Table
 from runner.recording import Recording
-from schemas.errors import InvalidFile
-from schemas.storage import read_object
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import InvalidFile
+from schemas.common.storage import read_object
 
 FORMAT = "Waymo"
 TITLE = "Waymo Open Motion (GPUDrive's JSON)"

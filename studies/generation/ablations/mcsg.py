@@ -8,8 +8,8 @@ from generation.outcomes.outcomes import Outcomes
 from generation.search.methods.mcsg import RealStarts, mcsg
 from generation.search.policy import McsgSettings, single
 from generation.search.problem import COLLISION, RISK, SAFE, History, Problem
+from schemas.common.array_types import FloatArray
 from studies.generation.strategies import GeneticSettings, evolve, rewarded
-from xodr.array_types import FloatArray
 
 METHODS = {
     "exclusive": {

@@ -17,9 +17,9 @@ from recognition.labels.scene import prepare
 from recognition.maneuvers.estimation import LaneMotion, lane_motion, segment
 from recognition.maneuvers.parameters import CUT_IN, Unit
 from recognition.sites import site_of
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import read_parquet
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.storage import read_parquet
 
 INTERVAL = 0.5
 """Time (s) between two decisions of a driver; in between, accelerations change evenly"""

@@ -17,8 +17,8 @@ from generation.twin.motion import Body, driven
 from generation.twin.script import Actor, Script, read
 from runner.measures.relations import box_distance
 from runner.settings import RunSettings
-from schemas.errors import Unsupported
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import Unsupported
 
 START = 100.0
 """Initial station (s, m) of the ego"""

@@ -16,9 +16,9 @@ from generation.density.base import Components, folds
 from generation.density.limits import QUANTILE
 from generation.density.models.mixtures import Mixture
 from generation.density.prior import FORESEEABLE
-from schemas.errors import UsageError
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import UsageError
 from studies.generation.adversary.actions import ACTION, DECISIONS, INTERVAL, STATE, Actions
-from xodr.array_types import BoolArray, FloatArray
 
 _COMPONENTS = 8
 _GIVEN = range(len(STATE))

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from generation.outcomes.judges import JUDGES
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from studies.generation.adversary import OBJECTIVES
 from studies.generation.adversary.actions import DECISIONS, INTERVAL, STATE
 from studies.generation.adversary.course import Course, Scene, replayed
 from studies.generation.adversary.driving import Driving
 from studies.generation.adversary.shape import shape
-from xodr.array_types import BoolArray, FloatArray, IntArray
 
 OBSERVED = len(STATE) + 3
 """Numbers that the policy sees: the state, the ego's acceleration, the time, and what likelihood is left to spend"""

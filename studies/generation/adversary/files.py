@@ -17,10 +17,10 @@ from lxml import etree
 import xosc
 from runner.interpreter.execution import prepare
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import InvalidFile
 from studies.generation.adversary.course import START, Scene
 from studies.generation.adversary.environment import Episodes
-from xodr.array_types import FloatArray
 from xodr.road import Road
 from xosc import maneuvers
 from xosc.document import Document, to_bytes

@@ -18,15 +18,15 @@ from generation.search.space import Space
 from recognition.maneuvers.parameters import CUT_IN
 from runner.settings import RunSettings
 from runner.sut import system_name
-from schemas.errors import UsageError
-from schemas.storage import alone
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
+from schemas.common.storage import alone
 from studies.generation.adversary.actions import DECISIONS, INTERVAL, OWN, Actions
 from studies.generation.adversary.course import Scene
 from studies.generation.adversary.driving import Driving
 from studies.generation.adversary.environment import Episodes
 from studies.generation.adversary.files import Writer
 from studies.generation.adversary.search import AdversarySettings, Round, Starts, search
-from xodr.array_types import FloatArray
 from xosc.tags import Tag
 
 _START = ("gap", "start_speed", EGO_SPEED)

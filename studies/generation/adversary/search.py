@@ -14,13 +14,13 @@ import numpy as np
 
 from generation.search.space import diverse
 from recognition.training.data import seeded
+from schemas.common.array_types import FloatArray
 from studies.generation.adversary import OBJECTIVES
 from studies.generation.adversary.actions import ACTION, DECISIONS, INTERVAL
 from studies.generation.adversary.course import Scene
 from studies.generation.adversary.driving import Driving
 from studies.generation.adversary.environment import OBSERVED, Environment, Episodes
 from studies.generation.adversary.td3 import TD3, TD3Settings
-from xodr.array_types import FloatArray
 
 Starts = Callable[[int, np.random.Generator], FloatArray]
 """Draws gaps (m), speeds of the actor and of the ego (m/s) (n, 3) at which traffic begins."""

@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from runner.measures.risk_field import risk_field
-from schemas.errors import UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 from studies.generation.adversary import OBJECTIVES
 from studies.generation.adversary.course import Course
-from xodr.array_types import FloatArray
 
 Shape = Callable[[Course], FloatArray]
 _NEAR = 5.0

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from generation.search.problem import Calls, History, Problem
-from schemas.extras import optional
+from schemas.common.packages import optional
 
 METHODS = {"cma-es": {"title": "CMA-ES", "meaning": "evolution strategy on MCSG's reward, with restarts", "realistic": True}}
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from generation.search.problem import Calls, History, Problem
-from schemas.extras import optional
+from schemas.common.packages import optional
 
 METHODS = {"ibo": {"title": "IBO", "meaning": "Bayesian optimisation of criticality", "realistic": False}}
 

@@ -15,8 +15,8 @@ from torch.nn import functional
 
 from generation.search.problem import Calls, History, Problem
 from recognition.training.data import seeded
+from schemas.common.array_types import FloatArray, IntArray
 from studies.generation.strategies import perceptron
-from xodr.array_types import FloatArray, IntArray
 
 METHODS = {
     "rltester": {

@@ -10,7 +10,7 @@ import typer
 from generation.options import Kind, Recorded
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM
-from schemas.commands.options import Verbose, Version, interruptible
+from schemas.common.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation ablation"
 
@@ -31,7 +31,7 @@ def command(
 ) -> None:
     """Search on the twin with each emitter alone, with all but one, with all; and with MCSG by other bounds of its stages."""
     from generation.search.emitters import EMITTERS
-    from schemas.errors import UsageError
+    from schemas.common.errors import UsageError
     from studies.generation.failures.problem import posed
     from studies.generation.failures.study import bounds, by_emitters, sets
 

@@ -11,7 +11,7 @@ import typer
 from generation.options import Jobs, Pin, Quiet, Ray, Timestep
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.commands.options import (
+from schemas.common.command_line import (
     CatalogPath,
     RoadPath,
     Verbose,

@@ -14,8 +14,8 @@ from generation.density.models import models
 from generation.options import Jobs, Kind, Pin, Recorded
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.commands.options import Verbose, Version, interruptible, parameters_of
-from schemas.errors import UsageError
+from schemas.common.command_line import Verbose, Version, interruptible, parameters_of
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     from generation.recorded import Recorded as Units

@@ -11,8 +11,8 @@ import typer
 from generation.options import Jobs, Kind, Recorded
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM
-from schemas.commands.options import Verbose, Version, interruptible
-from schemas.errors import Unsupported
+from schemas.common.command_line import Verbose, Version, interruptible
+from schemas.common.errors import Unsupported
 
 NAME = "python -m studies.generation estimate"
 

@@ -9,8 +9,8 @@ import typer
 
 from generation.options import Jobs, Kind, Recorded
 from runner.settings import DEFAULT_SYSTEM
-from schemas.commands.options import Verbose, Version, interruptible, out_folder
-from schemas.errors import UsageError
+from schemas.common.command_line import Verbose, Version, interruptible, out_folder
+from schemas.common.errors import UsageError
 
 NAME = "python -m studies.generation failures"
 REPORTED = 100

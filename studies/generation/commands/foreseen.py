@@ -10,7 +10,7 @@ import typer
 from generation.options import Recorded
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.commands.options import Verbose, Version, interruptible
+from schemas.common.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation foreseen"
 

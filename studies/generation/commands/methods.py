@@ -9,8 +9,8 @@ import typer
 
 from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Timestep
 from runner.run_options import Sut
-from schemas.commands.options import Verbose, Version, interruptible, out_folder, parameters_of, progress_bar
-from schemas.errors import UsageError
+from schemas.common.command_line import Verbose, Version, interruptible, out_folder, parameters_of, progress_bar
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     from studies.generation.comparison.study import Study

@@ -9,8 +9,8 @@ import typer
 
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.commands.options import Verbose, Version, interruptible
-from schemas.errors import UsageError
+from schemas.common.command_line import Verbose, Version, interruptible
+from schemas.common.errors import UsageError
 from studies.generation.adversary import OBJECTIVES
 
 NAME = "python -m studies.generation objectives"

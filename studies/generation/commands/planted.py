@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schemas.commands.options import Verbose, Version, interruptible
+from schemas.common.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation planted"
 
@@ -24,7 +24,7 @@ def command(
     _version: Version = False,
 ) -> None:
     """Search for planted failures on the kinematic twin, without a screen: every trial is a run."""
-    from schemas.errors import UsageError
+    from schemas.common.errors import UsageError
     from studies.generation.failures.problem import posed
     from studies.generation.planted.study import PLANS, ROWS, searches, table
     from studies.generation.planted.systems import Pool

@@ -11,8 +11,8 @@ import typer
 
 from generation.options import Jobs, Quiet, Timestep
 from runner.settings import RunSettings
-from schemas.commands.options import Verbose, Version, interruptible, out_folder
-from schemas.errors import UsageError
+from schemas.common.command_line import Verbose, Version, interruptible, out_folder
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Job, Outcome

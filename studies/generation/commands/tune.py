@@ -10,7 +10,7 @@ import typer
 from generation.options import Kind, Recorded
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM
-from schemas.commands.options import Verbose, Version, interruptible
+from schemas.common.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation tune"
 
@@ -28,8 +28,8 @@ def command(
     _version: Version = False,
 ) -> None:
     """Try four settings of each method on the twin, and keep those with which it finds most distinct failures."""
-    from schemas.errors import UsageError
-    from schemas.storage import write_object
+    from schemas.common.errors import UsageError
+    from schemas.common.storage import write_object
     from studies.generation.failures.problem import posed
     from studies.generation.failures.study import TRIALS, read, trials
 

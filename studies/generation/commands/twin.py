@@ -12,7 +12,7 @@ import typer
 from generation.options import Jobs, Kind, Recorded
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM
-from schemas.commands.options import Verbose, Version, interruptible
+from schemas.common.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation twin"
 _PLAYED = 32_768

@@ -12,7 +12,7 @@ from generation.recorded import kind_of, of_recordings, of_samples
 from generation.search.space import distinctive, diverse
 from generation.settings import Choice
 from runner.batch.jobs import Job
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from studies.generation.comparison.study import Study, StudySettings
 from studies.generation.methods import TRAJECTORIES
 

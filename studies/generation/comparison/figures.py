@@ -8,7 +8,7 @@ from statistics import fmean, stdev
 
 import matplotlib as mpl
 
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 mpl.use("Agg")
 

@@ -10,7 +10,7 @@ from generation.outcomes.outcomes import Episodes, Evaluate
 from generation.search.problem import History, Problem
 from generation.search.space import diverse
 from generation.settings import Choice
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 
 JUDGED = 100
 """Collisions that the careful driver is given, at most."""

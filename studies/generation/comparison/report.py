@@ -6,7 +6,7 @@ from statistics import fmean
 
 import numpy as np
 
-from schemas.security.text import csv_text
+from schemas.common.text import csv_text
 from studies.generation import densities, reconstruction
 from studies.generation.comparison import trajectories
 from studies.generation.comparison.measures import Measures, last_third, measure

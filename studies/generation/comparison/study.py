@@ -20,7 +20,8 @@ from generation.search.methods import method
 from generation.search.problem import History, Memory, Problem, Realism, Reward, counted
 from generation.search.space import Space
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.errors import UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 from studies.generation.comparison.measures import avoided
 from studies.generation.knots.motion import knots_of
 from studies.generation.knots.problem import Trajectories
@@ -28,7 +29,6 @@ from studies.generation.knots.scenario import setting_of, write
 from studies.generation.methods import METHODS, TRAJECTORIES
 from studies.recognition.protocol.store import Key as Place
 from studies.recognition.protocol.store import Store
-from xodr.array_types import FloatArray
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from generation.search.problem import Realism
+from schemas.common.array_types import BoolArray, FloatArray
 from studies.generation.comparison.measures import last_third
 from studies.generation.comparison.study import Key, Study
 from studies.generation.knots.motion import Nearest, knots_of, maneuvers_of
 from studies.generation.methods import METHODS, TRAJECTORIES
 from studies.recognition.report.tables import Table, spread
-from xodr.array_types import BoolArray, FloatArray
 
 Figures = tuple[float, ...]
 

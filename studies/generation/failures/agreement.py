@@ -10,9 +10,9 @@ from scipy.stats import binomtest
 from generation.outcomes.judges import REFERENCES
 from generation.search.methods.quality import QualitySettings, quality
 from generation.search.problem import BATCH, Problem
-from schemas.errors import UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 from studies.generation.failures.problem import Posed
-from xodr.array_types import FloatArray
 
 CONFIDENCE = 0.95
 

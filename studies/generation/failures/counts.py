@@ -14,12 +14,12 @@ from generation.outcomes.outcomes import Evaluator
 from generation.search.problem import History
 from generation.search.space import distinctive, diverse
 from generation.settings import Choice
-from schemas.errors import UsageError
-from schemas.storage import read_object, write_object
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import UsageError
+from schemas.common.storage import read_object, write_object
 from studies.generation.failures.problem import Posed
 from studies.generation.methods import METHODS
 from studies.recognition.report.tables import Table, spread
-from xodr.array_types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from generation.search.screen import Screen
 from generation.search.space import Space
 from generation.twin.episodes import Twin
 from runner.settings import RunSettings
-from schemas.errors import Unsupported, UsageError
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import Unsupported, UsageError
 
 
 class Posed(NamedTuple):

@@ -13,8 +13,8 @@ from generation.search.emitters import EMITTERS
 from generation.search.methods import method
 from generation.search.methods.quality import QualitySettings, quality
 from generation.search.problem import BATCH, Counting, Search
-from schemas.errors import UsageError
-from schemas.storage import read_object
+from schemas.common.errors import UsageError
+from schemas.common.storage import read_object
 from studies.generation.failures.counts import EXTRAS, REFERENCE, Counts, counted, path_of, save
 from studies.generation.failures.problem import Posed, screened
 from studies.generation.methods import METHODS

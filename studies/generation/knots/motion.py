@@ -10,7 +10,7 @@ import numpy as np
 from generation.search.space import Space
 from recognition.maneuvers.estimation import distance_model, fit_speeds, progress, reconstruct
 from recognition.maneuvers.parameters import PARAMETERS
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 NUMBER = 6
 """Of knots: the fewest that describe recorded cut-ins within the published errors of reconstruction."""

@@ -16,9 +16,9 @@ from generation.logical.roads import GEOMETRIES
 from generation.search.space import Space
 from generation.variations import AUTHOR
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
-from schemas.errors import UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 from studies.generation.knots.motion import NUMBER, Setting, box, knots_of, weights
-from xodr.array_types import FloatArray
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.exports import standard

@@ -17,10 +17,10 @@ from generation.search.methods.mcsg import mcsg
 from generation.search.methods.quality import quality
 from generation.search.problem import BATCH, Calls, History, Problem, Search
 from generation.search.space import distinctive
-from schemas.storage import Records
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.storage import Records
 from studies.generation.baselines.cma_es import cma_es
 from studies.generation.planted.systems import Plan, Planted, Pool, plant
-from xodr.array_types import FloatArray, IntArray
 
 PLANS: Mapping[str, Sequence[Plan]] = {
     "development": (

@@ -21,7 +21,7 @@ from generation.outcomes.outcomes import Outcomes
 from generation.search.emitters import Frame
 from generation.search.problem import Plays
 from generation.search.space import Space
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 Score = Callable[[FloatArray], FloatArray]
 """Distance (n,) of points (n, d) from the middle of a region, in a measure of its shape"""

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from schemas.commands.options import Verbose, Version, interruptible, out_folder
+from schemas.common.command_line import Verbose, Version, interruptible, out_folder
 
 
 @interruptible("studies.recognition agreement")
@@ -20,7 +20,7 @@ def agreement(
 ) -> None:
     """Label all recordings of a folder, and report how the labels agree with their bare positions and own lanes."""
     from recognition.labels import Rules
-    from schemas.storage import keep, writing
+    from schemas.common.storage import keep, writing
     from studies.recognition.agreement.plots import plots
     from studies.recognition.agreement.report import report
     from studies.recognition.agreement.survey import survey

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 LEAST_WAY = 10.0
 """Distance (m) below which a vehicle does not move."""

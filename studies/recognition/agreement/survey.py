@@ -15,10 +15,10 @@ from recognition.datasets.formats import commonroad, highd
 from recognition.labels import RULES, Event, Label, Rules
 from recognition.labels.scene import Scene, events, prepare
 from recognition.sites import Role, Site, site_of
-from schemas.errors import ToolchainError
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import ToolchainError
 from studies.recognition.agreement.geometry import net_turn, own_lane_changes
 from studies.recognition.agreement.reasons import reasons
-from xodr.array_types import BoolArray, FloatArray
 
 _PIECE = 10
 """Rows of one speed sequence by which a vehicle is recognised in another recording."""

@@ -9,12 +9,12 @@ from typing import Any
 from recognition.trfe.candidates import Buffer
 from recognition.trfe.config import Steps
 from recognition.trfe.known import discover
+from schemas.common.array_types import IntArray
 from studies.recognition import kinds, metrics
 from studies.recognition.baselines.clustering.kmeans import KMeansFeatures
 from studies.recognition.experiments.open_set import MAP_ONLY, ONLY_ENCODED, ONLY_TUNED, seen_by
 from studies.recognition.protocol.trials import Trial
 from studies.recognition.strategies import average_linkage, given_count, k_means
-from xodr.array_types import IntArray
 
 GIVEN_K, COUNTED, LINKAGE, K_MEANS = "trfe-given-k", "trfe-counted", "rfap-linkage", "trfe-k-means"
 ENCODED_GIVEN_K, ALL_FEATURES = "encoded-given-k", "all-features"

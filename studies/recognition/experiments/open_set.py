@@ -9,13 +9,13 @@ import numpy as np
 
 from recognition.encoder.config import Schedule
 from recognition.trfe.samples import UNKNOWN, Features
+from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition import kinds, metrics
 from studies.recognition.baselines.end_to_end import EndToEnd
 from studies.recognition.baselines.open_set.heads import HeadMethod
 from studies.recognition.baselines.open_set.method import OpenSetMethod
 from studies.recognition.baselines.open_set.voting import VotingMethod
 from studies.recognition.protocol.trials import Trial, long_enough
-from xodr.array_types import FloatArray, IntArray
 
 COMMON = "trfe"
 """TRFE's forest and screening under the common rejection rule, as all others are."""

@@ -11,12 +11,12 @@ import numpy as np
 from recognition.trfe.samples import UNKNOWN
 from recognition.trfe.screening import EvtJoint
 from recognition.trfe.trfe import TRFE
+from schemas.common.array_types import IntArray
 from studies.recognition import metrics
 from studies.recognition.ablations import VARIANTS, Variant
 from studies.recognition.protocol.rounds import Round
 from studies.recognition.protocol.trials import Samples, Trial
 from studies.recognition.recalibrated import Recalibrated
-from xodr.array_types import IntArray
 
 _PART = 50
 """Samples that arrive together."""

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.grids import VELOCITY_STEP, Grid
-from schemas.errors import UsageError
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.errors import UsageError
 
 _SPEEDS = np.linspace(0.0, 40.0, 21)
 """Speeds (m/s) about which those of egos are coded, as far apart as the code's bells are wide."""

@@ -9,7 +9,7 @@ from itertools import groupby
 from pathlib import Path
 
 from runner.batch.pool import executor
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.recognition.protocol.evaluation import Evaluation, ProtocolSettings
 from studies.recognition.protocol.store import Key, Store
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 FIRST, STEP = 2, 3
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from schemas.storage import check_settings, keep, read_object, write_object
+from schemas.common.storage import check_settings, keep, read_object, write_object
 
 _CONFIGURATION, _RESULTS = "configuration.json", "results"
 _REMEDY = "remove it to have it made again"

@@ -20,12 +20,12 @@ from recognition.trfe.config import Config
 from recognition.trfe.forest import TREES, VotingForest, grow
 from recognition.trfe.samples import UNKNOWN, Features, drawn_of_each
 from recognition.trfe.trfe import TRFE
+from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.pool import Pool
 from studies.recognition.plain import static
 from studies.recognition.protocol.pixels import pixel_features
 from studies.recognition.protocol.rounds import FIRST, STEP, Round
 from studies.recognition.strategies import grow_plain
-from xodr.array_types import IntArray
 
 if TYPE_CHECKING:
     from recognition.encoder.model import Encoder

@@ -10,7 +10,7 @@ import numpy as np
 
 from recognition.labels import Label
 from recognition.trfe.samples import BACKGROUND
-from schemas.security.text import csv_text
+from schemas.common.text import csv_text
 from studies.recognition.ablations import CHAINED, VARIANTS
 from studies.recognition.experiments import clustering, open_set
 from studies.recognition.protocol.evaluation import EXPERIMENTS, Evaluation

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from statistics import fmean, stdev
 from typing import Any, NamedTuple
 
-from schemas.security.text import csv_text
+from schemas.common.text import csv_text
 from studies.recognition.protocol.store import Store
 
 Results = dict[str, dict[int, dict[int, dict[str, Any]]]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.trfe.screening import EvtScreening
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 TITLE = "reading A of plain votes"
 PLAIN_VOTES = True

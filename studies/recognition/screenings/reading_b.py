@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from recognition.trfe.screening import Screening
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 TITLE = "CEVT (reading B)"
 PLAIN_VOTES = True

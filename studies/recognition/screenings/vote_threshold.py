@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.trfe.screening import Screening
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 TITLE = "plain vote threshold"
 PLAIN_VOTES = True

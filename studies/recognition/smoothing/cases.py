@@ -16,7 +16,7 @@ from recognition.datasets.rows import Columns, Rows, pieces
 from recognition.datasets.smoothing import RAW, breaks, centres
 from recognition.datasets.source import Participant
 from runner.recording import Track
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
 
 _SHORTEST = 5.0
 """Shortest track (s) that is used."""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from schemas.commands.options import Verbose, Version, interruptible, out_folder
-from schemas.errors import UsageError
+from schemas.common.command_line import Verbose, Version, interruptible, out_folder
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     from studies.recognition.smoothing.search import Judged, Material, Trial
@@ -34,7 +34,7 @@ def smoothing(
 
     Stretches of 0.2 to 1 s are hidden from tracks, and found again. Exact recordings of our own get noise, and are smoothed.
     """
-    from schemas.storage import keep, writing
+    from schemas.common.storage import keep, writing
     from studies.recognition.smoothing.search import BY_HAND, METHODS, best, judged, searched
 
     if {path.resolve() for path in development} & {path.resolve() for path in report} or own == report_own:

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition.datasets.observations import Bounds, turned
+from schemas.common.array_types import BoolArray, FloatArray
 from studies.recognition.smoothing.cases import Case, States
 from studies.recognition.smoothing.ways import Way
-from xodr.array_types import BoolArray, FloatArray
 
 _DEGREES = 4.0
 """Of Student's t distribution of recorded places about those that are found, whatever the way."""

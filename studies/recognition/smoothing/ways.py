@@ -9,8 +9,8 @@ import numpy as np
 from recognition.datasets import motion_models
 from recognition.datasets.observations import Bounds, Noise, Observations
 from recognition.datasets.smoothing import centres, observed, states
+from schemas.common.array_types import BoolArray, FloatArray
 from studies.recognition.smoothing.cases import Case, States
-from xodr.array_types import BoolArray, FloatArray
 
 Way = Callable[[Case], States]
 _Smooth = Callable[[FloatArray, FloatArray, BoolArray], FloatArray]

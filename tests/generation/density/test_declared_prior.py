@@ -9,7 +9,7 @@ from generation.density.marginals import Choices, Marginal, marginal, uniform
 from generation.logical.library import SCENARIOS
 from generation.recorded import of_recordings, of_samples, of_statements
 from generation.search.space import Space
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xosc.distributions import (
     DistributionRange,
     DistributionSet,

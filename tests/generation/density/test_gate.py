@@ -10,7 +10,7 @@ from generation.logical.library import SCENARIOS
 from generation.outcomes.outcomes import Evaluator, Outcomes
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 

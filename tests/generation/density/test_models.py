@@ -18,8 +18,8 @@ from generation.density.models.flow import Couplings, Flow
 from generation.density.models.kernels import KDE, Independent, scott
 from generation.density.models.mixtures import Gaussian, Mixture, Student
 from generation.density.prior import fitted, held_out, others
-from schemas.errors import UsageError
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 
 MEAN = np.array([30.0, 25.0, 2.0])
 COVARIANCE = np.array([[25.0, 12.0, 0.5], [12.0, 16.0, 0.2], [0.5, 0.2, 0.25]])

@@ -12,7 +12,7 @@ from generation.logical.library import SCENARIOS
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
 from recognition.maneuvers.parameters import PARAMETERS
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 ROWS, FEW = slice(None, None, 8), slice(None, None, 80)

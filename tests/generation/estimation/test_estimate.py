@@ -8,7 +8,7 @@ import pytest
 from generation.density.marginals import DeclaredPrior, uniform
 from generation.estimation.estimate import FAILURE, PREVENTABLE, EstimateSettings, Known, Proposal, Stage, Stages, estimate
 from generation.outcomes.outcomes import Outcomes
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 EDGE, TRUTH = 0.04, 0.04**2
 PRIOR = DeclaredPrior({"a": uniform(0.0, 1.0), "b": uniform(-1.0, 0.0)}, None)

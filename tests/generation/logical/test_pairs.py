@@ -17,7 +17,7 @@ from generation.search.space import Space
 from generation.twin.episodes import Twin
 from recognition.maneuvers.units import MOST_LAG, OWN, Samples, followed, pairs
 from runner.settings import RunSettings
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.generation.pairs import Coordinated, acting_alone
 
 NAMES = [name for name, _ in pair_scenarios()]

@@ -9,7 +9,7 @@ import pytest
 import xodr
 from generation.logical.library import ROADS
 from generation.logical.roads import Course, Crossing, Lane, meeting
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 CROSSING = xodr.load(ROADS / "intersection_four_way_two_lanes.xodr")
 EASTWARDS = Course(Lane("3", 1), Lane("1", -1))

@@ -20,8 +20,8 @@ from generation.report.regression import Fate
 from generation.settings import Ask, LoopSettings
 from runner.settings import RunSettings
 from runner.sut import Control, Observation, Participant
-from schemas.commands.options import progress_bar
-from schemas.errors import UsageError
+from schemas.common.command_line import progress_bar
+from schemas.common.errors import UsageError
 from tests.runner.chromium import Browser
 from xosc.exports import standard
 from xosc.exports.folder import Folder

@@ -15,8 +15,8 @@ from generation.loop.inputs import Inputs
 from generation.loop.loop import run_loop
 from generation.settings import LoopSettings
 from runner.settings import RunSettings
-from schemas.commands.options import progress_bar
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.command_line import progress_bar
+from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.recognition.motorway import write_motorway
 from tests.runner.files import car, distribution, place, scenario

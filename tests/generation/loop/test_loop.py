@@ -19,8 +19,7 @@ from generation.loop.page import PAGE, write
 from generation.settings import Ask, LoopSettings
 from runner.settings import RunSettings
 from schemas import check_many
-from schemas.commands.files import expand
-from schemas.commands.options import progress_bar
+from schemas.common.command_line import expand, progress_bar
 from tests.recognition.traffic import Car, write_highd
 from tests.runner.chromium import Browser
 from xosc.exports import standard

@@ -14,8 +14,8 @@ from generation.loop.findings import Finding, Stage
 from generation.loop.loop import run_loop
 from generation.settings import Ask, LoopSettings
 from runner.settings import RunSettings
-from schemas.commands.options import progress_bar
-from schemas.errors import UsageError
+from schemas.common.command_line import progress_bar
+from schemas.common.errors import UsageError
 from tests.runner.batch.test_inputs import SYSTEM
 from xosc.exports import standard
 from xosc.exports.folder import Folder

@@ -32,7 +32,7 @@ from generation.loop.findings import (
     summary,
 )
 from generation.loop.runs import FinishedStages
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 COUNT = Stage("count")
 CASE = EdgeCase("a.xosc", None, {"Gap": 5.0}, CaseVerdict.COLLISION, CarefulDriver.AVOIDS, -1.5, 0.25)

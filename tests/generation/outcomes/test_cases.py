@@ -23,7 +23,7 @@ from generation.outcomes.outcomes import Episodes, Outcomes
 from generation.search.space import Space
 from generation.settings import Choice
 from recognition.maneuvers.parameters import Parameter
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 SPACE = Space((Parameter("Other_A", 0.0, 10.0), Parameter("Other_B", 0.0, 10.0), Parameter("Other_StartTime_s", 0.0, 10.0)))
 

@@ -14,7 +14,7 @@ from generation.outcomes.outcomes import Evaluator, Outcomes
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from runner.settings import RunSettings
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 CUT_IN = Path(__file__).parents[3] / "xosc" / "library" / "simple_cut_in.xosc"
 SPACE = Space.of(CUT_IN, {"Ego_Speed_mps": "30"})

@@ -20,8 +20,8 @@ from generation.settings import SearchSettings
 from generation.variations import Writer, Written
 from recognition.maneuvers.units import Exposure
 from runner.settings import RunSettings
-from schemas.storage import write_object
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
+from schemas.common.storage import write_object
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 SPACE = Space.of(CUT_IN)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from generation.report.regression import Before, Fate, Tried, regression
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.generation.report.searches import CUT_IN, EASY, HARD, SPACE, WEAK, searched, settings, written
 
 OLD, NEW = "cas:brake=2", "cas:sensor_range=150"

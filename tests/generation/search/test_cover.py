@@ -13,8 +13,8 @@ from generation.recorded import of_recordings, of_samples
 from generation.search.methods.cover import CoverSettings, _Search, cover
 from generation.search.problem import Problem, Realism, Reward
 from generation.search.space import Space
-from schemas.errors import UsageError
-from xodr.array_types import BoolArray, FloatArray
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import UsageError
 
 SPACE = Space.of(SCENARIOS / "cut_in_highway.xosc")
 GAP, EGO = (SPACE.names.index(name) for name in ("CutIn_Gap_m", "Ego_Speed_mps"))

@@ -9,7 +9,7 @@ import numpy as np
 
 from generation.search.emitters import Archive, Frame, LineEmitter
 from generation.search.problem import Problem
-from xodr.array_types import FloatArray
+from schemas.common.array_types import FloatArray
 
 FAR = 1000.0
 """Where parents are, far from draws of the prior"""

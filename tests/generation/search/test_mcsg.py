@@ -21,10 +21,10 @@ from generation.search.policy import Bins, Edits, McsgSettings, Policy, coordina
 from generation.search.problem import Calls, History, Memory, Problem, Realism, Reward, additive
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import Records
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.storage import Records
 from tests.generation.kinematic import SPACE, Kinematic, driven
-from xodr.array_types import FloatArray
 
 
 def outcomes(collision: list[bool], r_risk: list[float]) -> Outcomes:

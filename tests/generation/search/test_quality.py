@@ -18,7 +18,7 @@ from generation.search.problem import History, Problem, Realism, Reward
 from generation.search.screen import FEW
 from generation.search.space import Space, distinctive
 from generation.twin.episodes import Twin
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 pytest.importorskip("ribs")
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"

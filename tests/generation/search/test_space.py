@@ -10,7 +10,7 @@ import pytest
 import xosc
 from generation.search.space import Space
 from recognition.maneuvers.parameters import PARAMETERS, Parameter, declared_name
-from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
+from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from xosc import maneuvers
 from xosc.exports.concrete import copied
 

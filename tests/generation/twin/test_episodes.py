@@ -13,7 +13,7 @@ from generation.outcomes.outcomes import Evaluator
 from generation.search.space import Space
 from generation.twin.episodes import Twin
 from runner.settings import RunSettings
-from schemas.errors import Unsupported
+from schemas.common.errors import Unsupported
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 MANEUVERS = (

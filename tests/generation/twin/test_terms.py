@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from generation.twin.script import value
-from schemas.errors import Unsupported
+from schemas.common.errors import Unsupported
 from schemas.expressions import evaluate
 
 A, B = np.array([1.0, -2.0, 0.0]), np.array([3.0, 4.0, -5.0])

@@ -24,9 +24,8 @@ from recognition.catalogue.write import CatalogueConfig, criticality_of
 from recognition.datasets import open as open_recordings
 from runner.recording import Recording
 from schemas import check_many
-from schemas.commands.files import expand
-from schemas.commands.options import progress_bar
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.command_line import expand, progress_bar
+from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.recognition import motorway
 from tests.recognition.traffic import interaction_rows, write_csv

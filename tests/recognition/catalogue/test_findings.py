@@ -24,7 +24,7 @@ from recognition.trfe.known import FIRST_DISCOVERED
 from recognition.trfe.storage import load
 from recognition.trfe.trfe import TRFE
 from runner.recording import Recording
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.recognition import motorway
 from tests.recognition.clouds import clouds
 from tests.recognition.driving import track

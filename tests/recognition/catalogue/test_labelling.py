@@ -18,8 +18,8 @@ from runner.batch.batch import execute
 from runner.batch.jobs import Job
 from runner.settings import RunSettings
 from schemas import check
-from schemas.commands.options import progress_bar
-from schemas.errors import InvalidFile
+from schemas.common.command_line import progress_bar
+from schemas.common.errors import InvalidFile
 from xosc import tags
 
 LIBRARY = Path(xosc.__file__).parent / "library"

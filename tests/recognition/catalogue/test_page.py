@@ -17,7 +17,7 @@ from recognition.catalogue.exposure import Exposure, exposure_of, interval, rate
 from recognition.catalogue.pipeline import ByRules
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.labels.classes import Rules
-from schemas.commands.options import progress_bar
+from schemas.common.command_line import progress_bar
 from tests.recognition import motorway
 from tests.recognition.scenes import Driver, recording
 from tests.runner.chromium import Browser

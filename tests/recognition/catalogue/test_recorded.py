@@ -15,8 +15,7 @@ from recognition.catalogue.pipeline import ByRules, Summary
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.labels import Rules
 from schemas import check_many
-from schemas.commands.files import expand
-from schemas.commands.options import progress_bar
+from schemas.common.command_line import expand, progress_bar
 from studies.recognition import fidelity
 
 TRACKS = "taf_bw/recorded_trackfiles"

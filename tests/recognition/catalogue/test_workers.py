@@ -12,8 +12,8 @@ import pytest
 from recognition.catalogue.pipeline import ByRules, Summary, Workers, build
 from recognition.catalogue.recordings import CatalogueSettings, opened
 from recognition.datasets import Source
-from schemas.commands.options import progress_bar
-from schemas.errors import InvalidFile
+from schemas.common.command_line import progress_bar
+from schemas.common.errors import InvalidFile
 from tests.recognition import motorway
 
 

@@ -17,7 +17,7 @@ from pyarrow import feather
 from recognition import datasets
 from recognition.sites import site_of
 from runner.recording import Recording
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 
 STEPS = 40
 Lines = list[tuple[float, float]]

@@ -12,7 +12,7 @@ import pytest
 from recognition import datasets
 from recognition.datasets.formats.commonroad import document
 from recognition.datasets.formats.commonroad.lanelets import Neighbour, lanelets
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from tests.recognition.traffic import RECTANGLE, commonroad, commonroad_state, obstacle, read, total_rows, write_archive
 
 NORTH = math.pi / 2

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from recognition import datasets
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from tests.recognition.traffic import (
     Car,
     commonroad,

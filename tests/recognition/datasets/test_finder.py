@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from recognition import datasets
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.recognition.traffic import (
     Car,
     commonroad,

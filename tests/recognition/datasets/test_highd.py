@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import schemas
 from recognition import datasets
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.recognition.traffic import Car, highd_rows, read, write_csv, write_highd
 
 EAST = Car(1, 100.0, 21.0, 30.0, lane=6)

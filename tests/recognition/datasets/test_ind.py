@@ -11,7 +11,7 @@ import pytest
 from recognition import datasets
 from recognition.datasets import motion_models
 from recognition.sites import site_of
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.recognition.traffic import ind_rows, interaction_rows, read, write_csv, write_ind
 
 CAR = ind_rows(1, 0.0, 0.0, 5.0, 0.0)

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recognition import datasets
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.recognition.traffic import interaction_rows, read, total_rows, write_csv
 
 CAR = (1, 10.0, 20.0, 6.0, 8.0, math.atan2(8.0, 6.0))

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recognition import datasets
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.recognition.traffic import metric_rows, ngsim_rows, read, total_rows, write_csv, write_parquet
 
 FOOT = 0.3048

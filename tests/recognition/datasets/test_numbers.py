@@ -10,7 +10,7 @@ import pytest
 
 from recognition import datasets
 from recognition.datasets.formats import highd, ind, interaction, ngsim
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.recognition.traffic import (
     RECTANGLE,
     Car,

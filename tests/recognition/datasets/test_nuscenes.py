@@ -14,7 +14,7 @@ import pytest
 from recognition import datasets
 from recognition.labels import Label, label
 from recognition.sites import site_of
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 
 START, SAMPLES = 1_532_402_927_000_000, 21
 Tables = dict[str, list[dict[str, Any]]]

@@ -15,7 +15,7 @@ from recognition.catalogue.whole import write_replay
 from recognition.sites import site_of
 from runner.exports import osi
 from runner.traces.reading import read as read_trace
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from schemas.osi.traces import Trace
 from tests.runner.test_traces import truths, write
 

@@ -18,7 +18,7 @@ from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.recording import COLUMNS
 from runner.settings import RunSettings
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.recognition.traffic import read, total_rows
 
 SCENARIO = Path(runner.__file__).parents[1] / "xosc" / "library" / "simple_cut_in.xosc"

@@ -12,8 +12,8 @@ import pytest
 from recognition import datasets
 from recognition.datasets.observations import LIMITS
 from runner.recording import Recording
+from schemas.common.array_types import FloatArray
 from tests.recognition.traffic import interaction_rows, read, write_csv
-from xodr.array_types import FloatArray
 
 N = 120
 TIME = np.arange(N) * 0.1

@@ -15,7 +15,7 @@ from recognition import datasets
 from recognition.labels import Label, label
 from recognition.sites import Site, site_of
 from runner.recording import Recording
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 
 STEPS = 91
 

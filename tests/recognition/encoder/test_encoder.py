@@ -17,7 +17,7 @@ from recognition.encoder.storage import features, load, logits, save
 from recognition.encoder.training import FrameOrder, deterministic, finetune, pretrain
 from recognition.grids import Grid
 from recognition.training.windows import Windows
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from studies.recognition.experiments.probe import probe, speed_code
 from studies.recognition.protocol.presets import RowTokens
 

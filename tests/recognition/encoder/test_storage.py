@@ -15,7 +15,7 @@ from recognition.encoder.config import Architecture
 from recognition.encoder.model import untrained
 from recognition.encoder.storage import load, save
 from recognition.grids import Grid
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 
 Weights = dict[str, torch.Tensor]
 

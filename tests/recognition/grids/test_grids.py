@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recognition.grids import Grid, covered, rasterise
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.recognition.scenes import STEP, Driver, recording
 from xodr.builders import straight_highway
 from xodr.reader import load

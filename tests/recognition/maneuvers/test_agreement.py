@@ -19,7 +19,7 @@ from recognition.catalogue.write import CatalogueConfig
 from recognition.labels.classes import Label
 from recognition.maneuvers.parameters import CUT_IN, CUT_OUT, LANE_CHANGE, PARAMETERS
 from recognition.maneuvers.units import Samples, extract
-from schemas.commands.options import progress_bar
+from schemas.common.command_line import progress_bar
 from tests.recognition.motorway import write_motorway
 
 DEMO = Path(__file__).parents[3] / "generation" / "loop" / "demo"

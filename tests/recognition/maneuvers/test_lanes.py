@@ -23,7 +23,7 @@ from recognition.sites import site_at
 from runner.measures.relations import Motion, relations
 from runner.recording import Recording, Track
 from schemas import check
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from tests.recognition import motorway as m
 from xosc import maneuvers
 

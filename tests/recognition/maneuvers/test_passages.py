@@ -21,7 +21,7 @@ from recognition.sites import Site
 from recognition.sites.lanes import place
 from runner.recording import Recording, Track
 from schemas import check
-from schemas.errors import Unsupported
+from schemas.common.errors import Unsupported
 from tests.recognition.driving import STEP, route, site, track
 from xodr.builders import four_way_intersection
 from xosc import maneuvers

@@ -11,7 +11,7 @@ import pytest
 from recognition.maneuvers.estimation import LaneMotion, errors, estimate, segment
 from recognition.maneuvers.parameters import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Unit
 from recognition.maneuvers.units import OWN, Exposure, Samples, extract
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.recognition.maneuvers.runs import recorded
 from tests.recognition.motorway import write_motorway
 

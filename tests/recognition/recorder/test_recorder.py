@@ -19,7 +19,7 @@ from recognition.recorder import SITES, record
 from recognition.sites import site_of
 from runner.recording import Recording, Track
 from schemas import check
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 NAMES = ["motorway_sparse", "kerbside", "crossing"]
 LEAST = 1e-6

@@ -12,7 +12,7 @@ import pytest
 import recognition.datasets as datasets
 from recognition.sites import share_astray, share_on_road, site_of
 from runner.recording import Recording
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.recognition.driving import STEP, ahead, site, track
 from tests.recognition.traffic import interaction_rows, write_csv
 from xodr import builders

@@ -15,7 +15,7 @@ import pytest
 from recognition.sites import Role, Site, site_at
 from recognition.sites.lanes import graph
 from recognition.sites.roles import ROLES
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.recognition.driving import site
 from xodr import builders
 from xodr.builders import RoadMap

@@ -12,7 +12,7 @@ import recognition.datasets as datasets
 from recognition.datasets.roads import straight_road
 from recognition.sites import Role, site_of
 from runner.recording import Recording
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.recognition.driving import STEP, ahead, sideways, track
 from tests.recognition.traffic import Car, commonroad, interaction_rows, obstacle, write_csv, write_highd
 from tests.xodr.lanelet2.lanelet_maps import two_lanes

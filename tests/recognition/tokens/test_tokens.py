@@ -16,7 +16,7 @@ from recognition.tokens import FEATURES, SCALES, Tokens, relations, tokenise
 from recognition.training.windows import events_and_background, visible
 from recognition.trfe.samples import BACKGROUND
 from runner.recording import Recording
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.recognition.driving import STEP, ahead, site, track
 from xodr.builders import four_way_intersection, straight_highway
 

@@ -10,7 +10,7 @@ import pytest
 from recognition.grids import Grid
 from recognition.labels import Label
 from recognition.training.data import fingerprint, source_of, windows_at
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from studies.recognition.protocol.pixels import pixel_features
 from tests.recognition.traffic import Car, write_highd
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from recognition.training.data import SHARES, Split, Unit, split
 from recognition.training.windows import Windows
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.recognition.protocol.rounds import rounds
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from recognition.grids import Grid
 from recognition.training.windows import Windows, store, windows_of
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.recognition.scenes import Driver, recording
 
 GRID = Grid(40.0, 20.0, 1.0, 1.0, channels=("others", "ego"))

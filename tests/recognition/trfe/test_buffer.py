@@ -7,7 +7,7 @@ import pytest
 
 from recognition.trfe.candidates import Buffer, Preprocessing, sift
 from recognition.trfe.samples import Prototypes
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.recognition.strategies import CosinePrototypes, EuclideanPrototypes, MarginPrototypes
 from tests.recognition.clouds import clouds
 

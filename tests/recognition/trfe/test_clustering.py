@@ -25,11 +25,11 @@ from recognition.trfe.clustering import (
 )
 from recognition.trfe.forest import forest, similarity
 from recognition.trfe.samples import Features
-from schemas.errors import UsageError
+from schemas.common.array_types import IntArray
+from schemas.common.errors import UsageError
 from studies.recognition import metrics
 from studies.recognition.strategies import soft_pairs
 from tests.recognition.clouds import clouds
-from xodr.array_types import IntArray
 
 QUICK = Clustering()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recognition.trfe.forest import Neighbours
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.recognition.clouds import clouds
 
 

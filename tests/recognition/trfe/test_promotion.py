@@ -7,7 +7,7 @@ import pytest
 
 from recognition.trfe.candidates import Promotion, cohesion, judge, known_cohesion
 from recognition.trfe.samples import Prototypes
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 
 def blocks(sizes: list[int], within: list[float], between: float = 0.1) -> np.ndarray:

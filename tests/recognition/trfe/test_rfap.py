@@ -8,9 +8,9 @@ from sklearn.ensemble import RandomForestClassifier
 
 from recognition.trfe.forest import forest, random_trees, similarity
 from recognition.trfe.samples import Features
-from schemas.errors import UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 from tests.recognition.clouds import clouds
-from xodr.array_types import FloatArray
 
 
 def naive(forest: RandomForestClassifier, features: Features) -> FloatArray:

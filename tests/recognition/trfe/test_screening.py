@@ -15,7 +15,8 @@ from recognition.trfe.forest import VotingForest, forest, grow, votes
 from recognition.trfe.known import Labelled, choose_delta, learn
 from recognition.trfe.samples import Features
 from recognition.trfe.screening import EvtJoint, Screening, tail
-from schemas.errors import UsageError
+from schemas.common.array_types import IntArray
+from schemas.common.errors import UsageError
 from studies.recognition.recalibrated import Recalibrated
 from studies.recognition.screenings.pooled import EvtPooled
 from studies.recognition.screenings.reading_a import EvtDeficit
@@ -23,7 +24,6 @@ from studies.recognition.screenings.reading_b import WeibullVotes, weibull
 from studies.recognition.screenings.vote_threshold import VoteThreshold
 from studies.recognition.strategies import grow_plain
 from tests.recognition.clouds import clouds
-from xodr.array_types import IntArray
 
 READINGS = [EvtDeficit, WeibullVotes, VoteThreshold]
 KNOWN, NEW = [1, 2, 3, 4], [7, 8]

@@ -25,7 +25,7 @@ from recognition.trfe.clustering import Clustering
 from recognition.trfe.config import Config, Steps
 from recognition.trfe.storage import load, save
 from recognition.trfe.trfe import TRFE
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from studies.recognition.strategies import average_linkage
 from tests.recognition.clouds import clouds
 

@@ -17,10 +17,10 @@ from recognition.trfe.known import DELTAS, FIRST_DISCOVERED, SET_ASIDE, Discover
 from recognition.trfe.samples import BACKGROUND, UNKNOWN, Features
 from recognition.trfe.screening import EvtJoint
 from recognition.trfe.trfe import TRFE
-from schemas.errors import UsageError
+from schemas.common.array_types import IntArray
+from schemas.common.errors import UsageError
 from studies.recognition.ablations import VARIANTS
 from tests.recognition.clouds import clouds
-from xodr.array_types import IntArray
 
 KNOWN, NEW = [1, 2, 3, 4], [11, 12, 13]
 APART = 6.0

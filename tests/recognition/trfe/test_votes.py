@@ -7,7 +7,7 @@ import pytest
 from sklearn.ensemble import RandomForestClassifier
 
 from recognition.trfe.forest import background_of, forest, votes
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.recognition.clouds import clouds
 
 

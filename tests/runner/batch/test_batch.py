@@ -30,8 +30,8 @@ from runner.batch.journal import finished
 from runner.batch.rehearsal import rehearse_batch
 from runner.interpreter.result import RunResult
 from runner.settings import RunSettings
-from schemas.errors import UsageError
-from schemas.security.policy import Policy, in_force
+from schemas.common.errors import UsageError
+from schemas.common.policy import Policy, in_force
 from tests.commands import Command
 from tests.runner.files import SLOW_SYSTEM, distribution, place, scenario
 

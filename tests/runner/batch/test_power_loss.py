@@ -18,7 +18,7 @@ from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.batch.journal import finished
 from runner.settings import RunSettings
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.disk import Failure, files, watched
 from tests.runner.files import distribution, scenario
 

@@ -14,7 +14,7 @@ from runner.batch.jobs import Job, Outcome, jobs_of
 from runner.batch.journal import Journal, finished
 from runner.interpreter.result import RunResult
 from runner.settings import RunSettings
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.commands import Command
 from tests.runner.files import distribution, scenario
 

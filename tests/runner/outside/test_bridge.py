@@ -20,7 +20,7 @@ import runner
 from runner.sut import Control, Pose
 from runner.sut.bridge import Bridge, answer_of
 from runner.sut.commanded import Scripted
-from schemas.errors import ToolchainError, UsageError
+from schemas.common.errors import ToolchainError, UsageError
 from schemas.osi.rules import breaches
 from schemas.osi.traces import Frame
 from tests.commands import Command

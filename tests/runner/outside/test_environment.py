@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from runner.outside import ENVIRONMENT, register
 from runner.outside.environment import ACTIONS, EgoEnv
 from runner.outside.learner import EGO, PARTICIPANT, STATE, EgoStep, Reward
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.runner.files import distribution, place, scenario, speed_action, story
 from xosc.listing import LIBRARY
 

@@ -12,7 +12,7 @@ from runner.batch.inputs import plugged_in
 from runner.settings import RunSettings
 from runner.sut import Control
 from runner.sut.commanded import Scripted
-from schemas.errors import InvalidFile, ToolchainError, Unsupported, UsageError
+from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from tests.commands import Command
 from tests.conformance.support import at, events, track
 from tests.runner.files import distribution, scenario

@@ -8,10 +8,10 @@ import re
 import numpy as np
 import pytest
 
-from schemas.errors import UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 from studies.generation import conditional
 from studies.generation.conditional import Closed, comparison
-from xodr.array_types import FloatArray
 
 
 def rows_of(n: int) -> tuple[FloatArray, np.ndarray]:

@@ -10,10 +10,10 @@ import pytest
 from generation.density.prior import Box, RecordedPrior
 from generation.density.roles import roles_of
 from generation.outcomes.outcomes import Outcomes
-from schemas.errors import UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 from studies.generation import packages
 from studies.generation.crosscheck import Level, subset_simulation
-from xodr.array_types import FloatArray
 
 FAST = 30.0
 """Speed of the ego, m/s, from which it collides"""

@@ -8,8 +8,8 @@ from generation.logical.library import SCENARIOS
 from generation.outcomes.outcomes import Outcomes
 from generation.recorded import kind_of, of_recordings, of_samples
 from generation.search.space import Space
+from schemas.common.array_types import FloatArray
 from studies.generation.foreseen import limits
-from xodr.array_types import FloatArray
 
 
 def test_both_limits_let_no_more_pass_than_either() -> None:

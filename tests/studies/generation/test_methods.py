@@ -11,7 +11,7 @@ import pytest
 from generation.outcomes.outcomes import Outcomes
 from generation.search.methods import method, offered
 from generation.search.problem import Problem
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.generation.ablations.mcsg import exclusive_reward
 from studies.generation.methods import ABLATIONS, METHODS, TRAJECTORIES
 from tests.generation.kinematic import Kinematic

@@ -10,7 +10,7 @@ import pytest
 import runner
 from generation.outcomes.outcomes import Outcomes
 from runner.batch.jobs import Job, Outcome, jobs_of
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.generation.systems import Comparison, compare
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from schemas.common.array_types import IntArray
 from studies.recognition import metrics
 from studies.recognition.baselines.clustering.gaussian_mixture import Mixture
 from studies.recognition.baselines.clustering.gaussian_mixture_counted import MixtureCounted
@@ -26,7 +27,6 @@ from studies.recognition.baselines.clustering.stae_kmeans import STAEKMeans
 from studies.recognition.baselines.clustering.stae_linkage import STAELinkage
 from studies.recognition.semi_supervised import likely_classes, semi_supervised
 from tests.recognition.clouds import clouds
-from xodr.array_types import IntArray
 
 METHODS: list[type[ClusteringMethod]] = [
     KMeansFeatures, KMeansAxes, KMeansAxesCounted, Mixture, MixtureCounted, SemiSupervised, SemiSupervisedCounted,

@@ -10,12 +10,12 @@ from recognition.encoder.config import Schedule, TokenArchitecture
 from recognition.encoder.model import TokenEncoder
 from recognition.tokens import Tokens
 from recognition.trfe.samples import Features
+from schemas.common.array_types import IntArray
 from studies.recognition.baselines.end_to_end import EndToEnd
 from studies.recognition.baselines.open_set.arpl import ARPL
 from studies.recognition.baselines.open_set.cac import CAC
 from studies.recognition.baselines.open_set.heads import HeadMethod
 from studies.recognition.baselines.open_set.mls import MLS
-from xodr.array_types import IntArray
 
 VIEW, NUMBERS = Tokens(others=1), 3
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.packages import version
+from schemas.common.packages import version
 from studies.recognition.__main__ import NAME, main
 from tests.commands import Answer
 from tests.recognition.traffic import Car, write_highd

@@ -17,14 +17,14 @@ from recognition.tokens import CHANGES, Tokens, changes
 from recognition.training.data import Split
 from recognition.training.windows import Windows
 from recognition.trfe.samples import Features
-from schemas.errors import UsageError
+from schemas.common.array_types import IntArray
+from schemas.common.errors import UsageError
 from studies.recognition.protocol.command import protocol
 from studies.recognition.protocol.evaluation import Evaluation, ProtocolSettings
 from studies.recognition.protocol.processes import run_beside
 from studies.recognition.protocol.rounds import Round
 from studies.recognition.protocol.trials import Trial, Trials
 from studies.recognition.report.report import write_report
-from xodr.array_types import IntArray
 
 GRID = Grid(length=8.0, width=4.0)
 CLASSES = [1, 2, 3, 4, 5, 7, 8, 9]

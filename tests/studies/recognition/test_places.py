@@ -10,7 +10,7 @@ import pytest
 from recognition.labels.classes import Label
 from recognition.tokens import FEATURES, Tokens
 from recognition.training.windows import Windows
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.recognition.places import places
 
 COUNT = 40

@@ -10,7 +10,7 @@ import pytest
 
 from recognition.datasets.observations import Noise
 from recognition.datasets.smoothing import centres
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.recognition.smoothing import ways
 from studies.recognition.smoothing.cases import Case, States, Tracks, drawn, hidden, noisy
 from studies.recognition.smoothing.command import smoothing

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from studies.recognition.protocol.store import Key, Store
 
 KEY = Key("open-set", "cac", 0, 1)

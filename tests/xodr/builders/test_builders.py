@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 import xodr
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from xodr import builders, sumo_net
 from xodr.builders import RoadMap
 from xodr.sumo_net import SumoNet

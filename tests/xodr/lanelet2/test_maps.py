@@ -14,7 +14,7 @@ from lxml import etree
 
 import schemas
 import xodr
-from schemas.errors import InvalidFile, ToolchainError, UsageError
+from schemas.common.errors import InvalidFile, ToolchainError, UsageError
 from tests.xodr.lanelet2.lanelet_maps import WIDTH, LaneletMap, four_way, straight, turn, two_lanes
 from xodr.lanelet2 import Conversion, convert
 from xodr.lookup.geo import Geodetic, GeoReference

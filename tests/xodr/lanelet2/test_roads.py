@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import schemas
 import xodr
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.xodr.lanelet2.lanelet_maps import WIDTH, LaneletMap, fork, four_way, merge, ring, straight, turn, two_lanes
 from xodr import sumo_net
 from xodr.lanelet2 import Conversion, Lanelet, Neighbour, build, convert

@@ -7,7 +7,7 @@ import math
 import pyproj
 import pytest
 
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.errors import InvalidFile, Unsupported
 from xodr.lookup.geo import Geodetic, GeoReference
 
 UTM = "<geoReference><![CDATA[+proj=utm +zone=32 +ellps=WGS84 +units=m +no_defs]]></geoReference>"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import xodr
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from xodr.model import RoadMark
 from xodr.reader import load
 

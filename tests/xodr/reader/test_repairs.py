@@ -9,8 +9,8 @@ import pytest
 
 import schemas
 import xodr
-from schemas.errors import InvalidFile
-from schemas.remarks import Remark
+from schemas.common.errors import InvalidFile
+from schemas.common.remarks import Remark
 from schemas.rules import roads
 from xodr.reader.elements import LARGEST
 from xodr.road import Road

@@ -15,7 +15,7 @@ import pytest
 from lxml import etree
 
 import xodr
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from tests.conftest import SHARED
 from xodr import builders, sumo_net
 from xodr.builders import RoadMap

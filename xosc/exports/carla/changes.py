@@ -14,7 +14,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from schemas.errors import Unsupported
+from schemas.common.errors import Unsupported
 from schemas.xml import parse
 from xosc.dialects.carla import FLAG
 from xosc.document import Document

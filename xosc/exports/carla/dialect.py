@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from schemas.errors import nearest
+from schemas.common.errors import nearest
 from schemas.xml import parse
 from xosc.document import Document
 from xosc.exports.omissions import Rule

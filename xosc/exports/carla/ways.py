@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 
 from lxml import etree
 
-from schemas.errors import Unsupported
+from schemas.common.errors import Unsupported
 from xosc.dialects.carla import is_for_carla
 from xosc.document import Document
 from xosc.exports.carla.beginning import STORY, to_story

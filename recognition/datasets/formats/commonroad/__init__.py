@@ -25,9 +25,9 @@ from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Exclusion, Participant, Report, SiteRoad, Source, participant
 from recognition.datasets.table import Table
 from runner.recording import Recording
-from schemas.errors import InvalidFile
-from schemas.security.policy import current
-from schemas.storage import MAX_BYTES
+from schemas.common.errors import InvalidFile
+from schemas.common.policy import current
+from schemas.common.storage import MAX_BYTES
 from schemas.xml import parse, parse_bytes
 
 _CATEGORIES = {

@@ -13,9 +13,9 @@ from lxml import etree
 from recognition.datasets.roads import keep_road
 from recognition.datasets.source import SiteRoad
 from recognition.datasets.table import GREATEST
-from schemas.errors import InvalidFile, Unsupported
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import InvalidFile, Unsupported
 from schemas.xml import line_of
-from xodr.array_types import FloatArray
 
 
 def child(parent: etree._Element, *path: str) -> etree._Element:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from recognition.training.data import seeded
 from recognition.trfe.clustering import Clustering, Pairs, Projection, cluster, random_head
 from recognition.trfe.samples import Features
+from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.pool import ClusteringMethod, Pool
-from xodr.array_types import IntArray
 
 
 class IterativeMethod(ClusteringMethod):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.trfe.samples import Features
+from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.pool import ClusteringMethod, Pool
-from xodr.array_types import IntArray
 
 TITLE = "k-means on features, given K"
 

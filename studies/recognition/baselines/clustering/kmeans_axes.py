@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.kmeans import k_means
 from studies.recognition.baselines.clustering.pool import ClusteringMethod, Pool
-from xodr.array_types import IntArray
 
 TITLE = "k-means on TRFE's axes, given K"
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from recognition.trfe.config import Config, Steps
 from recognition.trfe.known import Labelled, clustering_axes
 from recognition.trfe.samples import Features
+from schemas.common.array_types import IntArray
 from studies.recognition.semi_supervised import likely_classes
-from xodr.array_types import IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.pool import ClusteringMethod, Pool
 from studies.recognition.semi_supervised import semi_supervised
-from xodr.array_types import IntArray
 
 TITLE = "semi-supervised k-means on TRFE's axes, given K"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.pool import ClusteringMethod, Pool
-from xodr.array_types import IntArray
 
 TITLE = "STAE + average linkage, given K"
 

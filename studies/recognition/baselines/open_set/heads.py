@@ -11,8 +11,8 @@ from torch import Tensor, nn
 
 from recognition.training.data import seeded
 from recognition.trfe.samples import Features
+from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition.baselines.open_set.method import OpenSetMethod
-from xodr.array_types import FloatArray, IntArray
 
 
 class Training(NamedTuple):

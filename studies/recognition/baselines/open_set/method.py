@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from recognition.trfe.samples import UNKNOWN, Features
-from xodr.array_types import FloatArray, IntArray
+from schemas.common.array_types import FloatArray, IntArray
 
 FALSE_REJECTION = 0.05
 """Share of known validation samples that the common rejection rule gives up."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.trfe.samples import Features
+from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition.baselines.open_set.method import OpenSetMethod
-from xodr.array_types import FloatArray, IntArray
 
 TITLE = "random"
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from recognition.trfe.forest import TREES, VotingForest, grow
 from recognition.trfe.samples import Features
 from recognition.trfe.screening import EvtJoint, Screening
+from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition.baselines.open_set.method import OpenSetMethod
-from xodr.array_types import FloatArray, IntArray
 
 _DELTA = 0.05
 """Of screenings; the common rule of `OpenSetMethod` takes the place of its threshold."""

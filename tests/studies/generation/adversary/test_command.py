@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from studies.generation.commands.adversary import command
 from tests.studies.generation.adversary.conftest import CUT_IN
 

@@ -9,7 +9,7 @@ import pytest
 
 from recognition.maneuvers.units import OWN as UNITS
 from recognition.maneuvers.units import Samples
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError
 from studies.generation.adversary.actions import DECISIONS, Actions
 from studies.generation.adversary.driving import Driving
 

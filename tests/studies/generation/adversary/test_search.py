@@ -13,7 +13,7 @@ from generation.logical.library import SCENARIOS
 from generation.outcomes.outcomes import measures
 from runner.interpreter.execution import run
 from runner.settings import RunSettings
-from schemas.errors import Unsupported
+from schemas.common.errors import Unsupported
 from studies.generation.adversary import OBJECTIVES
 from studies.generation.adversary.course import Scene, replayed
 from studies.generation.adversary.driving import Driving

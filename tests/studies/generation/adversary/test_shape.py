@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.generation.adversary.course import Course, Scene
 from studies.generation.adversary.shape import fuzzy, nearness, probability, rule_weight, shape
 

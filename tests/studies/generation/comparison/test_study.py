@@ -16,7 +16,8 @@ from generation.recorded import Recorded
 from generation.search.problem import History, Problem
 from generation.search.space import Space
 from generation.settings import Choice, SearchSettings
-from schemas.errors import InvalidFile, UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import InvalidFile, UsageError
 from studies.generation.comparison import trajectories
 from studies.generation.comparison.edge_cases import edge_cases, opened
 from studies.generation.comparison.figures import write_figures
@@ -25,7 +26,6 @@ from studies.generation.comparison.report import write_report
 from studies.generation.comparison.study import Key, Study, StudySettings
 from studies.generation.knots.motion import Setting, maneuvers_of
 from tests.generation.kinematic import Kinematic, driven
-from xodr.array_types import FloatArray
 
 SCENARIO = Path(xosc.__file__).with_name("library") / "cut_in_highway.xosc"
 PINNED = {"Ego_Speed_mps": "30.0"}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.generation.failures.counts import Counts, path_of, save, table
 
 SCENARIO = Path("cut_in_highway.xosc")

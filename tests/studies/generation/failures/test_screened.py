@@ -14,7 +14,7 @@ from generation.search.problem import Calls, History, Problem, Realism, Reward
 from generation.search.screen import nearness
 from generation.search.space import Space, distinctive
 from generation.twin.episodes import Twin
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from studies.generation.failures.problem import LEAST, screened
 from studies.generation.failures.study import BOUNDS, EMITTERS, TRIALS, sets, with_settings
 from studies.generation.methods import METHODS

@@ -11,10 +11,10 @@ import runner
 import schemas
 from generation.logical.library import SCENARIOS
 from generation.search.space import Space
-from schemas.errors import UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import UsageError
 from studies.generation.knots.motion import Setting, knots_of
 from studies.generation.knots.scenario import setting_of, write
-from xodr.array_types import FloatArray
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 MANEUVER = np.array([30.0, 29.0, 2.0, 31.0, 4.0, 31.0, 3.0])

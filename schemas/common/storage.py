@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from filelock import FileLock, Timeout
 
-from schemas.errors import InvalidFile, NotWritten, UsageError
-from schemas.security.policy import current
+from schemas.common.errors import InvalidFile, NotWritten, UsageError
+from schemas.common.policy import current
 
 if TYPE_CHECKING:
     import pyarrow as pa

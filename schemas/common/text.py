@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+_MOST_SHOWN = 5
 _COMMAND = re.compile(r"^\s*(?=::)|(?<=#)(?=#\w*\[)")
 """Start of a workflow command in a line of text: GitHub (`::error::`, `##[error]`), Azure (`##vso[…]`), TeamCity
 (`##teamcity[…]`)"""
@@ -91,3 +92,17 @@ def sarif_text(text: str) -> str:
 def markdown(text: str) -> str:
     """Text as a word or cell of Markdown."""
     return _MARKS.sub(r"\\\1", one_line(text))
+
+
+# words of messages ----------------------------------------------------------------------------------
+
+
+def many(count: int, one: str, several: str = "") -> str:
+    """A number of things, as `1 run`, `2,000 runs`; `several` where the plural is not one with an s."""
+    return f"{count:,} {one if count == 1 else several or f'{one}s'}"
+
+
+def shown(texts: Sequence[str]) -> list[str]:
+    """The first five of many texts, and how many more there are."""
+    more = len(texts) - _MOST_SHOWN
+    return [*texts[:_MOST_SHOWN], *([f"and {more} more"] if more > 0 else [])]

@@ -1,9 +1,9 @@
 """Policy of a command on reading, loading and resources: one per process, inherited by child processes.
 
 Files of strangers refer to other files, ask for plug-ins, and may take any time and memory. `Policy` states what they get. The
-places that read, load or work ask it: `schemas.storage.read_bytes` and the readers of recordings before a file is opened, what
-resolves references and looks for roads and catalogues, what loads plug-ins, and what works on one file or run after the other
-(`limited`). Commands set it from their options, see `schemas.commands.options.protected`.
+places that read, load or work ask it: `schemas.common.storage.read_bytes` and the readers of recordings before a file is opened,
+what resolves references and looks for roads and catalogues, what loads plug-ins, and what works on one file or run after the
+other (`limited`). Commands set it from their options, see `schemas.common.command_line.protected`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
-from schemas.errors import InvalidFile, Unsupported, UsageError, describe
+from schemas.common.errors import InvalidFile, Unsupported, UsageError, describe
 
 try:
     import resource
@@ -48,7 +48,7 @@ class Policy:
         max_memory: memory that each process may take, GiB.
         max_seconds: time that the work on a file, or a run, may take.
         max_runs: runs, or parameter sets, that one file may stand for.
-        max_bytes: largest file that is read whole; no more than `schemas.storage.MAX_BYTES` in any case.
+        max_bytes: largest file that is read whole; no more than `schemas.common.storage.MAX_BYTES` in any case.
     """
 
     named: tuple[Path, ...] = ()

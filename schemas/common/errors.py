@@ -14,7 +14,7 @@ from enum import IntEnum
 from importlib.util import find_spec
 from os import PathLike
 
-from schemas.security.text import one_line
+from schemas.common.text import one_line
 
 _MOST_COMPARED, _LONGEST_COMPARED = 300, 100
 """Names beyond this number, and characters beyond that, are not compared: that takes its time."""

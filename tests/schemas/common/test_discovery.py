@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from schemas import discovery
 from schemas.checks.registry import all_rules
+from schemas.common import discovery
 
 KIND = "SUMMARY = 'the {0}'\nLOADED = list(range(3))\ndef work():\n    return '{0}'\n"
 FILES = {

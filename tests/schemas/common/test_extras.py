@@ -11,13 +11,13 @@ from types import ModuleType
 
 import pytest
 
-from schemas.commands.options import guarded
-from schemas.extras import _EXTRAS, _WITHOUT, MissingExtra, missing, optional
+from schemas.common.command_line import guarded
+from schemas.common.packages import _EXTRAS, _WITHOUT, MissingExtra, missing, optional
 from tests.commands import Command
 from tests.runner.files import scenario
 
-LIBRARY = Path(__file__).parents[2] / "xosc" / "library"
-PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
+PROJECT = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 DISTRIBUTIONS = {"sklearn": "scikit-learn", "osi3": "osi-python", "osi_utilities": "asam-osi-utilities"}
 BROUGHT_ALONG = {"google", "lz4", "mcap", "threadpoolctl", "zstandard"}
 """what these need themselves"""
@@ -69,7 +69,9 @@ def test_what_python_imports_says_so_too(module: str, library: str) -> None:
     package, _, name = module.rpartition(".")
     lines = f"import sys; sys.modules[{library!r}] = None; from {package} import {name}"
     ended = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True, check=False)
-    assert ended.stderr.splitlines()[-1].startswith(f"schemas.extras.MissingExtra: {library} is missing; type: pip install")
+    assert ended.stderr.splitlines()[-1].startswith(
+        f"schemas.common.packages.MissingExtra: {library} is missing; type: pip install"
+    )
 
 
 def test_other_modules_that_are_missing_are_no_extras() -> None:

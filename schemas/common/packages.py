@@ -1,11 +1,14 @@
-"""Libraries that come with an extra of the package: what is said where one is missing."""
+"""Packages: public names imported on first use, the version, and libraries that an extra of the package brings."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Mapping
+from functools import cache
 from importlib import import_module
 from typing import Any
 
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 _EXTRAS = {
     "fmpy": "fmi",
@@ -69,3 +72,38 @@ def missing(error: BaseException, extra: str | None = None) -> MissingExtra | No
         return None
     named = extra or _EXTRAS[library]
     return MissingExtra(f'{library} is missing; type: pip install "xosc-toolchain[{named}]"; without it: {_WITHOUT[named]}')
+
+
+@cache
+def version() -> str:
+    """Version of xosc-toolchain, from the installed metadata; "unknown" where it is used without being installed."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("xosc-toolchain")
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def public(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """`__getattr__` and `__dir__` of a package whose public names are imported on first use: commands answer `--help` at once.
+
+    They know `__version__` as well.
+
+    Args:
+        package: the package's name.
+        homes: the module that each name is in, as `module:name` where it has another name there.
+    """
+
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            return version()
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        module, _, own = homes[name].partition(":")
+        return getattr(optional(module), own or name)
+
+    def __dir__() -> list[str]:
+        return sorted({*vars(sys.modules[package]), *homes, "__version__"})
+
+    return __getattr__, __dir__

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from schemas.errors import InvalidFile, UsageError
-from schemas.storage import (
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.storage import (
     ForeignCache,
     cache_folder,
     check_settings,

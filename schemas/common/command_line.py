@@ -13,22 +13,80 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
 from functools import wraps
-from glob import has_magic
+from glob import glob, has_magic
 from pathlib import Path
 from typing import Annotated, Any, TextIO
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.models import OptionInfo
 
-from schemas.commands.help import App
-from schemas.errors import ToolchainError, UsageError, describe
-from schemas.extras import missing
-from schemas.packages import version
-from schemas.security.plugins import leave_working_folder_out
-from schemas.security.policy import UNTRUSTED, Policy, in_force, of_command
-from schemas.security.text import of_service, one_line
-from schemas.storage import cache_folder, drafted, own_cache, search_path, writing
+from schemas.common.discovery import leave_working_folder_out
+from schemas.common.errors import ToolchainError, UsageError, describe
+from schemas.common.packages import missing, version
+from schemas.common.policy import UNTRUSTED, Policy, in_force, of_command
+from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
+from schemas.common.text import of_service, one_line
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "Runs": (
+        "sut", "ego", "timestep", "seed", "max_time", "world", "end_after_collision", "fail_if", "allow_inconclusive", "dry_run",
+    ),
+    "Parameters": ("param", "only", "sample", "repeat", "enforce_constraints", "free", "pin", "density", "recorded", "kind"),
+    "Files and roads": ("strict", "road", "road_path", "catalog_path"),
+    "Output": (
+        "out", "overwrite", "output", "format", "osi", "plot", "replay", "against", "assess", "gui", "junit",
+        "junit_inconclusive", "verbose", "quiet",
+    ),
+    "Processes and limits": ("jobs", "ray", "resume", "untrusted", "max_memory", "max_seconds", "max_runs"),
+}  # fmt: skip
+"""Headings of options by the names of their parameters; all other options stand under `Options`, before them."""
+Section = Callable[[], tuple[str, list[tuple[str, str]]]]
+"""Gives a heading, and names with a line each; called when help is printed."""
+_sections: dict[str, Section] = {}
+
+
+def explain(option: str, section: Section) -> None:
+    """Add a section to the help of every command that has an option, given by the name of its parameter."""
+    _sections[option] = section
+
+
+def epilog(codes: str, *examples: str) -> str:
+    """The end of a command's help: examples, one command line each, and its exit codes."""
+    return "\n".join(["\b", "Examples:", *(f"  {each}" for each in examples), "", codes])
+
+
+class GroupedCommand(TyperCommand):
+    """A command whose help has options under headings."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Arguments, options without a group, groups, sections."""
+        heading = {name: title for title, names in GROUPS.items() for name in names}
+        found: dict[str, list[tuple[str, str]]] = {title: [] for title in ("Arguments", "Options", *GROUPS)}
+        names = []
+        for param in self.get_params(ctx):
+            record = param.get_help_record(ctx)
+            if record is not None:
+                name = param.name or ""
+                found["Arguments" if param.param_type_name == "argument" else heading.get(name, "Options")].append(record)
+                names.append(name)
+        explained = (_sections[name]() for name in names if name in _sections)
+        for title, records in (*found.items(), *explained):
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
+
+
+class App(typer.Typer):
+    """A typer app whose commands are grouped ones."""
+
+    def command(self, name: str | None = None, **options: Any) -> Any:
+        """As `typer.Typer.command`."""
+        options.setdefault("cls", GroupedCommand)
+        return super().command(name, **options)
+
+
+# options and their policy ----------------------------------------------------------------------
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[float], None]]]
 """Shows progress: takes a description and the number of steps, gives a function to call with how many more of them are done."""
@@ -355,3 +413,42 @@ def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, st
             raise UsageError(f"{option} {pair!r}: NAME=VALUE is expected")
         values[name] = value
     return values
+
+
+# files that arguments stand for ----------------------------------------------------------------
+
+SUFFIXES = (".xosc", ".xodr")
+
+
+def expand(arguments: Iterable[str]) -> list[Path]:
+    """The files meant by command line arguments: each once, in the order of the arguments and sorted within each.
+
+    A file is taken as it is, whatever its name, and also where it does not exist; a folder stands for the scenario and
+    road files in it and below it; a glob (`**` for any depth) for the scenario and road files that it matches, and for
+    those in the folders that it matches.
+
+    Raises:
+        UsageError: a folder or a glob stands for no file.
+    """
+    return list(dict.fromkeys(path for argument in arguments for path in _expand(argument)))
+
+
+def _expand(argument: str) -> list[Path]:
+    path = Path(argument)
+    try:
+        is_glob = has_magic(argument) and not path.exists()
+        if not is_glob and not path.is_dir():
+            return [path]
+    except (OSError, ValueError):
+        return [path]  # no such name can be; the check says so
+    matches = [Path(match) for match in sorted(glob(argument, recursive=True))] if is_glob else [path]
+    found = [file for match in matches for file in files_in(match)]
+    if not found:
+        raise UsageError(f"this stands for no {' or '.join(SUFFIXES)} file", path=argument)
+    return found
+
+
+def files_in(path: Path) -> list[Path]:
+    """The scenario and road files in a folder and below it, sorted; a file itself, if it is one."""
+    candidates = sorted(path.rglob("*")) if path.is_dir() else [path]
+    return [candidate for candidate in candidates if candidate.suffix.lower() in SUFFIXES and candidate.is_file()]

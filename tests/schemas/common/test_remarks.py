@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from schemas.errors import InvalidFile
-from schemas.remarks import Remark, Remarks
+from schemas.common.errors import InvalidFile
+from schemas.common.remarks import Remark, Remarks
 
 FIRST = Remark("xosc.toolchain:xosc:1.0.0:a.b", "'x' is no number; 0 is assumed", "folder/file.xosc", 7)
 SECOND = Remark("xosc.toolchain:xosc:1.0.0:c.d", "the file has no header", "folder/file.xosc")

@@ -8,7 +8,7 @@ as a remark on what was loaded:
     document = Resolved(…, remarks=remarks.found)
 
 A strict loader refuses with the same sentence. What would change the meaning is no repair: it is refused
-in any case, by the errors of `schemas.errors`.
+in any case, by the errors of `schemas.common.errors`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 
 
 @dataclass(frozen=True)

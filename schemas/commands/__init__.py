@@ -1,1 +1,0 @@
-"""Base of all commands: shared options, and the files that arguments mean."""

@@ -1,1 +1,0 @@
-"""Limits on untrusted files: no code is run, no other file is reached, time and memory are bounded."""
