@@ -40,9 +40,8 @@ PRODUCT = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "st
 NOT_RUN = {
     "make demo": "installs everything anew; its target is looked up below, and what it consists of is in the tutorials",
     "make docs": "installs everything anew; test_reference and tests/runner/test_coverage compare what it writes",
-    "make lint types test test-studies": "installs everything anew; continuous integration runs it",
+    "make lint types test": "installs everything anew; continuous integration runs it",
     "make test": "is what runs this",
-    "make test-studies": "continuous integration runs it",
     'pip install ".[all]"': "is what make install does, but for development",
     "pip install .": "continuous integration installs the wheel into an empty environment and runs a scenario there",
     'pip install "xosc-toolchain[osi]"': "needs a package index; the extra is a part of the one for development",
