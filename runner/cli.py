@@ -42,7 +42,7 @@ _EXAMPLES = (
     "xosc-run xosc/library/simple_cut_in.xosc",
     "xosc-run --sut adas xosc/library --jobs 4 --out results --replay",
     'xosc-run -p CutIn_Gap_m=8 --fail-if "min_ttc<1" xosc/library/simple_cut_in.xosc',
-    "xosc-run --sut adas --assess euro-ncap-2023 OSC-NCAP-scenarios/OpenSCENARIO --out assessed",
+    "xosc-run --sut adas --assess euro-ncap-2026 OSC-NCAP-scenarios/OpenSCENARIO --out assessed",
 )
 _EPILOG = exit_codes("passed", "a verdict is a failure (collision of the ego)", "a run did not test what its file describes")
 

@@ -142,14 +142,16 @@ class ImpactSpeed:
     """Colour of the speed at contact, by bands for each test speed.
 
     Args:
-        bands: by test speed (km/h) the upper limits (km/h, exclusive) of the colours; those of other speeds are not public.
+        bands: by test speed (km/h) the upper limits (km/h, exclusive) of the colours.
         speed: parameter with the test speed.
         relative: rate the relative speed instead of the ego's own.
+        elsewhere: why other test speeds have no bands; `{}` stands for the speed.
     """
 
     bands: Mapping[float, tuple[tuple[float, str], ...]]
     speed: str
     relative: bool = False
+    elsewhere: str = "the colour bands of tests at {} are published as a figure only"
 
     @property
     def text(self) -> str:
@@ -163,7 +165,7 @@ class ImpactSpeed:
         test, impact = drive.number(self.speed), drive.contact.relative if self.relative else drive.contact.own
         if test is None or test not in self.bands:
             at = "an unknown speed" if test is None else f"{test:g} km/h"
-            return Judgement(None, f"{_told(drive.contact)}; the colour bands of tests at {at} are published as a figure only")
+            return Judgement(None, f"{_told(drive.contact)}; {self.elsewhere.format(at)}")
         colour = next((colour for limit, colour in self.bands[test] if impact < limit - _ROUNDING), "red")
         return Judgement(COLOURS[colour], _told(drive.contact), colour)
 
@@ -284,6 +286,8 @@ class ProtocolTest:
         points: greatest number of points; 0 where none are computed.
         grid: parameters of the grid of test points, with the weight of each of their values; a point's weight is their product.
         remark: what a reader should know of the test.
+        fixed: values that other parameters have at all test points, or by the first parameter of the grid; scenarios without such
+            a parameter are not asked.
     """
 
     name: str
@@ -294,6 +298,7 @@ class ProtocolTest:
     points: float = 0.0
     grid: Mapping[str, Mapping[float, float]] = field(default_factory=dict)
     remark: str = ""
+    fixed: Mapping[str, Mapping[float, float] | float] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -311,7 +316,13 @@ class ProtocolTest:
         known = [
             value for value, weights in zip(found, self.grid.values(), strict=True) if value is not None and value in weights
         ]
-        return tuple(known) if self.grid and len(known) == len(found) else None
+        if not self.grid or len(known) < len(found):
+            return None
+        for name, wanted in self.fixed.items():
+            value = drive.number(name)
+            if value is not None and value != (wanted[known[0]] if isinstance(wanted, Mapping) else wanted):
+                return None
+        return tuple(known)
 
     def share(self, point: tuple[float, ...]) -> float:
         """Points that a test point stands for."""

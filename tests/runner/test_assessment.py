@@ -69,10 +69,40 @@ def test_the_parts_of_euro_ncap_2023_are_its_nine_points_and_lane_support() -> N
     assert sum(test.points for test in found.tests) + sum(parts.values()) == 9.0 + parts["Lane support systems"]
 
 
+def test_the_parts_of_euro_ncap_2026_are_the_hundred_points_of_crash_avoidance() -> None:
+    found = profile("euro-ncap-2026")
+    assert sum(part.points for part in (*found.tests, *found.absent)) == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("speed", "relative", "colour", "score"),
+    [
+        (20.0, 0.1, "red", 0.0),
+        (30.0, 9.9, "brown", 0.25),
+        (30.0, 10.0, "red", 0.0),
+        (40.0, 10.0, "brown", 0.25),
+        (50.0, 9.9, "yellow", 0.75),
+        (130.0, 29.9, "brown", 0.25),
+        (130.0, 30.0, "red", 0.0),
+    ],
+)
+def test_colours_of_2026_are_by_the_relative_speed_at_contact(speed: float, relative: float, colour: str, score: float) -> None:
+    test = next(each for each in profile("euro-ncap-2026").tests if each.name == "CCRs")
+    assert test.criterion.judge(drive(speed, 50.0, relative))[::2] == (score, colour)
+    assert "no test at 35 km/h" in test.criterion.judge(drive(35.0, 10.0, 10.0)).reason
+
+
+def test_a_run_is_a_test_point_only_at_the_speed_of_the_target_that_belongs_to_it() -> None:
+    test = next(each for each in profile("euro-ncap-2026").tests if each.name == "CCRm")
+    runs = [Drive({SPEED: 100.0, "Overlap": 75.0, "GVT_init_speed_kph": target}, None, Path()) for target in (20.0, 40.0)]
+    assert [test.point(run) for run in runs] == [None, (100.0, 75.0)]
+
+
 def test_each_public_file_is_of_a_test(corpora: Path) -> None:
     import re
 
-    for name, folder, files in (("euro-ncap-2023", "ncap_2023", "*_2023.xosc"), ("r157", "alks", "alks_*.xosc")):
+    ncap = "ncap_2023", "*_2023.xosc"
+    for name, folder, files in (("euro-ncap-2023", *ncap), ("euro-ncap-2026", *ncap), ("r157", "alks", "alks_*.xosc")):
         stems = [path.stem for path in (corpora / folder).rglob(files)]
         assert len(stems) > 25
         assert [stem for stem in stems if not any(re.search(test.files, stem) for test in profile(name).tests)] == []
@@ -139,7 +169,7 @@ def test_the_page_tells_points_with_what_is_open_and_its_files(assessed: Path, t
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        (["--assess", "euro-ncap-2032", "--out", "out"], "did you mean 'euro-ncap-2023'?"),
+        (["--assess", "euro-ncap-2032", "--out", "out"], "did you mean 'euro-ncap-202"),
         (["--assess", "r157"], "it needs --out DIR"),
         (["--assess", "r157", "--out", "out", "--dry-run"], "no --dry-run"),
     ],
@@ -155,5 +185,5 @@ def test_an_assessment_that_cannot_be_made_is_refused_before_anything_runs(
 
 
 def test_an_unknown_protocol_names_all() -> None:
-    with pytest.raises(UsageError, match="protocols: euro-ncap-2023, r157"):
+    with pytest.raises(UsageError, match="protocols: euro-ncap-2023, euro-ncap-2026, r157"):
         profile("iihs")
