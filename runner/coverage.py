@@ -16,7 +16,8 @@ from lxml import etree
 from runner.contracts import registry
 from runner.interpreter.compiler import WRAPPERS
 from schemas.common.errors import ToolchainError
-from schemas.registry import ATTRIBUTE, CHILD, DIFFERENCES, VALUES, additions, schema_for
+from schemas.differences import ATTRIBUTE, CHILD, VALUES, additions, known_differences
+from schemas.registry import schema_for
 
 VERSIONS = ((1, 0), (1, 1), (1, 2), (1, 3), (1, 4))
 VERSION = VERSIONS[-1]
@@ -233,7 +234,7 @@ def other_rows(root: etree._Element, type_name: str) -> list[Row]:
 
 def new_parts() -> Iterator[tuple[str, str]]:
     """Type and name of each addition of 1.4 to a type that was there, as `NEW_IN_1_4` lists them."""
-    for difference in DIFFERENCES:
+    for difference in known_differences():
         if difference.standard == "OpenSCENARIO" and difference.version[:2] == (1, 4):
             known = {each.get("name") for each in schema_root((1, 3))}
             for of, sign, new in additions(difference):

@@ -102,7 +102,7 @@ def _explainer(schema: Schema) -> Any:
     import xmlschema
 
     kind = xmlschema.XMLSchema11 if schema.xsd_1_1 else xmlschema.XMLSchema10
-    made = schema.difference is not None
+    made = bool(schema.differences)
     try:
         source = etree.tostring(schema.tree(), encoding="unicode") if made else str(schema.path)
         return kind(source, allow="local", base_url=str(schema.path.parent))

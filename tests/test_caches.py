@@ -67,6 +67,7 @@ CACHES = {
     "schemas.osi.rules.all_osi_rules": PROGRAM,
     "schemas.common.packages.version": PROGRAM,
     "schemas.registry._schemas": PROGRAM,
+    "schemas.differences.known_differences": PROGRAM,
     "schemas.validate._compiled": PROGRAM,
     "schemas.validate._explainer": PROGRAM,
     "schemas.values.number": VALUE,

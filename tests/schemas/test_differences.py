@@ -1,4 +1,4 @@
-"""XSDs made of an earlier version and a difference give the verdicts of the official ones.
+"""XSDs made of an earlier version and differences give the verdicts of the official ones.
 
 The number of mutants is that of the environment variable XOSC_MUTANTS; 2,000 take about a minute.
 """
@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -39,7 +40,7 @@ def verdicts(monkeypatch: pytest.MonkeyPatch) -> tuple[etree.XMLSchema, etree.XM
     monkeypatch.delenv(SCHEMA_DIR, raising=False)
     schema = schema_for(OPENSCENARIO, (1, 4))
     assert schema is not None
-    assert schema.difference is not None
+    assert schema.differences
     return etree.XMLSchema(schema.tree()), etree.XMLSchema(etree.parse(OFFICIAL))
 
 
@@ -50,16 +51,33 @@ def own() -> tuple[etree._ElementTree, ...]:
     return tuple(etree.parse(path) for path in paths if b'revMinor="4"' in path.read_bytes())
 
 
-def stamped(paths: list[Path]) -> Iterator[etree._ElementTree]:
-    """Documents with 1.4 in their headers."""
+def read(paths: list[Path]) -> Iterator[etree._ElementTree]:
+    """Documents of those files that are well-formed."""
     for path in paths:
-        try:
-            tree = etree.parse(path)
-        except etree.XMLSyntaxError:
-            continue
-        for header in tree.iter("FileHeader"):
-            header.set("revMinor", "4")
-        yield tree
+        with suppress(etree.XMLSyntaxError):
+            yield etree.parse(path)
+
+
+def stamped(trees: Iterable[etree._ElementTree], minor: int) -> Iterator[etree._ElementTree]:
+    """Copies of documents with that minor version in their headers."""
+    for tree in trees:
+        changed = copy.deepcopy(tree)
+        for header in changed.iter("FileHeader", "header"):
+            header.set("revMinor", str(minor))
+        yield changed
+
+
+def without_layers(tree: etree._ElementTree) -> etree._ElementTree:
+    """A road network without lanes and attributes of temporary layers, as 1.8 has none."""
+    for lanes in list(tree.iter("lanes")):
+        if lanes.get("layer") == "temporary":
+            parent = lanes.getparent()
+            assert parent is not None
+            parent.remove(lanes)
+    for element in tree.iter(etree.Element):
+        for name in ("layer", "fromLayer", "toLayer"):
+            element.attrib.pop(name, None)
+    return tree
 
 
 def mutant(tree: etree._ElementTree, random: Random) -> etree._ElementTree:
@@ -100,7 +118,8 @@ def test_documents_of_1_4_are_valid_by_both(verdicts: tuple[etree.XMLSchema, etr
 def test_public_files_stamped_1_4_have_the_same_verdict(verdicts: tuple[etree.XMLSchema, etree.XMLSchema], corpora: Path) -> None:
     paths = sorted([*corpora.rglob("*.xosc"), *(SHARED / "wild").rglob("*.xosc")])
     found = [
-        [schema.validate(tree) for schema in verdicts] for tree in stamped(Random(14).sample(paths, min(PUBLIC, len(paths))))
+        [schema.validate(tree) for schema in verdicts]
+        for tree in stamped(read(Random(14).sample(paths, min(PUBLIC, len(paths)))), 4)
     ]
     assert [made for made, _ in found] == [official for _, official in found]
     assert {made for made, _ in found} == {True, False}
@@ -128,22 +147,23 @@ def test_1_4_is_checked_without_any_official_file_of_it(tmp_path: Path, monkeypa
         assert all("layer" in message for message in messages)
 
 
-ROADS = SHARED / "standards"
+STANDARDS = SHARED / "standards"
 ROAD_MUTANTS = MUTANTS // 10
+ROAD_XSDS = {8: STANDARDS / "opendrive-schemas" / "1.8.0", 9: STANDARDS / "opendrive-1.9.0" / "schema"}
 
 
-@pytest.fixture(scope="module")
-def road_schemas() -> Iterator[tuple[Any, Any]]:
-    """Schemas of OpenDRIVE 1.9, XSD 1.1: the one made of 1.8, and the official one."""
-    if not ROADS.is_dir():
+@pytest.fixture(scope="module", params=[8, 9])
+def road_schemas(request: pytest.FixtureRequest) -> Iterator[tuple[int, Any, Any]]:
+    """Minor version and schemas of OpenDRIVE, XSD 1.1: the one made of the 1.7 that a dependency brings, and the official one."""
+    if not STANDARDS.is_dir():
         pytest.skip("the development folder shared/standards is not beside this checkout")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(SCHEMA_DIR, str(ROADS / "opendrive-schemas"))
-        schema = schema_for(OPENDRIVE, (1, 9))
+        patch.delenv(SCHEMA_DIR, raising=False)
+        schema = schema_for(OPENDRIVE, (1, request.param))
         assert schema is not None
-        assert schema.difference is not None
+        assert schema.path.name == "opendrive_17_core.xsd"
         made = xmlschema.XMLSchema11(etree.tostring(schema.tree(), encoding="unicode"))
-        yield made, xmlschema.XMLSchema11(str(ROADS / "opendrive-1.9.0" / "schema" / "OpenDRIVE_Core.xsd"))
+        yield request.param, made, xmlschema.XMLSchema11(str(ROAD_XSDS[request.param] / "OpenDRIVE_Core.xsd"))
 
 
 @cache
@@ -163,18 +183,22 @@ def roads() -> tuple[etree._ElementTree, ...]:
     return (*library, etree.ElementTree(etree.fromstring(SOUND.encode())), etree.ElementTree(etree.fromstring(layered.encode())))
 
 
-def test_road_networks_of_1_9_have_the_same_verdict(road_schemas: tuple[Any, Any]) -> None:
-    made, official = road_schemas
-    assert [made.is_valid(tree) for tree in roads()] == [official.is_valid(tree) for tree in roads()]
-    assert made.is_valid(roads()[-2])
+def test_road_networks_have_the_same_verdict(road_schemas: tuple[int, Any, Any]) -> None:
+    minor, made, official = road_schemas
+    verdicts = [made.is_valid(tree) for tree in stamped(roads(), minor)]
+    assert verdicts == [official.is_valid(tree) for tree in stamped(roads(), minor)]
+    assert verdicts[-2] == (minor == 9)
 
 
-def test_mutants_of_road_networks_have_the_same_verdict(road_schemas: tuple[Any, Any]) -> None:
-    made, official = road_schemas
+def test_mutants_of_road_networks_have_the_same_verdict(road_schemas: tuple[int, Any, Any]) -> None:
+    minor, made, official = road_schemas
     random = Random(1)
+    bases = list(stamped(roads()[-2:], minor))
+    if minor == 8:
+        bases = [without_layers(tree) for tree in bases]
     verdicts = []
     for _ in range(ROAD_MUTANTS):
-        tree = copy.deepcopy(random.choice(roads()[-2:]))
+        tree = copy.deepcopy(random.choice(bases))
         elements = [each for each in tree.getroot().iter(etree.Element) if each.getparent() is not None]
         element, other = random.choice(elements), random.choice(elements)
         parent = element.getparent()
@@ -191,3 +215,78 @@ def test_mutants_of_road_networks_have_the_same_verdict(road_schemas: tuple[Any,
         verdicts.append((made.is_valid(tree), official.is_valid(tree)))
     assert [pair for pair in verdicts if pair[0] != pair[1]] == []
     assert {pair[0] for pair in verdicts} == {True, False}
+
+
+XSD = "{http://www.w3.org/2001/XMLSchema}"
+UNUSED = {"t_junction_grid_position_list"}
+"""Types that 1.8 declares and uses nowhere."""
+
+
+def test_1_8_declares_what_the_official_schema_declares(monkeypatch: pytest.MonkeyPatch) -> None:
+    if not STANDARDS.is_dir():
+        pytest.skip("the development folder shared/standards is not beside this checkout")
+    monkeypatch.delenv(SCHEMA_DIR, raising=False)
+    schema = schema_for(OPENDRIVE, (1, 8))
+    assert schema is not None
+    made = declared(schema.tree().getroot())
+    official: dict[str, object] = {}
+    for path in sorted(ROAD_XSDS[8].glob("*.xsd")):
+        official |= declared(etree.parse(path).getroot())
+    assert len(official) > 200
+    assert {name: made.get(name) for name in official.keys() - UNUSED} == {
+        name: official[name] for name in official.keys() - UNUSED
+    }
+
+
+def declared(root: etree._Element) -> dict[str, object]:
+    """Content of the named types and of the root element, by name, the same in any order of attributes and values."""
+    found: dict[str, object] = {}
+    for element in root:
+        name = str(element.get("name"))
+        if element.tag == f"{XSD}complexType":
+            found[name] = content(element)
+        elif element.tag == f"{XSD}simpleType":
+            values = sorted(str(each.get("value")) for each in element.iter(f"{XSD}enumeration"))
+            found[name] = values, [each.get("memberTypes") for each in element.iter(f"{XSD}union")]
+        elif name == OPENDRIVE:
+            kind = element.find(f"{XSD}complexType")
+            assert kind is not None
+            found[name] = content(kind), keys(element)
+    return found
+
+
+def content(kind: etree._Element) -> object:
+    """Base, children in order, attributes and assertions of a type."""
+    extension = kind.find(f"{XSD}complexContent/{XSD}extension")
+    holder = kind if extension is None else extension
+    base = None if extension is None or extension.get("base") == "_OpenDriveElement" else extension.get("base")
+    attributes = sorted(
+        tuple(each.get(name) or "" for name in ("name", "type", "use", "fixed")) for each in holder.iter(f"{XSD}attribute")
+    )
+    required = [each for each in attributes if each[2] == "required"]
+    tests = sorted(str(each.get("test")) for each in holder.iterchildren(f"{XSD}assert"))
+    models = [model for each in holder.iterchildren(f"{XSD}sequence") if (model := particles(each))]
+    return base, kind.get("abstract"), models, [each[:2] for each in attributes], required, tests
+
+
+def particles(model: etree._Element) -> list[object]:
+    """Children of a sequence or choice with their occurrences, types and conditional types."""
+    found: list[object] = []
+    for each in model.iterchildren(f"{XSD}element", f"{XSD}group", f"{XSD}choice", f"{XSD}sequence"):
+        conditions = [(other.get("test"), other.get("type")) for other in each.iterchildren(f"{XSD}alternative")]
+        times = each.get("minOccurs", "1"), each.get("maxOccurs", "1")
+        found.append(
+            (each.tag, each.get("name") or each.get("ref"), each.get("type"), times, conditions, keys(each), particles(each))
+        )
+    return found
+
+
+def keys(element: etree._Element) -> set[tuple[str | None, ...]]:
+    """Keys and references to keys that an element declares, but those that can select nothing."""
+    found = set()
+    for each in element.iterchildren(f"{XSD}key", f"{XSD}keyref"):
+        selector, field = each.find(f"{XSD}selector"), each.find(f"{XSD}field")
+        assert selector is not None and field is not None
+        if not (element.get("name") == OPENDRIVE and selector.get("xpath") == "connection"):
+            found.add((selector.get("xpath"), field.get("xpath"), each.get("refer")))
+    return found
