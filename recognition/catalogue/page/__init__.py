@@ -27,10 +27,12 @@ MEASURES = {
 _NAMES = ("class", "site", "trust", "road_kind", "road", "state")
 """Columns with few different values"""
 _TEXTS = ("file", "maneuver", "vehicle", "partner", "why")
-_AROUND, _STEP = 5.0, 0.5
-"""Time (s) before and after the event in a film, and between its samples"""
+FILM_STEP = 0.5
+"""Time (s) between samples of a film"""
+_AROUND = 5.0
+"""Time (s) before and after the event in a film of a catalogue"""
 _MOST, _REACH = 6, 70.0
-"""Participants beside the ego in a film, and distance (m) from it within which they appear"""
+"""Participants beside the ego in a film of a catalogue, and distance (m) from it within which they appear"""
 _TOLERANCE = 0.1
 """Tolerance (m) of simplified borders of lanes"""
 
@@ -39,14 +41,16 @@ Film = list[Any]
 sample, and x (dm), y (dm), heading (0.01 rad) of each sample, the first as it is, the others as differences"""
 
 
-def film(scene: Scene, time: float, partner: str | None) -> Film:
+def film(scene: Scene, time: float, partner: str | None, around: float = _AROUND, most: int = _MOST) -> Film:
     """Return the motion about an event: of the ego, of its partner, and of the nearest others.
 
     Args:
         time: of the event, s.
         partner: name of its track, if any.
+        around: time before and after the event, s.
+        most: participants beside the ego.
     """
-    times = np.arange(max(scene.start, time - _AROUND), min(scene.end, time + _AROUND) + 1e-6, _STEP)
+    times = np.arange(max(scene.start, time - around), min(scene.end, time + around) + 1e-6, FILM_STEP)
     ego, *others = ((part, *_moved(part, times)) for part in scene.parts)
     x, y, _ = ego[2][:, int(np.abs(times - time).argmin()) - ego[1]].tolist()
     near = []
@@ -60,7 +64,7 @@ def film(scene: Scene, time: float, partner: str | None) -> Film:
         near.append((part.track.name != partner, apart, part.name, one))
     chosen = [
         ego,
-        *(one for other, apart, _, one in sorted(near, key=lambda each: each[:3])[:_MOST] if not other or apart <= _REACH),
+        *(one for other, apart, _, one in sorted(near, key=lambda each: each[:3])[:most] if not other or apart <= _REACH),
     ]
     paired = partner is not None and len(chosen) > 1 and chosen[1][0].track.name == partner
     films = [_drawn(part, first, moved, x, y) for part, first, moved in chosen]
@@ -127,7 +131,7 @@ def catalogue_page(
         "units": MEASURES,
         "measures": {name: [row[name] for row in rows] for name in MEASURES},
         "films": [films.get(row["file"]) for row in rows],
-        "step": _STEP,
+        "step": FILM_STEP,
         "roads": [roads[name] for name in names["road"]],
         "everywhere": EVERYWHERE,
         "exposure": list(exposure),

@@ -1,0 +1,218 @@
+"""Draws from recordings: findings of rules and model in strata, vehicles at random."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from recognition import datasets
+from recognition.catalogue import detect
+from recognition.catalogue.detect import KNOWN, Detection, joined
+from recognition.catalogue.pipeline import Recogniser
+from recognition.catalogue.recordings import CatalogueSettings, looked
+from recognition.datasets import Source
+from recognition.labels import Label, Rules
+from recognition.labels.scene import EGOS
+from schemas.errors import InvalidFile, ToolchainError
+from schemas.storage import read_object
+
+RULES, MODEL, BOTH = "rules", "model", "both"
+CLASSES = tuple(label.title for label in Label if label is not Label.UNKNOWN)
+SAME = 2.0
+"""Time (s) around a finding within which another one of the same class and vehicle is the same event"""
+STRETCH = 20.0
+"""Longest stretch (s) of a vehicle's track that a reviewer looks at"""
+_DRIVES = 10.0
+"""Least extent (m) of a stretch in which a vehicle drives"""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A finding of rules, model or both.
+
+    Attributes:
+        recording, site, vehicle, partner: names; partner is None without one.
+        title: of the class.
+        time, start, end: s.
+        source: rules, model or both.
+    """
+
+    recording: str
+    site: str
+    vehicle: str
+    partner: str | None
+    title: str
+    time: float
+    start: float
+    end: float
+    source: str
+
+
+@dataclass(frozen=True)
+class Item:
+    """An item of a draw.
+
+    Attributes:
+        recording, site, vehicle: names.
+        start, end: stretch of the recording that is looked at, s.
+        finding: the finding to judge; None if all events of the vehicle are asked for.
+        weight: number of findings in the population for which this one stands.
+        found: findings of rules and model in the stretch, for the key.
+    """
+
+    recording: str
+    site: str
+    vehicle: str
+    start: float
+    end: float
+    finding: Finding | None = None
+    weight: float = 1.0
+    found: tuple[Finding, ...] = field(default=())
+
+
+def find(recordings: Sequence[Path], model: Recogniser) -> list[Finding]:
+    """Return the findings of the rules and of a model in recordings, as a catalogue would have them.
+
+    Recordings that can't be read are named on stderr and left out.
+
+    Args:
+        model: sorts by its own labels, and gives no discovered classes.
+    """
+    gap, events = CatalogueSettings().gap, {}
+    sources = []
+    for _, source in sources_of(recordings):
+        try:
+            recording, site, events[source.name] = looked(source, Rules())
+        except ToolchainError as error:
+            print(f"left out: {error}", file=sys.stderr)
+            continue
+        sources.append(source)
+        model.look(source.name, recording, site, events[source.name], lambda _: None)
+    found: list[Finding] = []
+    for source in sources:
+        by_rules = joined(map(detect.by_rules, events[source.name]), gap)
+        labelled = (moment for moment in model.moments(source.name) if moment.state == KNOWN and moment.title in CLASSES)
+        found += merged(source.name, source.site, by_rules, joined(labelled, gap))
+    return sorted(found, key=lambda one: (one.recording, one.vehicle, one.time, one.title, one.source))
+
+
+def merged(recording: str, site: str, by_rules: Sequence[Detection], by_model: Sequence[Detection]) -> Iterator[Finding]:
+    """Yield the findings in a recording: of the rules, by both if the model has the same, and the others of the model."""
+    for own, others, source in (by_rules, by_model, RULES), (by_model, by_rules, MODEL):
+        for one in own:
+            moment, shared = one.moment, any(_same(one, other) for other in others)
+            if source == RULES or not shared:
+                by = BOTH if shared else source
+                partner = moment.partner if source == RULES else None
+                yield Finding(recording, site, moment.ego, partner, moment.title, moment.time, one.start, one.end, by)
+
+
+def _same(one: Detection, other: Detection) -> bool:
+    """Whether two findings are of the same class and vehicle at about the same time."""
+    alike = (one.moment.ego, one.moment.title) == (other.moment.ego, other.moment.title)
+    return alike and max(one.start, other.start) - min(one.end, other.end) <= SAME
+
+
+def write_findings(found: Sequence[Finding], path: Path) -> None:
+    """Write findings as JSON."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"findings": [asdict(one) for one in found]}, indent=1) + "\n", encoding="utf-8")
+
+
+def read_findings(path: Path) -> list[Finding]:
+    """Read what `write_findings` wrote.
+
+    Raises:
+        InvalidFile: it is not readable.
+    """
+    try:
+        return [Finding(**one) for one in read_object(path)["findings"]]
+    except (KeyError, TypeError) as error:
+        raise InvalidFile(f"these are no findings: {error}", path=path) from None
+
+
+def draw_findings(everything: Sequence[Finding], number: int, seed: int) -> list[Item]:
+    """Draw findings: as many of each source, and within a source by the root of the number of each class."""
+    generator = np.random.default_rng(seed)
+    sources = [source for source in (RULES, MODEL, BOTH) if any(one.source == source for one in everything)]
+    items = []
+    for source in sources:
+        strata = _by_class(one for one in everything if one.source == source)
+        for stratum, count in zip(strata, _shares([len(each) for each in strata], number // len(sources)), strict=True):
+            chosen = generator.choice(len(stratum), count, replace=False)
+            items += [_item(stratum[index], len(stratum) / count) for index in sorted(chosen.tolist())]
+    return [items[index] for index in generator.permutation(len(items)).tolist()]
+
+
+def _item(one: Finding, weight: float) -> Item:
+    return Item(one.recording, one.site, one.vehicle, one.start, one.end, one, weight)
+
+
+def _by_class(found: Iterable[Finding]) -> list[list[Finding]]:
+    strata: dict[str, list[Finding]] = {}
+    for one in found:
+        strata.setdefault(one.title, []).append(one)
+    return [strata[title] for title in sorted(strata)]
+
+
+def _shares(sizes: Sequence[int], number: int) -> list[int]:
+    """Numbers to draw from strata: one from each, the others by the root of their sizes."""
+    counts = [1] * len(sizes)
+    while sum(counts) < min(number, sum(sizes)):
+        wanting = [math.sqrt(size) / count if count < size else 0.0 for size, count in zip(sizes, counts, strict=True)]
+        counts[int(np.argmax(wanting))] += 1
+    return counts
+
+
+def draw_vehicles(everything: Sequence[Finding], recordings: Sequence[Path], number: int, seed: int) -> list[Item]:
+    """Draw vehicles that drive, in turn from each set of recordings, and a stretch of each track.
+
+    A set is the folder directly below a given path that a recording is in.
+    """
+    generator = np.random.default_rng(seed)
+    sets: dict[str, list[Source]] = {}
+    for name, source in sources_of(recordings):
+        sets.setdefault(name, []).append(source)
+    waiting = {name: [of[index] for index in generator.permutation(len(of)).tolist()] for name, of in sorted(sets.items())}
+    items: list[Item] = []
+    while len(items) < number and any(waiting.values()):
+        for of in filter(None, waiting.values()):
+            source = of.pop(0)
+            taken = {(one.recording, one.vehicle) for one in items}
+            stretches = [one for one in _stretches(source, generator) if (one[0], one[1]) not in taken]
+            if stretches and len(items) < number:
+                recording, vehicle, start, end = stretches[int(generator.integers(len(stretches)))]
+                own = (one for one in everything if (one.recording, one.vehicle) == (recording, vehicle))
+                inside = tuple(one for one in own if one.end > start and one.start < end)
+                items.append(Item(recording, source.site, vehicle, start, end, found=inside))
+                of.append(source)
+    return items
+
+
+def _stretches(source: Source, generator: np.random.Generator) -> list[tuple[str, str, float, float]]:
+    """Recording, name and a stretch of the track of each vehicle that drives."""
+    found = []
+    for track in source.load().tracks.values():
+        time = track.columns["time"]
+        start = float(generator.uniform(time[0], max(time[-1] - STRETCH, time[0])))
+        rows = (time >= start) & (time <= start + STRETCH)
+        extent = math.hypot(*(float(np.ptp(track.columns[axis][rows])) for axis in "xy"))
+        if track.category in EGOS and extent >= _DRIVES and np.ptp(time[rows]) >= 3.0:
+            found.append((source.name, track.name, start, float(time[rows][-1])))
+    return found
+
+
+def sources_of(recordings: Sequence[Path]) -> list[tuple[str, Source]]:
+    """Recordings in paths, each with the name of its set: the folder directly below the path that it is in."""
+    found = []
+    for path in recordings:
+        for source in datasets.open(path).sources:
+            below = source.path.relative_to(path).parts if path.is_dir() else ()
+            found.append((below[0] if len(below) > 1 else path.stem, source))
+    return found
