@@ -20,7 +20,7 @@ from benchmarks.judging.items import write_items
 from benchmarks.judging.report import report
 from recognition.catalogue.model import load
 from recognition.catalogue.pipeline import SHIPPED
-from schemas.errors import ToolchainError
+from schemas.common.errors import ToolchainError
 
 
 def main() -> None:

@@ -19,8 +19,8 @@ from recognition.catalogue.recordings import CatalogueSettings, looked
 from recognition.datasets import Source
 from recognition.labels import Label, Rules
 from recognition.labels.scene import EGOS
-from schemas.errors import InvalidFile, ToolchainError
-from schemas.storage import read_object
+from schemas.common.errors import InvalidFile, ToolchainError
+from schemas.common.storage import read_object
 
 RULES, MODEL, BOTH = "rules", "model", "both"
 CLASSES = tuple(label.title for label in Label if label is not Label.UNKNOWN)

@@ -17,14 +17,14 @@ from recognition.catalogue.page import FILM_STEP, film, lanes
 from recognition.datasets import Source, cache_roads
 from recognition.sites import site_of
 from runner.replay.page import page
-from schemas.security.text import csv_text
+from schemas.common.text import csv_text
 from xodr.lookup.arrays import sample, stations
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from xodr.array_types import FloatArray
 
     from runner.recording import Recording, Track
-    from xodr.array_types import FloatArray
     from xodr.network import RoadNetwork
 
 COLUMNS = ("item", "answer", "class", "time", "reason")

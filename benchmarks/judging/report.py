@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.judging.draws import BOTH, CLASSES, MODEL, RULES
-from schemas.errors import InvalidFile
-from schemas.storage import read_object
+from schemas.common.errors import InvalidFile
+from schemas.common.storage import read_object
 
 _VERDICTS = ("right", "wrong", "unclear")
 _DONE, _EVENT = "complete", "event"

@@ -27,7 +27,7 @@ from benchmarks.judging.items import COLUMNS, write_items
 from benchmarks.judging.report import Answers, Event, bootstrap, interval, precision_cases, read_answers, recall_cases, report
 from recognition.catalogue.detect import Moment
 from recognition.catalogue.pipeline import ByRules
-from schemas.errors import InvalidFile
+from schemas.common.errors import InvalidFile
 from tests.recognition import motorway
 from tests.runner.chromium import Browser
 
