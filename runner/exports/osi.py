@@ -1,35 +1,166 @@
-"""Target `osi`: the run as a trace of ASAM OSI GroundTruth messages, in the `.osi` and `.mcap` formats.
+"""Target `osi`: the run as a trace of ASAM OSI GroundTruth messages, in the `.osi` and `.mcap` formats. Needs the extra `osi`.
 
-Source: ASAM OSI 3.8, GroundTruth and "trace file formats". Positions are those of the bounding box's centre, angles and
-rates those of the world frame, as OSI asks for; the OpenSCENARIO reference point is in `bbcenter_to_rear`. Every message has
-the lanes around (`runner.exports.osi_lanes` and `runner.exports.osi_logical`); the
-whole road network is in the file that `map_reference` names. In `.mcap` the ego has channels of its own
-(`runner.exports.osi_traffic`).
+Sources: ASAM OSI 3.8, GroundTruth, "trace file formats", TrafficCommand and TrafficUpdate. Positions are those of the bounding
+box's centre, angles and rates those of the world frame, as OSI asks for; the OpenSCENARIO reference point is in
+`bbcenter_to_rear`. Every message has the lanes around (`runner.exports.osi_lanes`); the whole road network is in the file that
+`map_reference` names.
+
+In `.mcap` the ego has channels of its own, for models of traffic participants. A TrafficCommand is sent once, when the ego
+appears: to follow the trajectory that it drove, by time and place. The TrafficUpdates are what a model that does so answers:
+the dynamic fields of the ego's MovingObject.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from runner.exports.moments import box_centre, date, moments, rate, stands, wrapped
-from runner.exports.osi_lanes import Lanes, around
-from runner.exports.osi_logical import LogicalLanes
-from runner.exports.osi_objects import Osi, fill_base, fill_type
-from runner.exports.osi_traffic import host_of, message_types, traffic
-from schemas.common.errors import UsageError
-from schemas.common.packages import version
-from schemas.common.storage import drafted, writing
+from runner.exports.osi_lanes import Lanes, LogicalLanes, around
+from runner.participants.declaration import BoundingBox
+from schemas.errors import UsageError
+from schemas.extras import optional
+from schemas.packages import version
+from schemas.storage import drafted, writing
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Job, Outcome
     from runner.interpreter.result import RunResult
     from runner.recording import Track
     from xosc.exports.folder import Folder
+
+
+_TYPES = {
+    "car": "TYPE_CAR", "van": "TYPE_VAN", "truck": "TYPE_HEAVY_TRUCK", "trailer": "TYPE_TRAILER",
+    "semitrailer": "TYPE_SEMITRAILER", "bus": "TYPE_BUS", "motorbike": "TYPE_MOTORBIKE", "bicycle": "TYPE_BICYCLE",
+    "train": "TYPE_TRAIN", "tram": "TYPE_TRAM", "motorcycle": "TYPE_MOTORCYCLE", "heavyTruck": "TYPE_HEAVY_TRUCK",
+    "semitractor": "TYPE_SEMITRACTOR", "wheelchair": "TYPE_WHEELCHAIR", "standupScooter": "TYPE_STANDUP_SCOOTER",
+    "micromobilityDevice": "TYPE_MICROMOBILITY_DEVICE", "workMachine": "TYPE_WORK_MACHINE",
+    "landVehicle": "TYPE_LAND_VEHICLE", "aircraft": "TYPE_AIRCRAFT", "watercraft": "TYPE_WATERCRAFT",
+}  # fmt: skip
+"""OSI's vehicle types by OpenSCENARIO category."""
+_KINDS = {"vehicle": "TYPE_VEHICLE", "pedestrian": "TYPE_PEDESTRIAN"}
+_NANO = 1_000_000_000
+_AXES = (("position", "xyz"), ("orientation", ("yaw", "pitch", "roll")), ("velocity", "xyz"), ("acceleration", "xyz"))
+
+
+class Kind(Protocol):
+    """Properties of an object."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def category(self) -> str: ...
+    @property
+    def box(self) -> BoundingBox: ...
+
+
+def fill_base(base: Any, box: BoundingBox, values: Sequence[float], moves: bool) -> None:
+    """Fill a BaseStationary, or BaseMoving where it moves.
+
+    Args:
+        values: position (m), yaw, pitch, roll (rad), velocity, acceleration, yaw, pitch and roll rate, of the box's centre in the
+            world frame.
+    """
+    base.dimension.length, base.dimension.width, base.dimension.height = box.length, box.width, box.height
+    for (field, axes), start in zip(_AXES if moves else _AXES[:2], range(0, 12, 3), strict=False):
+        for axis, value in zip(axes, values[start : start + 3], strict=True):
+            setattr(getattr(base, field), axis, value)
+    if moves:
+        for axis, value in zip(("yaw", "pitch", "roll"), values[12:], strict=True):
+            setattr(base.orientation_rate, axis, value)
+
+
+def fill_type(each: Any, one: Kind, osi: Osi) -> None:
+    """Fill what a MovingObject is."""
+    moving = osi.objects.MovingObject
+    each.type = moving.Type.Value(_KINDS.get(one.kind, "TYPE_OTHER"))
+    if one.kind == "vehicle":
+        each.vehicle_classification.type = moving.VehicleClassification.Type.Value(_TYPES.get(one.category, "TYPE_OTHER"))
+        rear = each.vehicle_attributes.bbcenter_to_rear
+        rear.x, rear.y, rear.z = -one.box.x, -one.box.y, -one.box.z
+    elif one.kind == "pedestrian":
+        root = each.pedestrian_attributes.bbcenter_to_root
+        root.x, root.y, root.z = -one.box.x, -one.box.y, -one.box.z
+
+
+class Osi:
+    """Used parts of the OSI packages, an optional extra.
+
+    Raises:
+        MissingExtra: they are not installed.
+    """
+
+    def __init__(self) -> None:
+        self.groundtruth, self.objects = optional("osi3.osi_groundtruth_pb2"), optional("osi3.osi_object_pb2")
+        tools, osi_version = optional("osi_utilities"), optional("osi3.osi_version_pb2")
+        self.single, self.multi = tools.SingleTraceWriter, tools.MultiTraceWriter
+        options = osi_version.DESCRIPTOR.GetOptions()
+        self.interface_version = options.Extensions[osi_version.current_interface_version]
+        numbers = self.interface_version
+        self.osi_version = f"{numbers.version_major}.{numbers.version_minor}.{numbers.version_patch}"
+        self.protobuf_version = optional("google.protobuf").__version__
+
+    def stamp(self, message: Any, time: float) -> None:
+        """Give a message its version and timestamp (s)."""
+        message.version.CopyFrom(self.interface_version)
+        message.timestamp.seconds, message.timestamp.nanos = divmod(round(time * _NANO), _NANO)
+
+
+COMMAND, UPDATE = "traffic_command", "traffic_update"
+"""Topics of the two channels"""
+_DYNAMIC = ("position", "orientation", "velocity", "acceleration", "orientation_rate")
+
+
+def message_types() -> dict[str, Any]:
+    """The message type of each channel by its topic."""
+    return {
+        COMMAND: optional("osi3.osi_trafficcommand_pb2").TrafficCommand,
+        UPDATE: optional("osi3.osi_trafficupdate_pb2").TrafficUpdate,
+    }
+
+
+def _by_position(action: Any) -> int:
+    """The following mode that keeps to times and places."""
+    number: int = action.DESCRIPTOR.fields_by_name["following_mode"].enum_type.values_by_name["FOLLOWING_MODE_POSITION"].number
+    return number
+
+
+def host_of(truth: Any) -> tuple[Any, Any] | None:
+    """Timestamp and host vehicle of a GroundTruth; None where the host is not there."""
+    if not truth.HasField("host_vehicle_id"):
+        return None
+    found = (each for each in truth.moving_object if each.id.value == truth.host_vehicle_id.value)
+    return next(((truth.timestamp, each) for each in found), None)
+
+
+def traffic(osi: Osi, hosts: Sequence[tuple[Any, Any]]) -> Iterator[tuple[str, Any]]:
+    """The command and the updates of the host vehicle, each with its topic; nothing without a host.
+
+    Args:
+        hosts: what `host_of` gives of all messages.
+    """
+    if not hosts:
+        return
+    types, (start, ego) = message_types(), hosts[0]
+    command = types[COMMAND](version=osi.interface_version, timestamp=start, traffic_participant_id=ego.id)
+    action = command.action.add().follow_trajectory_action
+    action.action_header.action_id.value = 0
+    action.constrain_orientation, action.following_mode = True, _by_position(action)
+    for time, host in hosts:
+        action.trajectory_point.add(timestamp=time, position=host.base.position, orientation=host.base.orientation)
+    yield COMMAND, command
+    for time, host in hosts:
+        update = types[UPDATE](version=osi.interface_version, timestamp=time)
+        each = update.update.add(id=host.id)
+        for field in _DYNAMIC:
+            getattr(each.base, field).CopyFrom(getattr(host.base, field))
+        yield UPDATE, update
+
 
 TARGETS = {"osi": "ASAM OSI ground-truth traces, .osi and .mcap"}
 FORMATS = (".osi", ".mcap")

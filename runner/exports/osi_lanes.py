@@ -1,13 +1,17 @@
-"""Lanes and lane boundaries of OSI ground truth, from OpenDRIVE roads.
+"""Lanes, lane boundaries, and logical lanes with reference lines of OSI ground truth, from OpenDRIVE roads.
 
-Source: ASAM OSI 3.8, Lane and LaneBoundary. A lane of a lane section is a lane; lanes beside each other share the boundary
-between them. All lanes of a junction are one lane of type intersection, with free boundaries and no neighbours. Centre lines
-lead in driving direction, and begin where those of the lanes before end.
+Sources: ASAM OSI 3.8, Lane, LaneBoundary, ReferenceLine, LogicalLaneBoundary and LogicalLane. A lane of a lane section is a
+lane; lanes beside each other share the boundary between them. All lanes of a junction are one lane of type intersection, with
+free boundaries and no neighbours. Centre lines lead in driving direction, and begin where those of the lanes before end.
+
+A lane of a lane section is a logical lane too, also in junctions; its reference line is that of its road, with OpenDRIVE's s
+and t. Boundaries run in the direction of the reference line. Overlaps of lanes in junctions are not exported.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,11 +19,15 @@ import numpy as np
 from shapely import LineString
 
 from runner.exports.lanelets import Key, Lanelet, lanelets
+from runner.exports.moments import box_centre
+from xodr.lookup.arrays import sample, stations
 
 if TYPE_CHECKING:
     from runner.recording import Recording, Track
     from xodr import RoadNetwork
     from xodr.lookup.arrays import Points
+    from xodr.road import Road
+
 
 _REACH = 200.0
 """Margin (m) around the paths of the entities within which lanes are exported"""
@@ -234,3 +242,172 @@ def _add_pairs(lane: Any, behind: Sequence[int], ahead: Sequence[int]) -> None:
                 pair.antecessor_lane_id.value = before
             if after is not None:
                 pair.successor_lane_id.value = after
+
+
+_LOGICAL_CLOSE, _SPACING = 0.02, 2.0
+"""m by which lines of fewer points may be off, and greatest distance (m) of the points that they are chosen from"""
+_TYPES = {
+    "driving": "NORMAL", "bidirectional": "NORMAL", "biking": "BIKING", "sidewalk": "SIDEWALK", "walking": "SIDEWALK",
+    "parking": "PARKING", "stop": "STOP", "restricted": "RESTRICTED", "border": "BORDER", "curb": "CURB", "shoulder": "SHOULDER",
+    "exit": "EXIT", "mwyExit": "EXIT", "entry": "ENTRY", "mwyEntry": "ENTRY", "onRamp": "ONRAMP", "offRamp": "OFFRAMP",
+    "connectingRamp": "CONNECTINGRAMP", "slipLane": "CONNECTINGRAMP", "median": "MEDIAN", "rail": "RAIL", "tram": "TRAM",
+}  # fmt: skip
+"""OSI's types by OpenDRIVE lane type; everything else is `OTHER`"""
+_UNREFERENCED = {"median", "curb", "tram", "rail"}
+"""Lane types whose logical lanes name no physical lane"""
+_PASSING = {
+    "solid": "NONE_ALLOWED", "solid solid": "NONE_ALLOWED", "broken": "BOTH_ALLOWED", "broken broken": "BOTH_ALLOWED",
+    "solid broken": "INCREASING_T", "broken solid": "DECREASING_T",
+}  # fmt: skip
+"""Passing rules by road mark, read from larger to smaller t; everything else is `OTHER`"""
+_SWAPPED = {"solid broken": "broken solid", "broken solid": "solid broken"}
+
+
+class LogicalLanes:
+    """Logical lanes of a road network.
+
+    Args:
+        network: the roads.
+        chosen: the lanes, at most one of each lane of a section.
+        physical: gives the id of the physical lane of a key.
+        first_id: ids from here on are free.
+    """
+
+    def __init__(
+        self, network: RoadNetwork, chosen: Iterable[Lanelet], physical: Callable[[Key], int | None], first_id: int
+    ) -> None:
+        self._network, self._physical = network, physical
+        self._lanelets = {lanelet.key: lanelet for lanelet in chosen}
+        roads = dict.fromkeys(key[0] for key in self._lanelets)
+        borders = dict.fromkeys(border for key in self._lanelets for border in (_inner(key), key))
+        numbers = iter(range(first_id, first_id + len(roads) + len(borders) + len(self._lanelets)))
+        self._lines = {road: next(numbers) for road in roads}
+        self._borders = {border: next(numbers) for border in borders}
+        self._ids = {key: next(numbers) for key in self._lanelets}
+
+    def fill(self, message: Any) -> None:
+        """Add reference lines, boundaries and lanes to a GroundTruth."""
+        for field in ("reference_line", "logical_lane_boundary", "logical_lane"):
+            getattr(message, field).MergeFrom(getattr(self._messages, field))
+
+    def assignments(self, track: Track) -> list[tuple[int, float, float, float] | None]:
+        """Of the middle of a participant's box at every row: id of the lane, s and t (m), angle to it (rad); None off lanes."""
+        found: list[tuple[int, float, float, float] | None] = []
+        hint = None
+        heights, headings = track.columns["z"].tolist(), track.columns["h"].tolist()
+        for (x, y, _), z, h in zip(box_centre(track).tolist(), heights, headings, strict=True):
+            hint = self._network.locate(x, y, z, h, hint)
+            if not self._network.on_road(hint):
+                hint = self._network.locate(x, y, z, h)
+            road = self._network.roads[hint.road_id]
+            section = road.section(hint.s)
+            number = self._ids.get((road.id, road.sections.index(section), hint.lane_id))
+            turn = h - road.heading(hint.s)
+            angle = math.atan2(math.sin(turn), math.cos(turn))
+            found.append((number, hint.s, hint.t, angle) if number is not None and self._network.on_road(hint) else None)
+        return found
+
+    @cached_property
+    def _messages(self) -> Any:
+        from osi3.osi_groundtruth_pb2 import GroundTruth
+
+        message = GroundTruth()
+        for road_id, number in self._lines.items():
+            self._fill_line(message.reference_line.add(), self._network.roads[road_id], number)
+        for border, number in self._borders.items():
+            self._fill_boundary(message.logical_lane_boundary.add(), border, number)
+        for lanelet in self._lanelets.values():
+            self._fill_lane(message.logical_lane.add(), lanelet)
+        return message
+
+    def _fill_line(self, line: Any, road: Road, number: int) -> None:
+        line.id.value, line.type = number, line.TYPE_POLYLINE_WITH_T_AXIS
+        along = stations(road, _SPACING)
+        points = sample(road, along, 0.0)
+        for index in _needed(np.column_stack([points, along])):
+            one = line.poly_line.add(
+                s_position=float(along[index]), t_axis_yaw=_wrapped(road.heading(along[index]) + math.pi / 2)
+            )
+            one.world_position.x, one.world_position.y, one.world_position.z = points[index].tolist()
+
+    def _fill_boundary(self, boundary: Any, border: Key, number: int) -> None:
+        road_id, section_number, lane_id = border
+        road = self._network.roads[road_id]
+        section = road.sections[section_number]
+        lane = section.lanes[lane_id]
+        along = np.array(_stations(road, section))
+        aside = [lane.outer(s) for s in along.tolist()]
+        points = sample(road, along, aside)
+        boundary.id.value, boundary.reference_line_id.value = number, self._lines[road_id]
+        mark = lane.marks[0].type if lane.marks else "none"
+        rule = _PASSING.get(_SWAPPED.get(mark, mark) if lane_id > 0 else mark, "OTHER")
+        boundary.passing_rule = boundary.PassingRule.Value(f"PASSING_RULE_{rule}")
+        for index in _needed(np.column_stack([points, along])):
+            one = boundary.boundary_line.add(s_position=float(along[index]), t_position=float(aside[index]))
+            one.position.x, one.position.y, one.position.z = points[index].tolist()
+
+    def _fill_lane(self, lane: Any, lanelet: Lanelet) -> None:
+        road_id, section_number, lane_id = key = lanelet.key
+        road = self._network.roads[road_id]
+        section = road.sections[section_number]
+        forward = self._forward(key)
+        lane.id.value, lane.type = self._ids[key], lane.Type.Value(f"TYPE_{_TYPES.get(lanelet.lane_type, 'OTHER')}")
+        source = lane.source_reference.add(type="net.asam.opendrive")
+        source.identifier.extend([road_id, repr(section.s), str(lane_id)])
+        physical = self._physical(key) if lanelet.lane_type not in _UNREFERENCED else None
+        if physical is not None:
+            reference = lane.physical_lane_reference.add(start_s=section.s, end_s=section.end)
+            reference.physical_lane_id.value = physical
+        lane.reference_line_id.value, lane.start_s, lane.end_s = self._lines[road_id], section.s, section.end
+        move = "BOTH_ALLOWED" if lanelet.lane_type == "bidirectional" else "INCREASING_S" if forward else "DECREASING_S"
+        lane.move_direction = lane.MoveDirection.Value(f"MOVE_DIRECTION_{move}")
+        borders = (_inner(key), key) if lane_id < 0 else (key, _inner(key))
+        for border, ids in zip(borders, (lane.left_boundary_id, lane.right_boundary_id), strict=True):
+            ids.add(value=self._borders[border])
+        for step, relations in ((1, lane.left_adjacent_lane), (-1, lane.right_adjacent_lane)):
+            other = (road_id, section_number, lane_id + step or step)
+            if other in self._ids:
+                relation = relations.add(start_s=section.s, end_s=section.end, start_s_other=section.s, end_s_other=section.end)
+                relation.other_lane_id.value = self._ids[other]
+        ahead, behind = (lane.successor_lane, lane.predecessor_lane)[:: 1 if forward else -1]
+        for connections, keys, at_start in ((ahead, lanelet.successors, True), (behind, lanelet.predecessors, False)):
+            for other in (each for each in keys if each in self._ids):
+                connection = connections.add(at_begin_of_other_lane=self._forward(other) == at_start)
+                connection.other_lane_id.value = self._ids[other]
+
+    def _forward(self, key: Key) -> bool:
+        """Whether a lane's traffic goes along the reference line."""
+        road = self._network.roads[key[0]]
+        return road.direction(key[2], road.sections[key[1]].s) > 0
+
+
+def _inner(key: Key) -> Key:
+    """The border on the inner side of a lane, as the lane whose outer border it is; 0 is the middle."""
+    road_id, section, lane = key
+    return road_id, section, lane + (1 if lane < 0 else -1)
+
+
+def _stations(road: Road, section: Any) -> list[float]:
+    return [section.s, *(s for s in stations(road, _SPACING).tolist() if section.s < s < section.end), section.end]
+
+
+def _needed(points: np.ndarray) -> list[int]:
+    """Rows of a line, x, y, z and s, that are needed: its ends, and those between which x, y and z are linear in s."""
+    kept, pending = {0, len(points) - 1}, [(0, len(points) - 1)]
+    while pending:
+        first, last = pending.pop()
+        if last - first < 2:
+            continue
+        inner = points[first + 1 : last]
+        share = (inner[:, 3] - points[first, 3]) / (points[last, 3] - points[first, 3])
+        line = points[first, :3] + share[:, None] * (points[last, :3] - points[first, :3])
+        off = np.linalg.norm(inner[:, :3] - line, axis=1)
+        worst = int(off.argmax())
+        if off[worst] > _LOGICAL_CLOSE:
+            kept.add(first + 1 + worst)
+            pending += [(first, first + 1 + worst), (first + 1 + worst, last)]
+    return sorted(kept)
+
+
+def _wrapped(angle: float) -> float:
+    return math.atan2(math.sin(angle), math.cos(angle))

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 from runner.exports.lanelets import lanelets
+from runner.exports.osi import Osi, fill_base, fill_type
 from runner.exports.osi_lanes import Lanes
-from runner.exports.osi_objects import Osi, fill_base, fill_type
 from runner.motion.placement import wrap
 from runner.sut.base import Observation, Participant
 from xodr.model import RoadPoint
