@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from runner.measures.limits import NEW_FAILURE
+from runner.measures.measure import NEW_FAILURE
 from runner.run_options import FailIf, Only, Param, Sample, selection_of, with_run_settings
 from runner.settings import RunSettings
 from schemas.common.command_line import (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from runner.measures.limits import EVENTS, NEW_FAILURE, UNITS
+from runner.measures.measure import EVENTS, NEW_FAILURE, UNITS
 from runner.settings import RunSettings
 from schemas.common.command_line import CatalogPath, RoadPath, explain
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from runner.measures.limits import Limit
-from schemas.common.errors import UsageError
+from runner.measures.measure import Limit
+from schemas.errors import UsageError
 
 if TYPE_CHECKING:
     from runner.sut import System
@@ -37,7 +37,7 @@ class RunSettings:
         world: one of `WORLDS`.
         end_after_collision: end a run one second after the ego's first contact; None for runs with a system under test.
         fail_if: limits by which a run fails besides collisions of the ego, as `min_ttc<1` or `off-road`; see
-            `runner.measures.limits`.
+            `runner.measures.measure`.
         enforce_constraints: refuse parameter values that violate their constraint groups, and leave such sets of a
             distribution out; otherwise violations are noted in the event log.
         strict: refuse files that break their standard, where they are otherwise repaired with a remark.

@@ -69,7 +69,7 @@ class Outcome:
             is one of `FLEETING`, or empty.
         trace: traceback of an error.
         impact: of a failed run in which the ego touches another participant: `speed`, `delta_v` (m/s), `risk` (of a death),
-            `time` (s), `other`, `side`, `point` (m) and `strikes`; see `runner.measures.impact`.
+            `time` (s), `other`, `side`, `point` (m) and `strikes`; see `runner.measures.contacts`.
         criteria: results of the scenario's criteria, as in `result.json`.
         remarks: what was assumed and what may not be meant, as in `result.json`, a line each.
         causes: names of the causes for which the run tested nothing, see `runner.interpreter.untested`.

@@ -10,14 +10,14 @@ from runner.criteria.criterion import CriterionResult
 from runner.criteria.judge import judge_criteria, light_states
 from runner.interpreter.ego import is_called_ego
 from runner.interpreter.result import Verdict
-from runner.measures.limits import Facts
+from runner.measures.measure import Facts
 
 if TYPE_CHECKING:
     from runner.criteria.judge import Criterion
     from runner.interpreter.collision import Contacts
     from runner.interpreter.compiler import Scenario
     from runner.interpreter.result import Cause, RunResult
-    from runner.measures.limits import Limit
+    from runner.measures.measure import Limit
     from runner.participants.entity import Entity
     from runner.recording import Recording
 

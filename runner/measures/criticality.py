@@ -7,7 +7,7 @@ Gaps are those of the bounding boxes; how they are measured is said in `runner.m
 
 Sources: time to collision, Hayward (1972); time headway and deceleration rate to avoid a crash as in Mahmud et al.,
 "Application of proximal surrogate indicators for safety evaluation" (2017); post-encroachment time as in
-`runner.measures.encroachment`; RSS as in `runner.measures.rss`; the probabilistic risk field as in `runner.measures.risk_field`.
+`runner.measures.contacts`; RSS as in `runner.measures.rss`; the probabilistic risk field as in `runner.measures.risk_field`.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runner.measures import rss
-from runner.measures.encroachment import post_encroachment_time
-from runner.measures.impact import Impact, first_impact
+from runner.measures.contacts import Impact, first_impact, post_encroachment_time
 from runner.measures.measure import Extreme, Series, least, measures
 from runner.measures.relations import Motion, View, blocks, relations
 from runner.measures.risk_field import greatest

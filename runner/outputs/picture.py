@@ -25,7 +25,7 @@ from xodr.lookup.arrays import lane_borders
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
-    from runner.measures.impact import Impact
+    from runner.measures.contacts import Impact
     from runner.recording import Recording, Track
 
 _EGO, _OTHERS = "#c62828", ("#1565c0", "#2e7d32", "#ef6c00", "#6a1b9a", "#00838f", "#5d4037")

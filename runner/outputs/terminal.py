@@ -170,7 +170,7 @@ class Table:
         """The contacts with the greatest risk of a death."""
         if len(self._contacts) < 2:
             return
-        from runner.measures.impact import sentence  # needs numpy
+        from runner.measures.contacts import sentence  # needs numpy
 
         found = sorted(self._contacts, key=lambda contact: (-contact[1]["risk"], -contact[1]["speed"], contact[0]))[:_LISTED]
         self._print(f"worst {len(found)} of {many(len(self._contacts), 'contact')}, by the risk of a death:")

@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 from runner.batch import journal
 from runner.batch.comparison import Identity, identity
-from runner.measures.impact import sentence
+from runner.measures.contacts import sentence
 from runner.measures.measure import measures
 from runner.outputs.runs import CONTACT, schema, write_runs
 from runner.outputs.stored import load_run

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
 from runner.measures import rss
+from runner.measures.contacts import post_encroachment_time
 from runner.measures.criticality import (
     criticality,
     deceleration_to_avoid_crash,
@@ -20,7 +21,6 @@ from runner.measures.criticality import (
     time_headway,
     time_to_collision,
 )
-from runner.measures.encroachment import post_encroachment_time
 from runner.measures.relations import Motion, View, box_distance, boxes_overlap, relations
 from runner.participants.boxes import box_corners
 from runner.participants.declaration import BoundingBox

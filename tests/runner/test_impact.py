@@ -6,8 +6,8 @@ import math
 
 import pytest
 
+from runner.measures.contacts import first_impact
 from runner.measures.criticality import criticality
-from runner.measures.impact import first_impact
 from tests.runner.test_criticality import motion
 
 

@@ -12,7 +12,7 @@ from lxml import etree
 import runner
 import runner.sut
 from runner import RunSettings
-from runner.measures.limits import Facts, Limit
+from runner.measures.measure import Facts, Limit
 from runner.outputs.stored import load_run
 from schemas.common.errors import UsageError
 from tests.commands import Command

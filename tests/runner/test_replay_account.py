@@ -11,7 +11,7 @@ from PIL import Image
 
 import runner
 from runner.interpreter.result import RunResult
-from runner.measures.braking import FULL, Conflict
+from runner.measures.contacts import FULL, Conflict
 from runner.measures.relations import Motion
 from runner.outputs.report import summary
 from runner.participants.declaration import BoundingBox

@@ -1,7 +1,7 @@
 """Severity of the ego's first contact: impact speed, change of velocity, and risk of a death by published curves.
 
 A contact is taken as plastic and central: both participants move on together. That is an upper bound of the change of velocity
-where they hit each other off centre. Striking entity, side and point: `runner.measures.impact`.
+where they hit each other off centre. Striking entity, side and point: `runner.measures.contacts`.
 """
 
 from __future__ import annotations

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from runner.measures.braking import FULL, Conflict
-from runner.measures.impact import sentence
+from runner.measures.contacts import FULL, Conflict, sentence
 from runner.measures.measure import GREATEST_DECELERATION
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
+    from runner.measures.contacts import Impact
     from runner.measures.criticality import Criticality
-    from runner.measures.impact import Impact
     from runner.recording import Track
 
 _FAR = 100.0
