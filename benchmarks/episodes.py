@@ -20,7 +20,7 @@ import numpy as np
 import xosc
 from generation.outcomes.outcomes import Evaluator
 from generation.search.space import Space
-from runner.interpreter import execution, session
+from runner.interpreter import execution
 from runner.interpreter.simulation import Simulation
 from runner.measures import criticality
 from runner.recording import Recorder
@@ -30,7 +30,7 @@ from runner.worlds.sumo import SumoWorld
 SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "cut_in_highway.xosc"
 PARTS: tuple[tuple[Any, str, str], ...] = (
     (xosc, "resolve", "resolve (a copy of the parsed file, its parameters, catalogues)"),
-    (session, "compile_scenario", "compile"),
+    (execution, "compile_scenario", "compile"),
     (SumoWorld, "open", "SUMO network"),
     (SumoWorld, "begin", "SUMO start, where it drives somebody"),
     (SumoWorld, "close", "SUMO end"),

@@ -16,7 +16,7 @@ from playable import files
 
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
-from runner.interpreter.untested import CAUSES
+from runner.interpreter.verdict import CAUSES
 from runner.settings import DEFAULT_SYSTEM, WORLDS, RunSettings
 from xosc.distributions import Selection
 

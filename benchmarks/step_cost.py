@@ -24,8 +24,7 @@ from typing import Any, NamedTuple
 
 import libsumo
 
-from runner.interpreter.execution import prepare
-from runner.interpreter.session import open_world
+from runner.interpreter.execution import open_world, prepare
 from runner.interpreter.simulation import Simulation
 from xodr.builders import four_way_intersection, straight_highway
 

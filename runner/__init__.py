@@ -11,10 +11,10 @@ from schemas.common.packages import public
 
 if TYPE_CHECKING:
     from runner.interpreter.execution import Prepared as Prepared
+    from runner.interpreter.execution import Session as Session
     from runner.interpreter.execution import prepare as prepare
     from runner.interpreter.execution import run as run
     from runner.interpreter.result import RunResult as RunResult
-    from runner.interpreter.session import Session as Session
     from runner.settings import RunSettings as RunSettings
 
     __version__: str
@@ -25,7 +25,7 @@ else:
             "Prepared": "runner.interpreter.execution",
             "RunResult": "runner.interpreter.result",
             "RunSettings": "runner.settings",
-            "Session": "runner.interpreter.session",
+            "Session": "runner.interpreter.execution",
             "prepare": "runner.interpreter.execution",
             "run": "runner.interpreter.execution",
         },

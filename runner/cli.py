@@ -33,8 +33,7 @@ from schemas.common.errors import ExitCode, UsageError, exit_codes, gravest
 from schemas.common.storage import writing
 
 if TYPE_CHECKING:
-    from runner.batch.batch import Also
-    from runner.batch.comparison import Comparison
+    from runner.batch.batch import Also, Comparison
     from runner.batch.jobs import Job, Outcome
     from runner.outputs.terminal import Table
 
@@ -109,11 +108,9 @@ def xosc_run(
     _version: Version = False,
 ) -> None:
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
-    from runner.batch.batch import run_batch
-    from runner.batch.comparison import Comparison
+    from runner.batch.batch import Comparison, run_batch, runnable
     from runner.batch.jobs import jobs_of
     from runner.batch.rehearsal import rehearse_batch
-    from runner.batch.selection import runnable
     from runner.outputs.terminal import Table
 
     if out is None and (resume or plot):

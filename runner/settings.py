@@ -31,7 +31,7 @@ class RunSettings:
         timestep: s.
         sut: the system under test that drives the ego: a name of the entry-point group `xosc.sut`, `module:Class`,
             an instance, or None (as `none`) for what the scenario scripts alone.
-        ego: name of the ego entity; found by `runner.interpreter.ego.find_ego` where it is None.
+        ego: name of the ego entity; found by `runner.interpreter.drivers.find_ego` where it is None.
         seed: of everything random in a run.
         max_time: limit of simulated time, s: scenarios without a StopTrigger have no end of their own.
         world: one of `WORLDS`.

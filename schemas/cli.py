@@ -35,7 +35,7 @@ _EXAMPLES = (
 )
 _EPILOG = exit_codes("all files are accepted (no error; with --strict no warning either)", "some are not")
 
-_TRIAGE = "runner.batch.triage"
+_TRIAGE = "runner.batch.rehearsal"
 """Module of --triage, loaded by its name: it plays files, which is a floor above"""
 _TRIAGED = ("text", "json", "html")
 """Formats of --triage"""

@@ -55,7 +55,7 @@ CACHES = {
     "runner.replay.frames._font": PROGRAM,
     "runner.sut._installed": PROGRAM,
     "runner.sut._own": PROGRAM,
-    "runner.traffic.traffic.places_of": OBJECT,
+    "runner.traffic.places_of": OBJECT,
     "schemas.catalogs._catalog": FILE,
     "schemas.checks.registry.all_rules": PROGRAM,
     "schemas.checks.roads._read": FILE,

@@ -9,7 +9,7 @@ import pytest
 import runner
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
-from runner.outputs.trajectories import write_parquet
+from runner.outputs.tables import write_parquet
 from runner.settings import RunSettings
 from schemas.common.errors import UsageError
 from tests.conformance.support import SCENARIOS

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from recognition.catalogue.pipeline import build as recognise
     from recognition.trfe.trfe import TRFE as TRFE
     from runner.interpreter.execution import Prepared as Prepared
+    from runner.interpreter.execution import Session as Session
     from runner.interpreter.execution import prepare as prepare
     from runner.interpreter.execution import run as run
     from runner.interpreter.result import RunResult as RunResult
-    from runner.interpreter.session import Session as Session
     from runner.measures.criticality import Criticality as Criticality
     from runner.measures.measure import measures as measures
     from runner.replay.notebook import show as show
@@ -68,7 +68,7 @@ else:
             "RunResult": "runner.interpreter.result",
             "RunSettings": "runner.settings",
             "SearchSettings": "generation.settings",
-            "Session": "runner.interpreter.session",
+            "Session": "runner.interpreter.execution",
             "SystemUnderTest": "runner.sut",
             "TRFE": "recognition.trfe.trfe",
             "ToolchainError": "schemas.common.errors",

@@ -23,7 +23,7 @@ from schemas.common.text import one_line
 
 if TYPE_CHECKING:
     from generation.search.space import Space
-    from runner.batch.ray_pool import RayPool
+    from runner.batch.pool import RayPool
     from runner.interpreter.result import RunResult
 
 
@@ -164,7 +164,7 @@ class Simulator:
             verdict there.
         rss: the RSS parameter set of R_risk.
         processes: how many run at a time.
-        ray: address of a Ray cluster that does the runs, or `local` (`runner.batch.ray_pool`); None for processes of one's own.
+        ray: address of a Ray cluster that does the runs, or `local` (`runner.batch.pool`); None for processes of one's own.
 
     Raises:
         UsageError: a setting is wrong, or there is no such cluster.
@@ -244,7 +244,7 @@ def measures(result: RunResult, rss: str) -> dict[str, Any]:
 
 
 def _cluster(address: str, processes: int, work: Callable[[Job], Outcome]) -> RayPool:
-    from runner.batch.ray_pool import RayPool
+    from runner.batch.pool import RayPool
 
     return RayPool(address, processes, work, _lost)
 

@@ -31,7 +31,7 @@ Result = TypeVar("Result")
 
 
 class Workers(NamedTuple):
-    """Workers: a number of processes on this machine, or a Ray cluster at an address (see `runner.batch.ray_pool`)."""
+    """Workers: a number of processes on this machine, or a Ray cluster at an address (see `runner.batch.pool`)."""
 
     jobs: int = 1
     ray: str | None = None
@@ -64,7 +64,7 @@ def results(work: Callable[[Task], Result], tasks: Sequence[Task], workers: Work
 
 
 def _on_ray(work: Callable[[Task], Result], tasks: Sequence[Task], address: str, jobs: int) -> Generator[Result, None, None]:
-    from runner.batch.ray_pool import connect
+    from runner.batch.pool import connect
 
     ray, ours = connect(address, jobs)
     try:

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from runner.contracts.action import PrivateAction
+from runner.contracts.element import PrivateAction
 from runner.contracts.registry import action
 from runner.contracts.run import Running
 from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
 
 _EPSILON = 1e-9

@@ -1,6 +1,6 @@
 """AssignControllerAction, ActivateControllerAction and OverrideControllerValueAction.
 
-How controllers and systems under test combine is said in `runner.interpreter.ego`. A controller of any other entity is a
+How controllers and systems under test combine is said in `runner.interpreter.drivers`. A controller of any other entity is a
 program that is not at hand: assigning and activating it is written to the event log, the entity goes on as scripted.
 """
 
@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from runner.contracts.action import PrivateAction
+from runner.contracts.element import PrivateAction
 from runner.contracts.registry import action
 from runner.participants.entity import Entity
 from schemas.rules.entities import CONTROLLER_UID
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
 
 _DOMAINS = ("longitudinal", "lateral", "lighting", "animation")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.action import GlobalAction, PrivateAction
+from runner.contracts.element import GlobalAction, PrivateAction
 from runner.contracts.registry import action
 from runner.participants.entity import Entity
 from runner.participants.trailers import connect, disconnect, train
@@ -15,8 +15,8 @@ from xosc.node import Node
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from runner.contracts.context import Context
-    from runner.contracts.position import Position
+    from runner.contracts.element import Position
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
     from runner.motion.placement import Placement
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from runner.actions.longitudinal import demanded_speed
 from runner.contracts import registry
-from runner.contracts.action import LATERAL, LONGITUDINAL, PrivateAction
+from runner.contracts.element import LATERAL, LONGITUDINAL, PrivateAction
 from runner.contracts.run import Running
 from runner.motion.dynamics import GapController
 from runner.motion.following import JOINING, PathMotion, join
@@ -21,8 +21,8 @@ from schemas.rules.positions import TIMING_UID
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from runner.contracts.context import Context
-    from runner.contracts.position import Position
+    from runner.contracts.element import Position
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
     from runner.participants.entity import Entity
     from xosc.node import Node

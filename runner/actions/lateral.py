@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from runner.contracts.action import LATERAL, PrivateAction, need_places
+from runner.contracts.element import LATERAL, PrivateAction, need_places
 from runner.contracts.registry import action
 from runner.contracts.run import Running
 from runner.motion.dynamics import EPSILON, SHAPES, Easing, Shape, TransitionDynamics
@@ -23,7 +23,7 @@ from xodr.model import PERMANENT, TEMPORARY, RoadPoint
 from xosc.node import TO_RIGHT, Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
     from xodr.network import RoadNetwork
 

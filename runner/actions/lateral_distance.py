@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from runner.actions.lateral import follow_road, settle_lane
 from runner.actions.longitudinal_distance import read_system
-from runner.contracts.action import LATERAL, PrivateAction, need_places
+from runner.contracts.element import LATERAL, PrivateAction, need_places
 from runner.contracts.registry import action
 from runner.contracts.run import Running
 from runner.motion.dynamics import GapController, read_constraints
@@ -21,7 +21,7 @@ from runner.spacing import distances
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
 
 _SIDES = {"leftToReferencedEntity": 1, "rightToReferencedEntity": -1, "any": 0}

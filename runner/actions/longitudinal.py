@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from runner.contracts.action import LONGITUDINAL, PrivateAction
+from runner.contracts.element import LONGITUDINAL, PrivateAction
 from runner.contracts.registry import action
 from runner.contracts.run import Running
 from runner.motion.dynamics import EPSILON, Shape, TransitionDynamics
@@ -15,7 +15,7 @@ from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
 
 RELATIVE: dict[str, Callable[[float, float], float]] = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from runner.actions.longitudinal import set_speed
-from runner.contracts.action import LONGITUDINAL, PrivateAction, need_places
+from runner.contracts.element import LONGITUDINAL, PrivateAction, need_places
 from runner.contracts.registry import action
 from runner.contracts.run import Running
 from runner.motion.dynamics import GapController, read_constraints, tighter
@@ -21,7 +21,7 @@ from runner.spacing import distances
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
 
 

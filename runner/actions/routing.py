@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.action import PrivateAction
+from runner.contracts.element import PrivateAction
 from runner.contracts.run import Running
 from runner.motion.routes import AssignedRoute, RandomRoute, Route
 from runner.positions.lane import LAYERS
@@ -16,8 +16,8 @@ from runner.positions.lane import LAYERS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from runner.contracts.context import Context
-    from runner.contracts.position import Position
+    from runner.contracts.element import Position
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
     from runner.motion.placement import Placement
     from runner.participants.entity import Entity

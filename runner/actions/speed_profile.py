@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from runner.actions.longitudinal import demanded_speed
-from runner.contracts.action import LONGITUDINAL, PrivateAction
+from runner.contracts.element import LONGITUDINAL, PrivateAction
 from runner.contracts.registry import action
 from runner.contracts.run import Running
 from runner.motion.dynamics import FOLLOWING_MODES, read_constraints, tighter
@@ -19,7 +19,7 @@ from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
 
 _UNLIMITED = Performance()

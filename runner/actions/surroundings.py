@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from runner.contracts.action import GlobalAction
+from runner.contracts.element import GlobalAction
 from runner.contracts.registry import action
 from runner.surroundings.environment import Environment
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
 
 

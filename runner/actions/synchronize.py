@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from runner.actions.longitudinal import RELATIVE
-from runner.contracts.action import LONGITUDINAL, PrivateAction, need_places
+from runner.contracts.element import LONGITUDINAL, PrivateAction, need_places
 from runner.contracts.registry import action
 from runner.contracts.run import Running
 from runner.motion.placement import Placement
@@ -23,7 +23,7 @@ from runner.participants.entity import Entity
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
 
 _STILL = 1e-6

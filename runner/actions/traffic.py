@@ -1,6 +1,6 @@
 """TrafficSourceAction, TrafficSinkAction, TrafficSwarmAction, TrafficAreaAction and TrafficStopAction.
 
-They bring in traffic that SUMO's drivers drive (`runner.traffic.traffic`), and take out only such traffic, never what
+They bring in traffic that SUMO's drivers drive (`runner.traffic`), and take out only such traffic, never what
 the scenario declares. None of them ends by itself: a TrafficStopAction of the same trafficName ends it (without a name:
 all of them); what is on the road then stays until it leaves the road network.
 """
@@ -12,15 +12,14 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.action import GlobalAction
+from runner.contracts.element import GlobalAction
 from runner.contracts.run import Running
 from runner.participants.boxes import Spot, gap
-from runner.spacing.regions import Ellipse, Polygon, Region, RoadRanges
-from runner.traffic.traffic import Mix, Place, Spawner, categories, place_on, places_of
+from runner.traffic import Ellipse, Mix, Place, Polygon, Region, RoadRanges, Spawner, categories, place_on, places_of
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
-    from runner.contracts.position import Position
+    from runner.contracts.element import Position
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
     from runner.participants.entity import Entity
     from xosc.node import Node

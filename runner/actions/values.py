@@ -7,7 +7,7 @@ from collections.abc import Callable, MutableMapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.contracts.action import GlobalAction
+from runner.contracts.element import GlobalAction
 from runner.contracts.registry import action
 from schemas.rules.values import DECLARED_TYPE_UID
 from schemas.values import Value, typed
@@ -15,7 +15,7 @@ from xosc.node import Node
 from xosc.parameters import typed_value
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Run
 
 _NUMBERS = ("double", "int", "unsignedInt", "unsignedShort")

@@ -67,7 +67,7 @@ class Drive:
         Raises:
             InvalidFile: its results are damaged.
         """
-        from runner.outputs.stored import load_run
+        from runner.outputs.folder import load_run
 
         return load_run(self.folder)
 

@@ -15,8 +15,7 @@ from typing import Any
 from runner.assessment.profiles import profile
 from runner.assessment.protocol import KMH, Contact, Drive, Judgement, Profile, ProtocolTest
 from runner.batch import inputs
-from runner.outputs.folder import RESULT
-from runner.outputs.stored import TRAJECTORIES
+from runner.outputs.folder import RESULT, TRAJECTORIES
 from runner.replay.page import page, write_page
 from runner.replay.player import REPLAY
 from runner.replay.report import runs_of

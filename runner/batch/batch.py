@@ -1,13 +1,16 @@
-"""Many runs: every parameter set of every file, in one process or several, interrupted and resumed with nothing lost."""
+"""Many runs: every parameter set of every file, in one process or several, interrupted and resumed with nothing lost.
+
+`Comparison` holds a batch against an earlier one, run by run: new failures, failures that are gone, and those that remain.
+"""
 
 from __future__ import annotations
 
 import errno
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,16 +19,18 @@ from runner.batch import inputs, journal
 from runner.batch.jobs import CODES, Job, Jobs, Outcome, assumed, failure
 from runner.outputs import report
 from runner.outputs.folder import PICTURE, digests, write_run
-from runner.outputs.runs import write_runs
+from runner.outputs.tables import write_runs
 from runner.settings import RunSettings
 from runner.sut.parameters import SENSOR_RANGE, split
-from schemas.common.errors import UsageError
-from schemas.common.policy import current, limited
-from schemas.common.storage import alone
-from schemas.common.text import one_line, shown
+from schemas.commands.wording import shown
+from schemas.errors import ToolchainError, UsageError
+from schemas.security.policy import current, limited
+from schemas.security.text import one_line
+from schemas.storage import alone
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
+
 
 Also = Callable[["RunResult"], None]
 
@@ -110,9 +115,9 @@ def run_batch(
     of every run that is done, in the process that has done it. `tell` is called with a line about finished runs
     that are repeated.
 
-    At the end, or when it is interrupted, the folder gets a table of all runs (see `runner.outputs.runs`). `ray` is the address
-    of a Ray cluster that does the runs, or `local`; see `runner.batch.ray_pool`. Under a policy with limits of memory or time
-    (`schemas.common.policy`) runs are done in other processes, and one that needs more is an error of that run.
+    At the end, or when it is interrupted, the folder gets a table of all runs (see `runner.outputs.tables`). `ray` is the address
+    of a Ray cluster that does the runs, or `local`; see `runner.batch.pool`. Under a policy with limits of memory or time
+    (`schemas.security.policy`) runs are done in other processes, and one that needs more is an error of that run.
 
     Raises:
         UsageError: the folder holds results already (and `resume` is not set), or those of another batch; another process writes
@@ -184,7 +189,7 @@ def _outcomes(
 ) -> Generator[Outcome]:
     """Do the runs in this process, in several or on a cluster; `done` is called here with each that was done."""
     if ray is not None:
-        from runner.batch.ray_pool import RayPool
+        from runner.batch.pool import RayPool
 
         with RayPool(ray, processes, work, lost, done) as cluster:
             yield from cluster.execute(jobs)
@@ -228,6 +233,91 @@ def lost(job: Job, signal_number: int | None = None) -> Outcome:
             how = f" by {signal.Signals(signal_number).name}"
     killed = signal_number == getattr(signal, "SIGKILL", None)
     why = "as a system does that runs out of memory" if killed else "of too little memory or a defect of a library"
-    over = signal_number is not None and signal_number == getattr(signal, "SIGPROF", None)  # see `schemas.common.policy.limited`
+    over = signal_number is not None and signal_number == getattr(
+        signal, "SIGPROF", None
+    )  # see `schemas.security.policy.limited`
     why = "for it takes longer than --max-seconds allows" if over else why
     return Outcome(job, "error", 4 if over else 5, f"the process that ran it died{how}, {why}", "died")
+
+
+Identity = tuple[str, tuple[tuple[str, str], ...], int | None]
+"""Key that identifies a run in two batches: file name, parameters, seed"""
+_FAILS = ("failed", "error")
+
+
+def identity(file: Path, parameters: Mapping[str, object] | Iterable[tuple[str, str]], seed: int | None) -> Identity:
+    """Return the key of a run."""
+    pairs = parameters.items() if isinstance(parameters, Mapping) else parameters
+    return Path(file).stem, tuple(sorted((name, str(value)) for name, value in pairs)), seed
+
+
+def _of(job: Job) -> Identity:
+    return identity(job.source, job.parameters, job.seed)
+
+
+@dataclass
+class Comparison:
+    """Sorts the runs of a batch by what they were in an earlier one; a run that was not in it counts as one that did not fail.
+
+    Attributes:
+        title: of the earlier batch.
+        new, fixed, still: runs that fail now only, that failed before only, and that fail in both.
+    """
+
+    title: str
+    before: dict[Identity, str]
+    new: list[Outcome] = field(default_factory=list)
+    fixed: list[Outcome] = field(default_factory=list)
+    still: list[Outcome] = field(default_factory=list)
+
+    @classmethod
+    def with_batch(cls, folder: Path) -> Comparison:
+        """With the batch of an output folder.
+
+        Raises:
+            UsageError: the folder is not that of a batch.
+        """
+        earlier = journal.finished(folder).outcomes.values()
+        return cls(folder.resolve().name, {_of(each.job): each.state for each in earlier})
+
+    def add(self, outcome: Outcome) -> None:
+        """Take a run of the batch in."""
+        failed, fails = self.failed(outcome), outcome.state in _FAILS
+        if failed or fails:
+            (self.still if failed and fails else self.new if fails else self.fixed).append(outcome)
+
+    def failed(self, outcome: Outcome) -> bool:
+        """Whether a run failed in the earlier batch."""
+        return self.was(outcome) in _FAILS
+
+    def was(self, outcome: Outcome) -> str | None:
+        """State of a run in the earlier batch; None where it was not in it."""
+        return self.before.get(_of(outcome.job))
+
+
+def runnable(arguments: Iterable[str]) -> list[Path]:
+    """The files that are meant by names of files, folders and globs; of folders and globs only what can be run.
+
+    Raises:
+        UsageError: a folder or glob stands for nothing that can be run.
+    """
+    from schemas.commands.files import expand
+
+    found: dict[Path, None] = {}
+    for argument in arguments:
+        files = expand([argument])
+        alone = files == [Path(argument)]
+        meant = files if alone else [file for file in files if file.suffix.lower() == ".xosc" and not _is_catalog(file)]
+        if not meant:
+            raise UsageError("this stands for no scenario or variation file", path=argument)
+        found |= dict.fromkeys(meant)
+    return list(found)
+
+
+def _is_catalog(path: Path) -> bool:
+    import xosc
+
+    try:
+        return xosc.load(path).kind == "catalog"
+    except ToolchainError:
+        return False  # reported when it is run

@@ -72,7 +72,7 @@ class Outcome:
             `time` (s), `other`, `side`, `point` (m) and `strikes`; see `runner.measures.contacts`.
         criteria: results of the scenario's criteria, as in `result.json`.
         remarks: what was assumed and what may not be meant, as in `result.json`, a line each.
-        causes: names of the causes for which the run tested nothing, see `runner.interpreter.untested`.
+        causes: names of the causes for which the run tested nothing, see `runner.interpreter.verdict`.
         inputs: digest of all that decided what the run gave (with an output folder).
         files: digests of the files in the folder of its results, by name.
     """

@@ -1,20 +1,31 @@
-"""Worker processes that are replaced when they die."""
+"""Jobs in worker processes that are replaced when they die, on this machine or on a Ray cluster.
+
+Every machine of the cluster needs this package (and the systems under test) installed, and the scenarios and the output folder
+under the same paths, on file systems that they share. Ray is an extra: it is imported only here.
+"""
 
 from __future__ import annotations
 
 import itertools
+import logging
 import multiprocessing
 import os
 import signal
+import socket
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, chdir, suppress
+from functools import partial
+from typing import Any
 
 from runner.batch.jobs import Job, Outcome
-from schemas.common.policy import Policy, current, in_force
+from schemas.errors import ToolchainError, UsageError
+from schemas.extras import optional
+from schemas.security.policy import Policy, current, in_force
 
 _AHEAD = 8
 """Runs handed out for each process ahead of need: few, so that a space of any size is never enumerated."""
@@ -156,3 +167,151 @@ def _end_with_parent() -> None:
     assert parent is not None
     parent.join()
     os._exit(1)
+
+
+LOCAL = "local"
+_AHEAD_ON_CLUSTER = 2
+"""Runs handed out for each processor of the cluster"""
+_REPEATS = 2
+"""Number of repetitions of a run whose process or machine has died"""
+_LEAVING = 60.0
+"""Time (s) for running jobs to end after cancellation"""
+_LISTENING = 5.0
+"""Time (s) that a cluster has to answer"""
+_STORE = 100_000_000
+"""Shared memory of a cluster of our own, bytes; outcomes are small"""
+
+
+class RayPool:
+    """Does jobs as tasks of a Ray cluster, each job once, again where its process died. A context manager.
+
+    A program that is connected to a cluster already goes on with that.
+
+    Args:
+        address: of a cluster (`HOST:PORT`, `ray://…`, `auto`), or `local` for one of our own on this machine.
+        processes: how many jobs at a time `local` does; elsewhere the cluster's processors decide.
+        work: does a job, in a worker; an OSError of it is raised here.
+        died: the outcome of a job whose process died every time.
+        done: called here with every outcome that work returns, as soon as it is there.
+
+    Raises:
+        UsageError: Ray is not installed, or there is no such cluster.
+        ToolchainError: one of our own does not start.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        processes: int,
+        work: Callable[[Job], Outcome],
+        died: Callable[[Job, int | None], Outcome],
+        done: Callable[[Outcome], None] | None = None,
+    ) -> None:
+        self._died, self._done = died, done
+        self._ray, self._ours = connect(address, processes)
+        self._task = self._ray.remote(num_cpus=1, max_retries=_REPEATS)(_work).options(name="xosc-run")
+        self._shared = self._ray.put(work)
+        self._most = _AHEAD_ON_CLUSTER * max(1, int(self._ray.cluster_resources().get("CPU", 1)))
+
+    def __enter__(self) -> RayPool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the cluster; one of our own ends."""
+        if self._ours:
+            self._ray.shutdown()
+
+    def execute(self, jobs: Iterator[Job | Outcome]) -> Iterator[Outcome]:
+        """Outcomes in the order of the jobs; what is an outcome already passes through."""
+        order: deque[Any] = deque()  # outcomes, and references to those that are awaited
+        awaited: dict[Any, Job] = {}
+        arrived: dict[Any, Outcome] = {}
+        try:
+            while True:
+                for job in itertools.islice(jobs, self._most - len(order)):
+                    order.append(job if isinstance(job, Outcome) else self._submit(job, awaited))
+                if not order:
+                    return
+                if not isinstance(order[0], Outcome) and order[0] not in arrived:
+                    ready, _ = self._ray.wait(list(awaited), num_returns=1)
+                    for reference in ready:
+                        arrived[reference] = self._outcome(reference, awaited.pop(reference))
+                    continue
+                first = order.popleft()
+                yield first if isinstance(first, Outcome) else arrived.pop(first)
+        finally:
+            if awaited:
+                self._abandon(awaited)
+
+    def _submit(self, job: Job, awaited: dict[Any, Job]) -> Any:
+        reference = self._task.remote(self._shared, os.getcwd(), current(), job)
+        awaited[reference] = job
+        return reference
+
+    def _outcome(self, reference: Any, job: Job) -> Outcome:
+        errors = self._ray.exceptions
+        try:
+            outcome: Outcome = self._ray.get(reference)
+        except OSError as error:  # of the work, in a wrapping of Ray's
+            raise getattr(error, "cause", error) from None
+        except (errors.WorkerCrashedError, errors.NodeDiedError, errors.OutOfMemoryError):
+            outcome = self._died(job, None)
+        except errors.RayError as error:
+            raise ToolchainError(f"the Ray cluster can't go on: {error}") from None
+        if self._done is not None:
+            self._done(outcome)
+        return outcome
+
+    def _abandon(self, awaited: dict[Any, Job]) -> None:
+        """Keep what is done, end what is still waiting or in work."""
+        wait = partial(self._ray.wait, num_returns=len(awaited))
+        finished, others = wait(list(awaited), timeout=0)
+        for reference in others:
+            self._ray.cancel(reference)
+        with suppress(ToolchainError, OSError):  # the cluster is what we leave it for
+            for reference in finished:
+                self._outcome(reference, awaited[reference])
+        wait(list(awaited), timeout=_LEAVING)
+
+
+def _work(work: Callable[[Job], Outcome], folder: str, policy: Policy, job: Job) -> Outcome:
+    """Do a job where its relative paths lead to the same files, under the same policy."""
+    os.chdir(folder)
+    with in_force(policy):
+        return work(job)
+
+
+def connect(address: str, processes: int) -> tuple[Any, bool]:
+    """The module ray, connected to a cluster, and whether that is our own doing.
+
+    Args:
+        address, processes: as of `RayPool`.
+
+    Raises:
+        UsageError, ToolchainError: as by `RayPool`.
+    """
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it would tell its makers
+    ray = optional("ray")
+    if ray.is_initialized():
+        return ray, False
+    own: dict[str, Any] = {"num_cpus": processes, "object_store_memory": _STORE} if address == LOCAL else {}
+    try:
+        _reach(address)
+        with chdir(sys.prefix):  # Ray lets its workers import from the folder that it is started in
+            ray.init(address=address, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR, **own)
+    except Exception as error:  # Ray raises whatever there is
+        reason = " ".join(str(error).split())[:200]
+        if own:
+            raise ToolchainError(f"Ray does not start on this machine: {reason}") from None
+        raise UsageError(f"there is no Ray cluster at {address!r}: {reason}") from None
+    return ray, True
+
+
+def _reach(address: str) -> None:
+    """Check that a server listens there, which Ray itself would try for minutes."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host and port.isdecimal():
+        socket.create_connection((host, int(port)), _LISTENING).close()

@@ -1,22 +1,39 @@
-"""Dry runs: what is to be run is loaded, compiled and brought to time 0, without a step of it."""
+"""Dry runs, which load and compile everything and bring it to time 0, and triage of foreign files by them and by full runs.
+
+Triage gives one row a file: fine, playing with repairs, testing nothing, or refused and by which cause. `xosc-check --triage`
+loads this module by its name, for checking is a floor below running.
+"""
 
 from __future__ import annotations
 
+import json
+import os
+import re
 from collections import Counter
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import combinations_with_replacement, groupby
 from pathlib import Path
+from typing import Any
 
+import xosc
 from runner.batch.batch import each, lost
-from runner.batch.jobs import Job, Outcome, assumed, failure
+from runner.batch.jobs import Job, Outcome, assumed, failure, jobs_of
 from runner.interpreter.result import INCONCLUSIVE
+from runner.replay.page import page
 from runner.settings import RunSettings
-from schemas.common.errors import ExitCode, gravest
-from schemas.common.policy import limited
-from schemas.common.text import one_line, shown
+from schemas.checks.checker import check_many
+from schemas.checks.problems import Problem
+from schemas.commands.wording import many, shown
+from schemas.errors import ExitCode, ToolchainError, describe, gravest
+from schemas.packages import version
+from schemas.remarks import BREACH
+from schemas.security.policy import limited
+from schemas.security.text import one_line
+from xodr.reader import load as load_road
+from xosc.distributions.space import Selection
 
 ALL = 1000
 """So many parameter sets of a file are rehearsed whatever their values are."""
@@ -91,7 +108,7 @@ def _rehearsed(outcomes: Iterable[Outcome], sets: Counter[Path]) -> Outcome:
 
 def _compiled(job: Job, settings: RunSettings) -> Outcome:
     from runner.interpreter.execution import prepare
-    from runner.interpreter.untested import of_remarks
+    from runner.interpreter.verdict import of_remarks
 
     try:
         assumptions = assumed(job, settings.strict)
@@ -107,3 +124,181 @@ def _compiled(job: Job, settings: RunSettings) -> Outcome:
         return Outcome(job, "loaded", ExitCode.PASSED, status="compiled", remarks=remarks)
     message, names = one_line("; ".join(shown(told))), [*dict.fromkeys(cause.name for cause in causes)]
     return Outcome(job, INCONCLUSIVE, ExitCode.INCONCLUSIVE, message, "compiled", remarks=remarks, causes=names)
+
+
+FINE, REPAIRED, NOTHING, REFUSED = "fine", "plays with repairs", "tests nothing", "refused"
+GROUPS = {
+    FINE: "accepted by the rules, and loaded as it is",
+    REPAIRED: "breaks its standard, and is loaded all the same: what is assumed is named",
+    NOTHING: "loads, but a run of it is inconclusive: its scene does not take place",
+    REFUSED: "is not loaded",
+}
+"""Groups of files with their meaning, the best first"""
+_SETS = 20
+"""Parameter sets of a variation file that are tried, drawn by a fixed seed"""
+_PLACE = re.compile(r"^(?:\d+ of \d+ parameter sets: )?(?:(?P<path>\S.*?\.xo(?:sc|dr))(?::(?P<line>\d+))?: )?")
+"""Beginning of a message: number of parameter sets, file and line"""
+_VARYING = re.compile(r"(?:/|\b[A-Za-z]:\\)\S+|'[^']*'|-?\b\d+(?:\.\d+)?\b")
+"""Paths, names and numbers in which messages of one cause differ"""
+_REST = re.compile(r"; |: (?=put it)| \[[\w.-]+:xo(?:sc|dr):")
+"""Beginning of the remedy of a fault, or of the uid of its rule"""
+_SCRIPTS = ("dom.js", "triage.js")
+_STYLES = ("base.css", "report.css")
+
+
+@dataclass(frozen=True)
+class TriagedFile:
+    """A file with its group.
+
+    Attributes:
+        path: the file.
+        kind: scenario, distribution, catalog, road, or file where it is none of these.
+        group: one of `GROUPS`.
+        cause: the message without names and numbers; empty for a fine file.
+        line: line of the first fault; None where it is not known, or in another file.
+        message: first fault or repair; empty for a fine file.
+        repairs: number of repairs.
+        errors, warnings: problems that `xosc-check` finds.
+    """
+
+    path: str
+    kind: str
+    group: str
+    cause: str = ""
+    line: int | None = None
+    message: str = ""
+    repairs: int = 0
+    errors: int = 0
+    warnings: int = 0
+
+    def __str__(self) -> str:
+        place = self.path if self.line is None else f"{self.path}:{self.line}"
+        more = f" (and {many(self.repairs - 1, 'more repair')})" if self.repairs > 1 else ""
+        return one_line(f"{place}: {_REST.split(self.message)[0]}{more}" if self.message else place)
+
+
+def triage(paths: Sequence[Path], catalog_path: Sequence[str] = (), road_path: Sequence[str] = ()) -> Iterator[TriagedFile]:
+    """Check and load each file, yield it with its group; of a variation file up to 20 parameter sets are tried.
+
+    Args:
+        paths: scenarios, variation files, catalogues and road networks.
+        catalog_path, road_path: folders to look for catalogues and roads in.
+    """
+    folder = os.path.commonpath([path.absolute().parent for path in paths]) if paths else ""
+    settings = RunSettings(sut=None, road_path=tuple(road_path), catalog_path=tuple(catalog_path))
+    for path, problems in check_many(paths, catalog_path, road_path):
+        yield _triaged(path, os.path.relpath(path.absolute(), folder), problems, settings)
+
+
+def _triaged(path: Path, name: str, problems: Sequence[Problem], settings: RunSettings) -> TriagedFile:
+    levels = Counter(problem.level for problem in problems)
+    kind, group, told, repairs = _loaded(path, settings)
+    first = next((problem for problem in problems if problem.level == "error"), None)
+    if group == FINE and first is not None:
+        group, told = REPAIRED, str(first)
+    found = _PLACE.match(told)
+    assert found is not None
+    line, message, cause = None, told[found.end() :], ""
+    if found["path"] is not None:
+        elsewhere = os.path.relpath(found["path"]) != os.path.relpath(path)
+        place = os.path.relpath(found["path"], path.absolute().parent)
+        line = int(found["line"]) if found["line"] and not elsewhere else None
+        cause = f"in {Path(place).name}: " if elsewhere and group == REPAIRED else ""
+        message = f"in {place}{':' + found['line'] if found['line'] else ''}: {message}" if elsewhere else message
+    cause += _VARYING.sub("…", _REST.split(told[found.end() :])[0])
+    return TriagedFile(name, kind, group, cause, line, message, repairs, levels["error"], levels["warning"])
+
+
+def _loaded(path: Path, settings: RunSettings) -> tuple[str, str, str, int]:
+    """Kind, group, first fault or repair, and number of repairs of a file."""
+    kind = "road" if path.suffix.lower() == ".xodr" else "file"
+    try:
+        if kind == "road":
+            remarks: Iterable[object] = load_road(path).remarks
+        else:
+            document = xosc.load(path)
+            kind, remarks = document.kind, document.remarks
+    except ToolchainError as error:
+        return kind, REFUSED, describe(error)[0], 0
+    except Exception as error:  # a defect of ours is a row too, the other files go on
+        return kind, REFUSED, f"internal error: {describe(error)[0]}", 0
+    if kind in ("scenario", "distribution"):
+        (outcome,) = rehearse_batch(jobs_of([path], {}, True, Selection(sample=_SETS)), settings)
+        return kind, *_played(outcome)
+    repairs = _repairs(remarks)
+    return kind, REPAIRED if repairs else FINE, next(iter(repairs), ""), len(repairs)
+
+
+def _played(outcome: Outcome) -> tuple[str, str, int]:
+    """Group, first fault or repair, and number of repairs of a file that was rehearsed."""
+    repairs = _repairs(outcome.remarks)
+    if outcome.state != "loaded":
+        return REFUSED if outcome.state == "error" else NOTHING, outcome.message, len(repairs)
+    return REPAIRED if repairs else FINE, next(iter(repairs), ""), len(repairs)
+
+
+def _repairs(remarks: Iterable[object]) -> list[str]:
+    """The remarks on breaches of a rule, each once."""
+    return [text for text in dict.fromkeys(map(str, remarks)) if BREACH.search(text)]
+
+
+def summary(files: Sequence[TriagedFile]) -> str:
+    """One line: files by group."""
+    counts = Counter(file.group for file in files)
+    return f"{many(len(files), 'file')}, " + ", ".join(f"{group}: {counts[group]}" for group in GROUPS if counts[group])
+
+
+def causes(files: Sequence[TriagedFile]) -> list[tuple[str, list[TriagedFile]]]:
+    """Files by cause, the most frequent cause first."""
+    found: dict[str, list[TriagedFile]] = {}
+    for file in files:
+        found.setdefault(file.cause, []).append(file)
+    return sorted(found.items(), key=lambda each: (-len(each[1]), each[0]))
+
+
+def text(files: Sequence[TriagedFile]) -> str:
+    """The groups with a line a file, those that are refused by cause; then the summary."""
+    lines = []
+    for group, meaning in GROUPS.items():
+        members = [file for file in files if file.group == group]
+        if members:
+            lines += [f"{group.upper()}, {many(len(members), 'file')} ({meaning})"]
+        for cause, those in causes(members):
+            lines += [one_line(f"  {cause}: {many(len(those), 'file')}{_remedy(those[0])}")] if cause else []
+            lines += [f"    {file}" for file in those]
+    return "\n".join([*lines, summary(files)]) + "\n"
+
+
+def _remedy(file: TriagedFile) -> str:
+    """Second part of a message: what is assumed, or what can be done."""
+    rest = _REST.split(BREACH.sub("", file.message), 1)[1:]
+    return f" ({rest[0].strip()})" if rest and rest[0].strip() else ""
+
+
+def as_json(files: Sequence[TriagedFile]) -> str:
+    """An object with the tool, its version, and the files with all that is known of them."""
+    values = {"tool": "xosc-check", "version": version(), "files": [asdict(file) for file in files]}
+    return json.dumps(values, indent=2, ensure_ascii=False) + "\n"
+
+
+def html(files: Sequence[TriagedFile]) -> str:
+    """A page with the groups, a row a file."""
+    data: dict[str, Any] = {
+        "summary": summary(files),
+        "groups": [
+            {
+                "name": group,
+                "meaning": meaning,
+                "causes": [
+                    {"cause": cause, "files": [asdict(file) for file in those]}
+                    for cause, those in causes([file for file in files if file.group == group])
+                ],
+            }
+            for group, meaning in GROUPS.items()
+        ],
+    }
+    return page("Triage", _STYLES, _SCRIPTS, data)
+
+
+FORMATS = {"text": text, "json": as_json, "html": html}
+"""Reports by format"""

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from runner.conditions.comparison import TOLERANCE
-from runner.contracts.condition import EntityCondition
+from runner.contracts.element import EntityCondition
 from runner.contracts.registry import condition
 from runner.motion.paths import nearest
 from runner.motion.placement import wrap
@@ -15,7 +15,7 @@ from runner.spacing.distances import trajectory
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Instant
 
 _TYPES = ("heading", "pitch", "roll")

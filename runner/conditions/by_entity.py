@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from runner.conditions.comparison import TOLERANCE, Comparison
-from runner.contracts.condition import EntityCondition
+from runner.contracts.element import EntityCondition
 from runner.contracts.registry import condition
 from runner.spacing.closing import velocity
 from schemas.rules.storyboard import EMPTY_ELEMENTS_UID
@@ -18,7 +18,7 @@ from schemas.rules.values import NOT_NEGATIVE_UID
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Instant
     from runner.participants.entity import Entity
 

@@ -9,7 +9,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from runner.conditions.comparison import RULES, TOLERANCE, Comparison
-from runner.contracts.condition import Condition
+from runner.contracts.element import Condition
 from runner.contracts.registry import condition
 from runner.surroundings.environment import read_date
 from schemas.rules.values import DECLARED_TYPE_UID
@@ -19,7 +19,7 @@ from xosc.node import Node
 from xosc.parameters import typed_value
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Instant
     from xosc.parameters import Parameter
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from runner.contracts.condition import EntityCondition
+from runner.contracts.element import EntityCondition
 from runner.contracts.registry import condition
 from runner.participants.entity import Entity
 from runner.spacing.distances import Bearing, bearing, facing, footprint
@@ -13,7 +13,7 @@ from xodr.graph.relative import lanes_between
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Instant
     from xodr.model import RoadPoint
     from xodr.road import Road

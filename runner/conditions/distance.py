@@ -10,7 +10,7 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from runner.conditions.comparison import TOLERANCE, Comparison
-from runner.contracts.condition import EntityCondition, NearCondition
+from runner.contracts.element import EntityCondition, NearCondition
 from runner.contracts.registry import condition
 from runner.participants.entity import Entity
 from runner.spacing import closing, distances
@@ -19,8 +19,8 @@ from schemas.common.errors import InvalidFile
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
-    from runner.contracts.position import Position
+    from runner.contracts.element import Position
+    from runner.contracts.registry import Context
     from runner.contracts.run import Instant
     from runner.motion.placement import Placement
 

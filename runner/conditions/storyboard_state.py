@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from runner.contracts.condition import Condition
+from runner.contracts.element import Condition
 from runner.contracts.registry import condition
 from runner.contracts.run import ElementState, StoryboardElement, Transition
 from xosc.names import names_of, nearest
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Instant
 
 _KINDS = ("story", "act", "maneuverGroup", "maneuver", "event", "action")

@@ -152,7 +152,7 @@ class RunnerGeometry:
 
     def _on_lane(self, road: str, lane: int, s: float) -> Placement:
         from runner.positions.lane import lane_placement
-        from runner.positions.orientation import Orientation
+        from runner.positions.world import Orientation
 
         assert self._network is not None
         return lane_placement(self._network, self._network.road(road).lane_point(s, lane), Orientation())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from runner.outputs.trajectories import write_criticality, write_parquet
+from runner.outputs.tables import write_criticality, write_parquet
 from xosc.tags import tags_of
 
 if TYPE_CHECKING:

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.contracts import registry
-from runner.contracts.action import Action, PrivateAction
-from runner.contracts.condition import ByEntityCondition, Condition
-from runner.criteria.judge import Criterion, declared
+from runner.contracts.element import Action, ByEntityCondition, Condition, PrivateAction
+from runner.criteria.criterion import Criterion, declared
 from runner.interpreter.departures import absence
 from runner.interpreter.storyboard.checks import check_actors, placeable
 from runner.interpreter.storyboard.elements import ActionElement
@@ -30,7 +29,7 @@ from schemas.rules.storyboard import EMPTY_ELEMENTS_UID
 from xosc.node import Node
 
 if TYPE_CHECKING:
-    from runner.contracts.position import Position
+    from runner.contracts.element import Position
     from runner.contracts.run import Run, StoryboardElement
     from schemas.common.errors import ToolchainError
     from xodr.network import RoadNetwork

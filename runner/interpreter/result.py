@@ -31,7 +31,7 @@ class Cause(NamedTuple):
     """Reason for which a run is inconclusive.
 
     Attributes:
-        name: one of `runner.interpreter.untested.CAUSES`.
+        name: one of `runner.interpreter.verdict.CAUSES`.
         text: what was not tested, with file and line where there is one.
     """
 

@@ -14,7 +14,7 @@ from math import isfinite
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from runner.contracts.action import LATERAL
+from runner.contracts.element import LATERAL
 from runner.interpreter.collision import Contacts
 from runner.motion.roads import Roads
 from runner.motion.steering import PosedMotion, SteeredMotion

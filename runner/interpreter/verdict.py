@@ -1,25 +1,232 @@
-"""The verdict of a run."""
+"""The verdict of a run, and causes for which it is inconclusive: it did not test what its file describes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from runner.criteria.criterion import CriterionResult
-from runner.criteria.judge import judge_criteria, light_states
-from runner.interpreter.ego import is_called_ego
-from runner.interpreter.result import Verdict
+import numpy as np
+
+from runner.conditions.by_value import SimulationTimeCondition
+from runner.conditions.storyboard_state import StoryboardElementStateCondition
+from runner.contracts.element import PrivateAction
+from runner.contracts.run import ElementState, Transition
+from runner.criteria.criterion import CriterionResult, judge_criteria, light_states
+from runner.interpreter.departures import egoless
+from runner.interpreter.drivers import SystemDriver, is_called_ego
+from runner.interpreter.result import Cause, Verdict
+from runner.interpreter.storyboard.storyboard import Act
 from runner.measures.measure import Facts
 
 if TYPE_CHECKING:
-    from runner.criteria.judge import Criterion
+    from runner.contracts.element import Condition
+    from runner.criteria.criterion import Criterion
     from runner.interpreter.collision import Contacts
     from runner.interpreter.compiler import Scenario
-    from runner.interpreter.result import Cause, RunResult
+    from runner.interpreter.departures import Departures
+    from runner.interpreter.result import RunResult
+    from runner.interpreter.simulation import Simulation
+    from runner.interpreter.storyboard.elements import Element
+    from runner.interpreter.storyboard.storyboard import Event
+    from runner.interpreter.storyboard.triggers import Trigger
     from runner.measures.measure import Limit
     from runner.participants.entity import Entity
-    from runner.recording import Recording
+    from runner.recording import Recording, Track
+    from schemas.remarks import Remark
+
+
+CAUSES: Mapping[str, str] = {
+    "ignored": "an element or attribute that no version of the standard has was not executed",
+    "no-actor": "private actions of a maneuver group have no actor",
+    "misplaced": "a position is beyond the end of its road by more than 10 m: the end was taken",
+    "absent": "a participant that the storyboard refers to has no action that places it",
+    "no-ego": "the system under test drives no vehicle: the scenario has no ego",
+    "stopped-at-once": "the stop trigger was true at time 0",
+    "no-event": "no event of the storyboard started",
+    "unfinished": "a limit of time ended the run while events of the storyboard were waiting",
+    "off-road": "the ego left the road, or came to its end, before the first event",
+    "performance": "a speed or acceleration beyond the declared Performance, or a pose that no vehicle reaches",
+    "parameters": "parameter values outside the constraints that the file declares",
+}
+"""Causes by name, and their meaning"""
+_TOLERANCE = 1.01
+"""Share of a limit of the Performance above which it is exceeded"""
+_SUSTAINED = 0.5
+"""Time (s) for which an acceleration must last: a change within a step is a change of state, and has none"""
+
+
+def of_remarks(remarks: Iterable[Remark]) -> Iterator[Cause]:
+    """Causes that are known before any run: from remarks on files."""
+    return (Cause(remark.cause, str(remark)) for remark in remarks if remark.cause)
+
+
+def at_beginning(
+    scenario: Scenario, sim: Simulation, recording: Recording, departures: Departures, ego: Entity | None, system: str
+) -> Iterator[Cause]:
+    """Causes that the initial actions and the triggers at time 0 decide; to be called then or later.
+
+    Args:
+        scenario: the compiled scenario.
+        sim: its run.
+        recording: of the run so far.
+        departures: what has looked at the ego.
+        ego: None where there is none.
+        system: name of the system under test that was asked for, `none` for none.
+    """
+    yield from of_remarks((*scenario.remarks, *sim.remarks.found))
+    yield from (Cause("parameters", str(violation)) for violation in scenario.violations)
+    if ego is None and system != "none":
+        yield from (Cause("no-ego", text) for text in egoless(sim.entities.values(), system))
+    trigger = sim.storyboard.stop_trigger
+    if sim.finished and sim.step_index == 0:
+        by = trigger.reason if trigger is not None else "the end of all stories"
+        yield Cause("stopped-at-once", f"the run ended at 0.00 s, by {by}")
+    yield from _departures(sim, departures)
+    yield from _beyond(scenario, recording, ego)
+
+
+def of_run(
+    scenario: Scenario, sim: Simulation, recording: Recording, departures: Departures, ego: Entity | None, system: str
+) -> Iterator[Cause]:
+    """All causes of a run that has ended; arguments as in `at_beginning`."""
+    yield from at_beginning(scenario, sim, recording, departures, ego, system)
+    awaited = [event for event in _events(sim) if Transition.START not in event.first]
+    if awaited and _first_event(sim) == math.inf:
+        yield Cause("no-event", f"{awaited[0].where}: no event has started: {_idle(awaited, sim)}")
+    elif _out_of_time(sim):
+        yield from (Cause("unfinished", text) for text in _left_out(sim))
+
+
+def untested_remarks(sim: Simulation) -> Iterator[str]:
+    """A sentence on events that waited when the storyboard ended the run, neither by the time alone nor by a mishap."""
+    trigger = sim.storyboard.stop_trigger
+    mishap = trigger is not None and any(timed.condition.mishap for timed in trigger.fired)
+    if sim.finished and not mishap and not _out_of_time(sim) and _first_event(sim) < math.inf:
+        yield from _left_out(sim)
+
+
+def _left_out(sim: Simulation) -> Iterator[str]:
+    """A sentence on events that were waiting when the run ended, where there are some."""
+    waiting = [event for event in _events(sim) if Transition.START not in event.first and _waits(event, sim)]
+    if waiting:
+        yield f"{waiting[0].where}: not all events have started: {_idle(waiting, sim)}"
+
+
+def _events(sim: Simulation) -> list[Event]:
+    """Events of the scene that a sound run may have.
+
+    Those that wait for a contact, for the end of the road, or for another event that does, are none; nor are those without
+    actions, and those that only switch controllers, as they hand over the ego and change nothing about it.
+    """
+    events = [event for act in sim.storyboard.acts for event in act.events]
+    mishaps: set[Element] = set()
+    for event in events:  # an event that waits for a later one is rare, and counts
+        if any(_awaits_mishap(trigger, mishaps) for trigger in (event.trigger, _act_of(event).trigger)):
+            mishaps |= {event, *event.children}
+    return [event for event in events if event not in mishaps and not _acts_on_nothing(event)]
+
+
+def _awaits_mishap(trigger: Trigger | None, mishaps: Container[Element]) -> bool:
+    """Whether each group of a trigger waits for a mishap, or for what one of these elements does."""
+
+    def follows(condition: Condition) -> bool:
+        return isinstance(condition, StoryboardElementStateCondition) and condition.element in mishaps
+
+    groups = trigger.groups if trigger is not None else []
+    return bool(groups) and all(any(timed.condition.mishap or follows(timed.condition) for timed in group) for group in groups)
+
+
+def _acts_on_nothing(event: Event) -> bool:
+    """Whether an event has no action, or none but switches of controllers."""
+    actions = [action for element in event.actions for action in element.actions]
+    return all(isinstance(action, PrivateAction) and action.activates_controller for action in actions)
+
+
+def _act_of(event: Event) -> Act:
+    act = event.group.parent
+    assert isinstance(act, Act)
+    return act
+
+
+def _waits(event: Event, sim: Simulation) -> bool:
+    """Whether an event waited when the run ended: neither skipped nor stopped before, and not about to start."""
+    groups = event.trigger.groups if event.trigger is not None else []
+    due = any(all(not timed.keeps_memory and timed.evaluate(sim) for timed in group) for group in groups)
+    return not due and (event.state is not ElementState.COMPLETE or event.first.get(Transition.STOP, -math.inf) >= sim.time)
+
+
+def _out_of_time(sim: Simulation) -> bool:
+    """Whether a limit of time ended the run: that of the run, or a stop trigger by the simulation time alone."""
+    trigger = sim.storyboard.stop_trigger
+    if not sim.finished:
+        return True
+    fired = trigger.fired if trigger is not None else ()
+    return bool(fired) and all(isinstance(timed.condition, SimulationTimeCondition) for timed in fired)
+
+
+def _first_event(sim: Simulation) -> float:
+    """Time (s) at which the first event started; infinite where none did."""
+    return min((event.first.get(Transition.START, math.inf) for event in _events(sim)), default=math.inf)
+
+
+def _idle(awaited: list[Event], sim: Simulation) -> str:
+    """Sentence on events that have not started: what ended the run, and what the first of them waited for."""
+    trigger = sim.storyboard.stop_trigger
+    end = (trigger.reason if trigger is not None else "the end of all stories") if sim.finished else "a limit of the run"
+    first = awaited[0]
+    act = _act_of(first)
+    waiting = act.trigger if Transition.START not in act.first else first.trigger
+    what = f"{first.kind} {first.name!r} waited for {waiting.describe(sim)}" if waiting is not None else f"{first.name!r} waited"
+    more = f" (and {len(awaited) - 1} more)" if len(awaited) > 1 else ""
+    return f"the run ended at {sim.time:.2f} s, by {end}; {what}{more}"
+
+
+def _departures(sim: Simulation, departures: Departures) -> Iterator[Cause]:
+    """The ego off the road, or at its end, from the first step on or before the first event."""
+    first = _first_event(sim) if _events(sim) else 0.0
+    for time, text in departures.first.values():
+        if time < first or time <= sim.dt:
+            yield Cause("off-road", f"{text}, before any event" if time < first else text)
+
+
+def _beyond(scenario: Scenario, recording: Recording, ego: Entity | None) -> Iterator[Cause]:
+    """Participants faster than their Performance allows, an ego that changes its speed faster or jumps; one cause each.
+
+    Others may: `SynchronizeAction`, whose purpose is to arrive in time, is bounded by no Performance.
+    """
+    driver = ego.controls.driver if ego is not None else None
+    if isinstance(driver, SystemDriver) and driver.implausible:
+        yield Cause("performance", f"{driver.implausible}: no vehicle moves so")
+    for track in recording.tracks.values():
+        entity = scenario.entities.get(track.name)
+        if entity is None or not len(track.columns["time"]):
+            continue
+        limits, node = entity.declared.performance, entity.declared.node
+        where = f"{node.where}: " if node is not None else ""
+        speed, time = np.abs(track.columns["speed"]), track.columns["time"]
+        fast = np.flatnonzero(speed > _TOLERANCE * limits.max_speed)
+        if fast.size:
+            told = f"drives at {speed[fast[0]]:.2f} m/s at {time[fast[0]]:.2f} s; its Performance allows {limits.max_speed:g} m/s"
+            yield Cause("performance", f"{where}{track.name} {told}")
+        elif entity is ego:
+            yield from _hasty(track, limits.max_acceleration, limits.max_deceleration, where)
+
+
+def _hasty(track: Track, most: float, least: float, where: str) -> Iterator[Cause]:
+    """Changes of speed beyond the limits (m/s²) in each step of `_SUSTAINED`."""
+    speed, time = np.abs(track.columns["speed"]), track.columns["time"]
+    steps = round(_SUSTAINED / (time[1] - time[0])) if len(time) > 1 else 0
+    if not 0 < steps < len(time):
+        return
+    change = np.lib.stride_tricks.sliding_window_view(np.diff(speed) / np.diff(time), steps)
+    for word, limit, found in (("accelerates", most, change.min(axis=1)), ("brakes", least, (-change).min(axis=1))):
+        over = np.flatnonzero(found > _TOLERANCE * limit)
+        if over.size:
+            told = f"{word} by {found[over[0]]:.2f} m/s² at {time[over[0]]:.2f} s; its Performance allows {limit:g} m/s²"
+            yield Cause("performance", f"{where}{track.name} {told}")
+            return
 
 
 def judge(

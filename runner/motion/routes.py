@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from runner.contracts.position import Position
+from runner.contracts.element import Position
 
 if TYPE_CHECKING:
     from random import Random
 
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Surroundings
     from runner.participants.entity import Entity
     from xodr.graph.routes import Leg, RoadPath

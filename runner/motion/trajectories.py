@@ -21,8 +21,8 @@ from schemas.rules.positions import TIMING_UID
 from xodr.geometry import Arc, Line, Segment, Spiral, Start
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
-    from runner.contracts.position import Position
+    from runner.contracts.element import Position
+    from runner.contracts.registry import Context
     from runner.contracts.run import Surroundings
     from runner.participants.entity import Entity
     from xosc.node import Node

@@ -16,7 +16,7 @@ from schemas.common.remarks import told_quietly
 from schemas.common.text import many, one_line
 
 if TYPE_CHECKING:
-    from runner.batch.comparison import Comparison
+    from runner.batch.batch import Comparison
     from runner.batch.jobs import Outcome
 
 _WORDS = {"error": "ERROR", "failed": "FAILED", "inconclusive": "INCONCLUSIVE", "passed": "PASSED", "loaded": "LOADED"}

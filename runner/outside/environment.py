@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from runner.interpreter.execution import Prepared, prepare
+from runner.interpreter.execution import Prepared, Session, prepare
 from runner.interpreter.result import INCONCLUSIVE, RunResult
-from runner.interpreter.session import Session
 from runner.outside.learner import EGO, PARTICIPANT, STATE, EgoStep, Reward, RewardFunction, Rows, View
 from runner.settings import RunSettings
 from runner.sut.base import PEDAL, Control, Observation
@@ -47,7 +46,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
     throttle (positive) or brake (negative), the share of the greatest steering angle, to the left positive, or the target speed,
     −1 standstill and 1 the greatest. An episode terminates if the ego has a contact or leaves the road, and is truncated
     where the scenario or its time limit ends it. `info` has `time` (s), `touched` (names), `departed`, and at the end
-    `inconclusive`: names of causes for which the episode tested nothing (`runner.interpreter.untested.CAUSES`).
+    `inconclusive`: names of causes for which the episode tested nothing (`runner.interpreter.verdict.CAUSES`).
 
     Args:
         scenario: a scenario, or a variation file: each episode takes one of its parameter sets at random.

@@ -71,7 +71,7 @@ class Owner(Protocol):
 
 
 class Driver(Protocol):
-    """Driver of an entity in place of the scenario; `runner.interpreter.ego` has the two kinds."""
+    """Driver of an entity in place of the scenario; `runner.interpreter.drivers` has the two kinds."""
 
     def hand_over(self, domains: Mapping[str, bool]) -> None:
         """Let it drive, or no longer drive, in control domains (ActivateControllerAction)."""

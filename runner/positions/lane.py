@@ -11,15 +11,15 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.position import FixedPosition, Position
+from runner.contracts.element import FixedPosition, Position
 from runner.motion.placement import Placement, lane_heading
-from runner.positions.orientation import Orientation, on_road
+from runner.positions.world import Orientation, on_road
 from schemas.rules.positions import LANE_DISTANCE_UID, LANE_UID, ROAD_LENGTH_UID
 from xodr.model import PERMANENT, TEMPORARY, RoadError, RoadPoint
 from xosc.node import TO_RIGHT
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Surroundings
     from runner.participants.entity import Entity
     from xodr.graph.travel import Choose

@@ -7,18 +7,18 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from runner.contracts import registry
-from runner.contracts.position import Position
+from runner.contracts.element import Position
 from runner.motion import routes
 from runner.motion.paths import tangent
 from runner.motion.placement import Placement, in_world
 from runner.motion.trajectories import Trajectory
 from runner.positions.lane import misplaced
-from runner.positions.orientation import Orientation, on_road
+from runner.positions.world import Orientation, on_road
 from schemas.rules.positions import ROAD_LENGTH_UID
 from xodr.model import Pose, RoadError
 
 if TYPE_CHECKING:
-    from runner.contracts.context import Context
+    from runner.contracts.registry import Context
     from runner.contracts.run import Surroundings
     from runner.participants.entity import Entity
     from xodr.graph.routes import RoadPath

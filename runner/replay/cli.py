@@ -62,7 +62,7 @@ def xosc_replay(
 ) -> None:
     """Make a page that plays a run, or two side by side; a picture or an animation; of a batch a report, of several a history."""
     from runner.batch import journal
-    from runner.outputs.stored import load_run
+    from runner.outputs.folder import load_run
     from runner.traces.result import is_trace, load_trace
 
     with interruptible(NAME):
@@ -148,8 +148,7 @@ def _show(results: list[RunResult]) -> list[Path]:
 def _report(batch: Path, against: Path | None) -> Path:
     """Replays of all runs of a batch that have none yet, and the report that links them."""
     from runner.batch import journal
-    from runner.outputs.folder import RESULT
-    from runner.outputs.stored import load_run
+    from runner.outputs.folder import RESULT, load_run
     from runner.replay.player import REPLAY, TO_REPORT, write_replay
     from runner.replay.report import write_report
 

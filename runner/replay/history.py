@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import quote
 
 from runner.batch import journal
-from runner.batch.comparison import Identity, identity
+from runner.batch.batch import Identity, identity
 from runner.outputs.folder import RESULT
 from runner.replay.page import page, write_page
 from runner.replay.player import REPLAY, REPORT

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from runner.batch import journal
-from runner.outputs.stored import load_run
+from runner.outputs.folder import load_run
 from runner.replay.player import REPLAY, replay_page
 from runner.replay.report import write_report
 from schemas.common.text import many

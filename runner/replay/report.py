@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from runner.batch import journal
-from runner.batch.comparison import Identity, identity
+from runner.batch.batch import Identity, identity
 from runner.measures.contacts import sentence
 from runner.measures.measure import measures
-from runner.outputs.runs import CONTACT, schema, write_runs
-from runner.outputs.stored import load_run
+from runner.outputs.folder import load_run
+from runner.outputs.tables import CONTACT, schema, write_runs
 from runner.replay.page import page, write_page
 from runner.replay.player import PAIR, REPLAY, REPORT, TO_REPORT, write_replay
 from schemas.common.errors import InvalidFile, reason

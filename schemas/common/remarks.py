@@ -30,7 +30,7 @@ class Remark:
         message: what is wrong, and what is assumed.
         path: the file.
         line: 1-based line, where there is one.
-        cause: name of the cause for which a run is inconclusive by this (`runner.interpreter.untested.CAUSES`); empty where it
+        cause: name of the cause for which a run is inconclusive by this (`runner.interpreter.verdict.CAUSES`); empty where it
             is none.
         element: name of the element that it is about; empty where it is not known.
     """

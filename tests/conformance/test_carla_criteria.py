@@ -11,8 +11,8 @@ from lxml import etree
 import runner
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
+from runner.outputs.folder import load_run
 from runner.outputs.report import write_junit
-from runner.outputs.stored import load_run
 from runner.settings import RunSettings
 from schemas.common.errors import InvalidFile
 from tests.conformance.support import changed

@@ -175,7 +175,7 @@ class Runner:
         sys.addaudithook(lambda event, args: self._written.append(os.fsdecode(args[0])) if _is_writing(event, args) else None)
         for module in (
             "runner.interpreter.execution",
-            "runner.outputs.trajectories",
+            "runner.outputs.tables",
             "pyarrow.parquet",
             "pyproj",
             "scipy.special",

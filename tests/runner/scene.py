@@ -13,7 +13,7 @@ from runner.interpreter.storyboard.storyboard import Storyboard
 from runner.motion.placement import wrap
 from runner.participants.declaration import BoundingBox, Declaration
 from runner.participants.entity import Entities, Entity
-from runner.positions.orientation import Orientation, on_road
+from runner.positions.world import Orientation, on_road
 from runner.worlds.base import KinematicWorld
 
 ROADS = Path(__file__).parents[1] / "conformance" / "roads"

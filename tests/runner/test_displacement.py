@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import xodr
 from runner.conditions.comparison import RULES, Comparison
 from runner.conditions.distance import Measure, ReachPositionCondition, RelativeDistanceCondition, Target
-from runner.contracts.condition import ByEntityCondition, EntityCondition
+from runner.contracts.element import ByEntityCondition, EntityCondition
 from runner.motion.placement import Placement
 from runner.motion.roads import Roads
 from runner.participants.boxes import gap, plane_gap

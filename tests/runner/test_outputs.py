@@ -16,7 +16,7 @@ from lxml import etree
 import runner
 from runner.batch.jobs import Job, Outcome
 from runner.interpreter.result import RunResult, Verdict
-from runner.outputs import report, trajectories
+from runner.outputs import report, tables
 from runner.participants.declaration import BoundingBox
 from runner.recording import COLUMNS, LogEntry, Recording, Track
 from tests.runner.files import car, place, scenario, speed_action, story
@@ -44,7 +44,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> runner.RunResult:
 
 
 def test_parquet_has_every_participant_at_every_step(result: runner.RunResult, tmp_path: Path) -> None:
-    trajectories.write_parquet(result, tmp_path / "t.parquet")
+    tables.write_parquet(result, tmp_path / "t.parquet")
     table = pq.read_table(tmp_path / "t.parquet")
     assert table.column_names == ["time", "entity", *COLUMNS[1:]]
     kinds = {"entity": pa.string(), "road_id": pa.string(), "lane_id": pa.int64()}
@@ -91,7 +91,7 @@ def read_csv(path: Path) -> list[dict[str, str]]:
 
 
 def test_csv_reads_as_esmini_writes_it(result: runner.RunResult, tmp_path: Path) -> None:
-    trajectories.write_csv(result, tmp_path / "t.csv")
+    tables.write_csv(result, tmp_path / "t.csv")
     preamble = (tmp_path / "t.csv").read_text(encoding="utf-8").splitlines()[:6]
     assert preamble[4:] == ["Scenario File Name: scenario.xosc", "Number of Vehicles: 2"]
     rows = read_csv(tmp_path / "t.csv")
@@ -122,7 +122,7 @@ def test_csv_reads_as_esmini_writes_it(result: runner.RunResult, tmp_path: Path)
 
 
 def test_csv_has_motion_by_differences_and_angles_to_road_and_driving_direction(result: runner.RunResult, tmp_path: Path) -> None:
-    trajectories.write_csv(result, tmp_path / "t.csv")
+    tables.write_csv(result, tmp_path / "t.csv")
     row = read_csv(tmp_path / "t.csv")[5]
     speed = math.hypot(float(row["#1 Vel_X [m/s]"]), float(row["#1 Vel_Y [m/s]"]))
     assert speed == pytest.approx(10.0, abs=0.01)
@@ -141,7 +141,7 @@ def test_csv_lines_follow_who_is_there(tmp_path: Path) -> None:
     recording = Recording([a, track("b", {"time": 1.0, "road_id": None})], 1.0, None)
     settings = {"timestep": 1.0}
     result = RunResult(Path("x.xosc"), {}, "completed", 2.0, Verdict(), (), None, "none", settings, [], recording)
-    trajectories.write_csv(result, tmp_path / "t.csv")
+    tables.write_csv(result, tmp_path / "t.csv")
     rows = read_csv(tmp_path / "t.csv")
     assert [row["#2 Entity_Name [-]"] for row in rows] == ["", "b", ""]
 

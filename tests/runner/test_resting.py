@@ -18,7 +18,7 @@ from runner.conditions.by_entity import StandStillCondition, TraveledDistanceCon
 from runner.conditions.by_value import SimulationTimeCondition
 from runner.conditions.comparison import RULES, Comparison
 from runner.contracts import registry
-from runner.contracts.condition import ByEntityCondition, Condition
+from runner.contracts.element import ByEntityCondition, Condition
 from runner.interpreter.simulation import Simulation
 from runner.interpreter.storyboard.triggers import EDGES, TimedCondition, Trigger, Watch
 from runner.motion.roads import Roads

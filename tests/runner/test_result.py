@@ -11,7 +11,7 @@ import pytest
 import runner
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Job
-from runner.outputs.stored import load_run
+from runner.outputs.folder import load_run
 from runner.replay import notebook
 from runner.replay.player import replay_page, write_replay
 from schemas.common.errors import UsageError

@@ -15,9 +15,8 @@ import pytest
 import runner
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
-from runner.outputs.folder import RESULT
+from runner.outputs.folder import EVENTS, RESULT, TRAJECTORIES, load_run
 from runner.outputs.report import summary
-from runner.outputs.stored import EVENTS, TRAJECTORIES, load_run
 from runner.settings import RunSettings
 from schemas.common.errors import InvalidFile
 from tests.runner.files import place, scenario, speed_action, story

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from runner.contracts.action import GlobalAction
+from runner.contracts.element import GlobalAction
 from runner.contracts.run import ElementState
 from runner.interpreter.storyboard.elements import ActionElement
 from runner.interpreter.storyboard.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard

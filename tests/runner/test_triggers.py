@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
-from runner.contracts.condition import ByEntityCondition, Condition, EntityCondition
+from runner.contracts.element import ByEntityCondition, Condition, EntityCondition
 from runner.interpreter.storyboard.triggers import TimedCondition, Trigger
 from runner.participants.entity import Entity
 from schemas.common.errors import InvalidFile

@@ -12,8 +12,8 @@ import pytest
 from lxml import etree
 
 import runner
-from runner.interpreter.untested import CAUSES
-from runner.outputs.stored import load_run
+from runner.interpreter.verdict import CAUSES
+from runner.outputs.folder import load_run
 from tests.commands import Command
 from tests.runner.files import HEADER, at_time, car, distribution, place, scenario, speed_action, story
 

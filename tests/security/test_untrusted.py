@@ -321,7 +321,7 @@ SLOW = {
     "xosc-run scenario.xosc --dry-run": "runner.interpreter.execution.prepare",
     "xosc-export scenario.xosc --to 1.3 --out out": "xosc.exports.standard.export",
     "xosc-export scenario.xosc --to parquet --out out --world kinematic": "runner.interpreter.execution.run",
-    "xosc-replay results/scenario": "runner.outputs.stored.load_run",
+    "xosc-replay results/scenario": "runner.outputs.folder.load_run",
     "xosc-recognize results --labels rules --out out": "recognition.datasets.Source.load",
     "xosc-recognize replay results --out out/a.xosc": "recognition.datasets.Source.load",
     "xosc-recognize label results --labels rules": "recognition.datasets.Source.load",

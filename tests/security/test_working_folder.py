@@ -13,7 +13,7 @@ import pytest
 import typer
 
 from generation.logical.library import SCENARIOS
-from runner.batch.ray_pool import connect
+from runner.batch.pool import connect
 from runner.sut import find_system
 from schemas.common.discovery import installed, leave_working_folder_out
 from schemas.common.errors import UsageError

@@ -13,7 +13,7 @@ from generation.pages import PARTS_CSS, PARTS_JS
 from generation.report.regression import Fate
 from recognition.catalogue.index import rows_of
 from recognition.labels.classes import Label
-from runner.outputs.stored import load_run
+from runner.outputs.folder import load_run
 from runner.replay.page import page, write_page
 from runner.replay.player import REPORT
 from runner.replay.scene.scene import preview

@@ -14,8 +14,7 @@ import numpy as np
 from recognition.datasets.rows import Clock, cut, in_order
 from recognition.datasets.source import Participant, Report, SiteRoad, Source
 from recognition.datasets.table import Kind, read_table
-from runner.outputs.folder import RESULT
-from runner.outputs.stored import TRAJECTORIES, read_setup
+from runner.outputs.folder import RESULT, TRAJECTORIES, read_setup
 from runner.recording import COLUMNS, Recording
 from schemas.common.errors import InvalidFile
 from xodr.network import RoadNetwork

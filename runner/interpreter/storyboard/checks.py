@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from runner.contracts.action import PrivateAction
+from runner.contracts.element import PrivateAction
 from runner.contracts.run import Instant, Transition
 from runner.interpreter.storyboard.elements import ActionElement
 from runner.interpreter.storyboard.storyboard import Act, Event, Storyboard
 
 if TYPE_CHECKING:
-    from runner.contracts.action import Action
-    from runner.contracts.position import Position
+    from runner.contracts.element import Action, Position
     from runner.interpreter.storyboard.storyboard import Storyboard
     from runner.motion.placement import Placement
     from runner.participants.entity import Entity

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
-from runner.contracts.action import Action, GlobalAction, PrivateAction
+from runner.contracts.element import Action, GlobalAction, PrivateAction
 from runner.contracts.run import ElementState, Run, Running, Transition
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner.contracts.action import Action, PrivateAction
+from runner.contracts.element import Action, PrivateAction
 from runner.contracts.run import ElementState, Transition
 from runner.interpreter.storyboard.elements import ActionElement, Element, StoryboardRun
 from runner.interpreter.storyboard.triggers import Trigger, Watch

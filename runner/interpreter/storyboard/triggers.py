@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Generic, Protocol, Self, TypeVar
 
-from runner.contracts.condition import Condition
+from runner.contracts.element import Condition
 from schemas.rules.storyboard import EMPTY_ELEMENTS_UID
 from xosc.dialects.carla import is_criterion
 from xosc.node import Node
@@ -35,7 +35,7 @@ class ConditionContext(Protocol):
         ...
 
     def repair(self, node: Node, rule: str, text: str) -> None:
-        """See `runner.contracts.context.Context`."""
+        """See `runner.contracts.registry.Context`."""
         ...
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from runner.batch.triage import FINE, NOTHING, REFUSED, REPAIRED, causes, triage
+from runner.batch.rehearsal import FINE, NOTHING, REFUSED, REPAIRED, causes, triage
 from tests.commands import Command
 from tests.runner.chromium import Browser
 from tests.runner.files import ROADS, car, distribution, place, scenario

@@ -1,4 +1,11 @@
-"""Contract of conditions: a logical expression that describes itself with current values."""
+"""Contracts of positions, conditions and actions: what their classes offer to the interpreter.
+
+A position is an object that resolves to a place in a run, a condition a logical expression that describes itself with current
+values.
+
+An action class is built once from its element (`from_xml`) and holds no state. `start` applies it; what takes
+simulation time comes back as a `Running`, one for each actor, with the state of this execution.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +15,65 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
-    from runner.contracts.run import Instant
+    from collections.abc import Iterable
+
+    from runner.contracts.run import Instant, Run, Running, Surroundings
+    from runner.motion.placement import Placement
     from runner.participants.entity import Entity
+    from xosc.node import Node
+
+
+class Position(ABC):
+    """A position of the standard.
+
+    Attributes:
+        node: its element, for complaints.
+        fixed: where it is, for positions that are the same throughout every run.
+        oriented: whether the file prescribes an orientation.
+        grounded: whether the height is that of the road's surface.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.fixed: Placement | None = None
+        self.oriented = node.find("Orientation") is not None
+        self.grounded = True
+
+    @abstractmethod
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
+        """Return the current place.
+
+        Args:
+            run: the run; positions with `fixed` need none.
+            actor: the entity concerned, for shapes that begin where it is.
+
+        Raises:
+            InvalidFile: there is no such place at the moment: with the line of the position's element.
+        """
+
+    def references(self) -> tuple[Entity, ...]:
+        """Entities whose place must be known before this position can be resolved."""
+        return ()
+
+    def current(self, entity: Entity) -> Entity:
+        """The entity referred to, once it has a place."""
+        if not entity.placed:
+            raise self.node.invalid(f"the position is relative to {entity.name!r}, which has no position yet")
+        return entity
+
+
+class FixedPosition(Position):
+    """A position that does not depend on anything that happens."""
+
+    fixed: Placement
+
+    def __init__(self, node: Node, placement: Placement) -> None:
+        super().__init__(node)
+        self.fixed = placement
+
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
+        """The place."""
+        return self.fixed
 
 
 _SLEEPLESS = 8
@@ -151,3 +215,75 @@ class ByEntityCondition(Condition):
         """The expressions of the entities that triggered, or of all of them if none did."""
         shown = self.triggering or [entity for entity in self.entities if entity.active]
         return "; ".join(self.condition.describe(entity, run) for entity in shown) or "no triggering entity is present"
+
+
+LONGITUDINAL, LATERAL, LIGHTING, ANIMATION = "longitudinal", "lateral", "lighting", "animation"
+"""Control domains of an entity (OpenSCENARIO XML 1.3, 6.6.1): at most one action owns each at a time."""
+
+
+def need_places(node: Node, *entities: Entity) -> None:
+    """Make sure that entities are somewhere before an action deals with where they are.
+
+    Raises:
+        InvalidFile: one of them has no position yet.
+    """
+    for entity in entities:
+        if not entity.placed:
+            raise node.invalid(f"{entity.name} has no position yet; a TeleportAction has to come first")
+
+
+class PrivateAction(ABC):
+    """An action on one entity."""
+
+    domains: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def places(self) -> bool:
+        """Whether it puts the actor somewhere, whatever its place is; initial actions are ordered by it."""
+        return False
+
+    @property
+    def activates_controller(self) -> bool:
+        """Whether it decides when a system under test drives the actor."""
+        return False
+
+    def claims(self) -> tuple[str, ...]:
+        """Control domains that this action takes over from whatever owns them (standard 7.5.1)."""
+        return self.domains
+
+    def references(self) -> Iterable[Entity]:
+        """Entities whose state `start` reads; initial actions are ordered by it."""
+        return ()
+
+    def puts(self, actor: Entity) -> Iterable[tuple[Entity, Position | None]]:
+        """Return the entities that it teleports, with None for a place known only in a run."""
+        return [(actor, None)] if self.places else []
+
+    def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:  # noqa: B027  (most actions suit every actor)
+        """Complain before any run about what this actor can never do.
+
+        Args:
+            starts: all places where actions can put the actor; None where only a run knows.
+
+        Raises:
+            InvalidFile: the action makes no sense for this actor.
+        """
+
+    @abstractmethod
+    def start(self, actor: Entity, run: Run) -> Running | None:
+        """Begin for this actor now; None when the action is complete at once."""
+
+
+class GlobalAction(ABC):
+    """An action on the simulation at large."""
+
+    def puts(self) -> Iterable[tuple[Entity, Position | None]]:
+        """Return the entities that it teleports, with None for a place known only in a run."""
+        return []
+
+    @abstractmethod
+    def start(self, run: Run) -> Running | None:
+        """Begin now; None when the action is complete at once."""
+
+
+Action = PrivateAction | GlobalAction

@@ -1,1 +1,0 @@
-"""Traffic that the scenario asks for without naming it."""
