@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from runner.measures.measure import Limit
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     from runner.sut import System

@@ -22,11 +22,10 @@ from runner.outputs.folder import PICTURE, digests, write_run
 from runner.outputs.tables import write_runs
 from runner.settings import RunSettings
 from runner.sut.parameters import SENSOR_RANGE, split
-from schemas.commands.wording import shown
-from schemas.errors import ToolchainError, UsageError
-from schemas.security.policy import current, limited
-from schemas.security.text import one_line
-from schemas.storage import alone
+from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.policy import current, limited
+from schemas.common.storage import alone
+from schemas.common.text import one_line, shown
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
@@ -117,7 +116,7 @@ def run_batch(
 
     At the end, or when it is interrupted, the folder gets a table of all runs (see `runner.outputs.tables`). `ray` is the address
     of a Ray cluster that does the runs, or `local`; see `runner.batch.pool`. Under a policy with limits of memory or time
-    (`schemas.security.policy`) runs are done in other processes, and one that needs more is an error of that run.
+    (`schemas.common.policy`) runs are done in other processes, and one that needs more is an error of that run.
 
     Raises:
         UsageError: the folder holds results already (and `resume` is not set), or those of another batch; another process writes
@@ -233,9 +232,7 @@ def lost(job: Job, signal_number: int | None = None) -> Outcome:
             how = f" by {signal.Signals(signal_number).name}"
     killed = signal_number == getattr(signal, "SIGKILL", None)
     why = "as a system does that runs out of memory" if killed else "of too little memory or a defect of a library"
-    over = signal_number is not None and signal_number == getattr(
-        signal, "SIGPROF", None
-    )  # see `schemas.security.policy.limited`
+    over = signal_number is not None and signal_number == getattr(signal, "SIGPROF", None)  # see `schemas.common.policy.limited`
     why = "for it takes longer than --max-seconds allows" if over else why
     return Outcome(job, "error", 4 if over else 5, f"the process that ran it died{how}, {why}", "died")
 
@@ -301,7 +298,7 @@ def runnable(arguments: Iterable[str]) -> list[Path]:
     Raises:
         UsageError: a folder or glob stands for nothing that can be run.
     """
-    from schemas.commands.files import expand
+    from schemas.common.command_line import expand
 
     found: dict[Path, None] = {}
     for argument in arguments:

@@ -23,9 +23,9 @@ from functools import partial
 from typing import Any
 
 from runner.batch.jobs import Job, Outcome
-from schemas.errors import ToolchainError, UsageError
-from schemas.extras import optional
-from schemas.security.policy import Policy, current, in_force
+from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.packages import optional
+from schemas.common.policy import Policy, current, in_force
 
 _AHEAD = 8
 """Runs handed out for each process ahead of need: few, so that a space of any size is never enumerated."""

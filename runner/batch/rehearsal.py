@@ -26,12 +26,11 @@ from runner.replay.page import page
 from runner.settings import RunSettings
 from schemas.checks.checker import check_many
 from schemas.checks.problems import Problem
-from schemas.commands.wording import many, shown
-from schemas.errors import ExitCode, ToolchainError, describe, gravest
-from schemas.packages import version
-from schemas.remarks import BREACH
-from schemas.security.policy import limited
-from schemas.security.text import one_line
+from schemas.common.errors import ExitCode, ToolchainError, describe, gravest
+from schemas.common.packages import version
+from schemas.common.policy import limited
+from schemas.common.remarks import BREACH
+from schemas.common.text import many, one_line, shown
 from xodr.reader import load as load_road
 from xosc.distributions.space import Selection
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from runner.contracts.run import Run, StoryboardElement
     from runner.participants.entity import Entities, Entity
     from runner.surroundings.signals import TrafficSignals
-    from schemas.remarks import Remarks
+    from schemas.common.remarks import Remarks
     from xodr.network import RoadNetwork
     from xosc.resolve import Resolved
 
@@ -151,7 +151,7 @@ class Context(Protocol):
         Args:
             rule: uid of the rule.
             text: what is wrong and what is assumed.
-            cause: name of the cause for which the run is inconclusive by it, see `schemas.remarks.Remark`.
+            cause: name of the cause for which the run is inconclusive by it, see `schemas.common.remarks.Remark`.
 
         Raises:
             InvalidFile: the same, where loading is strict.

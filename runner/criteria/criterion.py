@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
-from schemas.discovery import load
+from schemas.common.discovery import load
 from xosc.dialects.carla import CRITERION_PREFIX, is_criterion
 
 if TYPE_CHECKING:

@@ -22,10 +22,9 @@ import numpy as np
 from runner.exports.moments import box_centre, date, moments, rate, stands, wrapped
 from runner.exports.osi_lanes import Lanes, LogicalLanes, around
 from runner.participants.declaration import BoundingBox
-from schemas.errors import UsageError
-from schemas.extras import optional
-from schemas.packages import version
-from schemas.storage import drafted, writing
+from schemas.common.errors import UsageError
+from schemas.common.packages import optional, version
+from schemas.common.storage import drafted, writing
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Job, Outcome

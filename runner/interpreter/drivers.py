@@ -31,7 +31,7 @@ from runner.participants.scenario_objects import EXTERNAL, module_of
 from runner.sut import System, system_name
 from runner.sut.base import PEDAL, Control, Observation, Pose, SystemUnderTest, WorldDriven, seen
 from runner.worlds.base import DriverRequest
-from schemas.errors import ToolchainError, UsageError, blame
+from schemas.common.errors import ToolchainError, UsageError, blame
 from xosc.names import EGO_NAME
 
 if TYPE_CHECKING:

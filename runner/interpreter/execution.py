@@ -23,7 +23,7 @@ from runner.sut import load_system, system_name
 from runner.sut.base import Control, Observation, Pose
 from runner.sut.commanded import Commanded
 from runner.sut.parameters import parameters_of
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     from runner.interpreter.result import Cause

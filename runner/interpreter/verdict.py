@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from runner.measures.measure import Limit
     from runner.participants.entity import Entity
     from runner.recording import Recording, Track
-    from schemas.remarks import Remark
+    from schemas.common.remarks import Remark
 
 
 CAUSES: Mapping[str, str] = {

@@ -21,7 +21,7 @@ import shapely
 from runner.measures.measure import GREATEST_DECELERATION, LONGEST_PET, Extreme
 from runner.measures.relations import Motion, blocks, boxes_overlap, joined, relations
 from runner.participants.boxes import box_corners
-from xodr.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _STEP = 0.05
 """Least time (s) between footprints that are compared"""

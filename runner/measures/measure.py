@@ -17,14 +17,14 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
-from schemas.discovery import load
-from schemas.errors import UsageError
+from schemas.common.discovery import load
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from xodr.array_types import BoolArray, FloatArray
+    from schemas.common.array_types import BoolArray, FloatArray
 
 
 GREATEST_DECELERATION = 9.81

@@ -16,9 +16,9 @@ from runner.interpreter.result import FAILED, Cause, RunResult, Verdict
 from runner.outputs import report, tables
 from runner.participants.declaration import BoundingBox
 from runner.recording import COLUMNS, LogEntry, Recording, Track, arrow_type
-from schemas.errors import InvalidFile, UsageError
-from schemas.security.policy import current
-from schemas.storage import DRAFT, digest, parse_object, read_bytes, read_object, read_parquet
+from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.policy import current
+from schemas.common.storage import DRAFT, digest, parse_object, read_bytes, read_object, read_parquet
 
 if TYPE_CHECKING:
     import numpy as np

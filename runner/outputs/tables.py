@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.measures.measure import measures
-from schemas.packages import version
-from schemas.security.text import csv_text, one_line
-from schemas.storage import keep
+from schemas.common.packages import version
+from schemas.common.storage import keep
+from schemas.common.text import csv_text, one_line
 
 if TYPE_CHECKING:
     import numpy as np

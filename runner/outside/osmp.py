@@ -16,8 +16,8 @@ from runner.exports.osi import Osi, fill_base, fill_type
 from runner.exports.osi_lanes import Lanes
 from runner.motion.placement import wrap
 from runner.sut.base import Observation, Participant, Pose
-from schemas.errors import ToolchainError
-from schemas.extras import optional
+from schemas.common.errors import ToolchainError
+from schemas.common.packages import optional
 from xodr.model import RoadPoint
 from xodr.network import RoadNetwork
 

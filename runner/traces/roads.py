@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from runner.traces.reading import TraceRecording
-from schemas.errors import ToolchainError, UsageError
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.policy import current
+from schemas.common.storage import digest, keep
 from schemas.osi.traces import AttachedMap, Trace
-from schemas.security.policy import current
-from schemas.storage import digest, keep
-from xodr.array_types import FloatArray
 from xodr.lanelet2 import Lanelet, Neighbour, build
 from xodr.lanelet2.lanelet import between, direction, frame_at, joined, lengths, middle, resampled
 

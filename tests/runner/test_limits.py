@@ -14,7 +14,7 @@ import runner.sut
 from runner import RunSettings
 from runner.measures.measure import Facts, Limit
 from runner.outputs.folder import load_run
-from schemas.errors import UsageError
+from schemas.common.errors import UsageError
 from tests.commands import Command
 from tests.runner.files import place, scenario
 
