@@ -102,13 +102,18 @@ class LanePosition(FixedPosition):
         def placed(on: str) -> Placement:
             return lane_placement(network, network.lane_point(road.id, lane_id, s, offset, on), orientation)
 
+        permanent = None
+        if layer is None and road.permanent is not None:
+            with suppress(RoadError):
+                permanent = placed(PERMANENT)
         try:
             found = cls(node, placed(layer or TEMPORARY)._replace(layered=layer is not None))
         except RoadError as error:
-            raise node.invalid(error.message) from None
-        if layer is None and road.permanent is not None:
-            with suppress(RoadError):
-                found.permanent = placed(PERMANENT)
+            if permanent is None:
+                raise node.invalid(error.message) from None
+            found = cls(node, permanent._replace(layered=True))
+            context.repair(node, LANE_UID, f"{error.message}; the lane of the permanent layer is assumed")
+        found.permanent = permanent
         return found
 
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:

@@ -42,13 +42,13 @@ class Road:
     temporary: tuple[Lanes, ...] = ()
 
     def lanes(self, s: float, layer: str | None = None) -> frozenset[str]:
-        """Lane ids at a road coordinate, the centre lane among them: of a layer, or those in force."""
+        """Lane ids at a road coordinate, the centre lane among them: those in force, or those of the permanent layer."""
+        usual = _at(self.sections, s, first=True)
         temporary = _at(self.temporary, s)
-        if layer == "temporary" or (layer is None and temporary):
-            sides = {lane.startswith("-") for lane in temporary if lane != "0"}
-            usual = _at(self.sections, s) if layer is None else ()
-            return temporary | {lane for lane in usual if lane.startswith("-") not in sides}
-        return _at(self.sections, s, first=True)
+        if layer == "permanent" or not temporary:
+            return usual
+        sides = {lane.startswith("-") for lane in temporary if lane != "0"}
+        return temporary | {lane for lane in usual if lane.startswith("-") not in sides}
 
 
 def _at(sections: tuple[Lanes, ...], s: float, first: bool = False) -> frozenset[str]:

@@ -59,14 +59,17 @@ LANE_UID = "xosc.toolchain:xosc:1.0.0:reference_control.lane_exists_on_road"
 
 @rule(LANE_UID, kinds=("scenario",))
 def lane_exists(document: Document) -> Iterator[Finding]:
-    """The laneId of a LanePosition must be a lane of the road at that s coordinate; expressions may write it as -2.0."""
+    """The laneId of a LanePosition must be a lane of the road at that s coordinate; expressions may write it as -2.0.
+
+    Where roads have temporary lanes it is one of these, unless the position names the permanent layer.
+    """
     network = document.road_network
     for element in document.elements("LanePosition") if network else ():
         road = network.roads.get(document.value(element, "roadId") or "") if network else None
         lane, s = document.value(element, "laneId"), document.number(element, "s")
         if road is None or lane is None or s is None or not 0 <= s <= road.length:
             continue
-        lanes, number = road.lanes(s), document.number(element, "laneId")
+        lanes, number = road.lanes(s, document.value(element, "layer")), document.number(element, "laneId")
         if lane.strip() not in lanes and (number is None or f"{number + 0.0:g}" not in lanes):
             known = ", ".join(sorted(lanes, key=_from_left))
             yield Finding(

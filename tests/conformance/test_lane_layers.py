@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+import runner
+import xodr
+import xosc
 from runner import RunResult
+from schemas import check
 from schemas.common.errors import InvalidFile
+from schemas.rules.positions import LANE_UID
 from tests.conformance.support import at, track
 from tests.conformance.support import run as run_scenario
 
+LIBRARY, ROADS = (Path(package.__file__).parent / "library" for package in (xosc, xodr))
 FIRST, SECOND = -1.75, -5.25
 """t of the centres of the permanent lanes -1 and -2, m."""
 TEMPORARY_FIRST, TEMPORARY_SECOND = -2.25, -4.75
@@ -83,3 +90,18 @@ def test_a_relative_target_lane_is_counted_on_the_named_layer_or_that_of_the_ref
 def test_a_layer_that_there_is_not_is_refused() -> None:
     with pytest.raises(InvalidFile, match="layer='painted' is not one of"):
         run("AbsoluteTargetLane", parameters={"Layer": "painted"})
+
+
+def test_a_lane_that_only_the_permanent_layer_has_is_taken_with_a_remark(tmp_path: Path) -> None:
+    """The closed lane of the library's road works: named by its layer it is valid, without a layer it breaks a rule."""
+    text = (LIBRARY / "lane_closure_highway.xosc").read_text("utf-8").replace("../../xodr/library", ROADS.as_posix())
+    text = text.replace('path="catalogs', f'path="{LIBRARY.as_posix()}/catalogs')
+    named, unnamed = tmp_path / "named.xosc", tmp_path / "unnamed.xosc"
+    named.write_text(text, "utf-8")
+    unnamed.write_text(text.replace('s="1000" layer="permanent"', 's="1000"'), "utf-8")
+    assert [problem.rule for problem in check(named)] == []
+    assert [problem.rule for problem in check(unnamed)] == [LANE_UID]
+    first, second = (runner.run(path, sut="none", world="kinematic") for path in (named, unnamed))
+    assert ["the lane of the permanent layer is assumed" in each for each in second.remarks if each not in first.remarks] == [True]
+    assert second.trajectories.equals(first.trajectories)
+    assert at(track(first, "Merging"), 17.0, "y") == pytest.approx(-3.25 / 2, abs=1e-6)
