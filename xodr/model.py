@@ -255,6 +255,24 @@ class RoadObject:
     validity: tuple[tuple[int, int], ...]
 
 
+class Structure(NamedTuple):
+    """A bridge or tunnel that carries or covers a stretch of its road.
+
+    Attributes:
+        kind: "bridge" or "tunnel".
+        id, name, type: as in the file.
+        s: start of the stretch, m.
+        length: m.
+    """
+
+    kind: str
+    id: str
+    name: str
+    type: str
+    s: float
+    length: float
+
+
 class RoadType(NamedTuple):
     """Kind of road from `s` on, with its speed limit [m/s], None where there is none."""
 

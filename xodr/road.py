@@ -26,6 +26,7 @@ from xodr.model import (
     RoadType,
     Signal,
     SignalReference,
+    Structure,
 )
 from xodr.profiles import ZERO, Profile
 
@@ -84,6 +85,7 @@ class Road:
     signals: list[Signal] = field(default_factory=list)
     signal_references: list[SignalReference] = field(default_factory=list)
     objects: list[RoadObject] = field(default_factory=list)
+    structures: list[Structure] = field(default_factory=list)
     permanent: list[LaneSection] | None = None
     flat: bool = field(init=False)
     _starts: list[float] = field(init=False)

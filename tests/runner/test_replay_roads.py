@@ -111,6 +111,19 @@ def test_objects_stand_where_and_as_they_are(tmp_path: Path) -> None:
     assert signals(network, Area(0, 0, 5, 5)) == []
 
 
+def test_bridges_have_parapets_and_tunnels_walls_beside_the_stretch_that_they_cover(tmp_path: Path) -> None:
+    more = (
+        '<objects><bridge id="b" s="10" length="20" type="steel"/><tunnel id="t" s="60" length="80" type="standard"/></objects>'
+    )
+    found = objects(road(tmp_path, "", "", more), EVERYWHERE)
+    assert [(round(float(block.ring[:, 0].min())), block.height) for block in found["barrier"]] == [
+        (10, 1.0), (10, 1.0), (60, 4.7), (60, 4.7),
+    ]  # fmt: skip
+    assert all(np.abs(block.ring[:, 1]).min() == pytest.approx(3.0) for block in found["barrier"])
+    (covered,) = found["covered"]
+    assert Polygon(covered.ring).bounds == pytest.approx((60.0, -3.0, 100.0, 3.0)), "it ends with the road"
+
+
 def test_temporary_marks_are_yellow_and_lie_above_the_permanent_ones(tmp_path: Path) -> None:
     works = (
         '<lanes layer="temporary"><laneSection s="40" length="20">'

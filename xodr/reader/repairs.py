@@ -20,7 +20,7 @@ from schemas.xml import line_of
 from xodr.model import PERMANENT
 from xodr.reader.elements import LARGEST, text
 from xodr.reader.junctions import connections, read_controller
-from xodr.reader.road_objects import read_object, read_signal, read_signal_reference
+from xodr.reader.road_objects import read_object, read_signal, read_signal_reference, read_structure
 
 SCHEMA = "asam.net:xodr:1.0.0:xml.valid_schema"
 """The rule that an attribute breaks which is missing or is not of its type."""
@@ -356,6 +356,8 @@ _READERS: dict[str, Callable[[etree._Element], object]] = {
     "road/signals/signal": lambda element: read_signal(element, ""),
     "road/signals/signalReference": read_signal_reference,
     "road/objects/object": lambda element: read_object(element, ""),
+    "road/objects/bridge": read_structure,
+    "road/objects/tunnel": read_structure,
     "controller": read_controller,
     "junction/controller": lambda element: text(element, "id"),
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lxml import etree
 
-from xodr.model import Corner, RoadObject, Signal, SignalReference
+from xodr.model import Corner, RoadObject, Signal, SignalReference, Structure
 from xodr.reader.elements import number, optional, text, validity
 
 
@@ -61,6 +61,12 @@ def read_object(element: etree._Element, road_id: str) -> RoadObject:
         outlines=tuple(tuple(_corner(corner) for corner in outline if _is_corner(corner)) for outline in outlines),
         validity=validity(element),
     )
+
+
+def read_structure(element: etree._Element) -> Structure:
+    """A `bridge` or `tunnel` element."""
+    names = (element.get(name, "") for name in ("id", "name", "type"))
+    return Structure(str(element.tag), *names, number(element, "s"), number(element, "length"))
 
 
 def _is_corner(element: etree._Element) -> bool:

@@ -12,7 +12,7 @@ from xodr.model import RoadLink, RoadType
 from xodr.profiles import Cubic, Profile
 from xodr.reader.elements import ascending, coefficients, contact_point, invalid, number, optional, profile, speed, text
 from xodr.reader.lanes import read_layers
-from xodr.reader.road_objects import read_object, read_signal, read_signal_reference
+from xodr.reader.road_objects import read_object, read_signal, read_signal_reference, read_structure
 from xodr.road import Road, Surface
 
 _TOO_SHORT = 1e-9
@@ -46,6 +46,7 @@ def read_road(path: Path, element: etree._Element) -> Road:
         signals=[read_signal(signal, road_id) for signal in element.iterfind("signals/signal")],
         signal_references=[read_signal_reference(signal) for signal in element.iterfind("signals/signalReference")],
         objects=[read_object(item, road_id) for item in element.iterfind("objects/object")],
+        structures=[read_structure(item) for kind in ("bridge", "tunnel") for item in element.iterfind(f"objects/{kind}")],
     )
 
 

@@ -19,7 +19,7 @@ from xodr.model import NO_WIDTH, PERMANENT, TEMPORARY, RoadMark
 
 if TYPE_CHECKING:
     from runner.recording import LogEntry
-    from xodr.model import Corner, LaneSection, RoadObject
+    from xodr.model import Corner, LaneSection, RoadObject, Structure
     from xodr.network import RoadNetwork
     from xodr.profiles import Profile
     from xodr.road import Road
@@ -233,6 +233,12 @@ _HEIGHTS = {"crosswalk": 0.0, "flat": 0.0, "tree": 5.0, "building": 8.0, "pole":
 """Heights (m) of objects whose file gives none"""
 _LOW = 0.3
 """Height (m) of all others"""
+_PARAPET, _WALL = 1.0, 4.7
+"""Heights (m) of the parapets of bridges and the walls of tunnels"""
+_THICK = 0.3
+"""Thickness of both, m"""
+_PIECE = 12
+"""Intervals between stations that one block of them covers"""
 
 
 def objects(network: RoadNetwork, area: Area) -> dict[str, list[Block]]:
@@ -244,7 +250,29 @@ def objects(network: RoadNetwork, area: Area) -> dict[str, list[Block]]:
             for block in _blocks(road, thing, _HEIGHTS.get(look, _LOW)):
                 if _touches(block.ring, area):
                     found[look].append(block)
+        for structure in road.structures:
+            for look, block in _built(road, structure):
+                if _touches(block.ring, area):
+                    found[look].append(block)
     return dict(sorted(found.items()))
+
+
+def _built(road: Road, structure: Structure) -> Iterator[tuple[str, Block]]:
+    """Parapets of a bridge; walls of a tunnel and the stretch that it covers, which has no roof that would hide the traffic."""
+    start, end = max(structure.s, 0.0), min(structure.s + structure.length, road.length)
+    if start >= end:
+        return
+    along = _within(_stations(road), start, end)
+    right, left = np.array([road.edges(s) for s in along.tolist()]).T
+    edges = [sample(road, along, t) for t in (left + _THICK, left, right, right - _THICK)]
+    (strip,) = _simplified([np.stack(edges)])
+    tunnel = structure.kind == "tunnel"
+    for first in range(0, strip.shape[1] - 1, _PIECE):
+        outer, inner, other, last = strip[:, first : first + _PIECE + 1]
+        for one, two in ((outer, inner), (other, last)):
+            yield "barrier", Block(np.concatenate([one, two[::-1]]), _WALL if tunnel else _PARAPET)
+        if tunnel:
+            yield "covered", Block(np.concatenate([inner, other[::-1]]), 0.0)
 
 
 def _touches(ring: Line, area: Area) -> bool:

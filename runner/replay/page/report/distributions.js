@@ -23,11 +23,11 @@ function histogram(column) {
   drawings.push(runs => {
     const sorted = Float64Array.from(runs.map(column.of).filter(value => typeof value === "number")).sort();
     const beyond = sorted.filter(value => value > high).length,
-      called = `${beyond === 1 ? "is" : "are"} ${column.beyond || `beyond ${short(high)}`}`;
+      called = `${beyond === 1 ? "is" : "are"} ${column.beyond || `beyond ${sized(column, high)}`}`;
     told.textContent = sorted.length
-      ? `${many(sorted.length, "run")}, from ${short(sorted[0])}` +
-        (beyond ? `; ${beyond} ${called} (last bar)` : ` to ${short(sorted.at(-1))}`) +
-        (beyond * 2 > sorted.length ? "" : `, median ${short(sorted[Math.floor(sorted.length / 2)])}`)
+      ? `${many(sorted.length, "run")}, from ${sized(column, sorted[0])}` +
+        (beyond ? `; ${beyond} ${called} (last bar)` : ` to ${sized(column, sorted.at(-1))}`) +
+        (beyond * 2 > sorted.length ? "" : `, median ${sized(column, sorted[Math.floor(sorted.length / 2)])}`)
       : "no runs";
     canvas.setAttribute("aria-label", `${column.title}: ${told.textContent}`);
     drawBins(canvas, binned(column, runs, low, wide), [low, low + wide * BINS]);

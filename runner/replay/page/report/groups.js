@@ -128,7 +128,7 @@ function filled(runs, where) {
     kind = bad.length ? (bad.length < runs.length ? "mixed" : first.state) : "passed";
   const one = typeof speed === "number" ? `✕ ${speed.toFixed(0)}` : "✕",
     cross = runs.length > 1 ? `✕ ${bad.length}/${runs.length}` : one;
-  const text = bad.length ? cross : shown(cells.column, first, 3);
+  const text = bad.length ? cross : shown(cells.column, first);
   const label = `${where}: ${bad.length ? `${bad.length} of ${runs.length} ${called(bad)}, ${reason(first)}` : "passed"}`;
   const inner = first.replay
     ? el("a", { href: link(first), "aria-label": label }, text)

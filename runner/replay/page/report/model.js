@@ -6,31 +6,43 @@ const address = path => path.split("/").map(part => (part === ".." ? part : enco
 const link = run => `${address(run.replay)}#t=${run.moment}`;
 const many = (count, one, several = `${one}s`) => `${count.toLocaleString("en")} ${count === 1 ? one : several}`;
 
-/** A name, a title with its unit, the value of a run, and from which value on it is called something else. */
-const columns = [
-  ...Object.entries(data.measures).map(([name, { label, unit, most, beyond }]) => ({
+const PLACES = { s: 2, m: 2, "m/s": 1, "m/s²": 2, "%": 1 }; // decimals by unit
+
+/** A measure as a column; shares are in per cent. */
+function measured([name, { label, unit: given, most: end, beyond }]) {
+  const share = !given && end === 1,
+    [unit, factor] = share ? ["%", 100] : [given, 1];
+  const times = value => (typeof value === "number" ? factor * value : value);
+  return {
     id: name,
     title: unit ? `${label} (${unit})` : label,
     unit,
-    most,
+    most: factor * end,
     beyond,
-    of: run => run.measures[name],
-  })),
-  { id: "end", title: "End (s)", of: run => run.end },
+    of: run => times(run.measures[name]),
+    before: run => times(run.before.measures[name]),
+  };
+}
+
+/** A name, a title with its unit, the value of a run, and from which value on it is called something else. */
+const columns = [
+  ...Object.entries(data.measures).map(measured),
+  { id: "end", title: "End (s)", unit: "s", of: run => run.end },
   ...data.parameters.map(name => ({ id: `p:${name}`, title: name, parameter: true, of: run => run.parameters[name] ?? null })),
 ];
 for (const column of columns) column.numbers = data.runs.filter(run => typeof column.of(run) === "number").length;
 const numeric = columns.filter(column => column.numbers).sort((a, b) => !a.parameter - !b.parameter || b.numbers - a.numbers);
 
-const percent = share => (share && share < 0.001 ? "<0.1 %" : `${(100 * share).toFixed(share && share < 0.1 ? 1 : 0)} %`);
-
-/** A run's value in a column as text, with so many significant digits. */
-function shown(column, run, digits = 4) {
-  const value = column.of(run);
-  if (typeof value !== "number") return String(short(value));
-  if (column.id === "fatality_risk") return percent(value);
-  return column.beyond && value > column.most ? column.beyond : String(short(Number(value.toPrecision(digits))));
+/** A value of a column as text, with the decimals of its unit. */
+function sized(column, value) {
+  const places = PLACES[column.unit];
+  if (typeof value !== "number" || places === undefined) return String(short(value));
+  if (column.beyond && value > column.most) return column.beyond;
+  return column.unit === "%" && value > 0 && value < 0.1 ? "<0.1" : value.toFixed(Math.abs(value) < 100 ? places : 0);
 }
+
+/** A run's value in a column as text. */
+const shown = (column, run) => sized(column, column.of(run));
 
 /** Runs by severity: failures first, those with the greatest risk of a death first among them, then the nearest misses. */
 function bySeverity(a, b) {

@@ -42,10 +42,8 @@ function legend(counts) {
 // severity ------------------------------------------------------------------------------------
 
 const WORST = 5;
-const size = (column, run) => {
-  const value = column.of(run);
-  return column.unit && typeof value === "number" ? value.toFixed(value < 1 ? 2 : 1) : shown(column, run, 3);
-};
+/** The values of the parameters that vary, in words. */
+const given = run => data.parameters.map(name => `${name}=${short(run.parameters[name])}`).join(", ");
 
 /** The hardest contacts, or the nearest misses where there is none. */
 function worst() {
@@ -83,8 +81,8 @@ function worst() {
             el(
               "tr",
               null,
-              el("td", { class: "name" }, named(run)),
-              ...shownColumns.map(column => el("td", { class: "number" }, size(column, run))),
+              el("td", { class: "name" }, named(run), el("div", { class: "muted" }, given(run))),
+              ...shownColumns.map(column => el("td", { class: "number" }, shown(column, run))),
               hit.length ? el("td", { class: "why muted" }, run.impact ?? reason(run)) : null,
             ),
           ),
@@ -127,21 +125,24 @@ function history() {
 
 function change(title, runs, open) {
   const least = columns.filter(({ id }) => ["min_ttc", "min_distance"].includes(id));
-  const was = (run, { id }) => (run.before ? `${short(run.before.measures[id])} → ` : "") + short(run.measures[id]);
+  const was = (run, column) => (run.before ? `${sized(column, column.before(run))} → ` : "") + shown(column, run);
   const numbers = [...data.parameters, ...least.map(column => column.title)],
     head = [["run"], ["now"], ...numbers.map(title => [title, "number"])];
-  const rows = runs
-    .slice(0, SHOWN)
-    .map(run =>
-      el(
-        "tr",
-        null,
-        el("td", { class: "name" }, named(run), ...both(run)),
-        el("td", { class: "muted" }, reason(run)),
-        ...data.parameters.map(name => el("td", { class: "number" }, String(short(run.parameters[name])))),
-        ...least.map(column => el("td", { class: "number" }, was(run, column))),
-      ),
+  const row = run =>
+    el(
+      "tr",
+      null,
+      el("td", { class: "name" }, named(run), ...both(run)),
+      el("td", { class: "muted" }, reason(run)),
+      ...data.parameters.map(name => el("td", { class: "number" }, String(short(run.parameters[name])))),
+      ...least.map(column => el("td", { class: "number" }, was(run, column))),
     );
+  const body = el("tbody", null, ...runs.slice(0, SHOWN).map(row));
+  const all = () => {
+    body.append(...runs.slice(SHOWN).map(row));
+    more.remove();
+  };
+  const more = runs.length > SHOWN ? el("button", { click: all }, `Show all ${runs.length}`) : null;
   return el(
     "details",
     { class: "group", open },
@@ -152,10 +153,10 @@ function change(title, runs, open) {
         "table",
         null,
         el("thead", null, el("tr", null, ...head.map(([text, kind]) => el("th", { scope: "col", class: kind }, text)))),
-        el("tbody", null, ...rows),
+        body,
       ),
     ),
-    runs.length > SHOWN ? el("p", { class: "muted" }, `and ${runs.length - SHOWN} more`) : null,
+    more,
   );
 }
 

@@ -64,6 +64,7 @@ function groundOf(road, steps) {
       for (const dash of dashes(split(line), DASHES[pattern])) addRibbon(tiles, dash, Math.max(width, 0.1) / 2, own);
     }
   for (const { look, lines, heights } of road.objects) {
+    if (look === "covered") continue;
     const tall = unpack(heights, 1, 0.1);
     unpackLines(lines, steps.length).forEach((ring, i) => addObject(tiles, ring, tall[i], look));
   }
