@@ -159,10 +159,15 @@ def xosc_run(
         report = write_report(out, against)
     if earlier is not None:
         table.compare(earlier, out if replay else None)
+    if replay and not dry_run:
+        from runner.replay.player import kept_replay
+
+        if table.only is not None:
+            table.tell(f"replay: {kept_replay(table.only, out)}")
+        elif out is None:
+            table.tell(f"replays: NAME.html in {Path.cwd()}")
     if out is not None and not dry_run:
         table.tell(f"results: {out}" if report is None else f"report: {report}")
-    elif replay and not dry_run:
-        table.tell(f"replays: NAME.html in {Path.cwd()}")
     for what, path in (("JUnit report", junit), ("OSI trace", osi)):
         if path is not None and path.exists():
             table.tell(f"{what}: {path}")

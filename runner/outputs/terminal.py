@@ -63,12 +63,14 @@ class Table:
         self._remarks: dict[str, list[str]] = {}
         self._told: set[str] = set()
         self._contacts: list[tuple[str, dict[str, Any]]] = []
+        self._last = ""
 
     def show(self, outcome: Outcome) -> None:
         """Print one run's line."""
         if not self._quiet and not any(self._counts.values()) and outcome.state != "loaded":
             self._print(f"{'verdict':{_WORD}}{'run':{self._width}}  {'end':>9}  ended by")
         self._counts[outcome.state] += 1
+        self._last = outcome.job.name if outcome.state != "error" else ""
         grave = outcome.state in _GRAVE
         if grave:
             self._groups.setdefault((outcome.state, _cause(outcome)), []).append(one_line(outcome.job.title))
@@ -85,6 +87,11 @@ class Table:
         if self._progress:
             sys.stderr.write(f"{_CLEAR}{self._done()}")
             sys.stderr.flush()
+
+    @property
+    def only(self) -> str | None:
+        """Name of the run where there was one, without an error; else None."""
+        return self._last if self._last and sum(self._counts.values()) == 1 else None
 
     def _done(self) -> str:
         """Describe progress and the remaining time."""

@@ -40,10 +40,12 @@ def replay_page(results: Sequence[RunResult], report: str | None = None) -> str:
 
 def keep_replay(result: RunResult, out: Path | None) -> None:
     """Write the page of a run into the folder of its results below `out`, or into the working directory."""
-    if out is None:
-        write_replay([result], Path(f"{result.name}.html"))
-    else:
-        write_replay([result], out / result.name / REPLAY, TO_REPORT)
+    write_replay([result], kept_replay(result.name, out), None if out is None else TO_REPORT)
+
+
+def kept_replay(name: str, out: Path | None) -> Path:
+    """The page of a run by its name: in the folder of its results below `out`, or in the working directory."""
+    return Path(f"{name}.html") if out is None else out / name / REPLAY
 
 
 def write_replay(results: Sequence[RunResult], path: Path, report: str | None = None) -> None:

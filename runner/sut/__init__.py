@@ -82,7 +82,8 @@ def find_system(name: str | None) -> Callable[[], System] | None:
     entry = _own().get(name) or _installed().get(name)
     if entry is None and not re.fullmatch(r"[\w.]+:[\w.]+", name):
         there = ", ".join(sorted({*_own(), *_installed(), "none"}))
-        raise UsageError(f"no system under test is called {name!r}; there are {there}, and module:Class")
+        hint = "; arguments follow a second colon: module:Class:NAME=VALUE" if ":" in name else ""
+        raise UsageError(f"no system under test is called {name!r}; there are {there}, and module:Class{hint}")
     chosen = nullcontext() if entry else from_working_folder(name.partition(":")[0])
     entry = entry or EntryPoint(name, name, GROUP)
     with chosen:

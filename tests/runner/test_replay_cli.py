@@ -98,8 +98,9 @@ def test_a_batch_becomes_a_report_with_a_replay_of_each_run(command: Command, ba
 
 def test_xosc_run_writes_pages_and_a_report_into_its_output_folder(command: Command, tmp_path: Path) -> None:
     path = scenario(tmp_path, stop=0.2)
-    assert command("xosc-run", "--world", "kinematic", "--replay", "--out", tmp_path / "out", path)[0] == 0
-    replay = tmp_path / "out" / "scenario" / "replay.html"
+    code, out, _ = command("xosc-run", "--world", "kinematic", "--replay", "--out", tmp_path / "out", path)
+    replay, report = tmp_path / "out" / "scenario" / "replay.html", tmp_path / "out" / "report.html"
+    assert code == 0 and out.splitlines()[-2:] == [f"replay: {replay}", f"report: {report}"]
     from_folder = replay.parent / "again.html"
     command("xosc-replay", replay.parent, "--out", from_folder)
     assert replay.read_bytes() == from_folder.read_bytes()
@@ -111,7 +112,8 @@ def test_xosc_run_without_an_output_folder_writes_a_page_to_the_working_director
 ) -> None:
     path = scenario(tmp_path / "files", stop=0.2)
     monkeypatch.chdir(tmp_path)
-    assert command("xosc-run", "--world", "kinematic", "--replay", path)[0] == 0
+    code, out, _ = command("xosc-run", "--world", "kinematic", "--replay", path)
+    assert code == 0 and out.endswith("\nreplay: scenario.html\n")
     assert [file.name for file in tmp_path.glob("*.html")] == ["scenario.html"]
 
 

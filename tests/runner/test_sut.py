@@ -106,6 +106,8 @@ def test_what_can_not_be_loaded_is_named(name: str, complaint: str) -> None:
 def test_a_module_with_an_error_in_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "unfinished_system.py").write_text("class (:")
     monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(UsageError, match="arguments follow a second colon: module:Class:NAME=VALUE"):
+        find_system("unfinished_system:X,brake=4")
     with pytest.raises(UsageError, match="'unfinished_system:X' can't be imported: SyntaxError"):
         find_system("unfinished_system:X")
 
