@@ -65,8 +65,14 @@ def read_object(element: etree._Element, road_id: str) -> RoadObject:
 
 def read_structure(element: etree._Element) -> Structure:
     """A `bridge` or `tunnel` element."""
-    names = (element.get(name, "") for name in ("id", "name", "type"))
-    return Structure(str(element.tag), *names, number(element, "s"), number(element, "length"))
+    return Structure(
+        kind=str(element.tag),
+        id=element.get("id", ""),
+        name=element.get("name", ""),
+        type=element.get("type", ""),
+        s=number(element, "s"),
+        length=number(element, "length"),
+    )
 
 
 def _is_corner(element: etree._Element) -> bool:
