@@ -102,6 +102,8 @@ def test_a_lane_that_only_the_permanent_layer_has_is_taken_with_a_remark(tmp_pat
     assert [problem.rule for problem in check(named)] == []
     assert [problem.rule for problem in check(unnamed)] == [LANE_UID]
     first, second = (runner.run(path, sut="none", world="kinematic") for path in (named, unnamed))
-    assert ["the lane of the permanent layer is assumed" in each for each in second.remarks if each not in first.remarks] == [True]
+    assert ["the lane of the permanent layer is assumed" in each for each in second.remarks if each not in first.remarks] == [
+        True
+    ]
     assert second.trajectories.equals(first.trajectories)
     assert at(track(first, "Merging"), 17.0, "y") == pytest.approx(-3.25 / 2, abs=1e-6)
