@@ -46,12 +46,17 @@ def read_records(path: Path, kinds: Mapping[str, Kind]) -> Table:
             values = [one[int(index)] if isinstance(one, list) and int(index) < len(one) else None for one in values]
         whole = kind in ("whole", "integer", "stamp")
         types = (str,) if kind in ("text", "label") else (int,) if whole else (int, float)
-        wrong = next((row for row, one in enumerate(values) if type(one) not in types), None)
+        wrong = next((row for row, one in enumerate(values) if type(one) not in types or not _fits(one)), None)
         if wrong is not None:
             said = "a value is missing" if values[wrong] is None else f"{str(values[wrong])[:40]!r} is no {kind} value"
             raise InvalidFile(f"row {wrong + 1}: {said}", path=path, element=f"column {name}")
         columns[name] = pa.array(values if whole or types == (str,) else map(float, values))
     return from_arrow(path, pa.table(columns), kinds)
+
+
+def _fits(found: object) -> bool:
+    """Whether a value is no whole number beyond 64 bits, which no column holds."""
+    return not isinstance(found, int) or -(2**63) <= found < 2**63
 
 
 def value(record: Mapping[str, Any], key: str, kind: type[T], path: Path, element: str) -> T:
@@ -70,6 +75,32 @@ def value(record: Mapping[str, Any], key: str, kind: type[T], path: Path, elemen
     return found
 
 
+def records(record: Mapping[str, Any], key: str, path: Path, element: str) -> list[dict[str, Any]]:
+    """Return a list of objects; empty where it is absent.
+
+    Raises:
+        InvalidFile: it has something else.
+    """
+    found = value(record, key, list, path, element) if key in record else []
+    wrong = next((number for number, one in enumerate(found, 1) if not isinstance(one, dict)), None)
+    if wrong is not None:
+        raise InvalidFile(f"{key} {wrong} is {str(found[wrong - 1])[:40]!r}, an object is expected", path=path, element=element)
+    return found
+
+
+def named(record: Mapping[str, Any], key: str, path: Path, element: str) -> dict[str, dict[str, Any]]:
+    """Return objects by their names; none where they are absent.
+
+    Raises:
+        InvalidFile: a value is something else.
+    """
+    found = value(record, key, dict, path, element) if key in record else {}
+    wrong = next((name for name, one in found.items() if not isinstance(one, dict)), None)
+    if wrong is not None:
+        raise InvalidFile(f"{key} {wrong} is {str(found[wrong])[:40]!r}, an object is expected", path=path, element=element)
+    return found
+
+
 def points(record: Mapping[str, Any], key: str, path: Path, element: str) -> FloatArray:
     """Return a line of an object, (n, 2), m; points that repeat the one before are left out.
 
@@ -80,7 +111,7 @@ def points(record: Mapping[str, Any], key: str, path: Path, element: str) -> Flo
     try:
         flat = list(chain.from_iterable((point["x"], point["y"]) for point in found))
         line = np.array([float(one) for one in flat if not isinstance(one, str)]).reshape(-1, 2)
-    except (TypeError, KeyError, ValueError):
+    except (TypeError, KeyError, ValueError, OverflowError):
         raise InvalidFile(f"{key} is no list of points with numbers x and y", path=path, element=element) from None
     if len(line) < len(found) or not (np.abs(line) <= GREATEST).all():
         raise InvalidFile(f"{key} has a point that is no place in m", path=path, element=element)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
-from schemas.common.storage import read_parquet
+from schemas.common.storage import read_feather, read_parquet
 
 if TYPE_CHECKING:
     import numpy as np
@@ -301,10 +301,9 @@ def _arrow_names(path: Path) -> list[str]:
 
 def _read_arrow(path: Path, kinds: Mapping[str, Kind]) -> Table:
     import pyarrow as pa
-    from pyarrow import feather
 
     try:
-        read = read_parquet if path.suffix == PARQUET else feather.read_table
+        read = read_parquet if path.suffix == PARQUET else read_feather
         stored = read(path, list(kinds))
     except (pa.ArrowException, OSError, ValueError) as error:
         raise _unreadable(path, error) from None

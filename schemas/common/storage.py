@@ -8,6 +8,7 @@ import json
 import os
 import secrets
 import stat
+import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -149,6 +150,81 @@ def read_parquet(path: str | PathLike[str], columns: Sequence[str] | None = None
         raise MemoryError(str(error)) from None
     except KeyError as error:
         raise ValueError(f"its schema is not that of its columns: {error.args[0]}") from None
+
+
+def read_feather(path: str | PathLike[str], columns: Sequence[str] | None = None) -> pa.Table:
+    """Return columns of a Feather file (Arrow IPC), after its buffers have shown that they expand to a sensible size.
+
+    Messages are read in their order, and the footer, which could name others, is not. All values are checked: Arrow follows
+    offsets of texts without looking where they lead.
+
+    Args:
+        columns: names of those wanted; all by default.
+
+    Raises:
+        InvalidFile: they expand to much more than the file.
+        OSError, ValueError, pyarrow.ArrowException: it can't be read.
+        MemoryError: there is not enough memory for them.
+    """
+    import pyarrow as pa
+
+    path = Path(path)
+    content = pa.py_buffer(read_bytes(path))
+    if content.slice(0, len(_ARROW)).to_pybytes() != _ARROW:
+        raise ValueError("not an Arrow file")
+    messages = content.slice(len(_ARROW))
+    limit = min(max(LEAST_TABLE, EXPANSION * content.size), LARGEST_TABLE)
+    try:
+        _check_expansion(sum(map(_expanded, pa.ipc.MessageReader.open_stream(messages))), limit, path)
+        with pa.ipc.open_stream(messages, options=pa.ipc.IpcReadOptions(use_threads=False)) as stream:
+            table = stream.read_all()
+        table.validate(full=True)
+        return table if columns is None else table.select(list(columns))
+    except pa.ArrowMemoryError as error:
+        raise MemoryError(str(error)) from None
+    except (KeyError, IndexError, struct.error) as error:
+        raise ValueError(str(error.args[0])) from None
+
+
+_ARROW = b"ARROW1\0\0"
+
+
+def _expanded(message: pa.Message) -> int:
+    """Bytes that a message of Arrow IPC takes, once decompressed: of its buffers, and 8 for each row, as a column may have none.
+
+    Source: Arrow's `Message.fbs`: a message's header is a batch, or holds one for a dictionary; a compressed buffer begins with
+    its length, -1 where it is stored as it is.
+    """
+    if message.type == "schema":
+        return 0
+    data, body = message.metadata.to_pybytes(), message.body
+
+    def number(kind: str, at: int) -> int:
+        return int(struct.unpack_from(f"<{kind}", data, at)[0])
+
+    def field(table: int, index: int) -> int:
+        """Place of a field of a table; 0 without it."""
+        offsets = table - number("i", table)
+        there = 4 + 2 * index < number("H", offsets)
+        place = number("H", offsets + 4 + 2 * index) if there else 0
+        return table + place if place else 0
+
+    def target(place: int) -> int:
+        return place + number("I", place)
+
+    header = target(field(target(0), 2))
+    batch = target(field(header, 1)) if message.type == "dictionary" else header
+    rows, buffers, compressed = field(batch, 0), field(batch, 2), bool(field(batch, 3))
+    total = 8 * max(number("q", rows), 0) if rows else 0
+    if not buffers:
+        return total
+    for place in range(target(buffers) + 4, target(buffers) + 4 + 16 * number("I", target(buffers)), 16):
+        start, size = number("q", place), number("q", place + 8)
+        expanded = -1
+        if compressed and size >= 8:
+            expanded = int.from_bytes(body.slice(start, 8).to_pybytes(), "little", signed=True)
+        total += size if expanded == -1 else max(expanded, 0)
+    return total
 
 
 def _is_text(kind: pa.DataType) -> bool:

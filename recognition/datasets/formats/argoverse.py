@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from recognition.datasets.companions import categories, changes, check_sizes
-from recognition.datasets.records import points, value
+from recognition.datasets.records import named, points, value
 from recognition.datasets.roads import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
@@ -259,7 +259,7 @@ def _road(path: Path, site: str, _recording: Recording, folder: Path) -> SiteRoa
     if not path.is_file():
         raise InvalidFile("this map is not there, so the roads are unknown; --road names another one", path=path)
     document = read_object(path)
-    segments = value(document, "lane_segments", dict, path, "map of Argoverse 2")
+    segments = named(document, "lane_segments", path, "map of Argoverse 2")
     if not segments:
         raise InvalidFile("there is no lane segment, so the roads are unknown", path=path, element="lane_segments")
     bounds = {name: _bounds(one, path, name) for name, one in segments.items()}
@@ -289,7 +289,7 @@ def _road(path: Path, site: str, _recording: Recording, folder: Path) -> SiteRoa
     ]  # fmt: skip
     crosswalks = [
         Area(name, np.concatenate([points(one, "edge1", path, name), points(one, "edge2", path, name)[::-1]]))
-        for name, one in document.get("pedestrian_crossings", {}).items()
+        for name, one in named(document, "pedestrian_crossings", path, "map of Argoverse 2").items()
     ]
     notes = [
         "the map gives no speed limits; its roads are taken for those of a town",

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from recognition.datasets.companions import check_sizes
-from recognition.datasets.records import read_records, value
+from recognition.datasets.records import named, read_records, records, value
 from recognition.datasets.roads import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
@@ -238,6 +238,8 @@ _TURNS = {"L": 1.0, "S": 0.0, "R": -1.0}
 _DENSE = 1.0
 _SHORTEST = 1.0
 """Shorter centre lines are no lanes, m"""
+_LONGEST = 2_000.0
+"""Longer arcs are no pieces of lanes, m"""
 
 
 def _road(path: Path, scene: str, recording: Recording, folder: Path) -> SiteRoad:
@@ -289,8 +291,8 @@ def _box(recording: Recording) -> tuple[float, float, float, float]:
 def _lanes(document: Mapping[str, Any], path: Path, box: tuple[float, float, float, float]) -> tuple[list[CentreLine], int]:
     """Centre lines in a box, and how many are too short."""
     west, east, south, north = box
-    types = {one.get("token"): one.get("lane_type") for one in value(document, "lane", list, path, "map")}
-    links = value(document, "connectivity", dict, path, "map")
+    types = {str(one.get("token")): one.get("lane_type") for one in records(document, "lane", path, "map")}
+    links = named(document, "connectivity", path, "map")
     found, short = [], 0
     for token, arcs in value(document, "arcline_path_3", dict, path, "map").items():
         line = _line(arcs, path, f"arcline_path_3 {token}")
@@ -313,6 +315,8 @@ def _line(arcs: Any, path: Path, element: str) -> FloatArray:
         for arc in arcs:
             x, y, h = (float(part) for part in arc["start_pose"])
             for letter, length in zip(arc["shape"], arc["segment_length"], strict=True):
+                if not 0.0 <= length <= _LONGEST:
+                    raise InvalidFile(f"an arc of {length:g} m is no piece of a lane", path=path, element=element)
                 bend = _TURNS[letter] / float(arc["radius"])
                 s = np.linspace(0.0, length, max(2, math.ceil(length / _DENSE) + 1))
                 turned = h + bend * s
@@ -323,7 +327,7 @@ def _line(arcs: Any, path: Path, element: str) -> FloatArray:
                 places.append(line)
                 (x, y), h = line[-1].tolist(), float(turned[-1])
         line = np.concatenate(places)
-    except (TypeError, KeyError, ValueError, ZeroDivisionError):
+    except (TypeError, KeyError, ValueError, ArithmeticError):
         raise InvalidFile(
             "this is no list of arcs with start_pose, shape, radius and segment_length", path=path, element=element
         ) from None
@@ -332,23 +336,35 @@ def _line(arcs: Any, path: Path, element: str) -> FloatArray:
     return line[np.append(True, np.hypot(*np.diff(line, axis=0).T) > 1e-3)]
 
 
+def _nodes(document: Mapping[str, Any], path: Path) -> dict[str, FloatArray]:
+    """Places of nodes by their tokens, m."""
+    found = records(document, "node", path, "map")
+    try:
+        places = np.array([(one["x"], one["y"]) for one in found], np.float64).reshape(-1, 2)
+    except (TypeError, KeyError, ValueError, OverflowError):
+        raise InvalidFile("a node has no numbers x and y", path=path, element="node") from None
+    if not (np.abs(places) <= GREATEST).all():
+        raise InvalidFile("a node is no place in m", path=path, element="node")
+    return {str(one.get("token")): place for one, place in zip(found, places, strict=True)}
+
+
 def _outlines(document: Mapping[str, Any], path: Path, layer: str, geometry: str, key: str) -> Iterable[FloatArray]:
     """Lines of the records of a layer, by the nodes of their polygons or lines.
 
     Raises:
         InvalidFile: a record refers to a polygon, line or node that there is not.
     """
-    node = {one["token"]: (one["x"], one["y"]) for one in value(document, "node", list, path, "map")}
-    shapes = {one["token"]: one for one in value(document, geometry, list, path, "map")}
-    for record in document.get(layer, []):
+    node = _nodes(document, path)
+    shapes = {str(one.get("token")): one for one in records(document, geometry, path, "map")}
+    for record in records(document, layer, path, "map"):
         name = f"{layer} {record.get('token')}"
-        shape = shapes.get(record.get(f"{geometry}_token"))
+        shape = shapes.get(str(record.get(f"{geometry}_token")))
         if shape is None:
             raise InvalidFile(f"its {geometry}_token is of no {geometry}", path=path, element=name)
-        tokens = shape.get(key, [])
+        tokens = [str(token) for token in value(shape, key, list, path, name)] if key in shape else []
         if not all(token in node for token in tokens):
             raise InvalidFile(f"its {geometry} has an unknown node", path=path, element=name)
-        line = np.array([node[token] for token in tokens], np.float64).reshape(-1, 2)
+        line = np.array([node[token] for token in tokens]).reshape(-1, 2)
         if geometry == "polygon" and len(line):
             line = np.concatenate([line, line[:1]])
         for one, other in pairwise(line) if len(line) > 1 else ():

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.datasets.records import points, value
+from recognition.datasets.records import points, records, value
 from recognition.datasets.roads import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
@@ -78,7 +78,7 @@ def _ego(path: Path) -> str | None:
 
 
 def _name_of_ego(document: Mapping[str, Any], path: Path) -> str:
-    objects = value(document, "objects", list, path, "scene")
+    objects = records(document, "objects", path, "scene")
     index = value(value(document, "metadata", dict, path, "scene"), "sdc_track_index", int, path, "metadata")
     if not 0 <= index < len(objects):
         raise InvalidFile(f"sdc_track_index {index} is none of the {len(objects)} objects", path=path, element="metadata")
@@ -118,17 +118,18 @@ def _read(path: Path) -> tuple[Recording, Report]:
 
 def _on_lights(document: Mapping[str, Any], path: Path) -> list[str]:
     """A remark on states of traffic lights, where there are some."""
-    states = document.get("tl_states") or {}
-    if not isinstance(states, dict):
-        raise InvalidFile("tl_states is no object", path=path, element="scene")
+    states = _lights(document, path)
     if not states:
         return ["the scene has no states of traffic lights: its junctions are taken for some without"]
     return [f"{len(states)} lanes have traffic lights; how these change is not in the recording"]
 
 
-def _object(one: Any, path: Path, element: str) -> _Object:
-    if not isinstance(one, dict):
-        raise InvalidFile("an object is expected", path=path, element=element)
+def _lights(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """States of traffic lights by lanes."""
+    return value(document, "tl_states", dict, path, "scene") if document.get("tl_states") else {}
+
+
+def _object(one: Mapping[str, Any], path: Path, element: str) -> _Object:
     kind = value(one, "type", str, path, element)
     if kind not in _CATEGORIES:
         raise InvalidFile(f"type {kind!r} is none of {', '.join(_CATEGORIES)}", path=path, element=element)
@@ -172,9 +173,7 @@ def _numbers(values: list[Any], what: str, path: Path, element: str) -> FloatArr
 
 def _elements(document: Mapping[str, Any], path: Path) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     """Id, type and values of each element of the map."""
-    for number, one in enumerate(value(document, "roads", list, path, "scene"), 1):
-        if not isinstance(one, dict):
-            raise InvalidFile("an object is expected", path=path, element=f"road {number}")
+    for number, one in enumerate(records(document, "roads", path, "scene"), 1):
         yield str(one.get("id", f"r{number}")), value(one, "type", str, path, f"road {number}"), one
 
 
@@ -189,7 +188,7 @@ def _road(path: Path, _recording: Recording, folder: Path) -> SiteRoad:
     from xodr.lanelet2.reader import Area
 
     document = read_object(path)
-    lit = {str(lane) for lane in document.get("tl_states") or {}}
+    lit = set(_lights(document, path))
     lanes, edges, crosswalks, short = [], [], [], []
     for name, kind, one in _elements(document, path):
         element = f"{kind} {name}"
