@@ -54,7 +54,8 @@ def omit(document: Document, version: Version) -> Iterator[str]:
             first: Node = located(found[0], document)
             yield f"{first.where}: {first.tag}: {reason}"
         for element in found:
-            change(element)
+            if document.root in (element, *element.iterancestors()):  # else it went with another one of the same Action
+                change(element)
 
 
 def _idle_elements(document: Document) -> Iterator[str]:
@@ -74,7 +75,12 @@ def _at(document: Document, where: str) -> list[etree._Element]:
 
 
 def leave_out(action: Node, scenario: Node) -> None:
-    """Take an action away, no other one of its ControllerAction; where its event has no other one, it does nothing instead."""
+    """Take an action away, no other one of its ControllerAction; where its event has no other one, it does nothing instead.
+
+    An action that went before, with another one of the same Action, is skipped.
+    """
+    if scenario.element not in action.element.iterancestors():
+        return
     holder, parent = action.element, _parent(action.element)
     while holder.tag not in ("Action", "PrivateAction") or parent.tag == "Action":
         if parent.tag == "ControllerAction" and len(parent.findall("*")) > 1:
