@@ -7,6 +7,7 @@ and trees sound, since scikit-learn follows their node numbers without looking w
 from __future__ import annotations
 
 import json
+import re
 import zipfile
 from dataclasses import asdict, fields, is_dataclass
 from functools import lru_cache
@@ -41,6 +42,8 @@ _ABOUT = "about"
 """The only metadata key: safetensors writes several in an order that varies"""
 _TREE = "sklearn.tree._tree.Tree"
 """The only type beyond skops' defaults: node tables, which `_check_tree` verifies."""
+_ADDRESS = re.compile(r'(?<="__id__": )\d+|\d+(?=\.npy\b)')
+"""Addresses of objects in the schema and in the names of members of a file of skops"""
 LARGEST = 2**30
 """Bytes that a forest may unpack to."""
 
@@ -199,7 +202,21 @@ def _setting(name: str, kind: Any, value: Any) -> Any:
 def _written(forest: RandomForestClassifier) -> bytes:
     import skops.io
 
-    return skops.io.dumps(forest, compression=zipfile.ZIP_DEFLATED)
+    return _without_circumstances(skops.io.dumps(forest, compression=zipfile.ZIP_DEFLATED))
+
+
+def _without_circumstances(content: bytes) -> bytes:
+    """A forest's file with numbers in their order for addresses of objects, which skops names by them, and without a time."""
+    with zipfile.ZipFile(BytesIO(content)) as archive:
+        files = {entry.filename: archive.read(entry) for entry in archive.infolist()}
+    schema = files["schema.json"].decode()
+    numbers = {address: str(number) for number, address in enumerate(dict.fromkeys(_ADDRESS.findall(schema)), 1)}
+    files["schema.json"] = _ADDRESS.sub(lambda found: numbers[found[0]], schema).encode()
+    out = BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            archive.writestr(zipfile.ZipInfo(_ADDRESS.sub(lambda found: numbers[found[0]], name)), data, zipfile.ZIP_DEFLATED)
+    return out.getvalue()
 
 
 def _read_forest(path: Path) -> tuple[RandomForestClassifier, bytes]:
