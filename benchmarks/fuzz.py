@@ -12,6 +12,7 @@ the check refuses. With `--keep` the files of each input with a defect are copie
 from __future__ import annotations
 
 import argparse
+import os
 import tempfile
 import threading
 import time
@@ -39,6 +40,7 @@ def main() -> None:
     arguments.add_argument("--keep", type=Path, help="folder for the files of inputs with defects")
     arguments.add_argument("--verbose", action="store_true", help="print every input")
     options = arguments.parse_args()
+    os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1"))  # servers fork: they start no threads
     start = time.monotonic()
     results = _run(options)
     print(f"{len(results)} inputs, seed {options.seed}, in {time.monotonic() - start:.0f} s")
@@ -59,7 +61,8 @@ def _run(options: argparse.Namespace) -> list[Result]:
         queue.put(None)
 
     results, open_jobs = list[Result](), options.jobs
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
+    memory = "/dev/shm" if Path("/dev/shm").is_dir() else None  # inputs are many small files
+    with tempfile.TemporaryDirectory(dir=memory, ignore_cleanup_errors=True) as scratch:
         for job in range(options.jobs):
             folder = Path(scratch) / str(job)
             folder.mkdir()
@@ -73,7 +76,7 @@ def _run(options: argparse.Namespace) -> list[Result]:
             results.append(result)
             if options.verbose or result.defect:
                 _show(result)
-            if len(results) % 2000 == 0:
+            if len(results) % 1000 == 0:
                 print(f"… {len(results)} inputs, {sum(bool(each.defect) for each in results)} defects", flush=True)
     return sorted(results)
 

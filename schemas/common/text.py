@@ -27,7 +27,7 @@ def one_line(text: str) -> str:
     Characters that can't be printed become blanks; what a service would take for a command gets a backslash: `\::error::`,
     `#\#[error]`.
     """
-    line = "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in text)
+    line = text if text.isprintable() else "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in text)
     return _COMMAND.sub(lambda found: found[0] + "\\", line)
 
 
@@ -40,7 +40,9 @@ def of_service(report: str) -> str:
     if report[:1] not in ("{", "<"):
         return report
     refer = _json_reference if report.startswith("{") else _xml_reference
-    shown = "".join(c if c.isprintable() or c == "\n" or "\ud800" <= c <= "\udfff" else refer(c) for c in report)
+    shown = report
+    if not report.replace("\n", " ").isprintable():
+        shown = "".join(c if c.isprintable() or c == "\n" or "\ud800" <= c <= "\udfff" else refer(c) for c in report)
     return re.sub(r"(?<=#)#(?=\w*\[)", lambda found: refer(found[0]), shown)
 
 

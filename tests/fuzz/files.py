@@ -35,6 +35,7 @@ def damage(path: Path, random: Random) -> str:
         zlib.error,
         csv.Error,
         NotImplementedError,
+        RecursionError,
     ):  # it was damaged before
         made = _flip
         path.write_bytes(_flip(data, random))
@@ -256,10 +257,12 @@ def _parquet(data: bytes, random: Random) -> bytes:
         elif what == 6:
             table = pa.concat_tables([table] * random.choice((2, 30)))
         else:
-            repeated = (
-                pa.table({each: pa.repeat(table.column(each)[0], 2_000_000) for each in table.column_names}) if count else table
+            many = count > 0 and random.random() < 0.03
+            table = (
+                pa.table({each: pa.repeat(table.column(each)[0], 2_000_000) for each in table.column_names})
+                if many
+                else table.slice(count // 2)
             )
-            table = repeated if random.random() < 0.2 else table.slice(count // 2)
         out = io.BytesIO()
         pq.write_table(table, out, compression=random.choice(("zstd", "snappy", "none")))
     except (pa.ArrowException, OSError, MemoryError) as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import shutil
 import sys
 import traceback
@@ -16,7 +17,7 @@ from typing import NamedTuple
 
 from tests.commands import Answer, main
 from tests.fuzz.files import damage
-from tests.mutation import Source, mutate, write_mutant
+from tests.mutation import OWN_SCENARIOS, REPOSITORY, Source, mutate, sources, write_mutant
 
 CASE, OUT = "{case}", "{out}"
 """In arguments: the folder of an input's files, and the one for what is made of them"""
@@ -66,10 +67,10 @@ def kinds(sources: Sequence[Source]) -> dict[str, Kind]:
         "dry": Kind(scenario(("xosc-run", "--dry-run", "--sample", "2")), command, frozenset({0, 3, 4, 6}), 10, ""),
         "run": Kind(scenario(("xosc-run", *run, "--out", OUT)), command, of_run, 5, ""),
         "sumo": Kind(scenario(("xosc-run", "--max-time", "1", "--sample", "2", "--out", OUT)), command, of_run, 1.0, ""),
-        "replay": Kind(_replay, command, frozenset({0, 3}), 3),
+        "replay": Kind(_replay, command, frozenset({0, 3}), 0.6),
         "model": Kind(_model, _load_model, frozenset({0, 3}), 1.5),
         "windows": Kind(_windows, _load_windows, frozenset({0, 3}), 4),
-        "lanelet2": Kind(_lanelets, _convert, frozenset(of_file), 3),
+        "lanelet2": Kind(_lanelets, _convert, frozenset(of_file), 2),
     }  # fmt: skip
     for target in TARGETS.values():
         more = (*run, "--quiet") if target.of_run else ("--sample", "2")
@@ -84,7 +85,9 @@ def kinds(sources: Sequence[Source]) -> dict[str, Kind]:
     from tests.recognition.datasets.test_corruption import EXAMPLES
 
     for name in EXAMPLES:
-        found[f"recordings {name}"] = Kind(partial(_recording, name), _read, frozenset(of_file), 3)
+        found[f"recordings {name}"] = Kind(partial(_recording, name, EXAMPLES[name].write), _read, frozenset(of_file), 3)
+    for name, (write, weight) in _WITH_MAPS.items():  # exit code 2: the recording has lost its map, and no option names one
+        found[f"sites {name}"] = Kind(partial(_recording, name, write), _read_site, frozenset(of_file | {2}), weight)
     return found
 
 
@@ -94,7 +97,7 @@ def kinds(sources: Sequence[Source]) -> dict[str, Kind]:
 def _scenario(
     sources: Sequence[Source], arguments: Sequence[str], more: Sequence[Sequence[str]], folder: Path, random: Random, seeds: Path
 ) -> Input:
-    source = random.choice(sources)
+    (source,) = random.choices(sources, [1.0 / sum(file.stat().st_size for file in each.files) for each in sources])
     further = random.choice(more) if more else ()
     mutant = write_mutant(source, folder, random)
     path = f"{CASE}/{mutant.path.relative_to(folder).as_posix()}"
@@ -116,14 +119,72 @@ def _changed(seed: Path, folder: Path, random: Random, endings: tuple[str, ...] 
     return tuple(changes)
 
 
-def _recording(name: str, folder: Path, random: Random, seeds: Path) -> Input:
-    from tests.recognition.datasets.test_corruption import EXAMPLES
-
+def _recording(name: str, write: Callable[[Path], object], folder: Path, random: Random, seeds: Path) -> Input:
     seed = seeds / name
     if not seed.is_dir():
-        seed.mkdir(parents=True)
-        EXAMPLES[name].write(seed)
+        unfinished = seed.with_name(f"{name} unfinished")  # what a killed process leaves is no seed
+        shutil.rmtree(unfinished, ignore_errors=True)
+        unfinished.mkdir(parents=True)
+        write(unfinished)
+        unfinished.rename(seed)
     return Input((CASE, OUT), name, _changed(seed, folder, random))
+
+
+def _argoverse_scenario(folder: Path) -> None:
+    from tests.recognition.datasets.test_argoverse import write_scenario
+
+    write_scenario(folder)
+
+
+def _argoverse_log(folder: Path) -> None:
+    from tests.recognition.datasets.test_argoverse import write_log
+
+    write_log(folder / "log1")
+
+
+def _nuscenes(folder: Path) -> None:
+    from tests.recognition.datasets.test_nuscenes import write
+
+    write(folder)
+
+
+def _waymo(folder: Path) -> None:
+    from tests.recognition.datasets.test_waymo import scene
+
+    (folder / "scene.json").write_text(json.dumps(scene()), encoding="utf-8")
+
+
+def _osi(folder: Path) -> None:
+    from tests.runner.files import scenario
+
+    scenario(folder / "files", stop=1.0)
+    answer = command(["xosc-export", *_TRACE, str(folder / "files" / "scenario.xosc"), "--out", str(folder / "out")])
+    assert answer.code == 0, answer
+    for trace in folder.glob("out/**/*.mcap"):
+        trace.rename(folder / trace.name)
+    for part in ("files", "out"):
+        shutil.rmtree(folder / part)
+
+
+def _runs(folder: Path) -> None:
+    from tests.runner.files import scenario
+
+    scenario(folder / "files", stop=0.5)
+    run = ("xosc-run", "--world", "kinematic", "--quiet", "--allow-inconclusive")
+    answer = command([*run, str(folder / "files" / "scenario.xosc"), "--out", str(folder / "out")])
+    assert answer.code == 0, answer
+
+
+_TRACE = ("--to", "osi", "--world", "kinematic", "--quiet", "--allow-inconclusive")
+_WITH_MAPS: dict[str, tuple[Callable[[Path], None], float]] = {
+    "Argoverse 2": (_argoverse_scenario, 1.5),
+    "Argoverse 2 log": (_argoverse_log, 1.5),
+    "nuScenes": (_nuscenes, 1.5),
+    "Waymo": (_waymo, 1.5),
+    "OSI": (_osi, 1.5),
+    "runs": (_runs, 1.0),
+}
+"""Writers of recordings that bring a map along, and how often each is drawn"""
 
 
 def _lanelets(folder: Path, random: Random, seeds: Path) -> Input:
@@ -150,7 +211,7 @@ def _replay(folder: Path, random: Random, seeds: Path) -> Input:
     runs = sorted(each.name for each in seed.iterdir() if each.is_dir())
     if random.random() < 0.5:
         return Input(("xosc-replay", CASE), "batch", changes)
-    page = random.choice((".html", ".html", ".png"))
+    page = ".html" if random.random() < 0.9 else ".png"
     return Input(("xosc-replay", f"{CASE}/{random.choice(runs)}", "--out", f"{OUT}/page{page}"), "run", changes)
 
 
@@ -244,6 +305,15 @@ def _read(folder: Path, out: Path) -> None:
 
 
 @_reader
+def _read_site(folder: Path, out: Path) -> None:
+    from recognition import datasets
+    from recognition.sites import site_of
+
+    for source in datasets.open(folder, roads=out).sources:
+        site_of(source, source.load(), out)
+
+
+@_reader
 def _convert(map: Path, road: Path) -> None:
     from xodr.lanelet2 import convert
 
@@ -267,9 +337,25 @@ def _load_model(folder: Path) -> None:
     load(folder)
 
 
+def warm_up(folder: Path) -> None:
+    """Let commands read valid and invalid files of each version, so that schemas, rules and options are at hand for inputs.
+
+    All of them only read XML: none starts a thread or a simulator, which a forked child would lack.
+    """
+    files = [file for place in OWN_SCENARIOS for file in sorted(place.rglob("*.xosc"))][::8]
+    roads = sorted((REPOSITORY / "xodr" / "library").glob("*.xodr"))[::4]
+    folder.mkdir(parents=True)
+    for file in (*files, *roads):
+        text = file.read_text(encoding="utf-8")
+        text = text.replace("<FileHeader ", '<FileHeader odd="1" ').replace("<header ", '<header odd="1" ')
+        (folder / file.name).write_text(text, encoding="utf-8")
+    command(["xosc-check", str(folder), *map(str, files), *map(str, roads)])
+    command(["xosc-list", *map(str, files)])
+    command(["xosc-run", "--dry-run", "--world", "kinematic", "--sample", "2", *map(str, files)])
+    shutil.rmtree(folder)
+
+
 @cache
 def own_kinds() -> dict[str, Kind]:
     """Kinds by name, made from the scenarios of this repository."""
-    from tests.mutation import OWN_SCENARIOS, sources
-
     return kinds(sources(OWN_SCENARIOS))

@@ -10,21 +10,29 @@ and beside it are tmp/, to be empty after each input, cache/ (road networks) and
 
 from __future__ import annotations
 
+import gc
 import importlib
+import json
 import multiprocessing
 import os
+import pkgutil
 import re
 import resource
+import select
 import shutil
+import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from random import Random
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, NoReturn
+
+import typer.main
 
 from tests.commands import Answer
-from tests.fuzz.kinds import CASE, OUT, Input, Kind, kinds, own_kinds
+from tests.fuzz.kinds import CASE, OUT, Input, Kind, kinds, own_kinds, warm_up
 from tests.mutation import Source
 
 LONGEST = 10.0
@@ -35,6 +43,12 @@ _ADDRESSES = 4 * 2**30
 """Bytes of addresses that a process may take on top of those that it begins with"""
 _WAITED = 300.0
 """Seconds after which an input hangs: on a machine that does other work, too"""
+_KILLED = 3.0
+"""Limits of processor time after which an input's process is killed"""
+_LARGEST_FILE = 2**30
+"""Bytes of a file that an input may write"""
+_GROUP = 100
+"""Inputs that a child runs"""
 DIED, HUNG = "the process died", "hang"
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 _COMMAND = re.compile(r"^\s*::|##\[|##vso\[", re.MULTILINE)
@@ -86,7 +100,7 @@ def run(
     limits: Limits = Limits(),  # noqa: B008
     keep: Path | None = None,
 ) -> Iterator[Result]:
-    """Run inputs one after the other in a process that is replaced when it dies or hangs.
+    """Run inputs one after the other, in children of a server that has imported all; see `_serve`.
 
     Args:
         sources: scenarios that inputs are made from; None for those of this repository.
@@ -95,36 +109,19 @@ def run(
         keep: folder for copies of inputs with defects.
     """
     context = multiprocessing.get_context("spawn")
-    waiting = list(numbers)
-    while waiting:
-        ours, theirs = context.Pipe()
-        process = context.Process(target=_serve, args=(theirs, sources, seed, waiting, scratch, only, limits, keep), daemon=True)
-        process.start()
-        theirs.close()
-        if not ours.poll(180.0):  # the process has started
-            raise RuntimeError("the process for inputs does not start")
-        ours.recv()
-        while waiting:
-            result = _receive(ours, waiting[0])
-            waiting.pop(0)
-            yield result
-            if result.defect in (DIED, HUNG):
-                if keep is not None:
-                    _keep(keep, scratch / f"input{result.number}", f"{result.defect.split()[-1]}-{seed}-{result.number}")
-                break
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(theirs, sources, seed, numbers, scratch, only, limits, keep), daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        for _ in numbers:
+            yield Result(*ours.recv())
+    except EOFError:
+        raise RuntimeError("the server of inputs has died") from None
+    finally:
         process.kill()
         process.join()
         ours.close()
-
-
-def _receive(connection: Any, number: int) -> Result:
-    try:
-        if connection.poll(_WAITED):
-            return Result(*connection.recv())
-        defect = HUNG
-    except (EOFError, ConnectionResetError):
-        defect = DIED
-    return Result(number, "", "", (), 5, defect, "", _WAITED, 0.0)
 
 
 def _serve(
@@ -137,17 +134,123 @@ def _serve(
     limits: Limits,
     keep: Path | None,
 ) -> None:
-    runner = Runner(scratch, limits)
+    """Import and read all that inputs share, then run them in forked children, `_GROUP` by `_GROUP`.
+
+    The server itself runs no input and starts no simulator. An input with a defect is run again in a child of its own: its
+    answer there counts, and a defect that it has only after other inputs is reported as such.
+    """
     silence()
-    chosen = {name: kind for name, kind in (kinds(sources) if sources else own_kinds()).items() if name.startswith(only)}
-    connection.send("ready")
-    for number in numbers:
-        folder = scratch / f"input{number}"
-        result = runner.draw(chosen, seed, number, folder)
-        if result.defect and keep is not None:
-            _keep(keep, folder, f"{result.kind.replace(' ', '_')}-{seed}-{number}")
+    sys.dont_write_bytecode = True
+    server = Server(Runner(scratch, limits), kinds(sources) if sources else own_kinds(), seed, only, keep)
+    waiting = list(numbers)
+    while waiting:
+        doubted = []
+        for result in server.group(waiting[:_GROUP]):
+            waiting.remove(result.number)
+            if result.defect:
+                doubted.append(result)
+            else:
+                connection.send(tuple(result))
+        for result in doubted:  # when no other child uses the temporary folder
+            connection.send(tuple(server.confirmed(result)))
+    connection.close()
+
+
+class Server:
+    """Runs inputs in forked children of this process.
+
+    Each child has a session of its own, all of which is killed at its end, and a limit of processor time for each input.
+    """
+
+    def __init__(
+        self, runner: Runner, found: Mapping[str, Kind], seed: int, only: str = "", keep: Path | None = None, warm: bool = True
+    ) -> None:
+        self._runner, self._seed, self._keep = runner, seed, keep
+        self._chosen = {name: kind for name, kind in found.items() if name.startswith(only)}
+        if warm:
+            _import_all()
+            warm_up(runner.folder(0))
+        gc.collect()
+        gc.freeze()  # else each child's first collection would copy all pages
+
+    def group(self, numbers: Sequence[int]) -> Iterator[Result]:
+        """Results of inputs that are run by one child, up to the first that ends it."""
+        reading, writing = os.pipe()
+        child = os.fork()
+        if not child:
+            os.close(reading)
+            self._child(numbers, writing)
+        os.close(writing)
+        with open(reading, "rb") as answers:
+            for number in numbers:
+                result = _answer(answers)
+                if result is None:
+                    yield self._ended(number, _stop(child))
+                    return
+                yield result
+        _stop(child)
+
+    def confirmed(self, result: Result) -> Result:
+        """The result of an input with a defect in a child of its own; files are kept."""
+        (alone,) = self.group([result.number])
+        folder = self._runner.folder(result.number)
+        if self._keep is not None:
+            _keep(self._keep, folder, f"{(alone.kind or 'died').replace(' ', '_')}-{self._seed}-{result.number}")
         shutil.rmtree(folder, ignore_errors=True)
-        connection.send(tuple(result))
+        if alone.defect:
+            return alone
+        return result._replace(defect=f"only after other inputs: {result.defect}")
+
+    def _child(self, numbers: Sequence[int], writing: int) -> NoReturn:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (_LARGEST_FILE, _LARGEST_FILE))
+        for number in numbers:
+            allowed = int(_processor_time() + _KILLED * self._runner.limits.seconds) + 1
+            resource.setrlimit(resource.RLIMIT_CPU, (allowed, resource.RLIM_INFINITY))
+            folder = self._runner.folder(number)
+            result = self._runner.draw(self._chosen, self._seed, number, folder)
+            if not result.defect:
+                shutil.rmtree(folder, ignore_errors=True)
+            data = json.dumps(result).encode()
+            os.write(writing, len(data).to_bytes(8, "big") + data)
+        os._exit(0)
+
+    def _ended(self, number: int, status: int) -> Result:
+        """The result of an input whose child has ended without one, by a signal that its status tells."""
+        signalled = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
+        hung = signalled in (signal.SIGXCPU, signal.SIGKILL)
+        self._runner.clear()
+        return Result(number, "", "", (), 5, HUNG if hung else f"{DIED} ({signalled or status})", "", _WAITED, 0.0)
+
+
+def _answer(answers: BinaryIO) -> Result | None:
+    """The next result that a child sends; None where it has ended, or sends nothing for `_WAITED`."""
+    if not select.select([answers], [], [], _WAITED)[0]:
+        return None
+    size = int.from_bytes(answers.read(8), "big")
+    if not size:
+        return None
+    values = json.loads(answers.read(size))
+    return Result(*values)._replace(changes=tuple(values[3]))
+
+
+def _stop(child: int) -> int:
+    """End a child's whole session; its status."""
+    ended, status = os.waitpid(child, os.WNOHANG)
+    with suppress(ProcessLookupError):
+        os.killpg(child, signal.SIGKILL)
+    return status if ended else os.waitpid(child, 0)[1]
+
+
+def _import_all() -> None:
+    """Import all product modules, and let typer build each command once: neither time nor memory of that is an input's."""
+    typer.main.get_command = cache(typer.main.get_command)
+    for package in ("schemas", "xosc", "xodr", "runner", "recognition"):
+        for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
+            if not module.name.endswith("__main__"):
+                with suppress(ImportError):  # of an extra
+                    importlib.import_module(module.name)
 
 
 def _keep(keep: Path, folder: Path, name: str) -> None:
@@ -166,12 +269,11 @@ class Runner:
     """Runs inputs in this process, with limits, and looks at all that they leave."""
 
     def __init__(self, scratch: Path, limits: Limits, addresses: int | None = _ADDRESSES) -> None:
-        self._scratch, self._limits, self._written = scratch, limits, list[str]()
+        self.limits, self._scratch, self._written = limits, scratch, list[str]()
         os.environ["XOSC_CACHE_DIR"], os.environ["TMPDIR"] = str(scratch / "cache"), str(scratch / "tmp")
         os.environ["MPLCONFIGDIR"] = str(scratch / "cache")  # Matplotlib lists the machine's fonts there once
-        shutil.rmtree(scratch / "tmp", ignore_errors=True)  # what a process left that was killed
-        for name in ("tmp", "seeds"):
-            (scratch / name).mkdir(exist_ok=True, parents=True)
+        (scratch / "seeds").mkdir(exist_ok=True, parents=True)
+        self.clear()
         sys.addaudithook(lambda event, args: self._written.append(os.fsdecode(args[0])) if _is_writing(event, args) else None)
         for module in (
             "runner.interpreter.execution",
@@ -184,6 +286,15 @@ class Runner:
         if addresses is not None:
             used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
             resource.setrlimit(resource.RLIMIT_AS, (used + addresses, resource.RLIM_INFINITY))
+
+    def folder(self, number: int) -> Path:
+        """Folder of the input with that number."""
+        return self._scratch / f"input{number}"
+
+    def clear(self) -> None:
+        """Remove temporary files that a process left that was killed."""
+        shutil.rmtree(self._scratch / "tmp", ignore_errors=True)
+        (self._scratch / "tmp").mkdir()
 
     def draw(self, chosen: Mapping[str, Kind], seed: int, number: int, folder: Path) -> Result:
         """Make the input with that number, of a kind that is drawn, in a folder, and run it."""
@@ -233,14 +344,15 @@ class Runner:
             yield f"exit code {answer.code}"
         if answer.code not in _VERDICTS and f"{folder.name}/" not in answer.err:
             yield "an error that names no file of the input"
-        odd = next((c for c in answer.out + answer.err if not (c.isprintable() or c == "\n")), None)
+        printed = answer.out + answer.err
+        odd = None if printed.replace("\n", " ").isprintable() else next(c for c in printed if not (c.isprintable() or c == "\n"))
         if odd is not None and not (answer.out.startswith(("<", "{", "name,")) and odd not in answer.err):
             yield f"the character {odd!r} on the console"
         if _COMMAND.search(answer.out + "\n" + answer.err):
             yield "a line that CI services take for a command"
-        if seconds >= self._limits.seconds:
+        if seconds >= self.limits.seconds:
             yield f"{seconds:.0f} s of processor time"
-        if growth >= self._limits.memory or "more memory than there is" in answer.err:
+        if growth >= self.limits.memory or "more memory than there is" in answer.err:
             yield f"{growth:.0f} MiB of memory"
         allowed = tuple(map(str, (folder / "out", folder / "case", self._scratch / "cache", self._scratch / "tmp", os.devnull)))
         written = {path for path in {*self._written, *map(str, _files(folder) - files)} if "/__pycache__/" not in path}

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
@@ -14,20 +17,45 @@ import pytest
 from tests.commands import Answer
 from tests.fuzz import standard
 from tests.fuzz.kinds import CASE, Input, Kind, own_kinds
-from tests.fuzz.pool import Limits, Result, Runner
+from tests.fuzz.pool import DIED, HUNG, Limits, Result, Runner, Server
 
 CORPUS = Path(__file__).with_name("corpus")
 _SEED, _COUNT = 1, 48
 _PLAYED = """
 import json, sys
 from pathlib import Path
-from tests.security.test_fuzz import play
-print(json.dumps(play(Path(sys.argv[1]))))
+from tests.security.test_fuzz import play, serve
+served = serve(Path(sys.argv[1]))
+print(json.dumps([*play(Path(sys.argv[1])), *served]))
 """
 
 
-def play(scratch: Path) -> tuple[list[Result], list[int]]:
-    """Return results with defects, and all exit codes, of the inputs of the corpus and of a short round.
+def serve(scratch: Path) -> tuple[list[Result], list[str]]:
+    """Return results of some inputs of the round in a forked child, and defects of inputs that end or spoil their process."""
+    runner, spoilt = Runner(scratch, Limits()), list[int]()
+    results = list(Server(runner, own_kinds(), _SEED, warm=False).group(range(0, _COUNT, 4)))
+
+    def spin() -> Answer:
+        while True:
+            pass
+
+    def spoil() -> Answer:
+        spoilt.append(1)
+        return Answer(0 if len(spoilt) == 1 else 5, "", f"{CASE}: input/")
+
+    def kind(act: Callable[[], Answer]) -> dict[str, Kind]:
+        return {"odd": Kind(lambda *_: Input((), "", ()), lambda _: act(), frozenset({0}), 1.0)}
+
+    runner.limits, defects = Limits(seconds=0.1), []
+    for act in (os.abort, spin, spoil):
+        server = Server(runner, kind(act), _SEED, warm=False)
+        found = list(server.group(range(2)))
+        defects.append(found[-1].defect)
+    return results, [*defects, server.confirmed(found[-1]).defect]
+
+
+def play(scratch: Path) -> tuple[list[Result], list[Result]]:
+    """Return results of the inputs of the corpus and of a short round.
 
     An entry of the corpus is a folder with the files and `input.json` (kind, arguments, allowed exit codes).
     """
@@ -42,21 +70,45 @@ def play(scratch: Path) -> tuple[list[Result], list[int]]:
         shutil.copytree(entry / "case", folder / "case")
         result = runner.run(about["kind"], kinds[about["kind"]], Input(tuple(about["arguments"]), entry.name, ()), folder)
         results.append(result if result.code in about["codes"] else result._replace(defect=f"exit code {result.code}"))
-    results += [runner.draw(kinds, _SEED, number, scratch / f"input{number}") for number in range(_COUNT)]
-    return [result for result in results if result.defect], [result.code for result in results]
+    return results, [runner.draw(kinds, _SEED, number, scratch / f"input{number}") for number in range(_COUNT)]
 
 
-def test_what_ever_failed_fails_no_more_and_a_short_round_finds_nothing(tmp_path: Path) -> None:
-    """The same inputs each time, of most kinds, in one process; the workflow `fuzz` takes others each night."""
-    entries = len(list(CORPUS.iterdir()))
-    assert entries >= 3
+Played = tuple[list[Result], list[Result], list[Result], list[str]]
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
+    """Results of the corpus, of a short round, and of some of its inputs in a forked child; defects of odd inputs."""
     done = subprocess.run(
-        [sys.executable, "-c", _PLAYED, str(tmp_path)], capture_output=True, text=True, check=False, cwd=CORPUS.parents[2]
-    )
+        [sys.executable, "-c", _PLAYED, str(tmp_path_factory.mktemp("fuzz"))],
+        capture_output=True, text=True, check=False, cwd=CORPUS.parents[2],
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    defects, codes = json.loads(done.stdout.splitlines()[-1])
-    assert defects == []
-    assert len(codes) == entries + _COUNT and {0, 1, 3} <= set(codes)
+    *results, odd = json.loads(done.stdout.splitlines()[-1])
+    corpus, round_, forked = ([Result(*each) for each in some] for some in results)
+    return corpus, round_, forked, odd
+
+
+def test_what_ever_failed_fails_no_more_and_a_short_round_finds_nothing(played: Played) -> None:
+    """The same inputs each time, of most kinds, in one process; the workflow `fuzz` takes others each night."""
+    corpus, round_, _, _ = played
+    assert len(corpus) == len(list(CORPUS.iterdir())) >= 3 and len(round_) == _COUNT
+    assert [each for each in corpus + round_ if each.defect] == []
+    assert {0, 1, 3} <= {each.code for each in round_}
+
+
+def test_an_input_has_the_same_answer_in_a_forked_child(played: Played) -> None:
+    _, round_, forked, _ = played
+    told = [(each.number, each.kind, each.source, each.changes, each.code, each.defect, each.message) for each in forked]
+    assert told == [
+        (each.number, each.kind, each.source, each.changes, each.code, each.defect, each.message) for each in round_[::4]
+    ]
+
+
+def test_an_input_that_ends_or_spoils_its_process_is_told_by_that(played: Played) -> None:
+    died, hung, after, alone = played[3]
+    assert died == f"{DIED} ({int(signal.SIGABRT)})" and hung == HUNG
+    assert "exit code 5" in after and alone == f"only after other inputs: {after}"
 
 
 def test_defects_are_found(tmp_path: Path) -> None:
@@ -87,7 +139,7 @@ def test_defects_are_found(tmp_path: Path) -> None:
 
 def _judge(scratch: Path):  # type: ignore[no-untyped-def]
     runner = object.__new__(Runner)
-    runner._scratch, runner._limits, runner._written = scratch, Limits(memory=40.0), []
+    runner._scratch, runner.limits, runner._written = scratch, Limits(memory=40.0), []
     (scratch / "tmp").mkdir()
 
     def defect(kind: Kind) -> str:
