@@ -44,6 +44,16 @@ _TREE = "sklearn.tree._tree.Tree"
 """The only type beyond skops' defaults: node tables, which `_check_tree` verifies."""
 _ADDRESS = re.compile(r'(?<="__id__": )\d+|\d+(?=\.npy\b)')
 """Addresses of objects in the schema and in the names of members of a file of skops"""
+_PROTOCOL, _MOST = 2, 2**20
+_NODES = {
+    ("sklearn.ensemble._forest", "RandomForestClassifier", "ObjectNode"),
+    ("sklearn.tree._classes", "DecisionTreeClassifier", "ObjectNode"),
+    ("sklearn.tree._tree", "Tree", "TreeNode"),
+    *(("builtins", *each) for each in (("dict", "DictNode"), ("list", "ListNode"), ("tuple", "TupleNode"))),
+    *(("builtins", "str", loader) for loader in ("JsonNode", "TypeNode")),
+    *(("numpy", each, "NdArrayNode") for each in ("ndarray", "int64")),
+}
+"""Module, class and loader of all nodes of a forest"""
 LARGEST = 2**30
 """Bytes that a forest may unpack to."""
 
@@ -237,9 +247,68 @@ def _parsed(content: bytes) -> RandomForestClassifier:
     with zipfile.ZipFile(BytesIO(content)) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
             raise ValueError("it is too large")
-    forest = skops.io.loads(content, trusted=[_TREE])  # looks through the types of all that is in it before it makes any of it
+        files = {entry.filename: archive.read(entry) for entry in archive.infolist()}
+    forest = skops.io.loads(_checked(files), trusted=[_TREE])  # looks through the types of all that is in it before it makes any
     _check_forest(forest)
     return forest
+
+
+def _checked(files: dict[str, bytes]) -> bytes:
+    """The file of a forest again, after all nodes of its schema have shown to be those of a forest.
+
+    Nodes get numbers of their own: skops takes a number that it has met for the node that had it, whatever this one holds.
+    """
+    schema = json.loads(files["schema.json"])
+    if schema.get("protocol") != _PROTOCOL:
+        raise ValueError(f"protocol {_PROTOCOL} of skops is expected")
+    waiting: list[Any] = [schema]
+    number = 0
+    while waiting:
+        one = waiting.pop()
+        waiting += [each for each in (one.values() if isinstance(one, dict) else one) if isinstance(each, dict | list)]
+        if isinstance(one, dict) and "__loader__" in one:
+            if (one.get("__module__"), one.get("__class__"), one["__loader__"]) not in _NODES:
+                raise ValueError(f"{one.get('__class__')} is no part of a forest")
+            number += 1
+            one["__id__"] = number
+            if one["__loader__"] == "TreeNode":
+                _check_arguments(one, files)
+    out = BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive:
+        for name, data in (files | {"schema.json": json.dumps(schema).encode()}).items():
+            archive.writestr(name, data)
+    return out.getvalue()
+
+
+def _check_arguments(node: dict[str, Any], files: dict[str, bytes]) -> None:
+    """Numbers of features, classes, outputs and nodes of a tree, which scikit-learn takes for sizes of the arrays beside them."""
+
+    def number(one: dict[str, Any]) -> int:
+        found = json.loads(one["content"])
+        if one["__loader__"] != "JsonNode" or type(found) is not int:
+            raise ValueError("a number is expected")
+        return found
+
+    def array(one: dict[str, Any]) -> NDArray[Any]:
+        if one["__loader__"] != "NdArrayNode" or one["type"] != "numpy":
+            raise ValueError("an array is expected")
+        found: NDArray[Any] = np.lib.format.read_array(BytesIO(files[one["file"]]), allow_pickle=False)
+        return found
+
+    features, classes, outputs = node["__reduce__"]["args"]["content"]
+    state, counts = node["content"]["content"], array(classes)
+    nodes = array(state["nodes"])
+    sound = (
+        0 < number(features) < _MOST
+        and number(outputs) == 1
+        and counts.shape == (1,)
+        and counts.dtype == np.intp
+        and 0 < int(counts[0]) < _MOST
+        and nodes.ndim == 1
+        and number(state["node_count"]) == len(nodes)
+    )
+    if not sound:
+        raise ValueError("one of its trees is broken")
 
 
 def _check_forest(forest: Any) -> None:

@@ -190,6 +190,33 @@ def looping_tree(path: Path) -> None:
     skops.io.dump(forest, path)
 
 
+def in_tree(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]:
+    """A change of what the file says of its first tree."""
+
+    def spoil(path: Path) -> None:
+        with zipfile.ZipFile(path) as archive:
+            members = {name: archive.read(name) for name in archive.namelist()}
+        schema = json.loads(members["schema.json"])
+        change(schema["content"]["content"]["estimators_"]["content"][0]["content"]["content"]["tree_"])
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, content in (members | {"schema.json": json.dumps(schema).encode()}).items():
+                archive.writestr(name, content)
+
+    return spoil
+
+
+def outputs(tree: dict[str, Any]) -> dict[str, Any]:
+    """Number of outputs of a tree."""
+    found: dict[str, Any] = tree["__reduce__"]["args"]["content"][2]
+    return found
+
+
+def state(tree: dict[str, Any]) -> dict[str, Any]:
+    """Arrays of a tree."""
+    found: dict[str, Any] = tree["content"]["content"]
+    return found
+
+
 def bomb(path: Path) -> None:
     """Little to read, but much to unpack; the test lowers what is too much."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -208,13 +235,17 @@ def other_classes(path: Path) -> None:
         (truncated, "not a zip file"),
         (lambda path: path.write_bytes(b""), "not a zip file"),
         (pickled, "not a zip file"),
-        (calling, "Untrusted types found in the file: .*posix.system"),
-        (dumped(Attack), "Untrusted types"),
-        (dumped(LogisticRegression().fit([[0.0], [1.0]], [0, 1])), "it is a LogisticRegression"),
+        (calling, "is no part of a forest"),
+        (dumped(Attack), "Attack is no part of a forest"),
+        (dumped(LogisticRegression().fit([[0.0], [1.0]], [0, 1])), "LogisticRegression is no part of a forest"),
         (dumped({"a": 1}), "it is a dict"),
         (dumped(RandomForestClassifier(3)), "this is no forest"),
         (broken_tree, "one of its trees is broken"),
         (looping_tree, "one of its trees is broken"),
+        (in_tree(lambda tree: outputs(tree).update(content="1000000000")), "one of its trees is broken"),
+        (in_tree(lambda tree: outputs(tree).update(content="true")), "a number is expected"),
+        (in_tree(lambda tree: state(tree)["node_count"].update(content="1000000000")), "one of its trees is broken"),
+        (in_tree(lambda tree: state(tree)["nodes"].update(type="json")), "an array is expected"),
         (bomb, "it is too large"),
     ],
 )
@@ -229,6 +260,12 @@ def test_foreign_forests_are_refused(
     assert "\n" not in str(caught.value)
     assert "forest.skops" in str(caught.value)
     assert not (folder / "attacked").exists()
+
+
+def test_a_node_is_what_it_holds_and_not_another_one_of_its_number(folder: Path) -> None:
+    """skops would take the depth for the number of outputs."""
+    in_tree(lambda tree: outputs(tree).update(__id__=state(tree)["max_depth"]["__id__"]))(folder / "forest.skops")
+    assert load(folder).known.forest.trees.estimators_[0].tree_.n_outputs == 1
 
 
 def test_a_forest_of_other_classes_is_refused(folder: Path) -> None:
