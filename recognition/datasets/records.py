@@ -75,26 +75,26 @@ def value(record: Mapping[str, Any], key: str, kind: type[T], path: Path, elemen
     return found
 
 
-def records(record: Mapping[str, Any], key: str, path: Path, element: str) -> list[dict[str, Any]]:
-    """Return a list of objects; empty where it is absent.
+def records(record: Mapping[str, Any], key: str, path: Path, element: str, optional: bool = False) -> list[dict[str, Any]]:
+    """Return a list of objects; empty where it is optional and absent.
 
     Raises:
-        InvalidFile: it has something else.
+        InvalidFile: it is absent, or has something else.
     """
-    found = value(record, key, list, path, element) if key in record else []
+    found = [] if optional and key not in record else value(record, key, list, path, element)
     wrong = next((number for number, one in enumerate(found, 1) if not isinstance(one, dict)), None)
     if wrong is not None:
         raise InvalidFile(f"{key} {wrong} is {str(found[wrong - 1])[:40]!r}, an object is expected", path=path, element=element)
     return found
 
 
-def named(record: Mapping[str, Any], key: str, path: Path, element: str) -> dict[str, dict[str, Any]]:
-    """Return objects by their names; none where they are absent.
+def named(record: Mapping[str, Any], key: str, path: Path, element: str, optional: bool = False) -> dict[str, dict[str, Any]]:
+    """Return objects by their names; none where they are optional and absent.
 
     Raises:
-        InvalidFile: a value is something else.
+        InvalidFile: they are absent, or a value is something else.
     """
-    found = value(record, key, dict, path, element) if key in record else {}
+    found = {} if optional and key not in record else value(record, key, dict, path, element)
     wrong = next((name for name, one in found.items() if not isinstance(one, dict)), None)
     if wrong is not None:
         raise InvalidFile(f"{key} {wrong} is {str(found[wrong])[:40]!r}, an object is expected", path=path, element=element)

@@ -289,7 +289,7 @@ def _road(path: Path, site: str, _recording: Recording, folder: Path) -> SiteRoa
     ]  # fmt: skip
     crosswalks = [
         Area(name, np.concatenate([points(one, "edge1", path, name), points(one, "edge2", path, name)[::-1]]))
-        for name, one in named(document, "pedestrian_crossings", path, "map of Argoverse 2").items()
+        for name, one in named(document, "pedestrian_crossings", path, "map of Argoverse 2", optional=True).items()
     ]
     notes = [
         "the map gives no speed limits; its roads are taken for those of a town",

@@ -356,7 +356,7 @@ def _outlines(document: Mapping[str, Any], path: Path, layer: str, geometry: str
     """
     node = _nodes(document, path)
     shapes = {str(one.get("token")): one for one in records(document, geometry, path, "map")}
-    for record in records(document, layer, path, "map"):
+    for record in records(document, layer, path, "map", optional=True):
         name = f"{layer} {record.get('token')}"
         shape = shapes.get(str(record.get(f"{geometry}_token")))
         if shape is None:
