@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 from schemas.common.packages import public
 
 if TYPE_CHECKING:
+    from schemas.checks import Problem as Problem
     from schemas.checks.checker import check as check
     from schemas.checks.checker import check_many as check_many
-    from schemas.checks.problems import Problem as Problem
 
     __version__: str
 else:
     __getattr__, __dir__ = public(
         __name__,
         {
-            "Problem": "schemas.checks.problems",
+            "Problem": "schemas.checks",
             "check": "schemas.checks.checker",
             "check_many": "schemas.checks.checker",
         },

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from schemas.checks.problems import LEVELS, Problem
+from schemas.checks import LEVELS, Problem
 from schemas.common.command_line import (
     CatalogPath,
     RoadPath,
@@ -47,7 +47,7 @@ def _print_rules(requested: bool) -> None:
     if requested:
         from schemas.checks.registry import all_rules
         from schemas.checks.report import listing
-        from schemas.osi.rules import all_osi_rules
+        from schemas.osi_rules import all_osi_rules
 
         print(listing([*all_rules(), *all_osi_rules()]), end="")
         raise typer.Exit

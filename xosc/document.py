@@ -10,11 +10,11 @@ from pathlib import Path
 
 from lxml import etree
 
+from schemas.checks.structure import SCHEMA_UID
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.remarks import Remark, Remarks
 from schemas.common.storage import Stamp, drafted, stamp, writing
 from schemas.registry import OPENSCENARIO, detect
-from schemas.rules.structure import SCHEMA_UID
 from schemas.xml import line_of, local_name, parse
 from xosc.node import OWN, Node
 from xosc.repairs import repair

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from runner.contracts.element import PrivateAction
 from runner.contracts.registry import action
 from runner.participants.entity import Entity
-from schemas.rules.entities import CONTROLLER_UID
 from xosc.node import Node
+from xosc.rules.references import CONTROLLER_UID
 
 if TYPE_CHECKING:
     from runner.contracts.registry import Context

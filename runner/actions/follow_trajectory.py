@@ -16,7 +16,7 @@ from runner.motion.schedules import Schedule, delayed, paced, prescribed, smooth
 from runner.motion.trajectories import Track, Trajectory
 from runner.participants.declaration import Performance
 from runner.participants.trailers import line_up
-from schemas.rules.positions import TIMING_UID
+from xosc.rules.positions import TIMING_UID
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -18,9 +18,9 @@ from runner.contracts.run import Running
 from runner.motion.dynamics import EPSILON, SHAPES, Easing, Shape, TransitionDynamics
 from runner.participants.entity import Entity
 from runner.positions.lane import LAYERS
-from schemas.rules.entities import KEPT_LANE_OFFSET_UID
 from xodr.model import PERMANENT, TEMPORARY, RoadPoint
 from xosc.node import TO_RIGHT, Node
+from xosc.rules.references import KEPT_LANE_OFFSET_UID
 
 if TYPE_CHECKING:
     from runner.contracts.registry import Context

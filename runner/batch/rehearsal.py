@@ -24,8 +24,8 @@ from runner.batch.jobs import Job, Outcome, assumed, failure, jobs_of
 from runner.interpreter.result import INCONCLUSIVE
 from runner.replay.page import page
 from runner.settings import RunSettings
+from schemas.checks import Problem
 from schemas.checks.checker import check_many
-from schemas.checks.problems import Problem
 from schemas.common.errors import ExitCode, ToolchainError, describe, gravest
 from schemas.common.packages import version
 from schemas.common.policy import limited

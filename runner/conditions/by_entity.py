@@ -13,9 +13,9 @@ from runner.conditions.comparison import TOLERANCE, Comparison
 from runner.contracts.element import EntityCondition
 from runner.contracts.registry import condition
 from runner.spacing.closing import velocity
-from schemas.rules.storyboard import EMPTY_ELEMENTS_UID
-from schemas.rules.values import NOT_NEGATIVE_UID
 from xosc.node import Node
+from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
+from xosc.rules.values import NOT_NEGATIVE_UID
 
 if TYPE_CHECKING:
     from runner.contracts.registry import Context

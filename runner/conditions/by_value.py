@@ -12,11 +12,11 @@ from runner.conditions.comparison import RULES, TOLERANCE, Comparison
 from runner.contracts.element import Condition
 from runner.contracts.registry import condition
 from runner.surroundings.environment import read_date
-from schemas.rules.values import DECLARED_TYPE_UID
 from schemas.values import Value, number
 from schemas.values import holds as compare
 from xosc.node import Node
 from xosc.parameters import typed_value
+from xosc.rules.values import DECLARED_TYPE_UID
 
 if TYPE_CHECKING:
     from runner.contracts.registry import Context

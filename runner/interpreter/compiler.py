@@ -23,10 +23,9 @@ from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
 from runner.surroundings.signals import TrafficSignals
 from schemas.common.remarks import Remark, Remarks, with_ignored
-from schemas.rules.entities import ACTORS_UID
-from schemas.rules.signals import SIGNAL_UID
-from schemas.rules.storyboard import EMPTY_ELEMENTS_UID
 from xosc.node import Node
+from xosc.rules.references import ACTORS_UID, SIGNAL_UID
+from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
 
 if TYPE_CHECKING:
     from runner.contracts.element import Position

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from schemas.common.remarks import Remark
-from schemas.rules.entities import ENTITY_POSITION_UID
+from xosc.rules.references import ENTITY_POSITION_UID
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

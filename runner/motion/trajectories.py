@@ -17,8 +17,8 @@ from runner.motion.nurbs import ControlPoint, sampled
 from runner.motion.paths import Chain, Corner, Path, Polyline, Segments, smoothed
 from runner.motion.placement import Placement
 from runner.motion.schedules import Motion
-from schemas.rules.positions import TIMING_UID
 from xodr.geometry import Arc, Line, Segment, Spiral, Start
+from xosc.rules.positions import TIMING_UID
 
 if TYPE_CHECKING:
     from runner.contracts.element import Position

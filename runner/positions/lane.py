@@ -14,9 +14,9 @@ from runner.contracts import registry
 from runner.contracts.element import FixedPosition, Position
 from runner.motion.placement import Placement, lane_heading
 from runner.positions.world import Orientation, on_road
-from schemas.rules.positions import LANE_DISTANCE_UID, LANE_UID, ROAD_LENGTH_UID
 from xodr.model import PERMANENT, TEMPORARY, RoadError, RoadPoint
 from xosc.node import TO_RIGHT
+from xosc.rules.positions import LANE_DISTANCE_UID, LANE_UID, ROAD_LENGTH_UID
 
 if TYPE_CHECKING:
     from runner.contracts.registry import Context

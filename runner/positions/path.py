@@ -14,8 +14,8 @@ from runner.motion.placement import Placement, in_world
 from runner.motion.trajectories import Trajectory
 from runner.positions.lane import misplaced
 from runner.positions.world import Orientation, on_road
-from schemas.rules.positions import ROAD_LENGTH_UID
 from xodr.model import Pose, RoadError
+from xosc.rules.positions import ROAD_LENGTH_UID
 
 if TYPE_CHECKING:
     from runner.contracts.registry import Context

@@ -22,7 +22,7 @@ from runner.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile
-from schemas.osi.traces import Trace
+from schemas.osi_traces import Trace
 
 SCENARIO = "net.asam.openscenario"
 """Type of the reference by which players of OpenSCENARIO name entities"""

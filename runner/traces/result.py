@@ -9,7 +9,7 @@ from runner.recording import Recording
 from runner.traces.reading import read
 from runner.traces.roads import road_of
 from schemas.common.storage import cache_folder, writing
-from schemas.osi.traces import SUFFIXES
+from schemas.osi_traces import SUFFIXES
 from xodr.reader import load
 
 

@@ -1,1 +1,33 @@
 """Checking files: the document as rules see it, the registry of rules, problems and reports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+LEVELS = ("error", "warning", "info")
+"""Most severe first: an error breaks the standard, a warning deserves a look, an info is for the record."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One finding of one rule.
+
+    Attributes:
+        rule: uid of the rule that it breaks.
+        level: "error", "warning" or "info".
+        message: what is wrong and what would be right.
+        path: the file.
+        line: 1-based line of the element, where there is one.
+        element: path of the element in the document, like /OpenSCENARIO/Storyboard/Story[2].
+    """
+
+    rule: str
+    level: str
+    message: str
+    path: str
+    line: int | None = None
+    element: str | None = None
+
+    def __str__(self) -> str:
+        place = self.path if self.line is None else f"{self.path}:{self.line}"
+        return f"{place}: {self.level}: {self.message}"

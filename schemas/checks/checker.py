@@ -8,13 +8,13 @@ from os import PathLike
 from pathlib import Path
 
 from schemas.catalogs import Folders
+from schemas.checks import Problem
 from schemas.checks.document import Document
-from schemas.checks.problems import Problem
 from schemas.checks.registry import all_rules
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError, describe
 from schemas.common.policy import LimitReached, limited
-from schemas.osi.rules import check_trace
-from schemas.osi.traces import SUFFIXES
+from schemas.osi_rules import check_trace
+from schemas.osi_traces import SUFFIXES
 from schemas.xml import parse, rule_of
 
 LIMITS = "xosc.toolchain:xosc:1.0.0:limits"

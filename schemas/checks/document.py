@@ -12,8 +12,7 @@ from lxml import etree
 
 from schemas import expressions
 from schemas.catalogs import Catalogs, Directory, Entry, Folders, NoEntry, referred
-from schemas.checks import roads
-from schemas.checks.problems import Problem
+from schemas.checks import Problem, roads
 from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.common.policy import current
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of

@@ -11,12 +11,12 @@ from urllib.parse import quote
 
 from lxml import etree
 
-from schemas.checks.problems import LEVELS, Problem
+from schemas.checks import LEVELS, Problem
 from schemas.checks.registry import Rule, all_rules
 from schemas.common.packages import version
 from schemas.common.text import one_line, sarif_text, xml_text
-from schemas.osi.rules import OsiRule, all_osi_rules
-from schemas.osi.traces import SUFFIXES
+from schemas.osi_rules import OsiRule, all_osi_rules
+from schemas.osi_traces import SUFFIXES
 
 TOOL = "xosc-check"
 

@@ -4,7 +4,7 @@ Kinds of things (rules, actions, data sets, exports, baselines, …) register th
 kind is one new file; no list anywhere names it. A folder of kinds is used in one of two ways:
 
 - **The kinds register something** when they are imported (`@rule(…)`, `@action(…)`). Code that needs all of them calls
-  `load("schemas.rules")` once, before it reads the table that they fill.
+  `load("xosc.rules")` once, before it reads the table that they fill.
 - **A kind is chosen by its name.** Its module holds one function or class with the name that the folder agrees on, and says
   in a constant what people read of it:
 

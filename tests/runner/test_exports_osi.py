@@ -20,8 +20,8 @@ from runner import cli
 from runner.exports import osi
 from runner.exports.moments import box_centre
 from schemas.common.errors import UsageError
-from schemas.osi.rules import breaches
-from schemas.osi.traces import Frame
+from schemas.osi_rules import breaches
+from schemas.osi_traces import Frame
 from tests.runner.files import car, place, scenario, speed_action, story
 from xosc.exports.folder import Folder
 

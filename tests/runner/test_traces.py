@@ -20,9 +20,9 @@ from runner.recording import Track
 from runner.replay import cli
 from runner.traces.reading import read
 from runner.traces.roads import road_of
+from schemas import osi_traces
 from schemas.common.errors import InvalidFile, ToolchainError
-from schemas.osi import traces
-from schemas.osi.traces import Trace
+from schemas.osi_traces import Trace
 from xodr.reader import load
 
 groundtruth = pytest.importorskip("osi3.osi_groundtruth_pb2", reason="the extra `osi` is not installed")
@@ -189,9 +189,9 @@ def write(path: Path, bodies: list[bytes]) -> Path:
 def test_sensor_views_are_told_from_ground_truth(tmp_path: Path) -> None:
     views = [sensorview.SensorView(timestamp=each.timestamp, global_ground_truth=each) for each in truths()]
     path = write(tmp_path / "trace.osi", [each.SerializeToString() for each in views])
-    assert Trace(path).kind == traces.SENSOR_VIEW
+    assert Trace(path).kind == osi_traces.SENSOR_VIEW
     assert list(read(path).recording.tracks) == ["7"]
-    assert Trace(write(tmp_path / "other.osi", [each.SerializeToString() for each in truths()])).kind == traces.GROUND_TRUTH
+    assert Trace(write(tmp_path / "other.osi", [each.SerializeToString() for each in truths()])).kind == osi_traces.GROUND_TRUTH
 
 
 def test_velocities_that_contradict_positions_are_derived(tmp_path: Path) -> None:

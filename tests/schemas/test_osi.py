@@ -11,7 +11,7 @@ import runner
 import xosc
 from runner.exports import osi
 from schemas import check, cli
-from schemas.osi.rules import MOST, READABLE, all_osi_rules
+from schemas.osi_rules import MOST, READABLE, all_osi_rules
 from tests.runner.test_traces import mcap, truths, write
 
 pytest.importorskip("osi3", reason="the extra `osi` is not installed")

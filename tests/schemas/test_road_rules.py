@@ -8,10 +8,10 @@ from typing import NamedTuple
 import pytest
 
 import schemas
-from schemas.checks.problems import Problem
+from schemas.checks import Problem
 from schemas.checks.registry import all_rules
 
-MODULES = ("schemas.rules.lanes", "schemas.rules.junctions", "xodr.rules.continuity")
+MODULES = ("xodr.rules.lanes", "xodr.rules.lanes", "xodr.rules.continuity")
 CURVES = ("elem_asc_order", "length_match", "arclength_range", "valid_parameters", "avoid_redundant_info")
 
 W = '<width sOffset="0" a="3.5" b="0" c="0" d="0"/>'

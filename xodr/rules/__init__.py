@@ -1,1 +1,1 @@
-"""Rules for road networks that take exact geometry; `schemas.checks.registry` finds them by the name of this package."""
+"""Rules of `xosc-check` for OpenDRIVE by family, those that take the exact geometry of roads among them."""

@@ -10,13 +10,13 @@ from typing import NamedTuple
 from lxml import etree
 
 from schemas.checks.document import Document
-from schemas.checks.lanes import Meeting, Section, integer, meetings
 from schemas.checks.registry import Finding, rule
 from schemas.common.errors import ToolchainError
-from schemas.rules.lanes import DRIVABLE
 from xodr.network import RoadNetwork
 from xodr.reader.document import linked_roads, load
 from xodr.road import Road
+from xodr.rules.lanes import DRIVABLE
+from xodr.rules.sections import Meeting, Section, integer, meetings
 
 _GAP = 0.01
 """Largest distance between places that are to be the same, m."""

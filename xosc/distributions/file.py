@@ -12,7 +12,6 @@ from lxml import etree
 from schemas.common.errors import UsageError
 from schemas.common.remarks import Remark
 from schemas.expressions import ExpressionError, substitute
-from schemas.rules.values import DECLARED_TYPE_UID
 from schemas.values import meant, quoted, type_named
 from xosc.distributions.deterministic import Deterministic
 from xosc.distributions.stochastic import Stochastic
@@ -20,6 +19,7 @@ from xosc.distributions.values import element
 from xosc.document import Document, write
 from xosc.files import Header, new_document
 from xosc.node import Node
+from xosc.rules.values import DECLARED_TYPE_UID
 from xosc.versions import Version
 
 

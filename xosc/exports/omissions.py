@@ -12,10 +12,10 @@ from typing import NamedTuple, cast
 
 from lxml import etree
 
-from schemas.rules.storyboard import CHOICES
 from schemas.values import number
 from xosc.document import Document
 from xosc.node import SOURCE, Node
+from xosc.rules.storyboard import CHOICES
 from xosc.versions import EARLIER_CATEGORY, Version
 
 _CLOUDS = {

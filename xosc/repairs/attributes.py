@@ -8,8 +8,8 @@ from typing import cast
 
 from lxml import etree
 
+from schemas.checks.structure import SCHEMA_UID
 from schemas.common.remarks import Remark
-from schemas.rules.structure import SCHEMA_UID
 from schemas.values import meant
 from xosc.node import Node
 from xosc.repairs.declared import Attribute, attributes, names, similar, suggested

@@ -9,13 +9,13 @@ from itertools import pairwise
 from lxml import etree
 
 from schemas import validate
+from schemas.checks.structure import SCHEMA_UID
 from schemas.common.remarks import Remark
 from schemas.registry import OPENSCENARIO, schema_for
-from schemas.rules.storyboard import lacking
-from schemas.rules.structure import SCHEMA_UID
 from xosc.node import Node
 from xosc.repairs.attributes import ignored
 from xosc.repairs.declared import Child, children, content, names, similar, suggested
+from xosc.rules.storyboard import lacking
 
 _LISTS = ("ParameterDeclarations", "VariableDeclarations", "MonitorDeclarations", "Entities", "Properties")
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 from lxml import etree
 
+from schemas.checks.structure import UNIQUE_NAMES_UID, doubled
 from schemas.common.remarks import Remark
-from schemas.rules.parameters import DECLARED_NAME_UID, UNIQUE_DECLARATIONS_UID
-from schemas.rules.structure import UNIQUE_NAMES_UID, doubled
 from schemas.xml import canonical
 from xosc.node import Node
+from xosc.rules.parameters import DECLARED_NAME_UID, UNIQUE_DECLARATIONS_UID
 
 
 def correct_declared_names(root: Node, version: tuple[int, int]) -> Iterator[Remark]:

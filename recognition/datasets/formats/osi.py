@@ -16,7 +16,7 @@ from runner.traces.reading import TraceRecording
 from runner.traces.reading import read as read_trace
 from runner.traces.roads import road_of
 from schemas.common.errors import UsageError
-from schemas.osi.traces import SUFFIXES
+from schemas.osi_traces import SUFFIXES
 
 FORMAT = "OSI"
 TITLE = "ASAM OSI traces (.osi, .mcap; omega-prime)"

@@ -9,9 +9,9 @@ from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Generic, Protocol, Self, TypeVar
 
 from runner.contracts.element import Condition
-from schemas.rules.storyboard import EMPTY_ELEMENTS_UID
 from xosc.dialects.carla import is_criterion
 from xosc.node import Node
+from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
 
 if TYPE_CHECKING:
     from runner.contracts.run import Instant

@@ -16,7 +16,7 @@ from recognition.sites import site_of
 from runner.exports import osi
 from runner.traces.reading import read as read_trace
 from schemas.common.errors import UsageError
-from schemas.osi.traces import Trace
+from schemas.osi_traces import Trace
 from tests.runner.test_traces import truths, write
 
 pytest.importorskip("osi3", reason="the extra `osi` is not installed")

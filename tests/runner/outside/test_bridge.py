@@ -21,8 +21,8 @@ from runner.sut import Control, Pose
 from runner.sut.bridge import Bridge, answer_of
 from runner.sut.commanded import Scripted
 from schemas.common.errors import ToolchainError, UsageError
-from schemas.osi.rules import breaches
-from schemas.osi.traces import Frame
+from schemas.osi_rules import breaches
+from schemas.osi_traces import Frame
 from tests.commands import Command
 from tests.conformance.support import at, track
 from tests.runner.files import distribution, scenario

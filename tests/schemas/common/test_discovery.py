@@ -63,8 +63,8 @@ def test_load_imports_every_module_and_hides_no_error(package: str) -> None:
 
 def test_every_rule_module_is_loaded() -> None:
     all_rules()
-    assert [module.__name__ for module in discovery.load("schemas.rules")] == [
-        f"schemas.rules.{name}" for name in discovery.names("schemas.rules")
+    assert [module.__name__ for module in discovery.load("xosc.rules")] == [
+        f"xosc.rules.{name}" for name in discovery.names("xosc.rules")
     ]
     assert {rule.check.__module__ for rule in all_rules()} <= set(sys.modules)
     assert len(all_rules()) > 40

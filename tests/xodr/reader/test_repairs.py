@@ -11,9 +11,9 @@ import schemas
 import xodr
 from schemas.common.errors import InvalidFile
 from schemas.common.remarks import Remark
-from schemas.rules import roads
 from xodr.reader.elements import LARGEST
 from xodr.road import Road
+from xodr.rules import roads
 
 FOLDER = Path(__file__).parent / "repairs"
 

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from lxml import etree
 
 from schemas.checks.document import Document
-from schemas.checks.findings import negative, on_cycles, unknown, unresolved
-from schemas.checks.registry import Finding, rule
+from schemas.checks.registry import Finding, negative, on_cycles, rule, unknown, unresolved
 from schemas.common.errors import InvalidFile
 from schemas.expressions import ExpressionError, references
 from schemas.xml import canonical, line_of, parse

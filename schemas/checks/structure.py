@@ -104,7 +104,7 @@ def file_has_the_ending(document: Document) -> Iterator[Finding]:
 
 _NOT_OWN_NAMES = {"TrafficSignalStateAction", "TrafficSignalCondition", "UserDefinedValueCondition"}
 _ENTITIES = {"Entities", "Catalog"}
-"""Elements whose children have rules of their own: `schemas.rules.entities`."""
+"""Elements whose children have rules of their own: `xosc.rules.references`."""
 
 
 UNIQUE_NAMES_UID = "asam.net:xosc:1.2.0:reference_control.unique_element_names_on_same_level"

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from schemas.checks.document import Document
-from schemas.checks.findings import unresolved
-from schemas.checks.registry import Finding, rule
+from schemas.checks.registry import Finding, rule, unresolved
 from schemas.xml import local_name
 
 _ROAD_POSITIONS = ("LanePosition", "RoadPosition", "RelativeLanePosition", "RelativeRoadPosition")

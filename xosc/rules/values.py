@@ -7,12 +7,11 @@ from collections.abc import Iterator
 from lxml import etree
 
 from schemas.checks.document import Document
-from schemas.checks.findings import negative
-from schemas.checks.registry import Finding, rule
+from schemas.checks.registry import Finding, negative, rule
 from schemas.expressions import FIRST_VERSION, FUNCTIONS, ExpressionError, evaluate, functions, is_expression, references
-from schemas.rules.parameters import scenario_of
 from schemas.values import TYPES, holds, typed
 from schemas.xml import local_name
+from xosc.rules.parameters import scenario_of
 
 
 @rule("asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference", kinds=("scenario", "catalog"))

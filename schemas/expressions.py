@@ -1,27 +1,111 @@
-"""From the text of an expression to a function that gives its value."""
+"""The expressions of OpenSCENARIO XML: `${$speed / 3.6}`, and parameter references `$speed`.
+
+Source: OpenSCENARIO XML 1.3.1, section 9.2. Operators, from the strongest: unary minus, functions and `not`; `*`, `/`
+and `%`; `+` and `-`; `and`; `or`. There are numbers and booleans, no comparisons and no text. Angles are in radians.
+Where the standard leaves it open: `/` is never an integer division, `%` has the sign of its left operand, `round` rounds
+halves away from zero. A result that is no finite number is an error."""
 
 from __future__ import annotations
 
 import math
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
-from schemas.expressions.language import (
-    CONSTANTS,
-    EXACT_INTEGERS,
-    FUNCTIONS,
-    LARGEST,
-    OPERATORS,
-    ExpressionError,
-    Number,
-    Value,
-    finite,
-    literal,
-)
+from schemas.common.errors import ExitCode, ToolchainError
 from schemas.values import quoted
+
+# vocabulary: values, functions, constants, operators --------------------------------------------
+
+
+Value = float | int | bool | str
+Number = float | int
+
+FIRST_VERSION = (1, 1)
+"""OpenSCENARIO 1.0 knows parameters, but no expressions."""
+EXACT_INTEGERS = 2**53
+"""A double holds all integers below it exactly."""
+LARGEST = sys.float_info.max
+
+
+class ExpressionError(ToolchainError):
+    """An expression that is malformed, or that has no value."""
+
+    exit_code = ExitCode.INVALID
+
+
+class Function(NamedTuple):
+    """A function of the standard: how many arguments, what it does, and the version that introduced it."""
+
+    arity: int
+    apply: Callable[..., Number]
+    since: tuple[int, int]
+
+
+def _round(value: Number) -> int:
+    whole = math.floor(abs(value))
+    return int(math.copysign(whole + (abs(value) - whole >= 0.5), value))
+
+
+FUNCTIONS: dict[str, Function] = {
+    "round": Function(1, _round, FIRST_VERSION),
+    "floor": Function(1, math.floor, FIRST_VERSION),
+    "ceil": Function(1, math.ceil, FIRST_VERSION),
+    "sqrt": Function(1, math.sqrt, FIRST_VERSION),
+    "pow": Function(2, math.pow, FIRST_VERSION),
+    "sin": Function(1, math.sin, (1, 3)),
+    "cos": Function(1, math.cos, (1, 3)),
+    "tan": Function(1, math.tan, (1, 3)),
+    "asin": Function(1, math.asin, (1, 3)),
+    "acos": Function(1, math.acos, (1, 3)),
+    "atan": Function(1, math.atan, (1, 3)),
+    "sign": Function(1, lambda value: (value > 0) - (value < 0), (1, 3)),
+    "abs": Function(1, abs, (1, 3)),
+    "max": Function(2, max, (1, 3)),
+    "min": Function(2, min, (1, 3)),
+}
+CONSTANTS: dict[str, Value] = {"pi": math.pi, "e": math.e, "true": True, "false": False}
+
+
+def _modulo(left: Number, right: Number) -> Number:
+    if right == 0:
+        raise ZeroDivisionError
+    rest = math.fmod(left, right)
+    return int(rest) if isinstance(left, int) and isinstance(right, int) else rest
+
+
+OPERATORS: dict[str, Callable[[Number, Number], Number]] = {
+    "+": lambda left, right: left + right,
+    "-": lambda left, right: left - right,
+    "*": lambda left, right: left * right,
+    "/": lambda left, right: left / right,
+    "%": _modulo,
+}
+
+
+def literal(value: Value) -> str:
+    """A value as it is written in a file: `true`, `5`, `0.1`; reading it back gives the same number."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return str(int(value)) if abs(value) < EXACT_INTEGERS and value.is_integer() else repr(value)
+    return str(value)
+
+
+def finite(value: Number, operator: str) -> Number:
+    """Integers beyond those that a double holds exactly become doubles, which bounds their size."""
+    if isinstance(value, int):
+        return value if -EXACT_INTEGERS < value < EXACT_INTEGERS else float(value)
+    if not -LARGEST <= value <= LARGEST:
+        raise ExpressionError(f"the result of {operator!r} is too large")
+    return value
+
+
+# from text to a function that gives the value ---------------------------------------------------
+
 
 Lookup = Callable[[str], Value]
 """Value of the parameter with that name (without `$`); raises KeyError, or a ToolchainError that says more."""
@@ -240,3 +324,100 @@ def _boolean(value: Value, operator: str, node: Node) -> bool:
     if not isinstance(value, bool):
         raise ExpressionError(f"{operator!r} needs true or false, not {_shown(value, node)}")
     return value
+
+
+# values and references of attributes ------------------------------------------------------------
+
+
+_QUOTED_LENGTH = 120
+_REFERENCE = re.compile(r"\$([A-Za-z_][A-Za-z0-9_]*)")
+
+
+def evaluate(text: str, lookup: Lookup) -> Value:
+    """Value of an expression, given with its `${` and `}` or without.
+
+    Args:
+        text: the expression.
+        lookup: gives the parameters' values.
+
+    Raises:
+        ExpressionError: it is malformed, uses a parameter that `lookup` does not know, mixes types, divides by zero,
+            or its value is no finite number.
+    """
+    try:
+        return parse(_strip(text)).node(lookup)
+    except KeyError as error:
+        raise ExpressionError(f"{_quoted(text)}: there is no parameter {error}") from None
+    except ZeroDivisionError:
+        raise ExpressionError(f"{_quoted(text)} divides by zero") from None
+    except ExpressionError as error:
+        raise ExpressionError(f"{_quoted(text)}: {error.message}") from None
+
+
+def references(text: str) -> set[str]:
+    """Names of the parameters that an attribute's value refers to; empty for a literal.
+
+    Raises:
+        ExpressionError: it is an expression, and malformed.
+    """
+    if "$" not in text:
+        return set()
+    reference = _REFERENCE.fullmatch(text)
+    if reference:
+        return {reference[1]}
+    return set(_parsed(text).parameters) if is_expression(text) else set()
+
+
+def is_wellformed(text: str) -> bool:
+    """Whether an attribute's value is a literal, a reference, or an expression that can be parsed."""
+    try:
+        references(text)
+    except ExpressionError:
+        return False
+    return True
+
+
+def functions(text: str) -> set[str]:
+    """Names of the functions that an expression calls.
+
+    Raises:
+        ExpressionError: the expression is malformed.
+    """
+    return set(_parsed(text).functions)
+
+
+def substitute(text: str, lookup: Lookup) -> str:
+    """An attribute's value as a literal: what `$name` and `${…}` stand for, everything else as it is.
+
+    Raises:
+        ExpressionError: see `evaluate`.
+    """
+    if "$" not in text:
+        return text
+    reference = _REFERENCE.fullmatch(text)
+    if reference:
+        try:
+            return literal(lookup(reference[1]))
+        except KeyError:
+            raise ExpressionError(f"there is no parameter {reference[1]!r}") from None
+    return literal(evaluate(text, lookup)) if is_expression(text) else text
+
+
+def is_expression(text: str) -> bool:
+    """Whether an attribute's value is written as `${…}`."""
+    return text.startswith("${") and text.endswith("}")
+
+
+def _strip(text: str) -> str:
+    return text[2:-1] if is_expression(text) else text
+
+
+def _quoted(text: str) -> str:
+    return repr(text if len(text) <= _QUOTED_LENGTH else f"{text[:_QUOTED_LENGTH]}…")
+
+
+def _parsed(text: str) -> Expression:
+    try:
+        return parse(_strip(text))
+    except ExpressionError as error:
+        raise ExpressionError(f"{_quoted(text)}: {error.message}") from None

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from lxml import etree
 
 from schemas.checks.document import Document
-from schemas.checks.findings import unknown
-from schemas.checks.registry import Finding, rule
-from schemas.rules.values import satisfies
+from schemas.checks.registry import Finding, rule, unknown
 from schemas.xml import local_name
+from xosc.rules.values import satisfies
 
 EMPTY_ELEMENTS_UID = "xosc.toolchain:xosc:1.0.0:storyboard.elements_are_not_empty"
 

@@ -9,9 +9,8 @@ from itertools import pairwise
 from lxml import etree
 
 from schemas.checks.document import Document
-from schemas.checks.findings import unknown
-from schemas.checks.lanes import PERMANENT, SAME_BORDER, Section, layer_of, sections_by_layer, single_sided
-from schemas.checks.registry import Finding, rule
+from schemas.checks.registry import Finding, rule, unknown
+from xodr.rules.sections import PERMANENT, SAME_BORDER, Section, layer_of, sections_by_layer, single_sided
 
 
 @rule("asam.net:xodr:1.4.0:ids.id_unique_in_class")
