@@ -27,7 +27,7 @@ from runner.exports import TARGETS
 from runner.exports.exporting import export_documents
 from runner.settings import RunSettings
 from schemas.common.errors import ToolchainError
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 DOCUMENTS = [target.name for target in TARGETS.values() if not target.of_run]
 SETTINGS = RunSettings(timestep=0.05, sut="none", world="kinematic", max_time=20.0)

@@ -22,7 +22,7 @@ from tempfile import TemporaryDirectory
 from benchmarks.exports import scenarios
 from runner.exports import TARGETS
 from runner.exports.exporting import export_documents
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 READER = Path(__file__).parents[1] / "tests" / "xosc" / "scenario_runner_reader.py"
 AT_ONCE, SETS = 20, 3

@@ -33,8 +33,7 @@ from xosc.distributions import (
 from xosc.document import Document, to_bytes
 from xosc.exports import standard
 from xosc.exports.concrete import concrete, copied
-from xosc.exports.draft import Draft, ExportSettings, roads_in
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Draft, ExportSettings, Folder, roads_in
 from xosc.files import Header, new_document
 from xosc.tags import Tag, annotated
 from xosc.tags import to_bytes as as_openlabel

@@ -77,14 +77,14 @@ CACHES = {
     "xodr.sumo_net.building.sumo_home": PROGRAM,
     "xosc.distributions.values._plugin": PROGRAM,
     "xosc.document._load": FILE,
-    "xosc.maneuvers.base._place": VALUE,
-    "xosc.maneuvers.base.enum_value": PROGRAM,
+    "xosc.maneuvers.entities._place": VALUE,
+    "xosc.maneuvers.entities.enum_value": PROGRAM,
     "xosc.maneuvers.files._around_trajectories": VALUE,
     "xosc.node._path": VALUE,
-    "xosc.repairs.declared.attributes": PROGRAM,
-    "xosc.repairs.declared.children": PROGRAM,
-    "xosc.repairs.declared.content": PROGRAM,
-    "xosc.repairs.declared.names": PROGRAM,
+    "xosc.repairs.attributes.attributes": PROGRAM,
+    "xosc.repairs.attributes.children": PROGRAM,
+    "xosc.repairs.attributes.content": PROGRAM,
+    "xosc.repairs.attributes.names": PROGRAM,
 }
 """Kind of each cached function."""
 STAMPED = ("Stamp", "version")

@@ -16,7 +16,7 @@ from runner.exports import TARGETS, Target
 from runner.exports.exporting import export_documents, export_runs
 from runner.settings import RunSettings
 from schemas.common.errors import ExitCode, ToolchainError
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 ROOT = Path(__file__).parents[1]
 LIBRARY = sorted((ROOT / "xosc" / "library").rglob("*.xosc"))

@@ -56,8 +56,7 @@ def xosc_list(
 
     --where, --sort, --distinct, --like and --copy-to ask the index of a catalogue that xosc-recognize wrote.
     """
-    from xosc import tables
-    from xosc.listing import LIBRARY, Listing, listing
+    from xosc.listing import FORMATS, LIBRARY, Listing, listing, text
 
     if where is not None or sort or distinct or like or copy_to:
         if label or tag or paths is None or len(paths) != 1:
@@ -76,7 +75,7 @@ def xosc_list(
     chosen = Listing(found.scenarios, found.catalogues)
     if label or tag:
         chosen = Listing(found.chosen(label, map(_tag, tag or [])), [])
-    content = tables.text(chosen, verbose) if format == "text" else tables.FORMATS[format](chosen)
+    content = text(chosen, verbose) if format == "text" else FORMATS[format](chosen)
     deliver(content, "the list", output)
     raise typer.Exit(gravest(codes))
 
@@ -85,8 +84,7 @@ def _asked(
     path: str, where: str | None, sort: list[str], distinct: bool, like: Path | None, out: Path | None, format: str, verbose: bool
 ) -> str:
     """Answer of an index to a question, in a format."""
-    from xosc import tables
-    from xosc.listing import questions
+    from xosc.listing import of_rows, questions
 
     index, shown = questions.read_index(path), ["file", "class"]
     table = questions.similar(index, like) if like is not None else index.table
@@ -100,7 +98,7 @@ def _asked(
     shown += [name.removeprefix("-") for name in sort] + ["distance"] * (like is not None)
     if out is not None:
         say(f"{questions.copy(index, table, out)} files copied to {out}", to=sys.stderr)
-    return tables.of_rows(table.to_pylist(), table.column_names if verbose else list(dict.fromkeys(shown)), format)
+    return of_rows(table.to_pylist(), table.column_names if verbose else list(dict.fromkeys(shown)), format)
 
 
 def _tag(text: str) -> Tag:

@@ -20,7 +20,7 @@ SOURCE = "{urn:xosc-toolchain}source"
 LINE = "{urn:xosc-toolchain}line"
 """Attribute keeping the source line of such an element's root."""
 TO_RIGHT = "{urn:xosc-toolchain}toRight"
-"""Attribute of elements whose lateral values count to the right of the entity that they refer to, see `xosc.dialects.carla`."""
+"""Attribute of elements whose lateral values count to the right of the entity that they refer to, see `xosc.carla`."""
 OWN = (SOURCE, LINE, TO_RIGHT)
 """Attributes that no file has."""
 

@@ -17,7 +17,7 @@ from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.remarks import Remark, Remarks, with_ignored
 from schemas.expressions import ExpressionError, is_expression
 from schemas.values import quoted
-from xosc.dialects.carla import is_for_carla, to_standard
+from xosc.carla import is_for_carla, to_standard
 from xosc.document import Document, load
 from xosc.node import LINE, SOURCE, Node
 from xosc.parameters import OPERATORS, Assignment, Parameter, Scope, Variable, monitors, variables

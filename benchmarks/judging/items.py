@@ -22,9 +22,9 @@ from xodr.lookup.arrays import sample, stations
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from xodr.array_types import FloatArray
 
     from runner.recording import Recording, Track
+    from schemas.common.array_types import FloatArray
     from xodr.network import RoadNetwork
 
 COLUMNS = ("item", "answer", "class", "time", "reason")

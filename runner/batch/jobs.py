@@ -193,7 +193,7 @@ def assumed(job: Job, strict: bool) -> Sequence[Remark]:
     Raises:
         InvalidFile: there is something, and reading is strict.
     """
-    from xosc.distributions.file import respelled
+    from xosc.distributions.deterministic import respelled
     from xosc.document import load
 
     if job.source == job.scenario:

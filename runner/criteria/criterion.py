@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from schemas.common.discovery import load
-from xosc.dialects.carla import CRITERION_PREFIX, is_criterion
+from xosc.carla import CRITERION_PREFIX, is_criterion
 
 if TYPE_CHECKING:
     from runner.recording import Recording, Track

@@ -73,7 +73,7 @@ def xosc_export(
 ) -> None:
     """Export OpenSCENARIO files, or runs of them, to what other tools read."""
     from runner.exports.exporting import export_documents, export_runs
-    from xosc.exports.folder import Folder
+    from xosc.exports.draft import Folder
 
     target = TARGETS.get(to)
     if target is None:

@@ -21,7 +21,7 @@ from xosc.versions import with_recent
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
     from runner.recording import Track
-    from xosc.exports.folder import Folder
+    from xosc.exports.draft import Folder
 
 TARGETS = {"commonroad": "CommonRoad 2020a XML: lanelets, obstacles, planning problem"}
 _OBSTACLES = with_recent({

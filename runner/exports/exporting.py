@@ -21,7 +21,7 @@ from xosc.exports.draft import ExportSettings, Roads, roads_in
 if TYPE_CHECKING:
     from runner.exports import Target
     from runner.interpreter.result import RunResult
-    from xosc.exports.folder import Folder
+    from xosc.exports.draft import Folder
 
 
 class Exported(NamedTuple):

@@ -17,7 +17,7 @@ from xosc.tags import openlabel, tags_of
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
     from runner.recording import Track
-    from xosc.exports.folder import Folder
+    from xosc.exports.draft import Folder
 
 TARGETS = {"openlabel": "ASAM OpenLABEL JSON: tags, and everyone's box in every frame"}
 _WORLD = "world"

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from runner.batch.jobs import Job, Outcome
     from runner.interpreter.result import RunResult
     from runner.recording import Track
-    from xosc.exports.folder import Folder
+    from xosc.exports.draft import Folder
 
 
 _TYPES = {

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from runner.interpreter.result import RunResult
-    from xosc.exports.folder import Folder
+    from xosc.exports.draft import Folder
     from xosc.tags import Tag
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from runner import recording
     from runner.interpreter.result import RunResult
     from xodr.sumo_net import SumoNet
-    from xosc.exports.folder import Folder
+    from xosc.exports.draft import Folder
 
 TARGETS = {"sumo": "SUMO: network, routes, and the run as FCD"}
 _UNFIT = re.compile(r"[^A-Za-z0-9_.-]")

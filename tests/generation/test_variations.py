@@ -24,7 +24,7 @@ from generation.variations import Evidence, Writer
 from runner.settings import RunSettings
 from schemas.common.errors import InvalidFile, UsageError
 from xosc.exports import standard
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 from xosc.tags import read
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"

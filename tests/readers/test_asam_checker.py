@@ -10,7 +10,7 @@ import xosc
 from runner.exports import TARGETS
 from runner.exports.exporting import export_documents
 from tests.readers.conftest import Read
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 LIBRARY = sorted((Path(xosc.__file__).parent / "library").glob("*.xosc"))
 

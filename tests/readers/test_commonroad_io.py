@@ -16,7 +16,7 @@ from runner.exports.lanelets import lanelets
 from runner.exports.moments import box_centre
 from tests.readers.conftest import Read
 from tests.runner.files import ROADS, car, place, scenario
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 LIBRARY = Path(xosc.__file__).parent / "library"
 

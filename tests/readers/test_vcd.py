@@ -9,7 +9,7 @@ import xodr
 from runner.exports import openlabel
 from tests.readers.conftest import Read
 from tests.runner.files import car, place, scenario
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 from xosc.tags import ASAM, Tag, to_bytes
 
 LIBRARY = Path(xodr.__file__).parent / "library"

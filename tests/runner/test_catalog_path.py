@@ -16,7 +16,7 @@ from runner.settings import RunSettings
 from schemas.common.errors import InvalidFile
 from tests.commands import Command
 from xosc.exports import standard
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 CUT_IN = Path(xosc.__file__).parent / "library" / "simple_cut_in.xosc"
 FAST = RunSettings(sut="none", world="kinematic", max_time=0.2)

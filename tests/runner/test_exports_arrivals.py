@@ -12,7 +12,7 @@ from runner.exports.exporting import export_documents
 from tests.runner.files import at_time, car, place, scenario, speed_action, story
 from tests.runner.test_exports_geometry import CLOSE, distance, exported
 from tests.xosc.scenario_runner_grammar import stops_at
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 STARTS = place("Ego", 20, 10) + place("Lead", 20, 8, lane=-2)
 BRAKE = speed_action(4, 'dynamicsShape="linear" dynamicsDimension="rate" value="2"')

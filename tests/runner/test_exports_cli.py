@@ -17,7 +17,7 @@ from schemas.common import discovery
 from tests.commands import Command
 from tests.runner.files import HEADER, distribution, place, scenario, speed_action, story
 from xosc.exports import standard
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 BRAKES = story("Lead", [(0.2, speed_action(5))])
 

@@ -16,7 +16,7 @@ from runner.exports.lanelets import lanelets
 from runner.exports.moments import box_centre
 from schemas.common.errors import Unsupported
 from tests.runner.files import ROADS, car, place, scenario, story
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 LIBRARY = Path(xodr.__file__).parent / "library"
 

@@ -12,7 +12,7 @@ from runner.exports.exporting import export_documents
 from tests.runner.files import at_time, place, scenario, speed_action, story
 from tests.runner.test_exports_geometry import CLOSE, distance, exported
 from tests.xosc.scenario_runner_grammar import stops_at
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 BY_RATE = 'dynamicsShape="sinusoidal" dynamicsDimension="rate" value="1.5"'
 BY_TIME = 'dynamicsShape="sinusoidal" dynamicsDimension="time" value="2"'

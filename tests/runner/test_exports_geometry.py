@@ -15,7 +15,7 @@ from runner.exports.exporting import export_documents
 from runner.settings import RunSettings
 from tests.runner.files import car, place, scenario, speed_action, story
 from tests.xosc.scenario_runner_grammar import stops_at
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 from xosc.exports.starts import actors
 
 SCENARIOS = Path(__file__).parents[1] / "conformance" / "scenarios"

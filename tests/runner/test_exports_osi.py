@@ -23,7 +23,7 @@ from schemas.common.errors import UsageError
 from schemas.osi_rules import breaches
 from schemas.osi_traces import Frame
 from tests.runner.files import car, place, scenario, speed_action, story
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 pytest.importorskip("osi3", reason="the extra `osi` is not installed")
 osi_utilities = pytest.importorskip("osi_utilities", reason="the extra `osi` is not installed")

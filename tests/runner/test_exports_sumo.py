@@ -17,7 +17,7 @@ from runner.exports import sumo
 from schemas.common.errors import Unsupported
 from tests.runner.files import car, place, scenario, story
 from xodr.sumo_net import sumo_home
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 LIBRARY = Path(__file__).parents[2] / "xosc" / "library"
 

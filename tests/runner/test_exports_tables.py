@@ -14,7 +14,7 @@ import runner
 from runner.exports import openlabel, parquet
 from runner.exports.moments import box_centre
 from tests.runner.files import car, place, scenario
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 from xosc.tags import ASAM, Tag, tags_of, to_bytes
 
 TAGS = [Tag("RoadUserCar", None, ASAM), Tag("scenarioClass", "cut in"), Tag("metric", 1.5)]

@@ -16,7 +16,7 @@ from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from tests.runner.files import at_time, car, distribution, place, scenario, speed_action, story
 from xosc.exports import carla, esmini, standard
 from xosc.exports.concrete import concrete
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 LIBRARY = Path(xosc.__file__).parent / "library"
 

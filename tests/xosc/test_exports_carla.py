@@ -19,7 +19,7 @@ from schemas.common.errors import Unsupported
 from tests.conformance.support import changed
 from tests.xosc.scenario_runner_grammar import stops_at
 from xosc.exports import carla
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 LIBRARY = Path(xosc.__file__).parent / "library"
 PYTHON, SOURCES = os.environ.get("XOSC_CARLA_PYTHON", ""), os.environ.get("XOSC_SCENARIO_RUNNER", "")

@@ -11,8 +11,7 @@ import pytest
 from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.xosc.conftest import Writer
-from xosc.listing import LIBRARY, Declared, listing
-from xosc.tables import to_csv, to_json
+from xosc.listing import LIBRARY, Declared, listing, to_csv, to_json
 from xosc.tags import Tag, properties
 
 PARAMETERS = """

@@ -11,8 +11,7 @@ from schemas.common.errors import InvalidFile, Unsupported
 from tests.runner.files import car, place, scenario, speed_action, story
 from tests.xosc.test_exports import motion
 from xosc.exports import standard
-from xosc.exports.draft import ExportSettings
-from xosc.exports.folder import Folder
+from xosc.exports.draft import ExportSettings, Folder
 from xosc.exports.omissions import OMISSIONS, SAID_OTHERWISE
 
 CONTROLLER = """<ObjectController name="own"><Controller name="c" controllerType="all"><Properties/></Controller>

@@ -6,8 +6,9 @@ from xosc.distributions.deterministic import (
     DeterministicSingleParameterDistribution,
     DistributionRange,
     DistributionSet,
+    ParameterValueDistribution,
+    write_distribution,
 )
-from xosc.distributions.file import ParameterValueDistribution, write_distribution
 from xosc.distributions.space import ParameterSpace, Selection, Variations, sample, variations
 from xosc.distributions.stochastic import (
     Histogram,

@@ -21,8 +21,7 @@ from schemas.common.storage import digest
 from schemas.common.text import many
 from schemas.expressions import ExpressionError, references
 from schemas.values import meant, quoted, type_named
-from xosc.distributions.deterministic import Deterministic
-from xosc.distributions.file import ParameterValueDistribution
+from xosc.distributions.deterministic import Deterministic, ParameterValueDistribution
 from xosc.distributions.values import text
 from xosc.document import Document, load
 from xosc.node import Node

@@ -24,7 +24,7 @@ MAX_SETS = 1000
 """Most scenarios that one distribution may become."""
 
 _WORKED_OUT, _SINCE_1_1 = ("LateralDistanceAction", "RelativeLanePosition"), {"displacement", "dsLane"}
-"""Elements that may have got attributes of a later version by `xosc.dialects`."""
+"""Elements that may have got attributes of a later version by `xosc.carla`."""
 _REFERENCES = ("parameterRef",)
 """Attributes by which an element names a parameter when the scenario runs."""
 

@@ -12,8 +12,7 @@ from pathlib import Path
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load, to_bytes
 from xosc.exports.conversion import in_version
-from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
-from xosc.exports.folder import Folder
+from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.omissions import Rule, refuse, remarks
 from xosc.exports.references import catalog_name
 from xosc.exports.standard import distribution, scenario, write_sets

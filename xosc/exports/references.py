@@ -21,8 +21,7 @@ from schemas.common.storage import read_bytes
 from schemas.registry import OPENDRIVE, detect
 from schemas.xml import local_name, parse_bytes, repaired
 from xosc.document import Document, load
-from xosc.exports.draft import Draft
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Draft, Folder
 from xosc.node import Node
 from xosc.roads import RULE, logic_file
 

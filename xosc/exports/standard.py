@@ -14,8 +14,7 @@ from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
 from xosc.exports.concrete import concrete, concrete_scenarios, copied
 from xosc.exports.conversion import in_version
-from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
-from xosc.exports.folder import Folder
+from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.references import catalog_name, take_catalogs, take_roads
 from xosc.exports.shapes import earlier, first_distances, in_world, polylines, to_init
 from xosc.exports.starts import Geometry

@@ -17,7 +17,7 @@ from schemas.common.errors import InvalidFile, UsageError, nearest, reason
 from schemas.common.storage import read_bytes, read_object, read_parquet
 from schemas.common.text import csv_text
 from xosc.document import load
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 from xosc.tags import tags_of
 
 if TYPE_CHECKING:

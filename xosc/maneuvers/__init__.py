@@ -38,8 +38,7 @@ from xosc.maneuvers.actions import (
     traveled_distance,
     world_position,
 )
-from xosc.maneuvers.base import Number
-from xosc.maneuvers.entities import controller, obstacle, parameter, pedestrian, reference, vehicle
+from xosc.maneuvers.entities import Number, controller, obstacle, parameter, pedestrian, reference, vehicle
 from xosc.maneuvers.files import CATALOG_KINDS, Form, catalog, extended, scenario, storyboard, trajectory_catalog
 
 __all__ = [

@@ -10,8 +10,7 @@ import numpy as np
 from scenariogeneration import xosc as sg
 
 from schemas.common.errors import UsageError
-from xosc.maneuvers.base import Number, Polyline, enum_value, number
-from xosc.maneuvers.entities import declarations
+from xosc.maneuvers.entities import Number, Polyline, declarations, enum_value, number
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from schemas.common.errors import UsageError
 from xosc.document import Document, to_bytes
 from xosc.files import Header, new_document
 from xosc.maneuvers.actions import Conditions, trigger
-from xosc.maneuvers.base import ESCAPED, Number, Polyline, number, rendered
-from xosc.maneuvers.entities import declarations
+from xosc.maneuvers.entities import ESCAPED, Number, Polyline, declarations, number, rendered
 from xosc.versions import Version
 
 CATALOG_KINDS = ("Vehicle", "Pedestrian", "MiscObject", "Controller", "Environment", "Maneuver", "Trajectory", "Route")

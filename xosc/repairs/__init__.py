@@ -7,47 +7,137 @@ it was there.
 
 from __future__ import annotations
 
+import copy
 from bisect import bisect_right
 from collections import Counter
 from dataclasses import replace
 
+from lxml import etree
+
+from schemas import validate
 from schemas.common.remarks import Remark
+from schemas.registry import HEADERS, OPENSCENARIO, header_of, revision, schema_for
 from xosc.node import Node
-from xosc.repairs import attributes, elements, names, revision
+from xosc.repairs import attributes, elements
+
+# revision ---------------------------------------------------------------------------------------
+
+
+_PRESENT, _DEFINED, _VALID = (
+    f"asam.net:xosc:1.0.0:xml.{name}" for name in ("fileheader_is_present", "version_is_defined", "valid_schema")
+)
+_HEADER = {"author": "", "date": "1970-01-01T00:00:00", "description": ""}
+
+Version = tuple[int, int]
+
+
+def correct_revision(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
+    """Enter the revision of the version whose schema the document keeps, where it does not keep that of its own.
+
+    Where several do, it is the one nearest to what the header says; the newest where that says nothing. A document of a later
+    revision that keeps none is read as one of the newest: what came later is then found as anything else that breaks its schema.
+
+    Args:
+        root: the root, in no namespace; its header is changed or added.
+        versions: those that can be read, ascending.
+    """
+    header, said = header_of(root.element), claimed(root)
+    if said in versions and (schema_for(OPENSCENARIO, said) is None or _keeps(root, said)):
+        return []
+    for version in sorted(versions, key=lambda each: _distance(each, said)):
+        if version != said and _keeps(root, version):
+            break
+    else:
+        if said is None or not versions[-1] < said < (versions[-1][0] + 1, 0):
+            return []
+        version = versions[-1]
+    name = f"{version[0]}.{version[1]}"
+    if header is None:
+        header = etree.Element(HEADERS[OPENSCENARIO], _HEADER)
+        root.element.insert(0, header)
+        remark = root.remark(_PRESENT, f"there is no FileHeader; the content is that of version {name}")
+    else:
+        has = f"the revision {said[0]}.{said[1]}" if said else "no revision"
+        rule = _VALID if said else _DEFINED
+        read = f"the content is that of version {name}" if _keeps(root, version) else f"it is read as version {name}"
+        remark = Node(header, root.path).remark(rule, f"the header has {has}, {read}")
+    header.set("revMajor", str(version[0]))
+    header.set("revMinor", str(version[1]))
+    return [remark]
+
+
+def claimed(root: Node) -> Version | None:
+    """The version that the header of a document says; None where it says none."""
+    header = header_of(root.element)
+    if header is None:
+        return None
+    major, minor = revision(header.get("revMajor")), revision(header.get("revMinor"))
+    return None if major is None or minor is None else (major, minor)
+
+
+def _distance(version: Version, said: Version | None) -> tuple[int, int]:
+    """Return the distance between a version and the one in the header; of two equally distant ones the newer sorts first."""
+    distance = abs(100 * version[0] + version[1] - 100 * said[0] - said[1]) if said else 0
+    return distance, -version[1]
+
+
+def is_valid(root: Node, version: Version) -> bool:
+    """Whether a document is valid against the XSD of a version, as far as there is one."""
+    schema = schema_for(OPENSCENARIO, version)
+    return schema is None or validate.is_valid(root.element.getroottree(), schema)
+
+
+def _keeps(root: Node, version: Version) -> bool:
+    """Whether the content keeps the schema of a version, whatever the header says."""
+    schema = schema_for(OPENSCENARIO, version)
+    if schema is None:
+        return False
+    tree = copy.deepcopy(root.element.getroottree())
+    header = header_of(tree.getroot())
+    if header is None:
+        header = etree.Element(HEADERS[OPENSCENARIO])
+        tree.getroot().insert(0, header)
+    for name, value in {**_HEADER, "revMajor": str(version[0]), "revMinor": str(version[1])}.items():
+        header.set(name, value)
+    return validate.is_valid(tree, schema)
+
+
+# all repairs ------------------------------------------------------------------------------------
+
 
 _REPAIRS = (
     attributes.leave_out_absent_values,
     attributes.correct_attribute_names,
-    names.correct_declared_names,
+    attributes.correct_declared_names,
     elements.join_doubled_elements,
     elements.keep_first_positions,
     elements.move_content,
     elements.double_lone_vertices,
-    names.keep_last_declarations,
+    attributes.keep_last_declarations,
     elements.correct_element_names,
     elements.order_elements,
     attributes.add_missing_attributes,
     elements.add_missing_boxes,
     elements.add_missing_elements,
-    names.tell_repeated_names,
+    attributes.tell_repeated_names,
     attributes.correct_spellings,
 )
 """In the order in which they are made."""
-_OF_VALID_DOCUMENTS = (names.correct_declared_names, names.keep_last_declarations, names.tell_repeated_names)
+_OF_VALID_DOCUMENTS = (attributes.correct_declared_names, attributes.keep_last_declarations, attributes.tell_repeated_names)
 """Repairs of faults that no XSD forbids."""
 
 
-def repair(root: Node, versions: tuple[revision.Version, ...]) -> list[Remark]:
+def repair(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
     """Make all repairs in a document, in place.
 
     Args:
         root: the root, in no namespace.
         versions: those of the standard that can be read, ascending.
     """
-    version = revision.claimed(root)
-    valid = version in versions and revision.is_valid(root, version)
-    remarks = [] if valid else revision.repair(root, versions)
-    version = revision.claimed(root)
+    version = claimed(root)
+    valid = version in versions and is_valid(root, version)
+    remarks = [] if valid else correct_revision(root, versions)
+    version = claimed(root)
     if version not in versions:
         return remarks
     repairs = _OF_VALID_DOCUMENTS if valid else _REPAIRS

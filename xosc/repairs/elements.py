@@ -13,8 +13,7 @@ from schemas.checks.structure import SCHEMA_UID
 from schemas.common.remarks import Remark
 from schemas.registry import OPENSCENARIO, schema_for
 from xosc.node import Node
-from xosc.repairs.attributes import ignored
-from xosc.repairs.declared import Child, children, content, names, similar, suggested
+from xosc.repairs.attributes import Child, children, content, ignored, names, similar, suggested
 from xosc.rules.storyboard import lacking
 
 _LISTS = ("ParameterDeclarations", "VariableDeclarations", "MonitorDeclarations", "Entities", "Properties")

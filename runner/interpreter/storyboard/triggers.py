@@ -9,7 +9,7 @@ from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Generic, Protocol, Self, TypeVar
 
 from runner.contracts.element import Condition
-from xosc.dialects.carla import is_criterion
+from xosc.carla import is_criterion
 from xosc.node import Node
 from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
 

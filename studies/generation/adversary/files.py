@@ -26,8 +26,7 @@ from xosc import maneuvers
 from xosc.document import Document, to_bytes
 from xosc.exports import standard
 from xosc.exports.concrete import concrete
-from xosc.exports.draft import ExportSettings, roads_in
-from xosc.exports.folder import Folder
+from xosc.exports.draft import ExportSettings, Folder, roads_in
 from xosc.tags import Tag, annotated
 from xosc.tags import to_bytes as as_openlabel
 

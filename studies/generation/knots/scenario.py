@@ -22,10 +22,9 @@ from studies.generation.knots.motion import NUMBER, Setting, box, knots_of, weig
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.exports import standard
-from xosc.exports.draft import DEFAULTS, Draft
-from xosc.exports.folder import Folder
+from xosc.exports.draft import DEFAULTS, Draft, Folder
 from xosc.maneuvers import Header
-from xosc.maneuvers.base import Number
+from xosc.maneuvers.entities import Number
 
 LOGICAL = "cut_in_highway"
 """The logical scenario that this is the trajectory-level one of."""

@@ -24,7 +24,7 @@ from schemas.common.command_line import progress_bar
 from schemas.common.errors import UsageError
 from tests.runner.chromium import Browser
 from xosc.exports import standard
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 BAR = partial(progress_bar, quiet=True)
 WEAK, STRONG = "cas:brake=2", "cas:sensor_range=150"

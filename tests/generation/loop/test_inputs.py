@@ -21,7 +21,7 @@ from tests.commands import Command
 from tests.recognition.motorway import write_motorway
 from tests.runner.files import car, distribution, place, scenario
 from xosc.exports import standard
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 
 def test_recordings_and_scenarios_are_told_apart(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from schemas.common.command_line import expand, progress_bar
 from tests.recognition.traffic import Car, write_highd
 from tests.runner.chromium import Browser
 from xosc.exports import standard
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 SETTINGS = LoopSettings(
     RunSettings(timestep=0.1), None, rounds=2, budget=12, most=2, shown=2, method="kde", processes=1, ask=Ask(density="gaussian")

@@ -18,7 +18,7 @@ from schemas.common.command_line import progress_bar
 from schemas.common.errors import UsageError
 from tests.runner.batch.test_inputs import SYSTEM
 from xosc.exports import standard
-from xosc.exports.folder import Folder
+from xosc.exports.draft import Folder
 
 SETTINGS = LoopSettings(model=None, rounds=1, budget=6, most=1, method="random", processes=1, ask=Ask(density="uniform"))
 

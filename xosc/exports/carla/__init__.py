@@ -9,16 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from xosc.dialects.carla import is_for_carla
+from xosc.carla import is_for_carla
 from xosc.document import Document, load, to_bytes
-from xosc.exports.carla.beginning import begin, no_delays
-from xosc.exports.carla.changes import change, change_lanes
-from xosc.exports.carla.dialect import IGNORED, REFUSED, need_entities, need_map, settle
-from xosc.exports.carla.ways import kept_distances, profiles, routes, steer, teleports, times, trajectories
+from xosc.exports.carla.changes import IGNORED, REFUSED, change, change_lanes, need_entities, need_map, settle
+from xosc.exports.carla.ways import begin, kept_distances, no_delays, profiles, routes, steer, teleports, times, trajectories
 from xosc.exports.concrete import concrete_scenarios
 from xosc.exports.conversion import in_version
-from xosc.exports.draft import DEFAULTS, Draft, ExportSettings
-from xosc.exports.folder import Folder
+from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.omissions import leave_out, omit, refuse, remarks
 from xosc.exports.references import take_roads
 from xosc.exports.shapes import earlier, in_world, polylines, to_init

@@ -1,1 +1,0 @@
-"""Ways of writing scenarios that differ from the standard's, worked out into what the standard would say."""
