@@ -13,9 +13,9 @@ import xosc
 from runner import RunResult
 from schemas import check
 from schemas.common.errors import InvalidFile
-from schemas.rules.positions import LANE_UID
 from tests.conformance.support import at, track
 from tests.conformance.support import run as run_scenario
+from xosc.rules.positions import LANE_UID
 
 LIBRARY, ROADS = (Path(package.__file__).parent / "library" for package in (xosc, xodr))
 FIRST, SECOND = -1.75, -5.25
