@@ -145,13 +145,13 @@ class _Search:
             worth: predicted failure (m,) of each.
             traffic: draws (t, k) that stand for traffic. left: predicted failure (t,) of those that are not covered.
         """
-        near = cdist(unit, traffic) < self._settings.radius * self._reach
+        near = (cdist(unit, traffic) < self._settings.radius * self._reach).astype(np.float64)
         free, chosen = np.ones(len(unit), bool), list[int]()
         while len(chosen) < n and free.any():
             best = int(np.argmax(np.where(free, worth * (near @ left + _ALONE), -1.0)))
             chosen.append(best)
             free &= np.square(unit - unit[best]).sum(axis=1) >= (self._settings.least * self._reach) ** 2
-            left = left * np.where(near[best], 1.0 - min(worth[best], _SURE), 1.0)
+            left = left * (1.0 - near[best] * min(worth[best], _SURE))
         return np.array(chosen, np.int64)
 
     def _verdicts(self, theta: FloatArray, twin: Plays) -> FloatArray:

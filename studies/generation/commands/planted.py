@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from schemas.common.command_line import Verbose, Version, interruptible
+from schemas.commands.options import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation planted"
 
@@ -17,29 +16,51 @@ def command(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; what is there is not made again.")],
     generator: Annotated[str, typer.Option(help="Generator of planted systems: development, reported.")] = "development",
     methods: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only these methods (repeatable).")] = None,
-    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each search.")] = 300,
+    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each search; judged after 100, 300 and N.")] = 1000,
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds: each plants another system.")] = 10,
+    first: Annotated[int | None, typer.Option(metavar="N", help="First seed.  [default: that of the generator]")] = None,
+    base: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Driver outside the regions.  [default: survives everything]")
+    ] = None,
+    plans: Annotated[list[int] | None, typer.Option("--plan", metavar="N", help="Only this plan (repeatable, from 0).")] = None,
     pool: Annotated[int, typer.Option(min=1000, metavar="N", help="Draws of the density that recall is measured by.")] = 40_000,
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
     """Search for planted failures on the kinematic twin, without a screen: every trial is a run."""
+    from dataclasses import replace
+
     from schemas.common.errors import UsageError
+    from schemas.common.storage import Records
     from studies.generation.failures.problem import posed
-    from studies.generation.planted.study import PLANS, ROWS, searches, table
-    from studies.generation.planted.systems import Pool
+    from studies.generation.planted.study import FIRST_SEED, PLANS, ROWS, Benchmark, statements, table
+    from studies.generation.planted.systems import PERFECT, Pool
 
     if generator not in PLANS:
         raise UsageError(f"there is no generator {generator!r}; generators: {', '.join(PLANS)}")
     if unknown := [name for name in methods or () if name not in ROWS]:
         raise UsageError(f"there is no row {unknown[0]!r}; rows: {', '.join(ROWS)}")
-    with interruptible(NAME, "the same command continues"), posed(scenario, "none", 1) as problem:
+    if plans and max(plans) >= len(PLANS[generator]):
+        raise UsageError(f"the generator {generator} has {len(PLANS[generator])} plans, counted from 0")
+    chosen = [PLANS[generator][number] for number in plans or range(len(PLANS[generator]))]
+    chosen = [replace(plan, base=base or PERFECT) for plan in chosen]
+    with interruptible(NAME, "the same command continues"), posed(scenario, base or "none", 1) as problem:
         twin, prior = problem.problem.twin, problem.problem.prior
         if twin is None or prior is None:
             raise UsageError("this scenario has no twin to plant failures on", path=scenario)
         drawn = Pool.of(prior, twin, pool, out / f"{scenario.stem}_pool_{pool}.npz")
+        start = FIRST_SEED[generator] if first is None else first
+        benchmark = Benchmark(problem.problem, drawn, chosen, start, methods or list(ROWS), budget)
         found = []
-        for each in searches(problem.problem, drawn, generator, methods or list(ROWS), budget, seeds, out):
+        for each in benchmark.results(seeds, Records(out / f"{scenario.stem}_{generator}_{budget}.jsonl")):
             found.append(each)
-            print(*each, flush=True)
-        print(table(found))
+            if each.runs == budget:
+                print(
+                    each.plan,
+                    each.method,
+                    each.seed,
+                    *(f"{value:.3g}" for value in each.found),
+                    f"{each.seconds:.1f} s",
+                    flush=True,
+                )
+        print(table(found), statements(found), sep="\n\n")

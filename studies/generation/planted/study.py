@@ -1,108 +1,80 @@
-"""Searches for planted failures: what each finds of them with the same runs, against plain draws of the density."""
+"""Searches for planted failures: what each finds of them with the same runs, against plain draws of the density.
+
+One search spends the whole budget, and is judged after each number of runs in `MARKS`.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from generation.density.prior import Prior
-from generation.search.emitters import Frame
+from generation.density.gate import NEAR, Statement
+from generation.pipeline import drawn_of
 from generation.search.methods.cover import cover
 from generation.search.methods.mcsg import mcsg
 from generation.search.methods.quality import quality
-from generation.search.problem import BATCH, Calls, History, Problem, Search
-from generation.search.space import distinctive
-from schemas.common.array_types import FloatArray, IntArray
+from generation.search.problem import History, Plays, Problem, Search
+from generation.search.space import Space, distinctive
+from schemas.common.array_types import FloatArray
 from schemas.common.storage import Records
 from studies.generation.baselines.cma_es import cma_es
-from studies.generation.planted.systems import Plan, Planted, Pool, plant
+from studies.generation.baselines.level_sets import level_sets
+from studies.generation.baselines.subset import subset
+from studies.generation.planted.designs import cells, draws, maximin, sobol
+from studies.generation.planted.systems import UNDRIVEN, Plan, Planted, Pool, plant
+from studies.generation.planted.together import Work, together
 
 PLANS: Mapping[str, Sequence[Plan]] = {
     "development": (
         Plan("box", 1, 1e-2, True),
         Plan("ellipsoid", 2, 4e-3, False),
-        Plan("ellipsoid", 5, 1e-2, True),
+        Plan("slab", 5, 1e-2, True),
+        Plan("interaction", 1, 1e-3, True),
     ),
     "reported": (
-        Plan("slab", 1, 1e-2, False),
-        Plan("shell", 2, 1e-2, True),
-        Plan("slab", 5, 1e-2, True),
-        Plan("interaction", 2, 3e-3, True),
-        Plan("interaction", 1, 1e-3, True),
-        Plan("timing", 1, 3e-3, False),
+        Plan("corner", 1, 1e-3, True),
+        Plan("ridge", 2, 4e-3, True),
+        Plan("ring", 5, 1e-2, False),
+        Plan("history", 1, 3e-3, False),
     ),
 }
 """Plans of each generator"""
-FIRST_SEED = {"development": 1000, "reported": 5000}
-NEAR = (0.05, 0.1)
+FIRST_SEED = {"development": 1000, "reported": 9000}
+MARKS = (100, 300, 1000)
+"""Numbers of runs after which a search is judged"""
+WITHIN = (0.05, 0.1)
 """Distances within which a failing draw counts as recalled by a found failure"""
-
-
-def draws(problem: Problem, budget: int, seed: int) -> History:
-    """Draws of the density."""
-    assert problem.prior is not None
-    calls, generator = Calls(problem, budget), np.random.default_rng(seed)
-    while calls.left:
-        calls(problem.prior.sample(min(BATCH, calls.left), generator))
-    return calls.history
-
-
-def cells(problem: Problem, budget: int, seed: int) -> History:
-    """One draw in each cell of equal probability: a design that covers the density evenly."""
-    assert problem.prior is not None
-    calls, generator = Calls(problem, budget), np.random.default_rng(seed)
-    frame = Frame.of(problem.space, problem.prior, generator)
-    calls(stratified(problem.prior, frame, budget, generator))
-    return calls.history
-
-
-def stratified(prior: Prior, frame: Frame, n: int, generator: np.random.Generator) -> FloatArray:
-    """One draw from each of n cells of equal probability, or up to twice as many (m, d), in a drawn order.
-
-    The cells halve draws of the prior at the median of the coordinate in which they spread most.
-    """
-    depth = max(int(np.ceil(np.log2(max(n, 1)))), 0)
-    drawn = prior.sample(_PER_CELL << depth, generator)
-    rows, cells = frame.coordinates(drawn), [np.arange(len(drawn))]
-    for _ in range(depth):
-        cells = [half for cell in cells for half in _halves(rows, cell)]
-    chosen = np.array([generator.choice(cell) for cell in cells])
-    return drawn[generator.permutation(chosen)]
-
-
-_PER_CELL = 4
-"""Draws of the prior for each cell"""
-
-
-def _halves(rows: FloatArray, cell: IntArray) -> tuple[IntArray, IntArray]:
-    widest = int(np.argmax(rows[cell].std(axis=0)))
-    order = cell[np.argsort(rows[cell, widest], kind="stable")]
-    return order[: len(order) // 2], order[len(order) // 2 :]
-
-
 ROWS: Mapping[str, Search] = {
     "draws": draws,
     "cells": cells,
+    "sobol": sobol,
+    "maximin": maximin,
     "cover": cover,
     "quality": quality,
     "mcsg": mcsg,
     "cma-es": cma_es,
+    "level-sets": level_sets,
+    "subset": subset,
 }
 """Methods by name, the one that the others must not stay behind first"""
+_ALONE = frozenset({"quality", "mcsg"})
+"""Methods that draw from a generator of the whole process: no other search may work beside them"""
+OURS = "cover"
+"""The method that the others are compared with"""
 
 
 class Found(NamedTuple):
-    """Result of a search.
+    """Result of a search after a number of runs.
 
     Attributes:
         regions: share of the planted regions with a run that fails there.
         near, far: share of failing draws of the density within 5 and 10 % of a found failure.
-        first: number of the first run that fails; one more than the budget where none does.
+        first: number of the first run that fails in a region; one more than the runs where none does.
         strange: share of the failing runs that are not foreseeable.
     """
 
@@ -113,69 +85,204 @@ class Found(NamedTuple):
     strange: float
 
 
+class Stated(NamedTuple):
+    """Statements on failures that were not found, of repeated unguided draws.
+
+    Attributes:
+        missed: true probability of failures that were not found. bound: mean of the stated bounds.
+        below: share of the statements whose bound is below that probability.
+    """
+
+    missed: float
+    bound: float
+    below: float
+
+
+class Result(NamedTuple):
+    """A judged search.
+
+    Attributes:
+        plan, method, seed, runs: the search, and after how many runs it was judged.
+        found: what it found. seconds: processor time of the whole search, without what the twin played.
+        stated: the product's statement after so many runs, a quarter of them unguided draws.
+    """
+
+    plan: str
+    method: str
+    seed: int
+    runs: int
+    found: Found
+    seconds: float
+    stated: Stated
+
+
 def judged(planted: Planted, problem: Problem, pool: Pool, history: History) -> Found:
     """Judge a search by the failing draws of the pool."""
     failing = np.flatnonzero(history.outcomes.collision & history.outcomes.executed)
-    if not failing.size:
+    theta = history.theta[failing]
+    held = planted.within(theta, planted.twin(theta, UNDRIVEN)) if failing.size else np.zeros((len(planted.regions), 0), bool)
+    within, hit = failing[held.any(axis=0)], held.any(axis=1)
+    if not within.size:
         return Found(0.0, 0.0, 0.0, len(history.outcomes) + 1, 0.0)
-    hit = planted.within(history.theta[failing]).any(axis=1)
-    drawn = pool.theta[pool.collides]
-    drawn = drawn[planted.within(drawn).any(axis=0)]
-    columns = distinctive(problem.space)
-    one, other = (problem.space.unit(each)[:, columns] for each in (drawn, history.theta[failing]))
-    least = cdist(one, other).min(axis=1) / np.sqrt(columns.sum())
-    near, far = (float((least < each).mean()) for each in NEAR)
+    drawn = pool.hits
+    drawn = drawn[planted.within(pool.theta[drawn], pool.undriven.take(drawn)).any(axis=0)]
+    least = _distances(problem.space, pool.theta[drawn], history.theta[within])
+    near, far = (float((least < each).mean()) for each in WITHIN)
     assert problem.prior is not None
-    strange = 1.0 - float(problem.prior.foreseeable(history.theta[failing]).mean())
-    return Found(float(hit.mean()), near, far, int(failing[0]) + 1, strange)
+    strange = 1.0 - float(problem.prior.foreseeable(theta).mean())
+    return Found(float(hit.mean()), near, far, int(within[0]) + 1, strange)
 
 
-def searches(
-    problem: Problem, pool: Pool, generator: str, methods: Sequence[str], budget: int, seeds: int, out: Path
-) -> Iterator[tuple[str, str, int, Found]]:
-    """Search, or read what was kept in the folder: plan, method, seed and what was found."""
-    assert problem.prior is not None and problem.twin is not None
-    records = Records(out / f"{generator}_{budget}.jsonl")
-    known = {(each["plan"], each["method"], each["seed"]): each["found"] for each in records.read()[0]}
-    for seed in range(FIRST_SEED[generator], FIRST_SEED[generator] + seeds):
-        for plan in PLANS[generator]:
-            planted = plant(plan, problem.space, problem.prior, problem.twin, pool, seed)
-            posed = replace(problem, evaluate=planted, twin=None)
-            for name in methods:
-                key = str(plan), name, seed
-                if key not in known:
-                    found = judged(planted, problem, pool, ROWS[name](posed, budget, seed))
-                    known[key] = list(found)
-                    records.add([{"plan": key[0], "method": name, "seed": seed, "found": known[key]}])
-                yield *key, Found(*known[key])
+_STATED = 40
+"""Repetitions of unguided draws"""
 
 
-def table(found: Sequence[tuple[str, str, int, Found]]) -> str:
-    """Means over seeds, with 95 % intervals by bootstrap over seeds for recall within 10 %; in Markdown."""
-    lines = ["| planted | method | regions found | recall 5 % | recall 10 % (95 % interval) | no failure | not foreseeable |"]
-    lines.append("|---|---|---|---|---|---|---|")
-    for plan in dict.fromkeys(each[0] for each in found):
-        lines += _rows(plan, [each for each in found if each[0] == plan])
-    lines += _rows("all", found)
+def stated(planted: Planted, problem: Problem, pool: Pool, history: History) -> Stated:
+    """Make the product's statement after a search: its unguided draws are runs of the pool, in place of its last runs."""
+    unguided = drawn_of(len(history.theta))
+    sought = history.theta[: len(history.theta) - unguided]
+    failing = history.outcomes.collision[: len(sought)]
+    drawn = pool.hits
+    drawn = drawn[planted.within(pool.theta[drawn], pool.undriven.take(drawn)).any(axis=0)]
+    unlike = np.zeros(len(pool.theta), bool)
+    unlike[drawn] = _distances(problem.space, pool.theta[drawn], sought[failing]) >= NEAR if failing.any() else True
+    fails = np.isin(np.arange(len(pool.theta)), drawn)
+    generator, missed = np.random.default_rng(0), float(unlike.mean())
+    rows = [generator.choice(len(pool.theta), unguided, replace=False) for _ in range(_STATED)]
+    bounds = [Statement(unguided, int(fails[each].sum()), int(unlike[each].sum())).unknown for each in rows]
+    return Stated(missed, float(np.mean(bounds)), float(np.mean([each < missed for each in bounds])))
+
+
+def _distances(space: Space, theta: FloatArray, others: FloatArray) -> FloatArray:
+    """Distances (n,) of points (n, d) from the nearest of others (m, d)."""
+    columns = distinctive(space)
+    one, other = (space.unit(each)[:, columns] for each in (theta, others))
+    found: FloatArray = cdist(one, other).min(axis=1) / np.sqrt(columns.sum())
+    return found
+
+
+class Benchmark(NamedTuple):
+    """A generator's systems in a scenario, and the searches of each.
+
+    Attributes:
+        problem: with twin and prior. pool: what recall is measured by. plans: of the systems.
+        first: seed of the first system. methods: names in `ROWS`. budget: runs of a search.
+    """
+
+    problem: Problem
+    pool: Pool
+    plans: Sequence[Plan]
+    first: int
+    methods: Sequence[str]
+    budget: int
+
+    def planted(self, plan: Plan, seed: int) -> Planted:
+        """The system of a plan and a seed."""
+        assert self.problem.prior is not None and self.problem.twin is not None
+        return plant(plan, self.problem.space, self.problem.prior, self.problem.twin, self.pool, seed)
+
+    @property
+    def marks(self) -> list[int]:
+        """Numbers of runs after which a search is judged."""
+        return sorted({*(mark for mark in MARKS if mark < self.budget), self.budget})
+
+    def results(self, seeds: int, records: Records) -> Iterator[Result]:
+        """Search, or read what is kept; a seed's searches work in lockstep."""
+        known = {_key(each): each for each in records.read()[0]}
+        for seed in range(self.first, self.first + seeds):
+            missing = [
+                (plan, name) for name in self.methods for plan in self.plans if (str(plan), name, seed, self.budget) not in known
+            ]
+            groups = [[each] for each in missing if each[1] in _ALONE]
+            for group in ([each for each in missing if each[1] not in _ALONE], *groups):
+                for entry in self._searched(group, seed):
+                    records.add([entry])
+                    known[_key(entry)] = entry
+            for name in self.methods:
+                for plan in self.plans:
+                    for mark in self.marks:
+                        entry = known[str(plan), name, seed, mark]
+                        yield Result(*_key(entry), Found(*entry["found"]), entry["seconds"], Stated(*entry["stated"]))
+
+    def _searched(self, group: Sequence[tuple[Plan, str]], seed: int) -> Iterator[dict[str, Any]]:
+        """Search by methods for plans, all at once."""
+        assert self.problem.twin is not None
+        systems = [self.planted(plan, seed) for plan, _ in group]
+        works = [self._work(each, name, seed) for each, (_, name) in zip(systems, group, strict=True)]
+        found = together(works, self.problem.twin)
+        for each, (plan, name), (history, seconds) in zip(systems, group, found, strict=True):
+            for mark in self.marks:
+                first = np.arange(min(mark, len(history.theta)))
+                part = History(history.theta[first], history.outcomes.take(first), history.rewards[first])
+                yield {
+                    "plan": str(plan), "method": name, "seed": seed, "runs": mark, "seconds": seconds,
+                    "found": judged(each, self.problem, self.pool, part), "stated": stated(each, self.problem, self.pool, part),
+                }  # fmt: skip
+
+    def _work(self, planted: Planted, name: str, seed: int) -> Work[tuple[History, float]]:
+        def work(plays: Plays) -> tuple[History, float]:
+            posed = replace(self.problem, evaluate=replace(planted, twin=plays), twin=None)
+            start = time.thread_time()
+            return ROWS[name](posed, self.budget, seed), time.thread_time() - start
+
+        return work
+
+
+def _key(entry: Mapping[str, Any]) -> tuple[str, str, int, int]:
+    return entry["plan"], entry["method"], entry["seed"], entry["runs"]
+
+
+def table(found: Sequence[Result]) -> str:
+    """A row for each number of runs and method over all systems, then for each plan after the last run, in Markdown.
+
+    Intervals are of 95 %, by bootstrap over systems; the lead of `cover` is the difference in recall on the same systems.
+    """
+    lines = [
+        "| planted | runs | method | systems | regions found | recall 5 % | recall 10 % | lead of `cover` | first failure "
+        "| nothing found | not foreseeable | processor s |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    runs = sorted({each.runs for each in found})
+    for mark in runs:
+        lines += _rows("all", [each for each in found if each.runs == mark])
+    for plan in dict.fromkeys(each.plan for each in found):
+        lines += _rows(plan, [each for each in found if each.plan == plan and each.runs == runs[-1]])
     return "\n".join(lines)
 
 
-_Row = tuple[str, str, int, Found]
+def _rows(plan: str, found: Sequence[Result]) -> Iterator[str]:
+    ours = {(each.plan, each.seed): each.found.far for each in found if each.method == OURS}
+    for name in dict.fromkeys(each.method for each in found):
+        of = [each for each in found if each.method == name]
+        regions, near, far = (np.array([getattr(each.found, which) for each in of]) for which in ("regions", "near", "far"))
+        ahead = np.array([ours[each.plan, each.seed] - each.found.far for each in of if (each.plan, each.seed) in ours])
+        lead = "–" if name == OURS or not len(ahead) else _mean(ahead, "+.2f")
+        first = np.median([each.found.first for each in of])
+        nothing = sum(each.found.regions == 0.0 for each in of)
+        strange, seconds = np.mean([each.found.strange for each in of]), np.mean([each.seconds for each in of])
+        yield (
+            f"| {plan} | {of[0].runs} | {name} | {len(of)} | {_mean(regions, '.2f')} | {near.mean():.2f} | {_mean(far, '.2f')} "
+            f"| {lead} | {first:.0f} | {nothing} | {strange:.2f} | {seconds:.1f} |"
+        )
 
 
-def _rows(plan: str, found: Sequence[_Row]) -> list[str]:
-    names = dict.fromkeys(each[1] for each in found)
-    return [_row(plan, name, [each[3] for each in found if each[1] == name]) for name in names]
+def statements(found: Sequence[Result]) -> str:
+    """How often the statement on failures that were not found is wrong, for each number of runs of `cover`."""
+    lines = [
+        "| runs | true probability of what was missed, mean | stated bound, mean | statements below the truth |",
+        "|---|---|---|---|",
+    ]
+    for mark in sorted({each.runs for each in found}):
+        of = [each.stated for each in found if each.method == OURS and each.runs == mark]
+        if of:
+            missed, bound, below = np.mean(of, axis=0)
+            lines.append(f"| {mark} | {missed:.2e} | {bound:.2e} | {below:.3f} |")
+    return "\n".join(lines)
 
 
-def _row(plan: str, name: str, of: Sequence[Found]) -> str:
-    regions, near, far = (np.array([getattr(each, which) for each in of]) for which in ("regions", "near", "far"))
-    low, high = interval(far)
-    nothing = sum(each.regions == 0.0 for each in of)
-    return (
-        f"| {plan} | {name} | {regions.mean():.2f} | {near.mean():.2f} | {far.mean():.2f} ({low:.2f} to {high:.2f}) "
-        f"| {nothing} of {len(of)} | {np.mean([each.strange for each in of]):.2f} |"
-    )
+def _mean(values: FloatArray, form: str) -> str:
+    low, high = interval(values)
+    return f"{values.mean():{form}} ({low:{form}} to {high:{form}})"
 
 
 def interval(values: FloatArray) -> tuple[float, float]:
