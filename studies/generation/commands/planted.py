@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from schemas.commands.options import Verbose, Version, interruptible
+
+from schemas.common.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation planted"
 

@@ -9,13 +9,31 @@ import numpy as np
 import pytest
 
 from generation.logical.library import SCENARIOS
+from generation.outcomes.outcomes import Outcomes
 from generation.recorded import of_recordings, of_samples
 from generation.search.emitters import Frame
-from generation.search.problem import History, Problem, Realism, Reward
+from generation.search.problem import History, Problem, Realism, Reward, Search
 from generation.search.space import Space
 from generation.twin.episodes import Twin
-from studies.generation.planted.study import Found, draws, interval, judged, stratified, table
-from studies.generation.planted.systems import DEVELOPMENT, REPORTED, SHAPES, Plan, Pool, plant
+from schemas.common.storage import Records
+from studies.generation.baselines.level_sets import level_sets
+from studies.generation.baselines.subset import subset
+from studies.generation.planted.designs import cells, draws, maximin, sobol, stratified
+from studies.generation.planted.study import (
+    OURS,
+    PLANS,
+    Benchmark,
+    Found,
+    Result,
+    Stated,
+    interval,
+    judged,
+    stated,
+    statements,
+    table,
+)
+from studies.generation.planted.systems import DEVELOPMENT, REPORTED, SHAPES, UNDRIVEN, Plan, Pool, plant
+from studies.generation.planted.together import together
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 SPACE = Space.of(CUT_IN)
@@ -35,7 +53,7 @@ def pool(posed: Problem, tmp_path_factory: pytest.TempPathFactory) -> Pool:
     path = tmp_path_factory.mktemp("pool") / "pool.npz"
     assert posed.prior is not None and posed.twin is not None
     found = Pool.of(posed.prior, posed.twin, 3000, path)
-    np.testing.assert_array_equal(Pool.of(posed.prior, posed.twin, 1, path).theta, found.theta)
+    np.testing.assert_array_equal(Pool.of(posed.prior, posed.twin, 1, path).hits, found.hits)
     return found
 
 
@@ -48,10 +66,10 @@ def test_development_and_reported_shapes_are_apart() -> None:
 def test_regions_have_their_probability_and_nothing_fails_outside(shape: str, gradient: bool, posed: Problem, pool: Pool) -> None:
     assert posed.prior is not None and posed.twin is not None
     planted = plant(Plan(shape, 2, 0.02, gradient), SPACE, posed.prior, posed.twin, pool, 3)
-    inside = planted.within(pool.theta) & pool.collides
+    inside = planted.within(pool.theta, pool.undriven) & pool.undriven.collision
     failing = np.asarray(inside.any(axis=0), bool)
-    assert inside.sum(axis=1) == pytest.approx([30, 30], abs=2)
-    rows = np.concatenate([np.flatnonzero(failing)[:20], np.flatnonzero(~failing)[:200]])
+    assert inside.sum(axis=1) == pytest.approx([30, 30], abs=4)
+    rows = np.concatenate([np.flatnonzero(failing)[:20], pool.hits[~failing[pool.hits]][:200], np.flatnonzero(~failing)[:50]])
     found = planted(pool.theta[rows])
     np.testing.assert_array_equal(found.collision, failing[rows])
     passed = ~found.collision
@@ -64,11 +82,73 @@ def test_a_search_is_judged_by_regions_and_recall(posed: Problem, pool: Pool) ->
     own = replace(posed, evaluate=planted)
     nothing = draws(replace(posed, evaluate=lambda theta: replace(planted(theta), collision=np.zeros(len(theta), bool))), 5, 0)
     assert judged(planted, own, pool, nothing) == Found(0.0, 0.0, 0.0, 6, 0.0)
-    first = pool.theta[np.asarray(planted.within(pool.theta))[0] & pool.collides]
+    held = planted.within(pool.theta, pool.undriven) & pool.undriven.collision
+    first = pool.theta[held[0]]
     one = judged(planted, own, pool, History(first, planted(first), np.zeros(len(first))))
     assert one.regions >= 0.5 and 0.4 <= one.near <= one.far <= 1.0 and one.first == 1
-    every = pool.theta[planted.within(pool.theta).any(axis=0) & pool.collides]
-    assert judged(planted, own, pool, History(every, planted(every), np.zeros(len(every))))[:3] == (1.0, 1.0, 1.0)
+    every = pool.theta[held.any(axis=0)]
+    whole = History(every, planted(every), np.zeros(len(every)))
+    assert judged(planted, own, pool, whole)[:3] == (1.0, 1.0, 1.0)
+    assert stated(planted, own, pool, nothing).missed == pytest.approx(len(every) / len(pool.theta)), "nothing was found"
+    assert stated(planted, own, pool, whole).missed < 0.2 * len(every) / len(pool.theta)
+
+
+def test_a_driver_of_a_name_is_the_base_and_sleeps_in_the_regions(posed: Problem, pool: Pool) -> None:
+    assert posed.prior is not None and posed.twin is not None
+    planted = plant(Plan("box", 1, 0.02, False, "fsm"), SPACE, posed.prior, posed.twin, pool, 3)
+    rows = pool.hits[:60]
+    held = planted.within(pool.theta[rows], pool.undriven.take(rows))[0]
+    found, base = planted(pool.theta[rows]), posed.twin(pool.theta[rows], "fsm")
+    assert held.any() and found.collision[held].all()
+    np.testing.assert_array_equal(found.clearance[~held], base.clearance[~held])
+
+
+@pytest.mark.parametrize("method", [cells, sobol, maximin, subset, level_sets])
+def test_rows_spend_their_budget_on_what_traffic_does(method: Search, posed: Problem, pool: Pool) -> None:
+    assert posed.prior is not None and posed.twin is not None
+    planted = plant(Plan("box", 1, 0.04, True), SPACE, posed.prior, posed.twin, pool, 3)
+    own = replace(posed, evaluate=planted, twin=None)
+    one, other = method(own, 130, 4), method(own, 130, 4)
+    np.testing.assert_array_equal(one.theta, other.theta)
+    assert len(one.theta) == 130
+    assert posed.prior.possible(one.theta).all()
+    assert len(np.unique(one.theta[:, 0])) > 100
+
+
+def test_searches_in_lockstep_find_what_each_finds_alone(posed: Problem, pool: Pool) -> None:
+    assert posed.prior is not None and posed.twin is not None
+    plan, calls = Plan("box", 1, 0.04, True), list[int]()
+
+    def counting(theta: np.ndarray, sut: str | None = None) -> Outcomes:
+        calls.append(len(theta))
+        assert posed.twin is not None and sut == UNDRIVEN
+        return posed.twin(theta, sut)
+
+    planted = plant(plan, SPACE, posed.prior, posed.twin, pool, 3)
+    found = together(
+        [lambda plays, seed=seed: draws(replace(posed, evaluate=replace(planted, twin=plays)), 60, seed) for seed in (1, 2, 3)],
+        counting,
+    )
+    assert calls == [150, 30]
+    for seed, history in zip((1, 2, 3), found, strict=True):
+        np.testing.assert_array_equal(
+            history.outcomes.collision, draws(replace(posed, evaluate=planted), 60, seed).outcomes.collision
+        )
+
+
+def test_an_error_in_lockstep_is_the_callers(posed: Problem) -> None:
+    assert posed.twin is not None
+    with pytest.raises(ZeroDivisionError):
+        together([lambda plays: len(plays(np.empty((0, len(SPACE.names))), UNDRIVEN)) / 0], posed.twin)
+
+
+def test_results_are_kept_and_read_again(posed: Problem, pool: Pool, tmp_path: Path) -> None:
+    benchmark = Benchmark(posed, pool, [Plan("box", 1, 0.04, True)], 3, ["draws"], 120)
+    found = list(benchmark.results(1, Records(tmp_path / "a.jsonl")))
+    assert [each.runs for each in found] == [100, 120]
+    before = (tmp_path / "a.jsonl").read_bytes()
+    assert list(benchmark.results(1, Records(tmp_path / "a.jsonl"))) == found
+    assert (tmp_path / "a.jsonl").read_bytes() == before
 
 
 def test_a_pool_that_is_too_small_is_refused(posed: Problem, pool: Pool) -> None:
@@ -77,13 +157,25 @@ def test_a_pool_that_is_too_small_is_refused(posed: Problem, pool: Pool) -> None
         plant(Plan("box", 1, 1e-4, False), SPACE, posed.prior, posed.twin, pool, 0)
 
 
-def test_tables_have_a_row_for_each_method_and_one_for_all(tmp_path: Path) -> None:
-    found = [("a", "draws", 1, Found(1.0, 0.5, 0.5, 3, 0.0)), ("b", "draws", 1, Found(0.0, 0.0, 0.0, 9, 0.0))]
+def test_tables_have_a_row_for_each_method_and_compare_it_with_ours() -> None:
+    nothing = Stated(1e-3, 2e-3, 0.25)
+    found = [
+        Result("a", "draws", 1, 10, Found(1.0, 0.5, 0.5, 3, 0.0), 0.1, nothing),
+        Result("b", "draws", 1, 10, Found(0.0, 0.0, 0.0, 11, 0.0), 0.3, nothing),
+        Result("a", OURS, 1, 10, Found(1.0, 0.5, 0.75, 3, 0.0), 0.1, nothing),
+        Result("b", OURS, 1, 10, Found(1.0, 0.5, 0.75, 3, 0.0), 0.1, nothing),
+    ]
     text = table(found)
-    assert "| a | draws | 1.00 | 0.50 | 0.50 (0.50 to 0.50) | 0 of 1 | 0.00 |" in text
-    assert "| all | draws | 0.50 | 0.25 | 0.25" in text and "1 of 2 |" in text
+    assert "| a | 10 | draws | 1 | 1.00 (1.00 to 1.00) | 0.50 | 0.50 (0.50 to 0.50) | +0.25 (+0.25 to +0.25) | 3 | 0 |" in text
+    assert "| all | 10 | draws | 2 | 0.50 (0.00 to 1.00) | 0.25 | 0.25 (0.00 to 0.50) | +0.50 (+0.25 to +0.75) | 7 | 1 |" in text
+    assert "| 10 | 1.00e-03 | 2.00e-03 | 0.250 |" in statements(found)
     low, high = interval(np.array([0.0, 1.0, 0.0, 1.0]))
     assert 0.0 <= low < 0.5 < high <= 1.0
+
+
+def test_each_plan_of_a_generator_has_shapes_of_that_generator() -> None:
+    assert {each.shape for each in PLANS["development"]} <= DEVELOPMENT.keys()
+    assert {each.shape for each in PLANS["reported"]} == REPORTED.keys()
 
 
 def test_a_design_has_one_draw_in_each_cell_of_equal_probability(posed: Problem) -> None:
