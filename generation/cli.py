@@ -12,6 +12,7 @@ import typer
 
 from generation.options import (
     Density,
+    Domain,
     FailIf,
     Free,
     Jobs,
@@ -93,7 +94,12 @@ def xosc_generate(
     weight: Annotated[
         float | None, typer.Option(min=0.0, help="Weight of realism in the reward.  [default: the method's]")
     ] = None,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.0, metavar="M", help="End the search after so many minutes; the same command goes on.")
+    ] = None,
+    every: Annotated[int | None, typer.Option(min=1, metavar="N", help="Write the report after each N runs too.")] = None,
     density: Density = Ask.density,
+    domain: Domain = None,
     pin: Pin = None,
     free: Free = None,
     maps: Map = None,
@@ -149,7 +155,8 @@ def xosc_generate(
     run = RunSettings(sut=sut, timestep=timestep, world=world, max_time=max_time, road_path=roads, catalog_path=catalogs)
     settings = SearchSettings(
         run, method, budget_within_limits(budget, RUNS if estimate else 0, NAME), seed, density, weight, rss, jobs, ray,
-        choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate,
+        choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate, domain=tuple(domain or ()),
+        minutes=minutes, every=every,
     )  # fmt: skip
     ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
     wanted = fates(fail_if, against)
@@ -186,13 +193,16 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
     """
     from generation.pipeline import generate
     from generation.report.regression import Before, Tried, regression
-    from generation.report.report import write_report
+    from generation.report.report import render, write_report
 
     settings, scenario, compared = search.settings, search.scenario, None
     try:
         before = Before.of(search.against, scenario) if search.against is not None else None
         with progress_bar(scenario.stem, settings.budget, quiet) as progress:
-            generated = generate(scenario, search.recorded, search.out, settings, progress)
+            generated = generate(
+                scenario, search.recorded, search.out, settings, progress,
+                interim=lambda made: render(scenario, made, settings, search.out),
+            )  # fmt: skip
         if before is not None:
             compared = regression(before, scenario, Tried.of(generated), settings)
         page = write_report(scenario, generated, settings, search.out, compared)
@@ -240,7 +250,10 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
         yield f"  {many(len(outcomes), 'sought run')}{chosen}: {collisions}, mean R_risk {risk:.3f}"
     else:
         yield f"  no sought runs{chosen}: nothing that is foreseeable and preventable fails on the twin"
-    if 0 < len(outcomes) < settings.budget - drawn_of(settings.budget):
+    if generated.cut:
+        budget = many(settings.budget, "run")
+        yield f"  ended after {settings.minutes:g} minutes, before its budget of {budget}: call it again to go on"
+    elif 0 < len(outcomes) < settings.budget - drawn_of(settings.budget):
         yield f"  ended before its budget of {many(settings.budget, 'run')}: hardly anything new failed on the twin any more"
     if generated.reused:
         yield f"  {generated.reused} of them were kept in the folder from runs before"
@@ -249,6 +262,7 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     yield f"  {generated.gate}"
     if generated.gate.refusal is not None:
         yield f"  so this density is no judge of what is foreseeable: {generated.gate.refusal}"
+    yield f"  operational domain: {generated.domain}"
     collision = cases.outcomes.collision
     worth = (
         f", {int(collision.sum())} of them foreseeable and preventable collisions" if len(cases) else f": {_nothing(generated)}"

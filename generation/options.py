@@ -50,6 +50,14 @@ Map = Annotated[
     ),
 ]
 Pin = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Keep a parameter at a value (repeatable).")]
+Domain = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--domain",
+        metavar="LIMIT",
+        help="Operational domain of the system: r157 (ego up to 130 km/h), road (its speed limit), NAME=LOW..HIGH (repeatable).",
+    ),
+]
 FailIf = Annotated[
     list[str] | None,
     typer.Option(

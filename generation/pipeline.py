@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from generation.density.base import Density
+from generation.density.domain import EVERYWHERE, Domain
 from generation.density.gate import NEAR, NO_DRAWS, Gate, Share, Statement, replay_shares
 from generation.density.models import DEFAULT, UNIFORM
 from generation.density.prior import Prior
+from generation.density.roles import roles_of
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
-from generation.outcomes.judges import Cases, Drivers, agrees, choose
+from generation.outcomes.judges import Cases, Drivers, agrees, choose, remembering
 from generation.outcomes.outcomes import Episodes, Evaluate, Evaluator, Outcomes
 from generation.recorded import Recorded
 from generation.search.methods import method
@@ -59,6 +64,8 @@ class Generated:
         damaged: how many runs that were kept were damaged, and made anew where the search asked for them.
         statement: bound on the probability of failures that were not found, from the unguided draws of this call.
         draws: the unguided draws of this call; None where there were none.
+        domain: operational domain outside of which nothing is foreseeable.
+        cut: whether its time was over before its budget.
         plays: how many points the twin played with the system under test to choose the runs of the search; 0 without a twin.
     """
 
@@ -76,6 +83,8 @@ class Generated:
     statement: Statement = NO_DRAWS
     plays: int = 0
     draws: Episodes | None = None
+    domain: Domain = EVERYWHERE
+    cut: bool = False
 
 
 def generate(
@@ -85,6 +94,7 @@ def generate(
     settings: SearchSettings,
     progress: Callable[[int], None] = lambda runs: None,
     found: FloatArray | None = None,
+    interim: Callable[[Generated], object] = lambda generated: None,
 ) -> Generated:
     """Search a logical scenario for edge cases and write them.
 
@@ -103,6 +113,7 @@ def generate(
         progress: called with the number of runs after each batch of them.
         found: critical points (m, d) of earlier searches of the same space: this one starts from them, where its method
             starts from scenarios at all, and none of its cases is much like one of them.
+        interim: called with what was found and written so far, after each `settings.every` runs.
 
     Raises:
         UsageError: a setting is wrong, the method searches no manoeuvres, too few recorded ones are inside the box, or something
@@ -117,6 +128,8 @@ def generate(
     # Density: what traffic does, and the reward that keeps a search to it
     reward = _reward(real, settings, scenario)
     prior = source.prior(space, settings.density)
+    domain = domain_of(scenario, space, source, settings)
+    prior = prior.within(partial(domain.holds, space) if domain else None)
     with alone(out, "a search"), evaluator_of(scenario, space, settings) as evaluator:
         runs, draws, more = (
             Memory(evaluator, _runs_file(scenario, space, out, settings, kind)) for kind in ("runs", "draws", "estimate")
@@ -129,24 +142,90 @@ def generate(
         # Search: spend the rest of the budget
         twin = _twin(scenario, space, settings)
         screen = Counting(twin) if twin is not None else None
-        problem = Problem(space, counted(runs, progress), reward, real.theta, found, prior, screen)
-        history = search(problem, settings.budget - len(unguided), settings.seed)
-        plays = screen.played if screen is not None else 0
-        statement = _statement(space, runs.episodes(reward), unguided, drawn)
-        # Judge: estimate the rate of failures, and choose edge cases among all runs that are kept
-        every = Episodes.joined([runs.episodes(reward), draws.episodes(reward)])
-        rate = _estimate(problem, source, more, evaluator, every, settings) if settings.estimate else None
-        every = Episodes.joined([every, more.episodes(reward)])
         judged = prior.judged if gate.refusal is None else prior.unjudged
-        cases = choose(space, every, judged, evaluator, settings.choice, found, twin)
-        damaged = runs.damaged + draws.damaged + more.damaged
-        # Write
-        files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
-        made = Generated(
-            space, real, prior, history, every, cases, files, gate, runs.reused, rate, damaged, statement, plays, unseen
-        )
-        write_object(summary(scenario, made, settings), out / summary_file(scenario))
-    return made
+        drivers = remembering(evaluator)
+
+        def made(history: History, ended: bool = True, cut: bool = False) -> Generated:
+            """Judge: estimate the rate of failures, choose edge cases among all runs that are kept, and write them."""
+            every = Episodes.joined([runs.episodes(reward), draws.episodes(reward)])
+            estimated = settings.estimate and ended
+            rate = _estimate(problem, source, more, evaluator, every, settings) if estimated else None
+            every = Episodes.joined([every, more.episodes(reward)])
+            cases = choose(space, every, judged, drivers, settings.choice, found, twin)
+            files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
+            generated = Generated(
+                space, real, prior, history, every, cases, files, gate, runs.reused, rate,
+                runs.damaged + draws.damaged + more.damaged,
+                statement=_statement(space, runs.episodes(reward), unguided, drawn),
+                plays=screen.played if screen is not None else 0, draws=unseen, domain=domain, cut=cut,
+            )  # fmt: skip
+            write_object(summary(scenario, generated, settings), out / summary_file(scenario))
+            return generated
+
+        course = _Course(counted(runs, progress), reward, unseen, settings, lambda history: interim(made(history, False)))
+        problem = Problem(space, course, reward, real.theta, found, prior, screen)
+        try:
+            return made(search(problem, settings.budget - len(unguided), settings.seed))
+        except _TimeOver:
+            return made(course.history, cut=True)
+
+
+class _TimeOver(Exception):
+    """The time of a search is over."""
+
+
+class _Course:
+    """Runs of a search: ends it when its time is over, and hands over what it has found after each so many runs.
+
+    Args:
+        evaluate: runs points. reward: of the problem. before: runs that the budget was spent on before.
+        interim: called with the history so far.
+    """
+
+    def __init__(
+        self,
+        evaluate: Evaluate,
+        reward: Reward,
+        before: Episodes,
+        settings: SearchSettings,
+        interim: Callable[[History], object],
+    ) -> None:
+        self._evaluate, self._reward, self._interim, self._every = evaluate, reward, interim, settings.every
+        self._end = math.inf if settings.minutes is None else time.monotonic() + _MINUTE * settings.minutes
+        self._runs, self._budget, self._parts = len(before.theta), settings.budget, [before.first(0)]
+
+    def __call__(self, theta: FloatArray) -> Outcomes:
+        """Outcomes of points (n, d).
+
+        Raises:
+            _TimeOver: the time is over.
+        """
+        if time.monotonic() >= self._end:
+            raise _TimeOver
+        outcomes, before = self._evaluate(theta), self._runs
+        self._runs += len(theta)
+        self._parts.append(Episodes(theta, outcomes, self._reward(theta, outcomes)))
+        if self._every is not None and self._runs < self._budget and self._runs // self._every > before // self._every:
+            self._interim(self.history)
+        return outcomes
+
+    @property
+    def history(self) -> History:
+        """All runs so far."""
+        return History(*Episodes.joined(self._parts))
+
+
+_MINUTE = 60.0
+
+
+def domain_of(scenario: Path, space: Space, recorded: Recorded, settings: SearchSettings) -> Domain:
+    """The operational domain of a search.
+
+    Raises:
+        UsageError: it is none. InvalidFile: a road network is malformed.
+    """
+    roles = recorded.roles or roles_of((*space.names, *space.pinned))
+    return Domain.of(settings.domain, scenario, space, roles, settings.run)
 
 
 def drawn_of(budget: int) -> int:
@@ -210,6 +289,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
         "plays_on_twin": made.plays,
         "edge_cases": len(made.cases),
         "statement": made.statement.as_json(),
+        "domain": {name: list(limits) for name, limits in made.domain.limits.items()},
     }
 
 

@@ -54,6 +54,9 @@ class SearchSettings:
         choice: which episodes become files.
         concrete: whether each case becomes a scenario of its own as well.
         estimate: whether to estimate how often the system fails, by `RUNS` more runs, or as many as the budget.
+        domain: limits of the operational domain as texts (`generation.density.domain`).
+        minutes: time after which the search ends, whatever is left of its budget; None for no limit.
+        every: runs after which what was found so far is written; None to write once, at the end.
     """
 
     run: RunSettings = field(default_factory=RunSettings)
@@ -72,6 +75,9 @@ class SearchSettings:
     choice: Choice = field(default_factory=Choice)
     concrete: bool = False
     estimate: bool = False
+    domain: Sequence[str] = ()
+    minutes: float | None = None
+    every: int | None = None
 
 
 @dataclass(frozen=True)

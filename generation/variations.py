@@ -44,7 +44,7 @@ AUTHOR = "xosc-toolchain"
 _BINS = 20
 _DRAWS = 20_000
 """Draws from the density whose histograms are written"""
-_WRITTEN = "{}_edge_case*", "{}_density.xosc", "{}_*_failure*", "report.html"
+_WRITTEN = "{}_edge_case*", "{}_density.xosc", "{}_*_failure*", "{}_region_*", "report.html"
 """Patterns of the files that a search writes, by the name of its scenario"""
 _RUNS = 100
 """Test runs that a stochastic file asks for"""

@@ -311,7 +311,7 @@ class DeclaredPrior(Prior):
         """log p of rows (n, d): (n,)."""
         return np.where(self.possible(theta), self._raw(theta) - self._log_share, -np.inf)
 
-    def foreseeable(self, theta: FloatArray) -> BoolArray:
+    def _foreseeable(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are possible and no less likely than 99 % of draws: (n,)."""
         found: BoolArray = self.log_density(theta) >= self.limit - 1e-9  # all of a uniform density are alike but for rounding
         return found
@@ -370,7 +370,7 @@ class JointPrior(Prior):
         found = np.sum([part.log_density(self._columns(part, theta)) for part in self._parts], axis=0) - self._log_share
         return np.where(self.possible(theta), found, -np.inf)
 
-    def foreseeable(self, theta: FloatArray) -> BoolArray:
+    def _foreseeable(self, theta: FloatArray) -> BoolArray:
         """Rows (n, d) that are possible, and foreseeable in each part and by each prior of what is done alone: (n,)."""
         judges = *self._parts, *self._alone
         return self.possible(theta) & np.all([each.foreseeable(self._columns(each, theta)) for each in judges], axis=0)

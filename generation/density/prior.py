@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, wraps
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +84,7 @@ class Prior(ABC):
         nuisances: names of the columns that are nuisances.
         theta: recorded rows (m, d) inside the box; none without recordings.
         recordings: of each of these (m,).
+        domain: rows (n, d) that are within the operational domain; None where that is not limited.
     """
 
     names: tuple[str, ...]
@@ -91,6 +93,7 @@ class Prior(ABC):
     nuisances: tuple[str, ...] = ()
     theta: FloatArray
     recordings: NDArray[np.str_]
+    domain: Callable[[FloatArray], BoolArray] | None = None
 
     @property
     def searched(self) -> tuple[str, ...]:
@@ -129,10 +132,21 @@ class Prior(ABC):
         """
         return until_possible(self._draw, self.possible, n, generator)
 
-    @abstractmethod
     def foreseeable(self, theta: FloatArray) -> BoolArray:
-        """Rows (n, d) that traffic does: possible, no less likely than 99 % of recorded units, each by the density of other
-        recordings, and no further from a recorded unit than 99 % of them: (n,). Costs no simulation."""
+        """Rows (n, d) within the operational domain that traffic does: possible, no less likely than 99 % of recorded units, each
+        by the density of other recordings, and no further from a recorded unit than 99 % of them: (n,). Costs no simulation."""
+        found = self._foreseeable(np.asarray(theta, np.float64))
+        return found if self.domain is None else found & self.domain(theta)
+
+    @abstractmethod
+    def _foreseeable(self, theta: FloatArray) -> BoolArray:
+        """`foreseeable` in any domain."""
+
+    def within(self, domain: Callable[[FloatArray], BoolArray] | None) -> Self:
+        """The same prior with an operational domain."""
+        found = copy(self)
+        found.domain = domain
+        return found
 
     def judged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
         """`log_density` and `foreseeable` of rows (n, d)."""
@@ -344,9 +358,7 @@ class RecordedPrior(Prior):
         """Share of the density's draws that are inside the box and the physical limits."""
         return float(np.exp(self._log_share))
 
-    def foreseeable(self, theta: FloatArray) -> BoolArray:
-        """Rows (n, d) that traffic does: (n,)."""
-        theta = np.asarray(theta, np.float64)
+    def _foreseeable(self, theta: FloatArray) -> BoolArray:
         found = self.possible(theta)
         if found.any():
             found[found] = (self._raw(theta[found]) >= self.limit) & self._recorded_like(theta[found])

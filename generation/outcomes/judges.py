@@ -150,7 +150,7 @@ Judged = Callable[[FloatArray], tuple[FloatArray, BoolArray]]
 
 
 _FARTHEST = 1e3
-"""Clearances above this (m) are written as this"""
+"""Clearances above this (m), and log-densities below its negative, are written as this"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +201,7 @@ class Cases:
             "CarefulDriver": np.select([self.careful.survived, self.careful.collision], [AVOIDED, COLLISION], UNKNOWN).tolist(),
             "SurvivedBy": [", ".join(name for name in survived if survived[name][row]) for row in range(len(self))],
             "Reward": _rounded(self.rewards),
-            "LogLikelihood": _rounded(self.log_likelihood),
+            "LogLikelihood": _rounded(np.maximum(self.log_likelihood, -_FARTHEST)),
             "RRisk": _rounded(outcomes.r_risk),
             "Risk": _rounded(outcomes.risk),
             "ConflictTime": _rounded(outcomes.conflict),

@@ -125,6 +125,11 @@ class Episodes(NamedTuple):
     outcomes: Outcomes
     rewards: FloatArray
 
+    def first(self, n: int) -> Episodes:
+        """The first n of them, or all."""
+        rows = np.arange(min(n, len(self.theta)))
+        return Episodes(self.theta[rows], self.outcomes.take(rows), self.rewards[rows])
+
     @classmethod
     def joined(cls, parts: Sequence[Episodes]) -> Episodes:
         """Several runs after each other, without empty parts."""

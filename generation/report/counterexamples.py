@@ -181,6 +181,38 @@ def _others(generated: Generated) -> Cases:
     return Cases(points, outcomes.take(rows), rewards[rows], likelihood, {})
 
 
+class Replay(NamedTuple):
+    """A failure that is played from its file: the file, the page that plays it, whether its run ends in a collision."""
+
+    scenario: Path
+    page: Path
+    reproduced: bool
+
+
+def replays(
+    scenario: Path, generated: Generated, settings: SearchSettings, drivers: Drivers, out: Path, rows: Mapping[str, int]
+) -> dict[str, Replay]:
+    """Write and play failures of the executed runs.
+
+    Args:
+        drivers: runs points with other systems under test: the tags of the files tell which judges survive.
+        out: folder for the files.
+        rows: of the executed runs, by the names of the files after the scenario's; equal ones share a file.
+    """
+    theta, outcomes, rewards = generated.episodes
+    chosen = list(dict.fromkeys(rows.values()))
+    if not chosen:
+        return {}
+    executed = np.flatnonzero(outcomes.executed)[chosen]
+    points, names = theta[executed], {row: name for name, row in reversed(rows.items())}
+    judged = {name: drivers(points, name) for name in JUDGES}
+    cases = Cases(points, outcomes.take(executed), rewards[executed], generated.prior.log_density(points), judged)
+    writer = Writer(scenario, generated.space, out, settings.run)
+    files = writer.concrete(cases, evidence(settings), [names[row] for row in chosen])
+    played = {row: Replay(file, *_played(file, settings)) for row, file in zip(chosen, files, strict=True)}
+    return {name: played[row] for name, row in rows.items()}
+
+
 def nearest(generated: Generated, point: FloatArray) -> Unit | None:
     """The recorded unit that is most like a point (d,)."""
     if generated.gate.replayed is None:

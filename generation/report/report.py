@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,10 +22,12 @@ from generation.report.counterexamples import (
     Counterexamples,
     Measure,
     Region,
+    Replay,
     counterexamples,
     limits,
     measures,
     region,
+    replays,
     unit_of,
 )
 from generation.report.regions import FailureRegion, regions
@@ -64,7 +66,8 @@ def _found(title: str, sut: str, generated: Generated) -> str:
         return f"{sut} has no collision in {many(ran, 'run')} of {title}."
     judged = f"{cases} failures unlike each other are" if cases > 1 else f"{cases or 'no'} failure is"
     ran_of = f"{failures:,} of {many(ran, 'sought or drawn run')} of {title}"
-    return f"{sut} collides in {ran_of}; {judged} foreseeable and prevented by a careful driver."
+    inside = f" within the operational domain ({generated.domain})" if generated.domain else ""
+    return f"{sut} collides in {ran_of}; {judged} foreseeable{inside} and prevented by a careful driver."
 
 
 def _lost(generated: Generated) -> Iterator[str]:
@@ -148,8 +151,8 @@ class Report:
 
     Attributes:
         scenario: the file. region: where the system fails, or why there is no boundary.
-        regions: groups of failures with rules, the most important first. against: the comparison with another
-            version of the system; None where there is none.
+        regions: groups of failures with rules, the most important first. members: replays of their typical and likeliest members,
+            by `_member`. against: the comparison with another version of the system; None where there is none.
     """
 
     scenario: Path
@@ -157,6 +160,7 @@ class Report:
     generated: Generated
     region: Region | str
     regions: Sequence[FailureRegion]
+    members: Mapping[str, Replay]
     counterexamples: Counterexamples
     against: Regression | None = None
 
@@ -170,22 +174,35 @@ def write_report(
         UsageError: something else is in the way there, or another search.
     """
     with alone(out, "a search"):
-        return _written(scenario, generated, settings, out, against)
+        return render(scenario, generated, settings, out, against)
 
 
-def _written(scenario: Path, generated: Generated, settings: SearchSettings, out: Path, against: Regression | None) -> Path:
-    with evaluator_of(scenario, generated.space, settings) as drivers:
-        examples = counterexamples(scenario, generated, settings, drivers, out)
+def render(scenario: Path, generated: Generated, settings: SearchSettings, out: Path, against: Regression | None = None) -> Path:
+    """`write_report` for a caller that has the folder for itself."""
     theta, outcomes, _ = generated.episodes
     of, failing = _measures(generated, theta[outcomes.executed]), outcomes.collision[outcomes.executed]
     varying = [each for each in of if np.ptp(each.values) > 0.0] if len(failing) else []
     found = regions(generated, varying)
-    report = Report(scenario, settings, generated, region(varying, failing), found, examples, against)
-    write_object({"regions": _regions(report, varying)}, out / f"{scenario.stem}_regions.json")
+    rows = {_member(number, name): row for number, each in enumerate(found, start=1) for name, row in _members(each).items()}
+    with evaluator_of(scenario, generated.space, settings) as drivers:
+        examples = counterexamples(scenario, generated, settings, drivers, out)
+        members = replays(scenario, generated, settings, drivers, out, rows)
+    report = Report(scenario, settings, generated, region(varying, failing), found, members, examples, against)
+    write_object({"regions": _regions(report, varying, out)}, out / f"{scenario.stem}_regions.json")
     title = f"{scenario.stem}: how {system_name(settings.run.sut)} fails"
     write_page(out / REPORT, page(title, _STYLES, _SCRIPTS, _data(report, varying, out)))
     Written(out, scenario.stem).note()
     return out / REPORT
+
+
+def _members(of: FailureRegion) -> dict[str, int]:
+    """Rows of a region's members that are shown, by name."""
+    return {"typical": of.typical, "likeliest": of.likeliest}
+
+
+def _member(number: int, name: str) -> str:
+    """Name of a member's file, after the scenario's."""
+    return f"region_{number}_{name}"
 
 
 def _measures(generated: Generated, theta: FloatArray) -> list[Measure]:
@@ -206,7 +223,7 @@ def _data(report: Report, of: Sequence[Measure], out: Path) -> Json:
         "gate": [str(generated.gate), generated.gate.replayed is not None, generated.gate.refusal],
         "measures": [{"name": each.name, "unit": each.unit, "range": _rounded(limits(each.values))} for each in of],
         "region": _region(report.region),
-        "regions": _regions(report, of),
+        "regions": _regions(report, of, out),
         "runs": _runs(generated, of),
         "counterexamples": [_example(each, report, of, out) for each in report.counterexamples.found],
         "drivers": list(REFERENCES),
@@ -261,18 +278,26 @@ def _region(found: Region | str) -> Json:
     return {**scores, "weights": [[index, round(weight, 3)] for index, weight in found.weights.items()], "slices": slices}
 
 
-def _regions(report: Report, of: Sequence[Measure]) -> list[Json]:
-    """Regions with the measures of two members, and rates of the driving that an estimate knows."""
+def _regions(report: Report, of: Sequence[Measure], out: Path) -> list[Json]:
+    """Regions with the measures and replays of two members, and rates of the driving that an estimate knows."""
     estimate = report.generated.estimate
     driving = estimate.driving if estimate is not None else ""
     per = driving.per if isinstance(driving, Driving) else {}
     found = []
     for number, each in enumerate(report.regions, start=1):
-        rows = {"typical": each.typical, "likeliest": each.likeliest}
-        members = {name: _rounded([measure.values[row] for measure in of]) for name, row in rows.items()}
+        members = {name: _rounded([measure.values[row] for measure in of]) for name, row in _members(each).items()}
+        played = {name: report.members[_member(number, name)] for name in members}
+        files = {
+            name: {
+                "file": one.scenario.relative_to(out).as_posix(),
+                "play": one.page.relative_to(out).as_posix(),
+                "reproduced": one.reproduced,
+            }
+            for name, one in played.items()
+        }
         chance = [each.drawn.collisions / max(each.drawn.runs, 1), *each.drawn.interval]
         rates = {name: _rounded([scale * share for share in chance]) for name, scale in per.items()} if each.drawn.runs else {}
-        found.append({**each.as_json(of, members), "rates": rates, "name": f"region {number}"})
+        found.append({**each.as_json(of, members), "rates": rates, "files": files, "name": f"region {number}"})
     return found
 
 
@@ -374,6 +399,7 @@ def _settings(report: Report) -> dict[str, str]:
         "density": units if generated.gate.replayed is not None else "as stated, in whole or in part",
         "searched": ", ".join(generated.space.names),
         "pinned": pinned or "nothing",
+        "operational domain": str(generated.domain),
         "world": f"{settings.run.world}, time step {settings.run.timestep:g} s",
         "risk": f"share of the {RISK_WINDOW:g} s up to the conflict in which RSS distances ({settings.rss}) are violated",
     }
@@ -382,7 +408,8 @@ def _settings(report: Report) -> dict[str, str]:
 def _spent(generated: Generated) -> str:
     """Runs of a search by kind."""
     sought, drawn = many(len(generated.history.outcomes), "sought run"), many(generated.statement.draws, "unguided draw")
-    return f"{sought}, {drawn}, {many(generated.plays, 'play')} on the twin"
+    cut = ", ended by its time" if generated.cut else ""
+    return f"{sought}, {drawn}, {many(generated.plays, 'play')} on the twin{cut}"
 
 
 def _rounded(values: FloatArray | Sequence[float]) -> list[float]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ import pytest
 
 from generation.logical.library import SCENARIOS
 from generation.pipeline import LEAST, Generated, generate
-from generation.recorded import Recorded
+from generation.recorded import Recorded, of_recordings, of_samples
 from generation.search.space import Space
 from generation.settings import SearchSettings
 from runner.settings import RunSettings
@@ -18,6 +20,9 @@ from schemas.common.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 QUICK = SearchSettings(method="random", budget=60, density="gaussian", processes=1, run=RunSettings(timestep=0.1))
+
+
+TRAFFIC = partial(of_samples, of_recordings(None, "cut_in"))
 
 
 def drawn(n: int) -> Recorded:
@@ -65,3 +70,42 @@ def test_a_search_is_extended_in_its_folder(tmp_path: Path) -> None:
     assert runs.read_text().count("\n") == 6
     assert search(0).reused == 3, "half of six runs are draws"
     assert runs.read_text().count("\n") == 6
+
+
+def test_what_was_found_so_far_is_written_after_each_so_many_runs(tmp_path: Path) -> None:
+    run, told = RunSettings(timestep=0.1, world="kinematic"), list[Generated]()
+    settings = replace(QUICK, budget=230, every=100, run=run)
+    whole = generate(CUT_IN, lambda space: drawn(200), tmp_path / "a", replace(settings, every=None))
+    again = generate(CUT_IN, lambda space: drawn(200), tmp_path / "b", settings, interim=told.append)
+    assert [len(each.history.theta) for each in told] == [50, 150], "57 draws before, runs in batches of 50"
+    assert told[0].statement.draws == 57 and told[0].estimate is None
+    np.testing.assert_array_equal(told[1].history.theta, whole.history.theta[:150])
+    np.testing.assert_array_equal(again.history.theta, whole.history.theta)
+    for one, other in zip(whole.files, again.files, strict=True):
+        assert one.read_bytes() == other.read_bytes(), "reports in between change nothing"
+
+
+def test_a_search_ends_with_its_time_and_goes_on_in_the_next_call(tmp_path: Path) -> None:
+    run = RunSettings(timestep=0.1, world="kinematic")
+    settings = replace(QUICK, budget=60, run=run)
+    cut = generate(CUT_IN, lambda space: drawn(200), tmp_path, replace(settings, minutes=0.0))
+    assert cut.cut and len(cut.history.theta) == 0 and cut.statement.draws == 30
+    assert cut.history.theta.shape == (0, len(cut.space.names))
+    whole = generate(CUT_IN, lambda space: drawn(200), tmp_path, settings)
+    assert (
+        not whole.cut
+        and len(whole.history.theta) == 30
+        and whole.statement == cut.statement._replace(outside=whole.statement.outside)
+    )
+
+
+def test_failures_outside_the_operational_domain_are_no_edge_cases(tmp_path: Path) -> None:
+    run = RunSettings(sut="cas:brake=2", timestep=0.1, world="kinematic")
+    settings = replace(QUICK, method="kde", budget=120, run=run)
+    free = generate(CUT_IN, TRAFFIC, tmp_path / "a", settings)
+    limited = generate(CUT_IN, TRAFFIC, tmp_path / "b", replace(settings, domain=("Ego_Speed_mps=0..30",)))
+    speed = free.space.names.index("Ego_Speed_mps")
+    assert (free.cases.theta[:, speed] > 30.0).any()
+    assert len(limited.cases) and (limited.cases.theta[:, speed] <= 30.0).all()
+    assert limited.statement == free.statement, "the bound is under the density, whatever the domain"
+    assert json.loads((tmp_path / "b" / "cut_in_highway_search.json").read_text())["domain"] == {"Ego_Speed_mps": [0.0, 30.0]}

@@ -60,12 +60,16 @@ function regions() {
     ["typical member", null],
     ["likeliest member", null],
   ];
-  const member = values =>
-    cell(
-      Object.entries(values)
-        .map(([name, value]) => `${name} ${figure(value, 3)}`)
-        .join(", "),
+  const member = (each, name) =>
+    el(
+      "td",
       null,
+      play(each.files[name].play, `${each.name}, ${name} member`),
+      " ",
+      Object.entries(each[name])
+        .map(([measure, value]) => `${measure} ${figure(value, 3)}`)
+        .join(", "),
+      each.files[name].reproduced ? null : " (not reproduced by its file)",
     );
   const rows = data.regions.map(each =>
     el(
@@ -80,8 +84,8 @@ function regions() {
       ...units.map(unit => cell(spanned(each.rates[unit]))),
       cell(figure(each.severity, 3)),
       cell(String(each.edge_cases)),
-      member(each.typical),
-      member(each.likeliest),
+      member(each, "typical"),
+      member(each, "likeliest"),
     ),
   );
   return panel(

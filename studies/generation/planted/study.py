@@ -212,8 +212,7 @@ class Benchmark(NamedTuple):
         found = together(works, self.problem.twin)
         for each, (plan, name), (history, seconds) in zip(systems, group, found, strict=True):
             for mark in self.marks:
-                first = np.arange(min(mark, len(history.theta)))
-                part = History(history.theta[first], history.outcomes.take(first), history.rewards[first])
+                part = History(*history.first(mark))
                 yield {
                     "plan": str(plan), "method": name, "seed": seed, "runs": mark, "seconds": seconds,
                     "found": judged(each, self.problem, self.pool, part), "stated": stated(each, self.problem, self.pool, part),
@@ -267,7 +266,7 @@ def _rows(plan: str, found: Sequence[Result]) -> Iterator[str]:
 
 
 def statements(found: Sequence[Result]) -> str:
-    """How often the statement on failures that were not found is wrong, for each number of runs of `cover`."""
+    """Share of wrong statements on failures that were not found, for each number of runs of `cover`."""
     lines = [
         "| runs | true probability of what was missed, mean | stated bound, mean | statements below the truth |",
         "|---|---|---|---|",

@@ -50,6 +50,18 @@ def test_counterexamples_are_files_that_fail_when_they_are_run(folder: Path) -> 
         assert (folder / each["play"]).is_file()
 
 
+def test_each_region_has_replays_of_its_typical_and_likeliest_member(folder: Path) -> None:
+    found = data(folder)["regions"]
+    assert found
+    for number, each in enumerate(found, start=1):
+        assert list(each["files"]) == ["typical", "likeliest"]
+        for name, member in each["files"].items():
+            assert member["reproduced"] and (folder / member["play"]).is_file()
+            assert member["file"].startswith(f"cut_in_highway_region_{number}_{name}") or each["typical"] == each["likeliest"]
+            assert not schemas.check(folder / member["file"])
+    assert json.loads((folder / "cut_in_highway_regions.json").read_text())["regions"] == found
+
+
 def test_drivers_are_those_of_the_cases(folder: Path) -> None:
     found = data(folder)
     assert found["drivers"][-1] == "full braking"
