@@ -204,7 +204,7 @@ def replays(
     if not chosen:
         return {}
     executed = np.flatnonzero(outcomes.executed)[chosen]
-    points, names = theta[executed], {row: name for name, row in reversed(rows.items())}
+    points, names = theta[executed], {row: name for name, row in reversed(list(rows.items()))}
     judged = {name: drivers(points, name) for name in JUDGES}
     cases = Cases(points, outcomes.take(executed), rewards[executed], generated.prior.log_density(points), judged)
     writer = Writer(scenario, generated.space, out, settings.run)
