@@ -49,7 +49,7 @@ class Estimated(NamedTuple):
 
 
 def resampled(recorded: Recorded, generator: np.random.Generator) -> Recorded:
-    """As many recordings, drawn with replacement; one that is drawn twice counts as two."""
+    """Draw recordings with replacement, as many as there are; one that is drawn twice counts as two."""
     names = np.unique(recorded.recordings)
     drawn = generator.choice(names, len(names))
     rows = [np.flatnonzero(recorded.recordings == name) for name in drawn]
