@@ -1,0 +1,57 @@
+"""Judges judged: collisions of reference drivers in replays of recorded units, in which nobody had collided."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from generation.recorded import Recorded
+from generation.search.space import Space
+from generation.twin.episodes import Twin
+from schemas.common.array_types import BoolArray, FloatArray
+
+SYSTEMS = ("cas", "aeb", "idm", "rss", "fsm", "r157-cc", "r157-reg")
+
+
+@dataclass(frozen=True, eq=False)
+class Replays:
+    """Replays of n recorded units.
+
+    Attributes:
+        collides: whether each collides (n,), by the system's name.
+        sites: kind of site of each unit (n,). errors: its error of reconstruction along the lane (n,), m; None if unknown.
+    """
+
+    collides: Mapping[str, BoolArray]
+    sites: Sequence[str]
+    errors: FloatArray | None
+
+    @classmethod
+    def of(cls, scenario: Path, space: Space, recorded: Recorded, systems: Sequence[str]) -> Replays | None:
+        """Play all units on the twin with each system; None where something is searched of which nothing is recorded."""
+        replays = recorded.replays(space)
+        if replays is None:
+            return None
+        (own, units), inside = replays, recorded.within(space)
+        twin = Twin(scenario, own)
+        collides = {name: twin(units, name).collision for name in systems}
+        sites = [str(name).rpartition("/")[0] for name in inside.recordings]
+        return cls(collides, sites, None if inside.errors is None else inside.errors[:, 1])
+
+    def markdown(self) -> str:
+        """Table with a row for each system: collisions, the most frequent site, median errors of colliding and of all units."""
+        lines = [
+            "| system | replays | collide | share | sites of these | error along the lane, m (all) |",
+            "|---|---|---|---|---|---|",
+        ]
+        for name, collides in self.collides.items():
+            sites, counts = np.unique(np.array(self.sites)[collides], return_counts=True)
+            told = ", ".join(f"{site} {count}" for site, count in zip(sites, counts, strict=True)) or "–"
+            error = "–"
+            if self.errors is not None and collides.any():
+                error = f"{np.median(self.errors[collides]):.1f} ({np.median(self.errors):.1f})"
+            lines.append(f"| {name} | {len(collides)} | {int(collides.sum())} | {collides.mean():.2%} | {told} | {error} |")
+        return "\n".join(lines)
