@@ -1,4 +1,4 @@
-"""Judges judged: collisions of reference drivers in replays of recorded units, in which nobody had collided."""
+"""Judges judged: collisions of reference drivers in replays of recorded units, which had none."""
 
 from __future__ import annotations
 

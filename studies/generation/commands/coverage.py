@@ -32,6 +32,7 @@ def command(
     """Draw recordings anew, fit the density on them, and estimate systems on the twin: how often does the interval cover?"""
     from dataclasses import replace
 
+    from generation.outcomes.outcomes import Evaluate
     from generation.recorded import kind_of, of_recordings, of_samples
     from schemas.common.errors import UsageError
     from schemas.common.storage import Records
@@ -47,7 +48,7 @@ def command(
         recorded = of_samples(of_recordings(None, kind_of(scenario)), space)
         prior = recorded.prior(space, density)
         problem = replace(posing.problem, prior=prior)
-        evaluated = {name: partial(twin, sut=name) for name in names if name != _PLANTED}
+        evaluated: dict[str, Evaluate] = {name: partial(twin, sut=name) for name in names if name != _PLANTED}
         if _PLANTED in names:
             drawn = Pool.of(prior, twin, pool, out / f"{scenario.stem}_{density}_pool_{pool}.npz")
             evaluated[_PLANTED] = plant(Plan("box", 1, 4e-3, False), space, prior, twin, drawn, 0)
