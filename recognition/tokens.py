@@ -91,7 +91,9 @@ _CHANGING = (
     "headway", "has_lead", "border_left", "border_right",
 )  # fmt: skip
 _ROLES = tuple(name for name in FEATURES if name.startswith("role_"))
-CHANGES = 2 * len(_CHANGING) + 2 * len(_ROLES)
+MOTION_CHANGES = 2 * len(_CHANGING)
+"""Numbers of a window, the first ones, that are of motion, gap and borders; those of roles follow."""
+CHANGES = MOTION_CHANGES + 2 * len(_ROLES)
 """Numbers of a window"""
 
 

@@ -27,6 +27,8 @@ ONLY_TUNED = "trfe-tuned"
 """TRFE on features of the fine-tuned encoder alone."""
 ONLY_CHANGES = "only-changes"
 """TRFE on what changes in windows alone, without an encoder: tokens only."""
+WITHOUT_ROLES = "without-roles"
+"""The same without the roles of lanes, by which classes are defined: tokens only."""
 MAP_ONLY = "map-only"
 """TRFE on what the map alone tells of one frame, without traffic: tokens only."""
 ON_ALL, ENCODED_ON_ALL = "pretrained-on-all", "encoded-pretrained-on-all"
@@ -46,6 +48,9 @@ class Together(NamedTuple):
     steps: int
 
 
+PLAIN = {"logistic-changes": "logistic", "logistic-without-roles": "logistic", "knn-changes": "knn"}
+"""Methods on what changes in windows alone, or on that without the roles of lanes, by name, with those of their kinds: tokens
+only."""
 END_TO_END = {"mls-end-to-end": Together("mls", 5e-4, 100), "cac-end-to-end": Together("cac", 1.5e-3, 300)}
 """Methods whose heads train the encoder too, by name: tokens only."""
 _BATCH = 96
@@ -54,17 +59,25 @@ _FEATURES: dict[str, Callable[[Trial], Trial]] = {
     ONLY_ENCODED: lambda trial: trial.only_encoded,
     ONLY_TUNED: lambda trial: trial.only_tuned,
     ONLY_CHANGES: lambda trial: trial.only_changes,
+    WITHOUT_ROLES: lambda trial: trial.without_roles,
+    "logistic-changes": lambda trial: trial.only_changes,
+    "logistic-without-roles": lambda trial: trial.without_roles,
+    "knn-changes": lambda trial: trial.only_changes,
     MAP_ONLY: lambda trial: trial.map_only,
     ON_ALL: lambda trial: trial.pretrained_on_all,
     ENCODED_ON_ALL: lambda trial: trial.pretrained_on_all.only_encoded,
 }
-"""Other features than all, by name of the method of TRFE that looks at them."""
+"""Other features than all, by name of the method that looks at them."""
 TITLES = {
     COMMON: "**TRFE**",
     OWN_RULE: "TRFE, its own δ",
     ONLY_ENCODED: "TRFE, encoders' features alone",
     ONLY_TUNED: "TRFE, features after fine-tuning alone",
     ONLY_CHANGES: "TRFE, what changes alone",
+    WITHOUT_ROLES: "TRFE, what changes without roles",
+    "logistic-changes": "logistic regression, fifth neighbour: what changes alone",
+    "logistic-without-roles": "logistic regression, fifth neighbour: what changes without roles",
+    "knn-changes": "nearest neighbours: what changes alone",
     MAP_ONLY: "map only, one frame",
     ON_ALL: "TRFE, pretrained on all classes",
     ENCODED_ON_ALL: "TRFE, encoders' features alone, pretrained on all classes",
@@ -127,7 +140,7 @@ def judged(model: OpenSetMethod, features: Features) -> Judged:
 
 def _unfitted(name: str, trial: Trial) -> OpenSetMethod:
     """A method by name; those that vote share the forests of the trial."""
-    if name == COMMON or name in _FEATURES:
+    if name == COMMON or (name in _FEATURES and name not in PLAIN):
         return VotingMethod(trial.seed, forest=trial.forest)
     if name in kinds.titles(kinds.SCREENINGS):
         module = kinds.kind(kinds.SCREENINGS, name)
@@ -135,7 +148,7 @@ def _unfitted(name: str, trial: Trial) -> OpenSetMethod:
         return VotingMethod(trial.seed, module.SCREENING, forest=forest)
     if name in END_TO_END:
         return _end_to_end(END_TO_END[name], trial)
-    method: OpenSetMethod = kinds.kind(kinds.OPEN_SET, name).METHOD(trial.seed)
+    method: OpenSetMethod = kinds.kind(kinds.OPEN_SET, PLAIN.get(name, name)).METHOD(trial.seed)
     return method
 
 

@@ -37,6 +37,8 @@ _OF_GRIDS = ("stae-kmeans", "stae-linkage")
 _OF_TOKENS = (
     open_set.MAP_ONLY,
     open_set.ONLY_CHANGES,
+    open_set.WITHOUT_ROLES,
+    *open_set.PLAIN,
     open_set.ONLY_ENCODED,
     open_set.ON_ALL,
     open_set.ENCODED_ON_ALL,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.encoder.config import Architecture, Preset, Schedule
-from recognition.tokens import CHANGES, Tokens, changes
+from recognition.tokens import CHANGES, MOTION_CHANGES, Tokens, changes
 from recognition.training.data import Split
 from recognition.training.windows import View, Windows
 from recognition.trfe.candidates import Preprocessing
@@ -107,6 +107,11 @@ class Trial:
     def only_changes(self) -> Trial:
         """The same with what changes in windows of tokens alone."""
         return replace(self, features=np.ascontiguousarray(self.features[:, : self.changes]), tuned=0)
+
+    @cached_property
+    def without_roles(self) -> Trial:
+        """The same with the changes of motion and gap alone, without the roles of lanes."""
+        return replace(self, features=np.ascontiguousarray(self.features[:, :MOTION_CHANGES]), changes=MOTION_CHANGES, tuned=0)
 
     @cached_property
     def map_only(self) -> Trial:

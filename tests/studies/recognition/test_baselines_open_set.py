@@ -16,11 +16,14 @@ from studies.recognition import metrics
 from studies.recognition.baselines.open_set.arpl import ARPL, arpl_loss, reciprocal_distances
 from studies.recognition.baselines.open_set.cac import CAC, cac_loss, cac_rejection
 from studies.recognition.baselines.open_set.cpn import CPN, cpn_loss
+from studies.recognition.baselines.open_set.energy import Energy, energy
 from studies.recognition.baselines.open_set.knn import KNN
+from studies.recognition.baselines.open_set.logistic import Logistic
 from studies.recognition.baselines.open_set.mdenet import MDENet, contrastive_loss, sphere_loss
 from studies.recognition.baselines.open_set.method import OpenSetMethod
 from studies.recognition.baselines.open_set.mls import MLS, logit_outlyingness
 from studies.recognition.baselines.open_set.random import Chance
+from studies.recognition.baselines.open_set.vim import ViM, residual_axes
 from studies.recognition.baselines.open_set.voting import VotingMethod
 from studies.recognition.screenings.reading_b import WeibullVotes
 from studies.recognition.screenings.vote_threshold import VoteThreshold
@@ -28,7 +31,7 @@ from tests.recognition.clouds import clouds
 
 KNOWN = [1, 2, 5, 9]
 CEVT, PlainThreshold = (partial(VotingMethod, screening=screening) for screening in (WeibullVotes, VoteThreshold))
-METHODS: list[Callable[..., OpenSetMethod]] = [CAC, ARPL, CPN, MDENet, MLS, CEVT, PlainThreshold, KNN]
+METHODS: list[Callable[..., OpenSetMethod]] = [CAC, ARPL, CPN, MDENet, MLS, CEVT, PlainThreshold, KNN, Logistic, Energy, ViM]
 
 
 def fit(method: Callable[..., OpenSetMethod]) -> OpenSetMethod:
@@ -73,6 +76,34 @@ def test_chance_detects_nothing() -> None:
     scores = model.score(clouds(KNOWN, 500, seed=5)[0])
     truth = np.arange(len(scores)) % 2
     assert metrics.auroc(truth, scores) == pytest.approx(0.5, abs=0.05)
+
+
+def test_energy_by_hand() -> None:
+    assert energy(torch.tensor([[0.0, math.log(3.0)]])).item() == pytest.approx(-math.log(1 + 3))
+
+
+def test_what_the_principal_subspace_leaves_is_the_direction_that_hardly_varies() -> None:
+    samples = torch.tensor([[3.0, 0.1], [-3.0, 0.1], [3.0, -0.1], [-3.0, -0.1]])
+    assert residual_axes(samples).abs().flatten().tolist() == pytest.approx([0.0, 1.0], abs=1e-6)
+
+
+def test_vim_scores_by_the_residual_and_the_energy() -> None:
+    model = fitted(ViM)
+    assert isinstance(model, ViM)
+    samples = clouds(KNOWN, 20, seed=5)[0]
+    inputs = model._standardise(samples)
+    with torch.no_grad():
+        logits = model.network(inputs)
+        apart = (model.network.before_last(inputs) - model._origin) @ model._axes
+    assert model.score(samples) == pytest.approx((model._weight * apart.norm(dim=1) + energy(logits)).numpy(), rel=1e-5)
+    assert model._weight > 0.0 and 1 < apart.shape[1] < model.training.hidden
+
+
+def test_the_nearest_neighbours_decide_what_logistic_regression_rejects() -> None:
+    samples = np.concatenate([clouds(KNOWN, 20, seed=5)[0], between(20)])
+    linear, nearest = fitted(Logistic), fitted(KNN)
+    assert np.array_equal(linear.score(samples), nearest.score(samples))
+    assert not np.array_equal(linear.classify(between(200)), nearest.classify(between(200)))
 
 
 def test_anchor_loss_by_hand() -> None:

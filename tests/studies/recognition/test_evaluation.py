@@ -13,12 +13,14 @@ import pytest
 from recognition.encoder.config import Preset
 from recognition.encoder.model import Encoder, untrained
 from recognition.grids import Grid
-from recognition.tokens import CHANGES, Tokens, changes
+from recognition.tokens import CHANGES, MOTION_CHANGES, Tokens, changes
 from recognition.training.data import Split
 from recognition.training.windows import Windows
 from recognition.trfe.samples import Features
 from schemas.common.array_types import IntArray
 from schemas.common.errors import UsageError
+from studies.recognition.baselines.open_set.logistic import Logistic
+from studies.recognition.experiments import open_set
 from studies.recognition.protocol.command import protocol
 from studies.recognition.protocol.evaluation import Evaluation, ProtocolSettings
 from studies.recognition.protocol.processes import run_beside
@@ -153,8 +155,18 @@ def test_methods_see_what_changes_in_tokens_beside_what_encoders_read(tmp_path: 
     assert (trial.only_encoded.labelled.features == seen[:, CHANGES:]).all() and not trial.only_encoded.config.changes
     assert (trial.only_tuned.labelled.features == seen[:, CHANGES + 12 :]).all()
     assert (trial.only_changes.labelled.features == seen[:, :CHANGES]).all()
+    assert (trial.without_roles.labelled.features == seen[:, :MOTION_CHANGES]).all() and MOTION_CHANGES < CHANGES
     inputs = trial.beside_inputs.labelled.features[:, CHANGES + 12 :]
     assert (inputs == trial.windows.inputs[rows].reshape(len(rows), -1)).all()
+
+
+def test_plain_methods_look_at_what_changes_alone(tmp_path: Path) -> None:
+    trial = of_tokens(tmp_path)
+    widths = {name: open_set.seen_by(name, trial).test.features.shape[1] for name in open_set.PLAIN}
+    assert widths == {"logistic-changes": CHANGES, "logistic-without-roles": MOTION_CHANGES, "knn-changes": CHANGES}
+    fitted, held = (part._replace(features=part.features[:, :CHANGES]) for part in (trial.labelled, trial.validation))
+    alone = Logistic(0).fit(fitted.features, fitted.labels, held.features, held.labels)
+    assert open_set.measure_open_set("logistic-changes", trial)["threshold"] == alone.threshold
 
 
 def test_pretraining_sees_known_classes_alone_unless_all_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

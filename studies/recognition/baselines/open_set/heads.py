@@ -37,6 +37,11 @@ class Head(nn.Module):
         out: Tensor = self.layers(features)
         return out
 
+    def before_last(self, features: Tensor) -> Tensor:
+        """Inputs (n, `hidden`) of the last layer."""
+        out: Tensor = self.layers[:-1](features)
+        return out
+
 
 class HeadMethod(OpenSetMethod):
     """An open-set method that is a trained head; subclasses say which network, which loss, and what its outputs mean.

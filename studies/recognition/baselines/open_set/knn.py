@@ -34,8 +34,11 @@ class KNN(OpenSetMethod):
         """Distance of each sample to its fifth nearest training sample (n,)."""
         return np.asarray(self._model.kneighbors(self._unit(features))[0][:, -1], dtype=np.float64)
 
+    def _standardise(self, features: Features) -> Features:
+        return (features - self._mean) / self._deviation
+
     def _unit(self, features: Features) -> Features:
-        return unit((features - self._mean) / self._deviation)
+        return unit(self._standardise(features))
 
 
 METHOD = KNN
