@@ -14,7 +14,7 @@ from recognition.labels.classes import Label
 from recognition.sites import site_of
 from recognition.tokens import Tokens
 from recognition.training.data import is_windows, source_of
-from recognition.training.windows import View, Windows, events_and_background, nothing, windows_of
+from recognition.training.windows import View, Windows, events_and_background, joined, nothing, windows_of
 from recognition.trfe.known import title_of
 from recognition.trfe.samples import BACKGROUND, UNKNOWN
 from recognition.trfe.trfe import TRFE
@@ -140,9 +140,7 @@ def _share(flags: BoolArray) -> float:
 
 def _joined(parts: Sequence[Windows], view: View) -> Windows:
     none = np.zeros(0, np.str_)
-    empty = Windows(nothing(view), np.zeros(0, np.int64), none, none, np.zeros(0))
-    columns = zip(*(part.columns for part in (empty, *parts)), strict=True)
-    return Windows(*(np.concatenate(column) for column in columns))
+    return joined([Windows(nothing(view), np.zeros(0, np.int64), none, none, np.zeros(0)), *parts])
 
 
 _SHARES = np.arange(0.0, 0.6, 0.01)

@@ -45,6 +45,14 @@ def train(
         Path | None,
         typer.Option(metavar="DIR", help="A model whose encoders are taken.  [default: they are trained]"),
     ] = None,
+    pretrain_on: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DIR",
+            help="Recordings of real traffic, say, on which the encoder is pretrained beside the windows, without their labels"
+            " (repeatable).",
+        ),
+    ] = None,
     develop: Annotated[
         list[Path] | None,
         typer.Option(
@@ -95,7 +103,9 @@ def train(
     from recognition.trfe.known import DELTA
     from recognition.trfe.storage import load, save
 
-    chosen = preset_of(preset)
+    if encoders and pretrain_on:
+        raise UsageError("--encoders takes encoders that are trained: give either it or --pretrain-on")
+    chosen, rules = preset_of(preset), Rules(signalised=True)
     view = Tokens() if isinstance(chosen.architecture, TokenArchitecture) else Grid()
     folder = cache or out / "windows"
     kept = folder / f"{source_of(path)}-{preset}-{of_each}"
@@ -103,13 +113,12 @@ def train(
     parts = split(windows, seed, split_by, events_per_class)
     if not len(parts.labelled):
         raise UsageError(f"no class has enough {split_by}s to be in every part of the data", path=path)
+    others = [part for one in pretrain_on or () for part in site_windows(one, folder, view, rules)[1:]]
     with epochs(chosen.pretraining.epochs + chosen.finetuning.epochs, quiet) as progress:
-        trained = (
-            load(encoders).encoders if encoders else encoders_of(windows.select(parts.labelled), chosen, view, seed, progress)
-        )
+        labelled = windows.select(parts.labelled)
+        trained = load(encoders).encoders if encoders else encoders_of(labelled, others, chosen, view, seed, progress)
         settings = Config(seed=seed, delta=DELTA if develop else None, recognise_by_changes=by_changes)
         model = fitted(windows, parts, trained, settings, forest_samples)
-    rules = Rules(signalised=True)
     if develop:
         elsewhere = [site_windows(one, folder, view, rules) for one in develop]
         accept(model, [one.events for one in elsewhere])
@@ -119,12 +128,17 @@ def train(
     if measured:
         model.unseen_sites = min(one.agree for one in measured), max(one.wrong + one.nothing for one in measured)
     save(model, out, samples)
-    chosen_by = f", δ and least shares of votes by {', '.join(markdown(one.name) for one in develop)}" if develop else ""
-    data = f"{markdown(path.name)}, preset {preset}, seed {seed}, divided by {split_by}{chosen_by}"
+    chosen_by = f", δ and least shares of votes by {_names(develop)}" if develop else ""
+    beside = f", pretrained on {_names(pretrain_on)} too" if pretrain_on else ""
+    data = f"{markdown(path.name)}, preset {preset}, seed {seed}, divided by {split_by}{beside}{chosen_by}"
     card = card_of(model, windows, parts, data, measured)
     keep(card.encode(), out / CARD)
     if not quiet:
         print(card)
+
+
+def _names(folders: Sequence[Path]) -> str:
+    return ", ".join(markdown(one.name) for one in folders)
 
 
 @contextmanager
@@ -141,12 +155,15 @@ def epochs(count: int, quiet: bool) -> Iterator[Progress | None]:
         yield lambda epoch, loss: bar.update(task, advance=1, description=f"epoch {epoch}, loss {loss:.3f}")
 
 
-def encoders_of(labelled: Windows, preset: Preset, view: View, seed: int, progress: Progress | None) -> tuple[Encoder, Encoder]:
-    """An encoder pretrained on windows of the known classes, and the same fine-tuned on them with their labels."""
+def encoders_of(
+    labelled: Windows, others: Sequence[Windows], preset: Preset, view: View, seed: int, progress: Progress | None
+) -> tuple[Encoder, Encoder]:
+    """An encoder pretrained on windows of the known classes and on others, and the same fine-tuned on the first with labels."""
     from recognition.encoder.storage import rounded
     from recognition.encoder.training import finetune, pretrain
+    from recognition.training.windows import joined
 
-    encoder = pretrain(labelled, preset, view, seed, progress=progress)
+    encoder = pretrain(joined([labelled, *others]), preset, view, seed, progress=progress)
     tuned = finetune(encoder, labelled, preset.finetuning, seed, progress)
     return rounded(encoder), rounded(tuned)
 

@@ -231,6 +231,11 @@ def windows_of(recording: Recording, events: Sequence[LabelledMoment], view: Vie
     )
 
 
+def joined(parts: Sequence[Windows]) -> Windows:
+    """Windows of one view, one part after the other."""
+    return Windows(*(np.concatenate(columns) for columns in zip(*(part.columns for part in parts), strict=True)))
+
+
 def store(parts: Iterable[Windows], folder: Path) -> int:
     """Write windows of several recordings one after the other into a folder, without holding all of them in memory.
 

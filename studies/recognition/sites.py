@@ -3,27 +3,77 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple, cast
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from recognition.tokens import MOTION_CHANGES, changes
+from recognition.trfe.forest import VotingForest, grow
 from schemas.common.command_line import Verbose, Version, interruptible, out_folder
 from schemas.common.errors import UsageError
 from studies.recognition.plain import kinematic, static
+from studies.recognition.strategies import LinearVotes, grow_linear
 
 if TYPE_CHECKING:
-    from recognition.training.card import Agreement, Recognise, SiteWindows
-    from recognition.training.windows import View, Windows
+    from recognition.training.card import Agreement, SiteWindows
+    from recognition.training.windows import Inputs, Windows
+    from recognition.trfe.config import Grow
     from recognition.trfe.trfe import TRFE
 
-Made = Callable[["Windows"], NDArray[np.float32]]
-"""Features (n, d) of windows"""
+Made = Callable[["Inputs"], NDArray[np.float32]]
+"""Features (n, d) of the inputs of windows"""
 _OF_EACH = 400
-"""Windows of each class that rows are fitted on"""
+"""Windows of each class that rows are fitted on; as many again calibrate"""
+
+
+class Row(NamedTuple):
+    """What is held against the model: features of windows, made with the model at hand, and the classifier of them."""
+
+    title: str
+    made: Callable[[TRFE, Inputs], NDArray[np.float32]]
+    grow: Callable[..., VotingForest | LinearVotes] = grow_linear
+
+
+def _random(model: TRFE, inputs: Inputs) -> NDArray[np.float32]:
+    from recognition.encoder.model import untrained
+    from recognition.encoder.storage import features
+    from recognition.encoder.training import deterministic
+
+    with deterministic(0):
+        random = untrained(model.encoders[0].architecture, model.encoders[0].view)
+    return features([random], inputs)
+
+
+def _encoded(model: TRFE, inputs: Inputs, which: slice = slice(None)) -> NDArray[np.float32]:
+    from recognition.encoder.storage import features
+
+    return features(model.encoders[which], inputs)
+
+
+def _beside(model: TRFE, inputs: Inputs) -> NDArray[np.float32]:
+    return np.concatenate([changes(inputs), _encoded(model, inputs)], axis=1)
+
+
+ROWS: dict[str, Row] = {
+    "map-only": Row("map only, one frame, forest", lambda _, inputs: static(inputs), grow),
+    "motion": Row("13 numbers of motion, forest", lambda _, inputs: kinematic(inputs), grow),
+    "changes": Row("what changes, logistic regression", lambda _, inputs: changes(inputs)),
+    "without-roles": Row("the same without roles of lanes", lambda _, inputs: changes(inputs)[:, :MOTION_CHANGES]),
+    "changes-forest": Row("what changes, forest", lambda _, inputs: changes(inputs), grow),
+    "random": Row("random encoder, logistic regression", _random),
+    "pretrained": Row("pretrained encoder, logistic regression", partial(_encoded, which=slice(1))),
+    "tuned": Row("fine-tuned encoder, logistic regression", partial(_encoded, which=slice(-1, None))),
+    "encoded": Row("both encoders, logistic regression", _encoded),
+    "beside": Row("both encoders and what changes, logistic regression", _beside),
+}
+"""Rows by name. Each screens and calibrates as the model does."""
+OTHERS = "others"
+"""The fine-tuned encoder with other recordings in training, each time without those that it is measured on"""
 
 
 @interruptible("studies.recognition sites")
@@ -34,13 +84,19 @@ def sites(
     windows: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Windows that the model was trained on, to fit rows of other features on.")
     ] = None,
+    develop: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="Recordings by which δ and least shares of votes of rows are chosen, as `train` does."),
+    ] = None,
+    row: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help=f"Only these rows: {', '.join([*ROWS, OTHERS])} (repeatable).")
+    ] = None,
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
     """Measure how a model agrees with the rules on recordings, at their events and at a regular stride.
 
-    With the windows that trained it, forests on a map without vehicles, on thirteen numbers of motion, and linear classifiers on
-    the encoder before fine-tuning and on a random one are held against it; and a linear classifier that learns from the other
+    With the windows that trained it, classifiers of other features are held against it, and one that learns from the other
     recordings too, each time without those that it is measured on.
     """
     from recognition.labels import Rules
@@ -49,18 +105,23 @@ def sites(
     from recognition.trfe.storage import load
     from schemas.common.storage import keep, writing
 
+    unknown = sorted(set(row or ()) - {*ROWS, OTHERS})
+    if unknown:
+        raise UsageError(f"there is no row {unknown[0]!r}; rows: {', '.join([*ROWS, OTHERS])}")
     trfe = load(model)
     if not trfe.encoders:
         raise UsageError("this model has no encoder: it can't recognise recordings", path=model)
     view = trfe.encoders[0].view
     with writing("the report", out):
         out.mkdir(parents=True, exist_ok=True)
-        seen = [site_windows(path, out / "cache", view, Rules(signalised=True)) for path in paths]
+        seen, chosen = (
+            [site_windows(path, out / "cache", view, Rules(signalised=True)) for path in some] for some in (paths, develop or ())
+        )
         rows = [("model", [agreement(lambda part: trfe.recognise(part.inputs).labels, one) for one in seen])]
         if windows is not None:
-            rows += _rows(trfe, Windows.load(windows), view, seen)
+            rows += _rows(row or [*ROWS, OTHERS], trfe, Windows.load(windows), chosen, seen)
         parts = [f"## {name}\n\n{table(found)}\n" for name, found in rows]
-        parts.append("## Classes\n\n" + _classes(rows[0][1]))
+        parts += [f"## Classes: {name}\n\n{_classes(found)}" for name, found in rows]
         print(keep("\n".join(parts).encode(), out / "sites.md"))
 
 
@@ -76,54 +137,61 @@ def _classes(rows: Iterable[Agreement]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _rows(trfe: TRFE, training: Windows, view: View, seen: list[SiteWindows]) -> Iterator[tuple[str, list[Agreement]]]:
-    """Other features, fitted on windows of the same classes, as many of each."""
-    from recognition.encoder.model import untrained
-    from recognition.encoder.storage import features
-    from recognition.encoder.training import deterministic
+def _rows(
+    names: Sequence[str], trfe: TRFE, training: Windows, develop: Sequence[SiteWindows], seen: Sequence[SiteWindows]
+) -> Iterator[tuple[str, list[Agreement]]]:
+    """Rows fitted on windows of the same classes, as many of each."""
     from recognition.training.card import agreement
-    from recognition.trfe.samples import drawn_of_each
+    from recognition.training.data import split
 
-    training = training.select(np.sort(drawn_of_each(training.labels, _OF_EACH, np.random.default_rng(0))))
-    with deterministic(0):
-        random = untrained(trfe.encoders[0].architecture, view)
-    for name, made in (
-        ("map only, one frame, forest", lambda part: static(part.inputs)),
-        ("13 numbers of motion, forest", lambda part: kinematic(part.inputs)),
-        ("random encoder, linear", lambda part: features(random, part)),
-        ("pretrained encoder, linear", lambda part: features(trfe.encoders[0], part)),
-        ("fine-tuned encoder, linear", lambda part: features(trfe.encoders[-1], part)),
-    ):
-        recognise = _fitted(made, training, linear="linear" in name)
-        yield name, [agreement(recognise, one) for one in seen]
-    tuned: Made = partial(features, trfe.encoders[-1])
-    others = [joined(training, [other for other in seen if other is not one]) for one in seen]
-    found = [agreement(_fitted(tuned, known, linear=True), one) for known, one in zip(others, seen, strict=True)]
-    yield "fine-tuned encoder, linear, other recordings too", found
+    parts = split(training, 0, "recording")
+    labelled, held = (_drawn(training.select(rows)) for rows in (parts.labelled, parts.validation))
+    for name in names:
+        made, title = ROWS["tuned" if name == OTHERS else name], ROWS["tuned" if name == OTHERS else name].title
+        if name != OTHERS:
+            recognise = recogniser(made, trfe, labelled, held, develop)
+            yield title, [agreement(recognise, one) for one in seen]
+            continue
+        found = []
+        for one in seen:
+            known = beside(labelled, [other for other in seen if other is not one])
+            found.append(agreement(recogniser(made, trfe, known, held, develop), one))
+        yield f"{title}, other recordings too", found
 
 
-def joined(training: Windows, sites: Sequence[SiteWindows]) -> Windows:
+def recogniser(
+    row: Row, trfe: TRFE, labelled: Windows, held: Windows, develop: Sequence[SiteWindows]
+) -> Callable[[Windows], NDArray[np.int64]]:
+    """A row fitted on windows and calibrated on others, as a function of windows; with recordings to develop on, thresholds are
+    chosen by these."""
+    from recognition.training.card import SiteWindows, accept, least_shares
+    from recognition.trfe.config import Config, Steps
+    from recognition.trfe.known import DELTA
+    from recognition.trfe.trfe import TRFE
+
+    def seen(windows: Windows) -> Windows:
+        return replace(windows, inputs=row.made(trfe, windows.inputs))
+
+    fitted, calibrating = seen(labelled), seen(held)
+    model = TRFE(Config(delta=DELTA), steps=Steps(grow=cast("Grow", row.grow)))
+    model.fit(fitted.inputs, fitted.labels, calibrating.inputs, calibrating.labels)
+    if develop:
+        elsewhere = [SiteWindows(one.name, seen(one.events), seen(one.regular)) for one in develop]
+        accept(model, [one.events for one in elsewhere])
+        model.least = least_shares(model, elsewhere)
+    return lambda windows: model.recognise(seen(windows).inputs).labels if len(windows) else windows.labels
+
+
+def beside(training: Windows, sites: Sequence[SiteWindows]) -> Windows:
     """Windows and those of other recordings, at events and at the stride, no more of each class."""
-    from recognition.training.windows import Windows
+    from recognition.training.windows import joined
+
+    known = np.unique(training.labels)
+    there = [windows for site in sites for windows in (site.events, site.regular)]
+    return joined([training, *(_drawn(windows.select(np.isin(windows.labels, known))) for windows in there)])
+
+
+def _drawn(windows: Windows) -> Windows:
     from recognition.trfe.samples import drawn_of_each
 
-    parts = [training]
-    for windows in (windows for site in sites for windows in (site.events, site.regular)):
-        parts.append(windows.select(np.sort(drawn_of_each(windows.labels, _OF_EACH, np.random.default_rng(0)))))
-    return Windows(*(np.concatenate(columns) for columns in zip(*(part.columns for part in parts), strict=True)))
-
-
-def _fitted(made: Made, training: Windows, linear: bool) -> Recognise:
-    """A classifier on features, as a function of windows; nothing is unknown to it."""
-    from sklearn.ensemble import RandomForestClassifier
-    from sklearn.linear_model import LogisticRegression
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import StandardScaler
-
-    classifier = (
-        make_pipeline(StandardScaler(), LogisticRegression(max_iter=1000, class_weight="balanced"))
-        if linear
-        else RandomForestClassifier(250, random_state=0, class_weight="balanced", n_jobs=-1)
-    )
-    classifier.fit(made(training), training.labels)
-    return lambda part: classifier.predict(made(part)) if len(part) else part.labels
+    return windows.select(np.sort(drawn_of_each(windows.labels, _OF_EACH, np.random.default_rng(0))))

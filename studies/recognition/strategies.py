@@ -3,23 +3,57 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from sklearn.cluster import AgglomerativeClustering, KMeans
+from sklearn.linear_model import LogisticRegression
+from sklearn.neighbors import NearestNeighbors
 
 from recognition.trfe.clustering import Pairs, k_means_head, random_head, three_way_pairs
 from recognition.trfe.config import Config, Task, fixed_pairs, likely_clusters, trained_clusters
 from recognition.trfe.forest import Votes, VotingForest, grow, random_trees, similarity
-from recognition.trfe.samples import Features, Prototypes
+from recognition.trfe.samples import Features, Prototypes, deviations, unit
 from recognition.trfe.trfe import TRFE
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import UsageError
 
 grow_plain = partial(grow, background=False, neighbours=False)
 """A forest whose trees see features alone and always vote for a class."""
+
+
+class LinearVotes(NamedTuple):
+    """Logistic regression that votes: probabilities in place of trees, and the distance to the fifth nearest training sample.
+
+    Args:
+        linear: fitted on standardised features. nearest: training samples, standardised and cut to unit length.
+        mean, scale: for standardising. labels: of the classes, ascending. trees: votes that there are.
+    """
+
+    linear: LogisticRegression
+    nearest: NearestNeighbors
+    mean: Features
+    scale: Features
+    classes: IntArray
+    trees: int
+
+    def vote(self, features: Features) -> Votes:
+        """Votes on features (n, d), and distances."""
+        standard = (features - self.mean) / self.scale
+        counts = np.floor(self.linear.predict_proba(standard) * self.trees).astype(np.int64)
+        return Votes(counts, self.nearest.kneighbors(unit(standard))[0][:, -1])
+
+
+def grow_linear(features: Features, labels: IntArray, *, trees: int, seed: int = 0) -> LinearVotes:
+    """Logistic regression of features (n, d) and labels (n,) in the place of a forest."""
+    mean, scale = features.mean(axis=0), deviations(features)
+    standard = (features - mean) / scale
+    linear = LogisticRegression(max_iter=1000, class_weight="balanced").fit(standard, labels)
+    nearest = NearestNeighbors(n_neighbors=5, algorithm="brute").fit(unit(standard))
+    return LinearVotes(linear, nearest, mean, scale, np.asarray(linear.classes_), trees)
 
 
 class Unscreened(TRFE):

@@ -12,6 +12,7 @@ import pytest
 from recognition import cli
 from recognition.catalogue.pipeline import SHIPPED
 from recognition.encoder.config import PRESETS, Preset, Schedule, TokenArchitecture
+from recognition.encoder.model import Encoder, untrained
 from recognition.labels import Label
 from recognition.tokens import FEATURES, Tokens
 from recognition.training.card import CARD, LIMITS, decision, scope
@@ -72,6 +73,29 @@ def test_a_model_is_trained_and_recognises(
     assert all(0.0 <= row["confidence"] <= 1.0 for row in rows)
     assert {row["sorted_by"] for row in rows} == {"rules"} and "sorted by the rules" in capsys.readouterr().err
     assert all(row["class"] == row["rule_class"] for row in rows if row["rule_class"])
+
+
+def test_an_encoder_is_pretrained_on_recordings_without_labels_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiny = Preset(TokenArchitecture(dim=8, depth=1, heads=2), Schedule(1, 64, 1e-3), Schedule(1, 64, 1e-3))
+    monkeypatch.setitem(PRESETS, "tokens", tiny)
+    given, seen = windows(tmp_path / "windows"), []
+
+    def pretrain(windows: Windows, preset: Preset, view: Tokens, seed: int, **_: object) -> Encoder:
+        seen.append(windows)
+        return untrained(preset.architecture, view)
+
+    monkeypatch.setattr("recognition.encoder.training.pretrain", pretrain)
+    motorway.write_motorway(tmp_path / "real")
+    options = ("--events-per-class", 96, "--pretrain-on", tmp_path / "real", "--quiet")
+    assert call(monkeypatch, "train", given, "--out", tmp_path / "model", *options) == 0
+    assert "pretrained on real too" in (tmp_path / "model" / CARD).read_text()
+    (together,) = seen
+    names = set(together.recordings.tolist())
+    assert names & set(Windows.load(given).recordings.tolist()) and any(name.startswith("real") for name in names)
+    assert call(monkeypatch, "train", given, "--out", tmp_path / "other", *options, "--encoders", tmp_path / "model") == 2
+    assert "--pretrain-on" in capsys.readouterr().err
 
 
 def test_the_card_of_the_shipped_model_is_its_own() -> None:

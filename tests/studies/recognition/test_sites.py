@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from recognition.tokens import FEATURES, MOTION, TRAFFIC, Tokens
 from recognition.training.card import SiteWindows
 from recognition.training.windows import Windows
 from recognition.trfe.samples import BACKGROUND
+from recognition.trfe.trfe import TRFE
+from schemas.common.errors import UsageError
 from studies.recognition.plain import kinematic, static
-from studies.recognition.sites import joined
+from studies.recognition.sites import ROWS, beside, recogniser, sites
 
 TOKENS = Tokens(others=2)
 
@@ -45,7 +51,36 @@ def test_plain_numbers_of_motion_are_blind_to_the_map() -> None:
 
 def test_other_recordings_join_training_with_events_and_quiet_windows() -> None:
     there = SiteWindows("there", windows([3, 4], "there"), windows([BACKGROUND] * 3, "there"))
-    found = joined(windows([3, 3], "families"), [there])
-    assert found.labels.tolist() == [3, 3, 3, 4, BACKGROUND, BACKGROUND, BACKGROUND]
-    assert found.recordings.tolist() == ["families"] * 2 + ["there"] * 5
-    assert found.inputs.shape == (7, *TOKENS.shape)
+    found = beside(windows([3, 3, 4, BACKGROUND], "families"), [there])
+    assert found.labels.tolist() == [3, 3, 4, BACKGROUND, 3, 4, BACKGROUND, BACKGROUND, BACKGROUND]
+    assert found.recordings.tolist() == ["families"] * 4 + ["there"] * 5
+    assert found.inputs.shape == (9, *TOKENS.shape)
+
+
+def drifting(labels: list[int], name: str, seed: int) -> Windows:
+    """Windows in which the ego of class 5 goes to its left, that of class 6 to its right."""
+    made = replace(windows(labels, name), inputs=0.1 * inputs(len(labels), seed))
+    way = {5: 1.0, 6: -1.0, BACKGROUND: 0.0}
+    for window, label in zip(made.inputs, labels, strict=True):
+        window[0, :, FEATURES.index("aside")] += way[label] * np.linspace(-1.0, 1.0, TOKENS.frames)
+    return made
+
+
+@pytest.mark.parametrize("name", ["changes", "changes-forest"])
+def test_a_row_is_fitted_and_takes_its_least_shares_from_recordings_to_develop_on(name: str) -> None:
+    labels = [5, 6, BACKGROUND] * 20
+    fitted, held, events = (drifting(labels, "families", seed) for seed in range(3))
+    quiet = drifting([5] * 30, "there", 4)
+    quiet = replace(quiet, labels=np.full(30, BACKGROUND))  # as if what looks like class 5 were nothing here
+    model = TRFE()
+    plain, developed = (
+        recogniser(ROWS[name], model, fitted, held, develop) for develop in ([], [SiteWindows("there", events, quiet)])
+    )
+    assert np.mean(plain(events) == events.labels) > 0.8 and np.mean(plain(quiet) == 5) > 0.5
+    assert np.mean(developed(quiet) == BACKGROUND) > np.mean(plain(quiet) == BACKGROUND)
+    assert len(plain(events.select(slice(0)))) == 0
+
+
+def test_an_unknown_row_is_named_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"there is no row 'magic'; rows: map-only, .*, others"):
+        sites(tmp_path, [tmp_path], tmp_path / "out", row=["magic"])

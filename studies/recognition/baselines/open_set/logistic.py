@@ -6,7 +6,7 @@ import numpy as np
 
 from recognition.trfe.samples import Features
 from studies.recognition.baselines.open_set.knn import KNN
-from xodr.array_types import IntArray
+from schemas.common.array_types import IntArray
 
 TITLE = "logistic regression, distance to the fifth neighbour"
 
