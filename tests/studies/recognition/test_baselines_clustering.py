@@ -22,6 +22,7 @@ from studies.recognition.baselines.clustering.pool import ClusteringMethod, Pool
 from studies.recognition.baselines.clustering.random import ChanceClusters
 from studies.recognition.baselines.clustering.semi_kmeans import SemiSupervised
 from studies.recognition.baselines.clustering.semi_kmeans_counted import SemiSupervisedCounted
+from studies.recognition.baselines.clustering.simgcd import SimGCD, distillation_loss
 from studies.recognition.baselines.clustering.stae import CODE, Autoencoder
 from studies.recognition.baselines.clustering.stae_kmeans import STAEKMeans
 from studies.recognition.baselines.clustering.stae_linkage import STAELinkage
@@ -30,7 +31,7 @@ from tests.recognition.clouds import clouds
 
 METHODS: list[type[ClusteringMethod]] = [
     KMeansFeatures, KMeansAxes, KMeansAxesCounted, Mixture, MixtureCounted, SemiSupervised, SemiSupervisedCounted,
-    IterativeEuclidean, STAEKMeans, STAELinkage,
+    IterativeEuclidean, STAEKMeans, STAELinkage, SimGCD,
 ]  # fmt: skip
 
 
@@ -58,12 +59,21 @@ def test_classes_that_lie_apart_become_clusters(method: type[ClusteringMethod]) 
 
 
 @pytest.mark.parametrize(
-    ("method", "each"), [(IterativeEuclidean, 30), (IterativeAutoNovel, 30), (STAEKMeans, 30), (ChanceClusters, 30)]
+    ("method", "each"), [(IterativeEuclidean, 30), (IterativeAutoNovel, 30), (STAEKMeans, 30), (ChanceClusters, 30), (SimGCD, 30)]
 )
 def test_same_seed_gives_the_same_clusters(method: type[ClusteringMethod], each: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("studies.recognition.baselines.clustering.stae._STEPS", 40)
     samples, _ = pool(each)
     assert np.array_equal(method(seed=3).cluster(samples), method(seed=3).cluster(samples))
+
+
+def test_self_distillation_by_hand() -> None:
+    even = torch.zeros(3, 2)
+    assert distillation_loss(even, even, 0.04).item() == pytest.approx(math.log(2) - 2 * math.log(2))
+    one_class = torch.tensor([[1.0, -1.0], [1.0, -1.0]])
+    assert distillation_loss(one_class, one_class, 0.04).item() == pytest.approx(0.0, abs=1e-6)
+    both = torch.tensor([[1.0, -1.0], [-1.0, 1.0]])  # sure of each, and both classes are used: the least there is
+    assert distillation_loss(both, both, 0.04).item() == pytest.approx(-2 * math.log(2), abs=1e-6)
 
 
 def test_ranking_statistics_find_classes_with_strong_features_of_their_own() -> None:

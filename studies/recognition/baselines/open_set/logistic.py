@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from recognition.trfe.samples import Features
-from studies.recognition.baselines.open_set.knn import KNN
 from schemas.common.array_types import IntArray
+from studies.recognition.baselines.open_set.knn import KNN
 
 TITLE = "logistic regression, distance to the fifth neighbour"
 
