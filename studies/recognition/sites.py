@@ -32,7 +32,7 @@ _OF_EACH = 400
 
 
 class Row(NamedTuple):
-    """What is held against the model: features of windows, made with the model at hand, and the classifier of them."""
+    """Features of windows, made with the model at hand, and the classifier of them that is held against it."""
 
     title: str
     made: Callable[[TRFE, Inputs], NDArray[np.float32]]
