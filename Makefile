@@ -22,9 +22,11 @@ $(VENV)/.with-%: pyproject.toml constraints.txt
 install: $(DEVELOPMENT)
 
 # It needs no more than the search does; what is there for development has that.
-demo: $(or $(wildcard $(DEVELOPMENT)),$(VENV)/.with-search)  ## from recordings to edge cases, once around; the page of it is out/demo/index.html
-	rm -rf out/demo
-	$(BIN)/xosc-loop generation/loop/demo --out out/demo --sut cas --budget 100 --rounds 2 --most 4 --shown 6
+demo: $(or $(wildcard $(DEVELOPMENT)),$(VENV)/.with-search)  ## edge cases of adas in out/demo/index.html; adas beside cas in out/demo_cas/history.html
+	rm -rf out/demo out/demo_cas
+	$(BIN)/xosc-loop generation/loop/demo --out out/demo --sut adas --budget 60 --rounds 2 --most 4 --shown 6 --sample 10
+	-$(BIN)/xosc-run generation/loop/demo/scenarios --sut cas --sample 10 --quiet --out out/demo_cas --replay
+	$(BIN)/xosc-replay out/demo/scenarios out/demo_cas
 
 test: install  ## the tests of the product, in parallel
 	$(BIN)/python -m pytest -n auto --dist worksteal --ignore tests/studies

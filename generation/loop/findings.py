@@ -34,7 +34,7 @@ class CaseVerdict(StrEnum):
 
 
 class CarefulDriver(StrEnum):
-    """Verdict on the careful and competent driver of UN R157; unknown if its run failed."""
+    """Verdict on careful drivers (`generation.outcomes.judges.JUDGES`): one avoids it, all collide, or a run failed."""
 
     AVOIDS = "avoids"
     COLLIDES = "collides"
@@ -94,6 +94,7 @@ class EdgeCase:
         theta: values of the parameters.
         likelihood: log-density of recorded parameters there.
         risk: R_risk.
+        survivors: names of the careful drivers that have no collision.
     """
 
     file: str
@@ -103,10 +104,11 @@ class EdgeCase:
     careful: CarefulDriver
     likelihood: float
     risk: float
+    survivors: list[str] = field(default_factory=list)
 
     @property
     def avoidable(self) -> bool:
-        """Whether it is a collision that the careful driver avoids."""
+        """Whether it is a collision that a careful driver avoids."""
         return self.verdict is CaseVerdict.COLLISION and self.careful is CarefulDriver.AVOIDS
 
 

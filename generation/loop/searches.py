@@ -16,6 +16,7 @@ import xosc
 from generation.loop.findings import Against, CarefulDriver, CaseVerdict, Compared, EdgeCase, KnownFailure, Range, Searched
 from generation.loop.inputs import Target
 from generation.loop.runs import searches
+from generation.outcomes.judges import JUDGES
 from generation.outcomes.outcomes import Episodes
 from generation.pipeline import Generated, generate, space_of
 from generation.report.regression import Before, Fate, Tried, regression
@@ -130,15 +131,18 @@ def _cases(made: Generated, out: Path) -> Iterator[EdgeCase]:
     cases = made.cases
     scenarios = made.files[2:]  # after the variation file and that of the density
     for row, (file, theta) in enumerate(zip(scenarios, cases.theta.tolist(), strict=True)):
-        careful = CarefulDriver.COLLIDES if cases.careful.collision[row] else CarefulDriver.UNKNOWN
+        survivors = [name for name in JUDGES if cases.drivers[name].survived[row]]
+        all_collide = all(cases.drivers[name].collision[row] for name in JUDGES)
+        careful = CarefulDriver.COLLIDES if all_collide else CarefulDriver.UNKNOWN
         yield EdgeCase(
             file=file.relative_to(out).as_posix(),
             road=road_of(file, out),
             theta=dict(zip(made.space.names, theta, strict=True)),
             verdict=CaseVerdict.COLLISION if cases.outcomes.collision[row] else CaseVerdict.VIOLATION,
-            careful=CarefulDriver.AVOIDS if cases.careful.survived[row] else careful,
+            careful=CarefulDriver.AVOIDS if survivors else careful,
             likelihood=round(float(cases.log_likelihood[row]), _DIGITS),
             risk=round(float(cases.outcomes.r_risk[row]), _DIGITS),
+            survivors=survivors,
         )
 
 

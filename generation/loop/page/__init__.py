@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -31,6 +33,7 @@ _MEASURES = ("min_ttc", "min_thw", "min_distance", "pet")
 _NOT_PLOTTED = ("cases", "failed", "failures")
 """Fields of a search that its page shows in another form, or not at all"""
 
+_NUMBER = re.compile(r"\d+(\.\d+)?")
 Json = dict[str, Any]
 """Values for the page's scripts: numbers, texts from files, and codes whose wording they choose."""
 
@@ -47,7 +50,7 @@ def _data(found: LoopResult, out: Path) -> Json:
     """Return the data of the page."""
     rows = rows_of(out / CATALOGUE) if found.recordings else []
     searches = [_search(search, of) for of in found.rounds for search in of.searches]
-    _add_previews([case for search in searches for case in search["cases"]], out)
+    _add_previews([(search["title"], case) for search in searches for case in search["cases"]], out)
     return {
         "title": out.resolve().name,
         "settings": found.settings,
@@ -120,20 +123,35 @@ def _case(case: EdgeCase, of: Round) -> Json:
         "verdict": case.verdict,
         "careful": case.careful,
         "avoidable": case.avoidable,
+        "survivors": case.survivors,
         "preview": None,
         "likelihood": case.likelihood,
         "risk": case.risk,
         "state": run.state if run else None,
+        "message": run.message if run else None,
         "play": run.replay if run else None,
         "recognised": [{"title": each.title, "file": f"round_{of.number}/{RECOGNISED}/{each.file}"} for each in labels],
         "files": {"scenario": case.file, **({"road": case.road} if case.road else {}), "tags": tags},
     }
 
 
-def _add_previews(cases: list[Json], out: Path) -> None:
-    """Add moving pictures of the first collisions that a careful driver would have avoided."""
-    shown = [case for case in cases if case["avoidable"] and case["play"]]
-    for case in shown[:_MOVING]:
+def _add_previews(cases: list[tuple[str, Json]], out: Path) -> None:
+    """Add moving pictures of collisions that a careful driver would have avoided, the first of each kind first.
+
+    A kind is a search and the participant that was touched. `turn` is the place of a case among those of its kind.
+
+    Args:
+        cases: with the titles of their searches.
+    """
+    turns: Counter[tuple[str, str]] = Counter()
+    shown = []
+    for title, case in cases:
+        if case["avoidable"] and case["play"]:
+            kind = title, _NUMBER.sub("", case["message"] or "")
+            case["turn"] = turns[kind]
+            turns[kind] += 1
+            shown.append(case)
+    for case in sorted(shown, key=lambda case: int(case["turn"]))[:_MOVING]:
         case["preview"] = preview(load_run((out / case["play"].partition("#")[0]).parent))
 
 

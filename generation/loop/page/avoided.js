@@ -3,13 +3,13 @@
 function avoided() {
   const titled = done.flatMap(search => search.cases.map(each => ({ ...each, title: search.title }))),
     found = titled.filter(each => each.avoidable);
-  const shown = found.filter(each => each.preview),
-    collisions = cases.filter(each => each.verdict === "collision").length,
-    others = collisions > found.length ? "; r157-cc or fsm survives each of them" : "";
+  const shown = found.filter(each => each.preview).sort((a, b) => a.turn - b.turn),
+    collisions = cases.filter(each => each.verdict === "collision").length;
+  const avoids = name => `${name} avoids ${found.filter(each => each.survivors.includes(name)).length}`;
   const told = found.length
     ? `${many(found.length, "collision")} that a careful driver would have avoided`
     : collisions
-      ? `${many(collisions, "collision")}, of which the careful driver of UN R157 avoids none`
+      ? `${many(collisions, "collision")}, of which no careful driver is known to avoid one`
       : total(done, "calls") > total(done, "failed_runs")
         ? "No collision that a careful driver would have avoided"
         : done.length
@@ -38,8 +38,11 @@ function avoided() {
     el(
       "p",
       { class: "muted" },
-      `System under test: ${data.settings.sut}. The careful driver is the competent and careful human of UN R157. ` +
-        (collisions ? `Of ${many(collisions, "collision")} written as edge cases it avoids ${found.length}${others}.` : "") +
+      `System under test: ${data.settings.sut}. Careful drivers are r157-cc, the competent and careful human of UN R157, and ` +
+        "fsm, the Fuzzy Safety Model of the JRC. " +
+        (collisions
+          ? `Of ${many(collisions, "collision")} written as edge cases ${avoids("r157-cc")} and ${avoids("fsm")}.`
+          : "") +
         (shown.length ? " Click one to see it whole." : ""),
     ),
     previews.length ? playing(previews) : null,

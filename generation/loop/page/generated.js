@@ -22,8 +22,8 @@ function generated() {
       "p",
       { class: "muted" },
       "Log-likelihood: how likely recorded traffic, or what is stated in its place, makes the parameters; higher is more " +
-        "plausible. R_risk: share of time in which RSS distances are violated. The careful driver is the competent and " +
-        "careful human of UN R157: a collision that it avoids is one that the system should have avoided.",
+        "plausible. R_risk: share of time in which RSS distances are violated. A collision that a careful driver (r157-cc or " +
+        "fsm) avoids is one that the system should have avoided.",
     ),
     ...done.map(search => searched(search)),
     why,
@@ -79,7 +79,9 @@ function searched(search) {
 }
 
 function edge(each) {
-  const careful = each.avoidable ? badge("avoidable", "avoids it") : el("span", { class: "muted" }, CAREFUL[each.careful]);
+  const careful = each.avoidable
+    ? badge("avoidable", `avoided by ${each.survivors.join(", ")}`)
+    : el("span", { class: "muted" }, CAREFUL[each.careful]);
   const seen = each.recognised.length
     ? each.recognised.map(({ title, file }, i) => el("span", null, i ? ", " : "", el("a", { href: link(file) }, title)))
     : ["–"];

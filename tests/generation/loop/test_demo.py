@@ -1,20 +1,25 @@
-"""The demo: its recordings are small, read without complaint, and what `make demo` types can be typed."""
+"""The demo: its recordings are small, read without complaint, its scenarios run, and what `make demo` types can be typed."""
 
 from __future__ import annotations
 
 import shlex
 import subprocess
+from itertools import islice
 from pathlib import Path
 
 import pytest
 
 import generation.loop
+import runner
+import xosc
 from generation.loop.inputs import Inputs
 from recognition.labels import Rules, label
 from recognition.sites import site_of
+from runner.settings import RunSettings
 
 ROOT = Path(__file__).parents[3]
 DEMO = Path(generation.loop.__file__).parent / "demo"
+ADAS = RunSettings(sut="adas", world="kinematic")
 
 
 def command() -> list[str]:
@@ -32,6 +37,15 @@ def test_recordings_of_both_formats_are_small_and_whole(tmp_path: Path) -> None:
         assert source.report is not None and source.report.excluded == 0
         events += label(recording, site_of(source, recording, tmp_path), source.name, Rules())
     assert len({event.label for event in events}) >= 8
+
+
+def test_each_scenario_has_sets_that_adas_survives_and_others_at_which_it_collides() -> None:
+    found = Inputs.of(DEMO)
+    assert len(found.scenarios) == 3
+    for path in found.scenarios:
+        runs = [runner.run(file, ADAS, parameters=dict(values)) for file, values in islice(xosc.variations(path), 5)]
+        assert {bool(run.verdict.failures) for run in runs} == {True, False}, path
+        assert not any(run.verdict.causes for run in runs), "each tests something"
 
 
 def test_make_demo_runs_the_loop_on_them() -> None:
