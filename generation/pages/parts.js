@@ -30,4 +30,6 @@ function table(label, columns, rows) {
     el("table", null, el("thead", null, head), el("tbody", null, ...rows)),
   );
 }
-const number = value => el("td", { class: "number" }, String(short(value)));
+/** A cell with a number, with so many decimals where these are given. */
+const number = (value, places) =>
+  el("td", { class: "number" }, typeof value === "number" && places !== undefined ? value.toFixed(places) : String(short(value)));

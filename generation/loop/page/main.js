@@ -19,9 +19,9 @@ function own() {
       el("td", null, run.name),
       el("td", null, badge(run.state, run.state)),
       el("td", { class: "muted" }, run.message || (run.status === "timeout" ? "no stop trigger until the time limit" : "–")),
-      number(run.end),
-      number(run.measures.min_ttc),
-      number(run.measures.min_distance),
+      number(run.end, 2),
+      number(run.measures.min_ttc, 2),
+      number(run.measures.min_distance, 2),
     ),
   );
   const sampled = Object.entries(data.sampled).map(

@@ -69,10 +69,10 @@ function recorded(row, state) {
     el("td", null, sure),
     el("td", null, row.vehicle),
     el("td", null, row.recording),
-    number(row.time),
+    number(row.time, 2),
     number(row.participants),
-    number(row.measures.min_ttc),
-    number(row.measures.min_distance),
+    number(row.measures.min_ttc, 2),
+    number(row.measures.min_distance, 2),
     el("td", { class: "muted" }, says ?? "–"),
     files(row.files, row.name),
   );
