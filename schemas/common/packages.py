@@ -104,6 +104,7 @@ def public(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
         return getattr(optional(module), own or name)
 
     def __dir__() -> list[str]:
-        return sorted({*vars(sys.modules[package]), *homes, "__version__"})
+        special = {name for name in vars(sys.modules[package]) if name.startswith("__")}
+        return sorted({*special, *homes, "__version__"})
 
     return __getattr__, __dir__

@@ -221,7 +221,7 @@ def test_runs_that_changed_are_played_beside_what_they_were(browser: Browser, tm
     path = write_history([tmp_path / name for name in ("first", "second", "third")])
     assert path == tmp_path / "third" / "history.html"
     browser.open(path)
-    assert browser.text(".verdict") == "third against second: 0 new failure, 1 fixed, 2 still failing"
+    assert browser.text(".verdict") == "third against second: 0 new failures, 1 fixed, 2 still failing"
     states = (
         "[...document.querySelectorAll('.runs tbody tr')].map(r => [...r.querySelectorAll('.badge')].map(b => b.textContent))"
     )

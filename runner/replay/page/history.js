@@ -4,7 +4,7 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const STATES = ["failed", "error", "inconclusive", "passed"]; // the gravest first
 const PAGE = 200; // rows that are shown at first
 const many = (count, one) => `${count.toLocaleString("en")} ${one}${count === 1 ? "" : "s"}`;
-const MARKS = { impact_speed: "m/s impact", min_distance: "m", min_ttc: "s TTC" };
+const MARKS = { impact_speed: ["m/s impact", 1], min_distance: ["m", 2], min_ttc: ["s TTC", 2] }; // unit, decimals
 const filter = { words: "", kind: "" };
 
 /** What became of a run between two versions: new failure, fixed, still failing, or nothing. */
@@ -36,7 +36,8 @@ function versions() {
       el("p", { class: "muted" }, `${system}${tool ? `, xosc-toolchain ${tool}` : ""}`),
     );
   });
-  const counts = ORDER.slice(0, 3).map(name => `${data.rows.filter(row => row.fate === name).length} ${name}`);
+  const [worse, fixed, still] = ORDER.slice(0, 3).map(name => data.rows.filter(row => row.fate === name).length);
+  const counts = [many(worse, "new failure"), `${fixed} fixed`, `${still} still failing`];
   return el(
     "section",
     { class: "panel" },
@@ -47,7 +48,8 @@ function versions() {
 
 function cell(found) {
   if (found === null) return el("td", { class: "muted" }, "–");
-  const measure = found.measure ? `${Number(found.measure[1].toPrecision(3))} ${MARKS[found.measure[0]]}` : "play";
+  const [unit, places] = found.measure ? MARKS[found.measure[0]] : [];
+  const measure = unit ? `${found.measure[1].toFixed(places)} ${unit}` : "play";
   const state = el("span", { class: `badge ${found.state}`, title: found.message || null }, found.state);
   const linked = found.replay ? el("a", { href: found.replay }, measure) : found.measure ? measure : "";
   return el("td", null, state, el("div", { class: "muted" }, linked));
