@@ -81,6 +81,7 @@ CACHES = {
     "xosc.maneuvers.entities.enum_value": PROGRAM,
     "xosc.maneuvers.files._around_trajectories": VALUE,
     "xosc.node._path": VALUE,
+    "xosc.repairs.attributes._similar": VALUE,
     "xosc.repairs.attributes.attributes": PROGRAM,
     "xosc.repairs.attributes.children": PROGRAM,
     "xosc.repairs.attributes.content": PROGRAM,

@@ -64,7 +64,7 @@ class Node:
     def parent(self) -> Node | None:
         """The enclosing element, None for the root."""
         above = self.element.getparent()
-        return Node(above, _source_of(above, self.path)) if above is not None else None
+        return Node(above, _source_of(above, self.path, {})) if above is not None else None
 
     def ancestors(self) -> Iterator[Node]:
         """This element and those around it, from the inside."""
@@ -169,13 +169,14 @@ class Node:
 
     def iter(self, *tags: str) -> Iterator[Node]:
         """This element and its descendants with one of `tags`, in document order."""
+        sources: dict[etree._Element, Path] = {}
         for element in self.element.iter(*tags):
             if isinstance(element.tag, str):
-                yield self.at(element)
+                yield Node(element, _source_of(element, self.path, sources))
 
     def at(self, element: etree._Element) -> Node:
         """An element inside this one, as a node of the file that it came from."""
-        return Node(element, _source_of(element, self.path))
+        return Node(element, _source_of(element, self.path, {}))
 
     def text(self) -> str:
         """Text content, stripped."""
@@ -202,11 +203,18 @@ def _path(source: str) -> Path:
     return Path(source)
 
 
-def _source_of(element: etree._Element, default: Path) -> Path:
+def _source_of(element: etree._Element, default: Path, known: dict[etree._Element, Path]) -> Path:
+    """The file that an element came from: that of its nearest ancestor with one. Those that are known end the search."""
+    passed, found = [], default
     current: etree._Element | None = element
     while current is not None:
-        source = current.get(SOURCE)
-        if source:
-            return _path(source)
+        if current in known:
+            found = known[current]
+            break
+        passed.append(current)
+        if source := current.get(SOURCE):
+            found = _path(source)
+            break
         current = current.getparent()
-    return default
+    known.update(dict.fromkeys(passed, found))
+    return found

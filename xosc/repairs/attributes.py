@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple, TypeVar, cast
 
 from lxml import etree
@@ -121,6 +121,11 @@ def names(read: Callable[[tuple[int, int]], Mapping[str, Iterable[str]]]) -> dic
 
 def similar(name: str, known: Iterable[str]) -> str:
     """The name that differs in capitals or a letter only; "" where there is none."""
+    return _similar(name, tuple(known))
+
+
+@lru_cache(maxsize=4096)
+def _similar(name: str, known: tuple[str, ...]) -> str:
     by_lower = {each.lower(): each for each in known}
     close = get_close_matches(name.lower(), by_lower, 1, _ALIKE)
     return by_lower[close[0]] if close else ""
