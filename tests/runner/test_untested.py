@@ -91,6 +91,38 @@ def test_a_limit_of_time_that_cuts_events_off_leaves_the_run_unfinished(tmp_path
     assert causes(empty) == []
 
 
+OF_ANOTHER_VARIANT = """<ConditionGroup><Condition name="variant" delay="0" conditionEdge="none"><ByValueCondition>
+  <ParameterCondition parameterRef="Gap" value="7" rule="equalTo"/>
+</ByValueCondition></Condition></ConditionGroup>"""
+SETS_IT = '<GlobalAction><ParameterAction parameterRef="Gap"><SetAction value="8"/></ParameterAction></GlobalAction>'
+
+
+def test_an_event_for_another_value_of_a_parameter_is_not_missed_unless_something_sets_it(tmp_path: Path) -> None:
+    events = story("Lead", [(0.2, speed_action(5)), (0.6, speed_action(9))])
+    assert causes(write(tmp_path, {at_time(0.6): OF_ANOTHER_VARIANT}, stories=events)) == []
+    sets = story("Lead", [(0.2, speed_action(5)), (0.6, speed_action(9)), (0.3, SETS_IT)])
+    assert causes(write(tmp_path, {at_time(0.6): OF_ANOTHER_VARIANT}, stories=sets)) == ["unfinished"]
+    alone = story("Lead", [(0.6, speed_action(9))])
+    assert causes(write(tmp_path, {at_time(0.6): OF_ANOTHER_VARIANT}, stories=alone)) == ["no-event"]
+
+
+@pytest.mark.parametrize(("actor", "expected"), [("Lead", ["unfinished"]), ("Ego", [])])
+def test_an_action_without_end_that_the_stop_trigger_waits_for(actor: str, expected: list[str], tmp_path: Path) -> None:
+    """A rate of 0 never gets there; what the system under test does about its own actions is its own."""
+    slow = story(actor, [(0.2, speed_action(5, 'dynamicsShape="linear" dynamicsDimension="rate" value="0.001"'))])
+    path = write(tmp_path, {at_time(1.0, "end"): AFTER}, stories=slow)
+    found = runner.run(path, KINEMATIC, max_time=1.0).verdict.causes
+    assert [cause.name for cause in found] == expected
+    assert all("event 'event0' was still running, for whose end the stop trigger waits" in cause.text for cause in found)
+
+
+def test_no_executions_at_all_are_taken_for_one(tmp_path: Path) -> None:
+    none = {'maximumExecutionCount="1"': 'maximumExecutionCount="0"'}
+    result = runner.run(write(tmp_path, none), KINEMATIC)
+    (remark,) = result.remarks
+    assert result.verdict.passed and "ManeuverGroup 'group': maximumExecutionCount=0 is no number of executions" in remark
+
+
 def test_a_branch_that_a_stop_trigger_of_the_scene_leaves_out_is_a_remark(tmp_path: Path) -> None:
     late = story("Lead", [(0.2, speed_action(5)), (0.6, speed_action(9))])
     far = WAITS.format('<TraveledDistanceCondition value="5"/>')

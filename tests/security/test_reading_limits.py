@@ -76,6 +76,11 @@ DOUBLING = "".join(parameter(i, f"${{$p{i + 1} + $p{i + 1}}}", "string") for i i
 ATTACKS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...], int]] = {
     "attributes, checked": (changed("<Storyboard>", "<Storyboard " + "".join(f' e{i}="x"' for i in range(4000)) + ">"), CHECK, 1),
     "unknown elements": (changed("<Entities>", "<Entities>" + "<evil/>" * 25_000), RUN, 0),
+    "unknown elements, far inside": (
+        changed("<Entities>", "<Entities>" + "<Entities>" * 120 + "<Entities/>" * 20_000 + "</Entities>" * 120),
+        RUN,
+        6,
+    ),
     "unknown elements of many names": (
         changed("<Storyboard>", "<Storyboard>" + "".join(f"<Evil{i}/>" for i in range(25_000))),
         RUN,

@@ -265,7 +265,7 @@ _NOT_EXECUTED = ("FileHeader", "Properties")
 
 def ignored(node: Node) -> str:
     """Cause of an inconclusive run where an element, or an attribute of it, is left out; empty where nothing is executed."""
-    return "" if any(above.tag in _NOT_EXECUTED for above in node.ancestors()) else "ignored"
+    return "" if any(above.tag in _NOT_EXECUTED for above in (node.element, *node.element.iterancestors())) else "ignored"
 
 
 _TYPES = {"bool": "boolean", "float": "double", "str": "string"}
