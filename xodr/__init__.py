@@ -6,8 +6,7 @@
 from typing import TYPE_CHECKING
 
 from schemas.common.packages import public
-from xodr.graph.relative import Relative
-from xodr.graph.routes import RoadPath
+from xodr.graph.routes import Relative, RoadPath
 from xodr.graph.travel import Travel
 from xodr.model import LaneLink, Pose, RoadError, RoadPoint
 from xodr.network import RoadNetwork

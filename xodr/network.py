@@ -10,8 +10,7 @@ from random import Random
 
 from schemas.common.remarks import Remark
 from xodr.graph.links import divided, link_table, side_table
-from xodr.graph.relative import Relations, Relative
-from xodr.graph.routes import RoadPath, Router
+from xodr.graph.routes import Relations, Relative, RoadPath, Router
 from xodr.graph.travel import Choose, Travel, Traveller
 from xodr.graph.ways import Ways
 from xodr.lookup.locate import Locator, follow

@@ -12,7 +12,7 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass, field, replace
 
-from xodr.geometry import ReferenceLine
+from xodr.geometry import ZERO, Profile, ReferenceLine
 from xodr.model import (
     NO_WIDTH,
     PERMANENT,
@@ -28,7 +28,6 @@ from xodr.model import (
     SignalReference,
     Structure,
 )
-from xodr.profiles import ZERO, Profile
 
 
 @dataclass(slots=True)

@@ -19,8 +19,7 @@ from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import UsageError
 from schemas.common.storage import digest, keep, writing
-from xodr.builders.curves import Pose, line
-from xodr.builders.elements import Cubic, Lane, Road, RoadMap, Section
+from xodr.builders.elements import Cubic, Lane, Pose, Road, RoadMap, Section, line
 
 if TYPE_CHECKING:
     from xodr.lanelet2.lanelet import Lanelet

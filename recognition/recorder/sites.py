@@ -23,8 +23,7 @@ from xodr.builders import (
     straight_highway,
     t_junction,
 )
-from xodr.builders.curves import Pose, line
-from xodr.builders.elements import Cubic, Lane, Road, Section
+from xodr.builders.elements import Cubic, Lane, Pose, Road, Section, line
 from xodr.builders.roads import carriageway, closing, constant, linked, opening
 
 

@@ -9,7 +9,7 @@ from runner.contracts.element import EntityCondition
 from runner.contracts.registry import condition
 from runner.participants.entity import Entity
 from runner.spacing.distances import Bearing, bearing, facing, footprint
-from xodr.graph.relative import lanes_between
+from xodr.graph.routes import lanes_between
 from xosc.node import Node
 
 if TYPE_CHECKING:

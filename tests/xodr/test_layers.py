@@ -6,8 +6,7 @@ import pytest
 from lxml import etree
 
 import xodr
-from xodr.builders.curves import Pose, arc
-from xodr.builders.elements import Cubic, Lane, Road, RoadMap, Section
+from xodr.builders.elements import Cubic, Lane, Pose, Road, RoadMap, Section, arc
 from xodr.builders.roads import constant, for_traffic
 from xodr.lookup.placing import place
 from xodr.model import PERMANENT, TEMPORARY, RoadPoint

@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from xodr.geometry import Arc, Line, ParamPoly3, ReferenceLine, Segment, Spiral, Start
+from xodr.geometry import ZERO, Arc, Cubic, Line, ParamPoly3, Profile, ReferenceLine, Segment, Spiral, Start
 from xodr.lookup.locate import Locator
 from xodr.model import RoadError
-from xodr.profiles import ZERO, Cubic, Profile
-from xodr.reader.lanes import read_sections
+from xodr.reader.roads import read_sections
 from xodr.road import Road, Surface
 
 LANES = (

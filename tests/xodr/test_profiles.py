@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from xodr.profiles import ZERO, Cubic, Profile, exceeding
+from xodr.geometry import ZERO, Cubic, Profile, exceeding
 
 coefficient = st.floats(-3, 3)
 pieces = st.lists(

@@ -14,8 +14,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from xodr.builders.curves import Pose, arc, line
-from xodr.builders.elements import Connection, Controller, Junction, Link, Road, RoadId, RoadMap, Section, Signal
+from xodr.builders.elements import Connection, Controller, Junction, Link, Pose, Road, RoadId, RoadMap, Section, Signal, arc, line
 from xodr.builders.roads import carriageway, connecting_road, for_traffic, require, two_way
 
 JUNCTION = 100

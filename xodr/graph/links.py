@@ -11,8 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from xodr.layers import NEAR, cut, has
-from xodr.model import PERMANENT, Connection, Junction, Lane, LaneLink, LaneRef, LaneSection, RoadLink
+from xodr.model import NEAR, PERMANENT, Connection, Junction, Lane, LaneLink, LaneRef, LaneSection, RoadLink, cut, has
 from xodr.road import Road, lane_in
 
 LinkTable = dict[tuple[str, int, bool], list[LaneLink]]

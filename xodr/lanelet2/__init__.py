@@ -1,7 +1,6 @@
 """Lanelet2 maps as OpenDRIVE: `convert` a file, or `build` or `write` a road map from lanelets of any origin."""
 
-from xodr.lanelet2.assembly import Built, build
-from xodr.lanelet2.conversion import Conversion, convert, write
+from xodr.lanelet2.conversion import Built, Conversion, build, convert, write
 from xodr.lanelet2.lanelet import Lanelet, Neighbour
 
 __all__ = ["Built", "Conversion", "Lanelet", "Neighbour", "build", "convert", "write"]

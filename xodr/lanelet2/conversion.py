@@ -1,24 +1,200 @@
-"""Conversion of a Lanelet2 file to an OpenDRIVE file, and how far its lanes are from the lanelets."""
+"""Conversion of Lanelet2 maps to OpenDRIVE: roads, junctions, traffic lights, crosswalks; distance of lanes from lanelets."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import accumulate, chain
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from xodr.builders.elements import Geo
-from xodr.lanelet2.assembly import build, with_crosswalks
+from xodr.builders.elements import Controller, Cubic, Geo, Lane, Link, Object, Pose, Road, RoadMap, Section, Signal
 from xodr.lanelet2.borders import completed
+from xodr.lanelet2.graph import Graph, Layout
+from xodr.lanelet2.junctions import junction_ids, junctions, layout
 from xodr.lanelet2.lanelet import Lanelet, Points, across, lengths, places, points_at
 from xodr.lanelet2.reader import Area, read_lanelets
+from xodr.lanelet2.shapes import Borders, Shape, mouths, shape
 from xodr.network import RoadNetwork
 from xodr.reader import load
-from xodr.road import Road
+from xodr.road import Road as ReadRoad
+
+# road maps of lanelets --------------------------------------------------------------------------
+
+
+_BESIDE = 1.0
+"""Distance (m) of a traffic light from the road's right edge."""
+
+
+def signals(graph: Graph, plan: Layout, shapes: list[Shape]) -> dict[int, tuple[Signal, ...]]:
+    """The lights at the end of each bundle that has some: one for all neighbouring lanes that it holds."""
+    found: dict[int, tuple[Signal, ...]] = {}
+    count = 0
+    for number, bundle in enumerate(plan.bundles):
+        here = []
+        for light, lanes in _held(graph, bundle.last):
+            count += 1
+            edge = shapes[number].end[-1]
+            here.append(Signal(count, light, shapes[number].length, edge - _BESIDE, "+", (-lanes[-1] - 1, -lanes[0] - 1)))
+        if here:
+            found[number] = tuple(here)
+    return found
+
+
+def _held(graph: Graph, names: tuple[str, ...]) -> list[tuple[str, list[int]]]:
+    """Each light with the lanes that it holds; a light for lanes that are apart comes once for each group of them."""
+    runs: dict[str, list[list[int]]] = defaultdict(list)
+    for lane, name in enumerate(names):
+        for light in graph.lanelets[name].lights:
+            if runs[light] and runs[light][-1][-1] == lane - 1:
+                runs[light][-1].append(lane)
+            else:
+                runs[light].append([lane])
+    return [(light, run) for light, groups in runs.items() for run in groups]
+
+
+def controllers(lights: dict[int, tuple[Signal, ...]]) -> tuple[Controller, ...]:
+    """One controller for each light, which may stand at the ends of several roads."""
+    groups: dict[str, list[int]] = defaultdict(list)
+    for here in lights.values():
+        for signal in here:
+            groups[signal.name].append(signal.id)
+    return tuple(Controller(place, name, tuple(ids)) for place, (name, ids) in enumerate(groups.items(), 1))
+
+
+class Built(NamedTuple):
+    """A road map made of lanelets.
+
+    lanelets: road id and lane id of each lanelet. Of a lanelet that was split, that is its first part; further parts have
+        its id followed by "/2", "/3". parts: the lanelets, so cut. notes: what could not be kept as it was, one
+        sentence each.
+    """
+
+    map: RoadMap
+    lanelets: dict[str, tuple[str, int]]
+    parts: list[Lanelet]
+    notes: list[str]
+
+
+def build(lanelets: Sequence[Lanelet], name: str, geo: Geo | None = None, priorities: Sequence[tuple[str, str]] = ()) -> Built:
+    """The road map of some lanelets, in the same coordinates.
+
+    Every lane connection of the lanelets is one of the map. All lanes are right-hand lanes, -1 the leftmost; roads run in the
+    direction of travel, and those of opposite directions are apart.
+
+    Args:
+        lanelets: see `Lanelet`.
+        name: of the map.
+        geo: where it is on Earth.
+        priorities: pairs of lanelets of which the first has the right of way over the second: those inside a junction, or
+            those that lead into it.
+
+    Raises:
+        UsageError: an id is used twice, or a lanelet refers to one that there is not.
+    """
+    graph, plan = layout(Graph(lanelets))
+    borders = Borders(graph, plan)
+    ends = mouths(borders)
+    shapes = [shape(borders.extended(number), ends[number, False], ends[number, True]) for number in range(len(plan.bundles))]
+    return _Builder(graph, plan, shapes).build(name, geo, priorities)
+
+
+class _Builder:
+    def __init__(self, graph: Graph, plan: Layout, shapes: list[Shape]) -> None:
+        self.graph, self.plan, self.shapes = graph, plan, shapes
+        self.junctions = junction_ids(graph, plan)
+        self.signals = signals(graph, plan, shapes)
+
+    def build(self, name: str, geo: Geo | None, priorities: Sequence[tuple[str, str]]) -> Built:
+        """The map, and where each lanelet is in it; arguments as of the function `build`."""
+        plan = self.plan
+        roads = tuple(self._road(number) for number in range(len(plan.bundles)))
+        ways = junctions(plan, self.junctions, priorities)
+        lights = controllers(self.signals)
+        where = {name: (str(number + 1), -lane - 1) for name, (number, lane) in plan.places.items()}
+        return Built(RoadMap(name, roads, ways, lights, geo=geo), where, list(self.graph.lanelets.values()), self.graph.notes)
+
+    # roads ----------------------------------------------------------------------------------
+
+    def _road(self, number: int) -> Road:
+        bundle, form = self.plan.bundles[number], self.shapes[number]
+        first = [self.graph.lanelets[name] for name in bundle.first]
+        fastest = max(lanelet.speed_limit for lanelet in first)
+        lanes = {-lane - 1: self._lane(number, lane, fastest) for lane in range(len(first))}
+        return Road(
+            number + 1, " ".join(name for lane in bundle.lanes for name in lane), form.start, form.plan,
+            (Section(0.0, lanes, first[0].left_mark),), first[0].road_type, fastest,
+            junction=self._junction(number, False) if bundle.inside else -1,
+            predecessor=self._link(number, False), successor=self._link(number, True),
+            signals=self.signals.get(number, ()), offset=_cubics(form, form.t[:, :, 0]),
+        )  # fmt: skip
+
+    def _lane(self, number: int, lane: int, fastest: float) -> Lane:
+        lanelet, form = self.graph.lanelets[self.plan.bundles[number].lanes[lane][0]], self.shapes[number]
+        return Lane(
+            lanelet.type, _cubics(form, form.t[:, :, lane] - form.t[:, :, lane + 1]), lanelet.right_mark,
+            self._linked(number, lane, False), self._linked(number, lane, True),
+            lanelet.speed_limit if lanelet.speed_limit < fastest else None,
+        )  # fmt: skip
+
+    def _linked(self, number: int, lane: int, at_end: bool) -> int | None:
+        """The lane that continues a lane, where its road is linked to another road."""
+        joint, link = self.plan.joint(number, at_end), self._link(number, at_end)
+        if joint is None or link is None or link.element != "road":
+            return None
+        pairs = joint.lanes if at_end else [(after, before) for before, after in joint.lanes]
+        return next((-other[1] - 1 for one, other in pairs if one == (number, lane)), None)
+
+    def _link(self, number: int, at_end: bool) -> Link | None:
+        joint, junction = self.plan.joint(number, at_end), self._junction(number, at_end)
+        if joint is None:
+            return None
+        if junction == -1 or self.plan.bundles[number].inside:
+            other = (joint.beginning if at_end else joint.ending)[0]
+            return Link("road", other + 1, "start" if at_end else "end")
+        return Link("junction", junction)
+
+    def _junction(self, number: int, at_end: bool) -> int:
+        """The junction at one end of a road, -1 where there is none."""
+        index = self.plan.index(number, at_end)
+        return -1 if index is None else self.junctions[index]
+
+
+def _cubics(form: Shape, coefficients: np.ndarray) -> tuple[Cubic, ...]:
+    return tuple(Cubic(float(s), *map(float, row)) for s, row in zip(form.s, coefficients, strict=True))
+
+
+def with_crosswalks(roads: Sequence[Road], crosswalks: Sequence[Area]) -> tuple[Road, ...]:
+    """The roads with each crosswalk on the one whose piece begins nearest to it. Only its place matters, not its road."""
+    poses = [(number, s, pose) for number, road in enumerate(roads) for s, pose in _poses(road)]
+    places = np.array([(pose.x, pose.y) for _, _, pose in poses])
+    found: dict[int, list[Object]] = defaultdict(list)
+    for identity, area in enumerate(crosswalks, 1):
+        centre = area.outline.mean(axis=0)
+        number, s, pose = poses[int(np.argmin(np.hypot(*(places - centre).T)))]
+        outline = tuple(_local(pose, point) for point in area.outline.tolist())
+        found[number].append(Object(identity, area.id, "crosswalk", s, 0.0, outline))
+    return tuple(replace(road, objects=tuple(found[number])) for number, road in enumerate(roads))
+
+
+def _poses(road: Road) -> Iterator[tuple[float, Pose]]:
+    """Yield s and pose at the ends of the pieces of the reference line."""
+    return zip(accumulate((piece.length for piece in road.plan), initial=0.0), road.poses, strict=True)
+
+
+def _local(pose: Pose, point: Sequence[float]) -> tuple[float, float]:
+    dx, dy = point[0] - pose.x, point[1] - pose.y
+    cos, sin = math.cos(pose.heading), math.sin(pose.heading)
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+# files ------------------------------------------------------------------------------------------
+
 
 STEP = 0.5
 """Distance between the places that are compared, m."""
@@ -52,7 +228,7 @@ class _Lines(NamedTuple):
     centre: Points
 
 
-def _lines(road: Road, lane_id: int) -> _Lines:
+def _lines(road: ReadRoad, lane_id: int) -> _Lines:
     grid = np.linspace(0.0, road.length, places(road.length, STEP)).tolist()
     lane = road.lane(0.0, lane_id)
     return _Lines(*(np.array([road.pose(s, at(s))[:2] for s in grid]) for at in (lane.inner, lane.outer, lane.center)))

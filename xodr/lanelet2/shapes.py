@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from schemas.common.array_types import FloatArray
-from xodr.builders.curves import ParamPoly3, Pose
+from xodr.builders.elements import ParamPoly3, Pose
 from xodr.lanelet2.graph import Graph, Joint, Layout
 from xodr.lanelet2.lanelet import (
     Frame,

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from xodr.geometry import Profile
 from xodr.model import NO_WIDTH, LaneSection
-from xodr.profiles import Profile
 from xodr.road import Road
 
 _FINE = 0.02

@@ -19,8 +19,7 @@ from schemas.values import quoted
 from schemas.xml import line_of, local_name, parse
 from xodr.model import Header, Junction
 from xodr.network import RoadNetwork
-from xodr.reader.elements import integer, invalid, number, text
-from xodr.reader.junctions import connections, not_followed, read_controller, read_junction
+from xodr.reader.elements import connections, integer, invalid, not_followed, number, read_controller, read_junction, text
 from xodr.reader.roads import read_road
 from xodr.road import Road
 

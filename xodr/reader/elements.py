@@ -1,4 +1,4 @@
-"""Attributes of OpenDRIVE elements as Python values, with complaints that name line and element.
+"""Attributes of OpenDRIVE elements as Python values, with complaints that name line and element; junctions, signals and objects.
 
 `xodr.load` adds the file's path to these errors.
 """
@@ -6,13 +6,31 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from pathlib import Path
 
 from lxml import etree
 
 from schemas.common.errors import InvalidFile, Unsupported
+from schemas.common.remarks import Remark
 from schemas.xml import line_of
-from xodr.model import PERMANENT, TEMPORARY
-from xodr.profiles import ZERO, Cubic, Profile
+from xodr.geometry import ZERO, Cubic, Profile
+from xodr.model import (
+    PERMANENT,
+    TEMPORARY,
+    Connection,
+    Controller,
+    Corner,
+    Junction,
+    LaneRef,
+    RoadObject,
+    Signal,
+    SignalReference,
+    Structure,
+)
+
+# attributes -------------------------------------------------------------------------------------
+
 
 LARGEST = 1e12
 """Numbers beyond this are refused: nothing on Earth needs them, and arithmetic on them overflows."""
@@ -130,3 +148,154 @@ def contact_point(element: etree._Element) -> str | None:
     if contact not in ("start", "end", None):
         raise invalid(element, f"contactPoint={contact!r} is neither start nor end")
     return contact
+
+
+# junctions and controllers ----------------------------------------------------------------------
+
+
+_FOLLOWED = "xosc.toolchain:xodr:1.5.0:junction.connections_are_followed"
+_KINDS = ("default", "direct", "virtual", "crossing")
+
+
+def read_junction(element: etree._Element) -> Junction:
+    """A `junction` element."""
+    kind = _kind(element)
+    if kind not in _KINDS:
+        raise invalid(element, f"type={kind!r} is not a kind of junction")
+    controllers = tuple(text(item, "id") for item in element.iterfind("controller"))
+    found = tuple(_connection(item) for item in connections(element))
+    return Junction(text(element, "id"), element.get("name", ""), kind, found, controllers)
+
+
+def connections(junction: etree._Element) -> list[etree._Element]:
+    """The connections of a junction that roads make: none of a crossing, those with a connecting road of a virtual one."""
+    kind, found = _kind(junction), junction.findall("connection")
+    if kind == "virtual":
+        return [connection for connection in found if connection.get("connectingRoad") and connection.get("incomingRoad")]
+    return [] if kind == "crossing" else found
+
+
+def not_followed(root: etree._Element, path: Path) -> Iterator[Remark]:
+    """A remark for each junction beside a main road with ways off it that have no road, or no place on it (`elementS`)."""
+    lengths = {road.get("id"): number(road, "length") for road in root.iterfind("road")}
+    placed = {
+        (road.get("id"), link.get("elementId"))
+        for road in root.iterfind("road")
+        for link in road.iterfind("link/*[@elementS]")
+        if 0.0 < number(link, "elementS") < lengths.get(link.get("elementId"), 0.0)
+    }
+    for junction in root.iterfind("junction"):
+        kind, main = _kind(junction), junction.get("mainRoad")
+        if kind not in ("virtual", "crossing"):
+            continue
+        ways = [(way.get("connectingRoad"), way.get("incomingRoad")) for way in junction.iterfind("connection")]
+        left = [way for way in ways if kind == "crossing" or way[0] is None or (way[1] == main and way not in placed)]
+        if left:
+            share = "" if len(left) == len(ways) else f"{len(left)} of {len(ways)} "
+            fault = f"junction: the {kind} junction {junction.get('id')!r} lies beside its main road"
+            yield Remark(_FOLLOWED, f"{fault}; {share}ways off that road are not followed", str(path), line_of(junction))
+
+
+def _kind(junction: etree._Element) -> str:
+    return junction.get("type") or "default"
+
+
+def _connection(element: etree._Element) -> Connection:
+    return Connection(
+        id=element.get("id", ""),
+        incoming_road=text(element, "incomingRoad"),
+        connecting_road=text(element, "linkedRoad" if element.get("linkedRoad") else "connectingRoad"),
+        contact=contact_point(element) or "start",
+        lane_links=tuple((_lane(item, "from"), _lane(item, "to")) for item in element.iterfind("laneLink")),
+    )
+
+
+def _lane(element: etree._Element, name: str) -> LaneRef:
+    return LaneRef(integer(element, name), lane_layer(element, f"{name}Layer"))
+
+
+def read_controller(element: etree._Element) -> Controller:
+    """A `controller` element."""
+    sequence = integer(element, "sequence") if element.get("sequence") else None
+    signals = tuple(text(item, "signalId") for item in element.iterfind("control"))
+    return Controller(text(element, "id"), element.get("name", ""), sequence, signals)
+
+
+# signals and objects ----------------------------------------------------------------------------
+
+
+def read_signal(element: etree._Element, road_id: str) -> Signal:
+    """A `signal` element. Types may be missing: files in the wild leave them out for supports and own signs."""
+    return Signal(
+        id=text(element, "id"),
+        road_id=road_id,
+        s=number(element, "s"),
+        t=number(element, "t"),
+        name=element.get("name", ""),
+        dynamic=element.get("dynamic") in ("yes", "true", "1"),
+        type=element.get("type", ""),
+        subtype=element.get("subtype", ""),
+        country=element.get("country", ""),
+        orientation=element.get("orientation", "none"),
+        value=optional(element, "value"),
+        unit=element.get("unit", ""),
+        text=element.get("text", ""),
+        z_offset=number(element, "zOffset", 0.0),
+        h_offset=number(element, "hOffset", 0.0),
+        width=optional(element, "width"),
+        height=optional(element, "height"),
+        validity=validity(element),
+    )
+
+
+def read_signal_reference(element: etree._Element) -> SignalReference:
+    """A `signalReference` element."""
+    orientation = element.get("orientation", "none")
+    return SignalReference(text(element, "id"), number(element, "s"), number(element, "t"), orientation, validity(element))
+
+
+def read_object(element: etree._Element, road_id: str) -> RoadObject:
+    """An `object` element with its outlines (one directly below it until 1.4, several since)."""
+    outlines = [*element.iterfind("outline"), *element.iterfind("outlines/outline")]
+    return RoadObject(
+        id=element.get("id", ""),
+        road_id=road_id,
+        s=number(element, "s"),
+        t=number(element, "t"),
+        name=element.get("name", ""),
+        type=element.get("type", ""),
+        subtype=element.get("subtype", ""),
+        orientation=element.get("orientation", "none"),
+        z_offset=number(element, "zOffset", 0.0),
+        heading=number(element, "hdg", 0.0),
+        pitch=number(element, "pitch", 0.0),
+        roll=number(element, "roll", 0.0),
+        length=optional(element, "length"),
+        width=optional(element, "width"),
+        radius=optional(element, "radius"),
+        height=optional(element, "height"),
+        outlines=tuple(tuple(_corner(corner) for corner in outline if _is_corner(corner)) for outline in outlines),
+        validity=validity(element),
+    )
+
+
+def read_structure(element: etree._Element) -> Structure:
+    """A `bridge` or `tunnel` element."""
+    return Structure(
+        kind=str(element.tag),
+        id=element.get("id", ""),
+        name=element.get("name", ""),
+        type=element.get("type", ""),
+        s=number(element, "s"),
+        length=number(element, "length"),
+    )
+
+
+def _is_corner(element: etree._Element) -> bool:
+    return element.tag in ("cornerLocal", "cornerRoad")
+
+
+def _corner(element: etree._Element) -> Corner:
+    on_road = element.tag == "cornerRoad"
+    u, v, z = ("s", "t", "dz") if on_road else ("u", "v", "z")
+    return Corner(number(element, u), number(element, v), number(element, z, 0.0), number(element, "height", 0.0), on_road)

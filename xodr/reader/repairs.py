@@ -18,9 +18,16 @@ from schemas.common.errors import ToolchainError
 from schemas.common.remarks import Remark
 from schemas.xml import line_of
 from xodr.model import PERMANENT
-from xodr.reader.elements import LARGEST, text
-from xodr.reader.junctions import connections, read_controller
-from xodr.reader.road_objects import read_object, read_signal, read_signal_reference, read_structure
+from xodr.reader.elements import (
+    LARGEST,
+    connections,
+    read_controller,
+    read_object,
+    read_signal,
+    read_signal_reference,
+    read_structure,
+    text,
+)
 
 SCHEMA = "asam.net:xodr:1.0.0:xml.valid_schema"
 """The rule that an attribute breaks which is missing or is not of its type."""

@@ -26,8 +26,7 @@ from schemas.common.storage import Stamp, cache_folder, is_own, keep, read_bytes
 from schemas.xml import parse
 from xodr.network import RoadNetwork
 from xodr.reader import load
-from xodr.sumo_net.net import SignalLink, SumoNet, Track
-from xodr.sumo_net.nodes import text
+from xodr.sumo_net.net import SignalLink, SumoNet, Track, text
 from xodr.sumo_net.plain import Place, PlainNetwork, plain_network
 
 _log = logging.getLogger(__name__)

@@ -27,11 +27,16 @@ from xodr.graph.links import next_lane
 from xodr.model import Lane, LaneLink, LaneSection, Signal, SignalReference
 from xodr.network import RoadNetwork
 from xodr.road import Road
-from xodr.sumo_net.net import CLOSED, DOCK, SPEED_LIMITS, USUAL_SPEED_LIMIT, Track, Use, use_of
-from xodr.sumo_net.nodes import (
+from xodr.sumo_net.net import (
+    CLOSED,
+    DOCK,
+    SPEED_LIMITS,
+    USUAL_SPEED_LIMIT,
     LaneConnection,
     Nodes,
     Point,
+    Track,
+    Use,
     centre_line,
     lane_connections,
     middle,
@@ -39,6 +44,7 @@ from xodr.sumo_net.nodes import (
     outline,
     stretches,
     text,
+    use_of,
 )
 
 APPROACH = 30.0

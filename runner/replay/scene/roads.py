@@ -19,9 +19,9 @@ from xodr.model import NO_WIDTH, PERMANENT, TEMPORARY, RoadMark
 
 if TYPE_CHECKING:
     from runner.recording import LogEntry
+    from xodr.geometry import Profile
     from xodr.model import Corner, LaneSection, RoadObject, Structure
     from xodr.network import RoadNetwork
-    from xodr.profiles import Profile
     from xodr.road import Road
 
 Line = NDArray[np.float64]

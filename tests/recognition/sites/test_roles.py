@@ -19,8 +19,7 @@ from schemas.common.errors import InvalidFile
 from tests.recognition.driving import site
 from xodr import builders
 from xodr.builders import RoadMap
-from xodr.builders.curves import Pose, arc, line
-from xodr.builders.elements import Connection, Cubic, Junction, Lane, Link, Road, Section
+from xodr.builders.elements import Connection, Cubic, Junction, Lane, Link, Pose, Road, Section, arc, line
 
 
 def roles_of(built: RoadMap, folder: Path) -> dict[tuple[str, int], set[Role]]:

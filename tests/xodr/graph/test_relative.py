@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from xodr.graph.relative import lanes_between
+from xodr.graph.routes import lanes_between
 
 
 def test_relative_positions_count_along_the_road(two_ways) -> None:
