@@ -1,4 +1,9 @@
-"""Plane curves of the builders: clothoids (lines and arcs among them) and parametric cubics (`paramPoly3`, p from 0 to 1)."""
+"""The OpenDRIVE elements of the map builders, their plane curves, and their XML (OpenDRIVE 1.7, or 1.9 with layers).
+
+Plain frozen records, named after the standard's elements. Coordinates are those of the file: x, y in
+metres, headings in radians, s along the reference line, t to the left, lane ids negative on the right.
+The same records always give the same bytes.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Routes through a road network, by the standard's strategies: shortest, fastest, leastIntersections, random."""
+"""Routes by the standard's strategies (shortest, fastest, leastIntersections, random), and relative positions along the roads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shared parts of the builders: numbers, enumerations of the standard, conversion of scenariogeneration's objects to elements."""
+"""Participants with given dimensions, references to catalogues, parameters with constraints; numbers and enumerations."""
 
 from __future__ import annotations
 

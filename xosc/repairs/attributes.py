@@ -1,4 +1,4 @@
-"""Repairs of names: declared with a `$`, declared twice, or that of another element beside."""
+"""Repairs of attributes and names: values that say nothing, other spellings, missing ones, names declared twice or with a `$`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,13 @@
-"""Elements that scenario_runner 0.9.16 stops at, leaves out, reads otherwise or accepts, and CARLA's map of a road network.
+"""Actions and lateral values as scenario_runner reads them, and what it stops at, leaves out, reads otherwise or accepts.
 
-Sources: scenario_runner's page on OpenSCENARIO support, and its parser; `get_waypoint_xodr` and the OpenDRIVE parser of CARLA
-0.9.16."""
+Each change is made in place, in a worked-out document of version 1.1 or later; what scenario_runner cannot express is refused.
+Lateral values are positive to the right of the lane's traffic, or of the actor; values of `xosc.carla`, marked with
+`TO_RIGHT`, are so already. A lane change counts lanes to the left of the actor itself, over a distance; others become the
+trajectory of their actor in a run.
+
+Sources: scenario_runner's page on OpenSCENARIO support, and its parser (0.9.16); `get_waypoint_xodr` and the OpenDRIVE parser of
+CARLA 0.9.16.
+"""
 
 from __future__ import annotations
 

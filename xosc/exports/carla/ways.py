@@ -1,7 +1,14 @@
-"""The beginning of a scenario for scenario_runner: first positions and speeds; everything else moves to a story.
+"""Motion for scenario_runner: the beginning, routes and trajectories as waypoints in a line, with times where they count.
 
 scenario_runner takes the last Position inside a Private as the start of the entity, and reads only speeds that are absolute and
-at once. It waits for the delay of a condition before it evaluates the condition, so delays become times."""
+at once; everything else moves to a story. It waits for the delay of a condition before it evaluates the condition, so delays
+become times.
+
+scenario_runner 0.9.16 stops at routes: it compares their number of waypoints with times that they do not have. They become
+trajectories along the lanes. Motion that it has no element for becomes the trajectory of the actor in a run without a system
+under test; speeds are then left to the other actions. Its default controller drives by the times of a trajectory whenever there
+are vertices, so a trajectory without Timing is given to the controller that ignores times.
+"""
 
 from __future__ import annotations
 
