@@ -1,4 +1,4 @@
-"""SUMO networks of OpenDRIVE files: indexes of lanes and signals, nodes, lane types with their SUMO vehicle classes, usual speed limits."""
+"""SUMO networks of OpenDRIVE files: lanes, signals, nodes, lane types with their SUMO vehicle classes, speed limits."""
 
 from __future__ import annotations
 
