@@ -16,11 +16,14 @@ from recognition.catalogue import detect
 from recognition.catalogue.detect import KNOWN, Detection, joined
 from recognition.catalogue.pipeline import Recogniser
 from recognition.catalogue.recordings import CatalogueSettings, looked
-from recognition.datasets import Source
+from recognition.datasets import Source, cache_roads
 from recognition.labels import Label, Rules
 from recognition.labels.scene import EGOS
+from recognition.sites import site_of
+from runner.recording import Recording
 from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.common.storage import read_object
+from xodr.network import RoadNetwork
 
 RULES, MODEL, BOTH = "rules", "model", "both"
 CLASSES = tuple(label.title for label in Label if label is not Label.UNKNOWN)
@@ -170,14 +173,11 @@ def _shares(sizes: Sequence[int], number: int) -> list[int]:
     return counts
 
 
-def draw_vehicles(everything: Sequence[Finding], recordings: Sequence[Path], number: int, seed: int) -> list[Item]:
-    """Draw vehicles that drive, in turn from each set of recordings, and a stretch of each track.
-
-    A set is the folder directly below a given path that a recording is in.
-    """
+def draw_vehicles(everything: Sequence[Finding], library: Library, number: int, seed: int) -> list[Item]:
+    """Draw vehicles that drive, in turn from each set of recordings, and a stretch of each track."""
     generator = np.random.default_rng(seed)
     sets: dict[str, list[Source]] = {}
-    for name, source in sources_of(recordings):
+    for name, source in library.sources:
         sets.setdefault(name, []).append(source)
     waiting = {name: [of[index] for index in generator.permutation(len(of)).tolist()] for name, of in sorted(sets.items())}
     items: list[Item] = []
@@ -185,7 +185,9 @@ def draw_vehicles(everything: Sequence[Finding], recordings: Sequence[Path], num
         for of in filter(None, waiting.values()):
             source = of.pop(0)
             taken = {(one.recording, one.vehicle) for one in items}
-            stretches = [one for one in _stretches(source, generator) if (one[0], one[1]) not in taken]
+            stretches = [
+                one for one in _stretches(source.name, library.recording(source.name), generator) if (one[0], one[1]) not in taken
+            ]
             if stretches and len(items) < number:
                 recording, vehicle, start, end = stretches[int(generator.integers(len(stretches)))]
                 own = (one for one in everything if (one.recording, one.vehicle) == (recording, vehicle))
@@ -195,17 +197,40 @@ def draw_vehicles(everything: Sequence[Finding], recordings: Sequence[Path], num
     return items
 
 
-def _stretches(source: Source, generator: np.random.Generator) -> list[tuple[str, str, float, float]]:
+def _stretches(name: str, recording: Recording, generator: np.random.Generator) -> list[tuple[str, str, float, float]]:
     """Recording, name and a stretch of the track of each vehicle that drives."""
     found = []
-    for track in source.load().tracks.values():
+    for track in recording.tracks.values():
         time = track.columns["time"]
         start = float(generator.uniform(time[0], max(time[-1] - STRETCH, time[0])))
         rows = (time >= start) & (time <= start + STRETCH)
         extent = math.hypot(*(float(np.ptp(track.columns[axis][rows])) for axis in "xy"))
         if track.category in EGOS and extent >= _DRIVES and np.ptp(time[rows]) >= 3.0:
-            found.append((source.name, track.name, start, float(time[rows][-1])))
+            found.append((name, track.name, start, float(time[rows][-1])))
     return found
+
+
+class Library:
+    """Recordings in paths, each read once.
+
+    A recording belongs to a set: the folder directly below the given path that it is in.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self.sources = sources_of(paths)
+        self.sets = {source.name: name for name, source in self.sources}
+        self._of = {source.name: source for _, source in self.sources}
+        self._recordings: dict[str, Recording] = {}
+
+    def recording(self, name: str) -> Recording:
+        """Return a recording by its name."""
+        if name not in self._recordings:
+            self._recordings[name] = self._of[name].load()
+        return self._recordings[name]
+
+    def network(self, name: str) -> RoadNetwork:
+        """Return the roads of a recording by its name."""
+        return site_of(self._of[name], self.recording(name), cache_roads()).network
 
 
 def sources_of(recordings: Sequence[Path]) -> list[tuple[str, Source]]:

@@ -11,11 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.judging.draws import CLASSES, Item, sources_of
+from benchmarks.judging.draws import CLASSES, Item, Library
 from recognition.catalogue.cut import SceneCutter, Scope
 from recognition.catalogue.page import FILM_STEP, film, lanes
-from recognition.datasets import Source, cache_roads
-from recognition.sites import site_of
 from runner.replay.page import page
 from schemas.common.text import csv_text
 from xodr.lookup.arrays import sample, stations
@@ -40,22 +38,19 @@ _CLOSE, _FILMED = 35.0, 20
 """Reach (m) of a moment's picture; most participants beside the ego in a film"""
 
 
-def write_items(items: Sequence[Item], recordings: Sequence[Path], out: Path, key: Path) -> None:
+def write_items(items: Sequence[Item], library: Library, out: Path, key: Path) -> None:
     """Write the page, pictures, texts and the table for answers of a draw into a folder, and its key beside it."""
     import matplotlib as mpl
 
     mpl.use("Agg")
-    sets = sources_of(recordings)
-    sources = {source.name: source for _, source in sets}
-    names = {source.name: name for name, source in sets}
-    read = lru_cache(maxsize=2)(lambda name: _read(sources[name]))
+    network_of = lru_cache(maxsize=1)(library.network)
     out.mkdir(parents=True, exist_ok=True)
     films: dict[int, list[Any]] = {}
     roads: dict[str, list[list[int]]] = {}
     texts: dict[int, str] = {}
     for number in sorted(range(len(items)), key=lambda index: items[index].recording):
         item = items[number]
-        recording, network = read(item.recording)
+        recording, network = library.recording(item.recording), network_of(item.recording)
         start, end = _shown(item)
         texts[number] = _text(number, item, recording, network)
         (out / f"{number:03}.txt").write_text(texts[number], encoding="utf-8")
@@ -84,14 +79,9 @@ def write_items(items: Sequence[Item], recordings: Sequence[Path], out: Path, ke
     scripts = ("dom.js", "axes.js", str(films_script), str(_FOLDER / "judging.js"))
     (out / "ITEMS.md").write_bytes((_FOLDER / "ITEMS.md").read_bytes())
     (out / "index.html").write_text(page("Label recorded manoeuvres", styles, scripts, data), encoding="utf-8")
-    told = [{**asdict(item), "set": names[item.recording]} for item in items]
+    told = [{**asdict(item), "set": library.sets[item.recording]} for item in items]
     key.parent.mkdir(parents=True, exist_ok=True)
     key.write_text(json.dumps({"items": told}, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-
-
-def _read(source: Source) -> tuple[Recording, RoadNetwork]:
-    recording = source.load()
-    return recording, site_of(source, recording, cache_roads()).network
 
 
 def _shown(item: Item) -> tuple[float, float]:

@@ -41,6 +41,7 @@ COLUMNS: dict[str, type] = {
     "partial": bool,
     "road_kind": str,
     "limit": float,
+    "light": str,
     "ego_speed": float,
     "partner_speed": float,
     "closing_speed": float,
@@ -67,10 +68,10 @@ COLUMNS: dict[str, type] = {
 Files relative to the index: the scenario that replays the recording, that with the manoeuvre (or why it has none), tags, road.
 The class, and whose labels sort; the model's confidence in the known class nearest to what it saw; both labels, and whether they
 agree; trust: `agree`, `differ`, `rules alone` or `model alone`. why: conditions with values, lanes before and after. partial:
-recorded in part. road_kind, limit (m/s): of the ego's lane at the event's time. Speeds and closing speed (m/s) and gap along the
-road (m) of ego and partner at that time. Least THW and TTC (s) and greatest DRAC (m/s²) of the pair within the event's time,
-blank where their boxes touch (pair_touches), DRAC also above 20 m/s². Where from, with times in s. Measures of the ego against
-all participants of the scene."""
+recorded in part. road_kind, limit (m/s): of the ego's lane at the event's time. light: recorded state then of the traffic light
+that the ego passes, in the words of the data set. Speeds and closing speed (m/s) and gap along the road (m) of ego and partner at
+that time. Least THW and TTC (s) and greatest DRAC (m/s²) of the pair within the event's time, blank where their boxes touch
+(pair_touches), DRAC also above 20 m/s². Where from, with times in s. Measures of the ego against all participants of the scene."""
 
 Row = Mapping[str, Any]
 

@@ -114,7 +114,7 @@ def _type(name: str) -> str:
 
 
 PAIR = (
-    "road_kind", "limit", "ego_speed", "partner_speed", "closing_speed", "gap",
+    "road_kind", "limit", "light", "ego_speed", "partner_speed", "closing_speed", "gap",
     "pair_thw", "pair_ttc", "pair_drac", "pair_touches",
 )  # fmt: skip
 """Columns of the index about the ego and its partner at the event's time and within it"""
@@ -197,11 +197,12 @@ class Material:
         source, site: where it is from.
         scenes: cuts scenes.
         maneuvers: measures manoeuvres.
+        lights: recorded states of traffic lights, if any.
     """
 
     def __init__(self, source: Source, recording: Recording, site: Site, scope: Scope) -> None:
         self.source, self.site = source, site
-        self.scenes, self.maneuvers = SceneCutter(recording, scope), Maneuvers(recording, site)
+        self.scenes, self.maneuvers, self.lights = SceneCutter(recording, scope), Maneuvers(recording, site), source.lights()
 
 
 class CatalogWriter:
@@ -389,6 +390,8 @@ def _pair(context: _Context) -> dict[str, Any]:
         limit = float(lanes.speed_limit[strip[0]])
         found["road_kind"] = str(ROLES[site.roles.codes(lanes, strip, s)[0]])
         found["limit"] = round(limit, 3) if math.isfinite(limit) else None
+    lights = context.material.lights
+    found["light"] = lights.ahead(ego, finding.moment.time) if lights is not None else None
     partner = recording.tracks.get(finding.moment.partner or "")
     if partner is not None:
         found |= _encounter(ego, partner, finding)

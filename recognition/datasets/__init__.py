@@ -16,13 +16,16 @@ if TYPE_CHECKING:
     from recognition.datasets.source import DataSet as DataSet
     from recognition.datasets.source import Exclusion as Exclusion
     from recognition.datasets.source import Gap as Gap
+    from recognition.datasets.source import LightStates as LightStates
     from recognition.datasets.source import Report as Report
     from recognition.datasets.source import SiteRoad as SiteRoad
     from recognition.datasets.source import Source as Source
     from recognition.datasets.source import cache_roads as cache_roads
     from recognition.datasets.source import open as open
 
-__all__ = ["Cut", "DataSet", "Exclusion", "Gap", "Report", "SiteRoad", "Source", "cache_roads", "open"]
+__all__ = ["Cut", "DataSet", "Exclusion", "Gap", "LightStates", "Report", "SiteRoad", "Source", "cache_roads", "open"]
 
-_SOURCE = dict.fromkeys(("Cut", "DataSet", "Exclusion", "Gap", "Report", "SiteRoad", "Source"), "recognition.datasets.source")
+_SOURCE = dict.fromkeys(
+    ("Cut", "DataSet", "Exclusion", "Gap", "LightStates", "Report", "SiteRoad", "Source"), "recognition.datasets.source"
+)
 __getattr__, __dir__ = public(__name__, _SOURCE | dict.fromkeys(("cache_roads", "open"), "recognition.datasets.source"))

@@ -10,7 +10,7 @@ from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from runner.participants.declaration import BoundingBox
 from runner.recording import Recording
@@ -18,6 +18,10 @@ from schemas.common import discovery
 from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
 from schemas.common.storage import cache_folder
+
+if TYPE_CHECKING:
+    from runner.recording import Track
+    from schemas.common.array_types import FloatArray
 
 
 class SiteRoad(NamedTuple):
@@ -103,8 +107,44 @@ class Report:
         return sum(exclusion.rows for exclusion in self.exclusions)
 
 
+_STOP_LINE, _APPROACH = 3.0, 8.0
+"""Greatest distance (m) of a vehicle's way from the stop line of its light, and time (s) within which it passes there"""
+
+
+class LightStates(NamedTuple):
+    """Recorded states of traffic lights.
+
+    x, y: middle of the stop line of each light (k,), m. time: of the states (n,), s. states: of each light, one per time, in the
+    words of the data set.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    time: FloatArray
+    states: tuple[tuple[str, ...], ...]
+
+    def ahead(self, track: Track, time: float) -> str | None:
+        """Return the state at a time (s) of the light whose stop line a track passes soonest before or after; None for none."""
+        import numpy as np
+
+        columns = track.columns
+        rows = np.flatnonzero(np.abs(columns["time"] - time) <= _APPROACH)
+        if not len(rows) or not len(self.time):
+            return None
+        apart = np.hypot(columns["x"][rows][:, None] - self.x, columns["y"][rows][:, None] - self.y)
+        passing = np.where(apart.min(axis=0) <= _STOP_LINE, np.abs(columns["time"][rows[apart.argmin(axis=0)]] - time), np.inf)
+        light = int(passing.argmin()) if len(passing) else 0
+        if not len(passing) or not np.isfinite(passing[light]):
+            return None
+        return self.states[light][int(np.abs(self.time - time).argmin())]
+
+
 def _no_ego() -> None:
     """Return no name: the recording has no vehicle of its own."""
+
+
+def _no_lights() -> None:
+    """Return no states: the recording has none of traffic lights."""
 
 
 @dataclass(eq=False)
@@ -124,6 +164,7 @@ class Source:
         origin: latitude and longitude (degrees) of the origin of the coordinates, where the data set has them.
         given: the OpenDRIVE file that the user names, before all others.
         ego: name of the recording's own vehicle, asked for after it was read; None where it has none.
+        lights: recorded states of traffic lights, asked for after it was read; None where it has none.
     """
 
     name: str
@@ -136,6 +177,7 @@ class Source:
     road: Callable[[Recording, Path], SiteRoad] | None = field(default=None, repr=False)
     given: Path | None = None
     ego: Callable[[], str | None] = field(default=_no_ego, repr=False)
+    lights: Callable[[], LightStates | None] = field(default=_no_lights, repr=False)
     report: Report | None = field(default=None, init=False, repr=False)
     """what the last reading found; None before"""
 

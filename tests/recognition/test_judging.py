@@ -17,6 +17,7 @@ from benchmarks.judging.draws import (
     MODEL,
     RULES,
     Finding,
+    Library,
     draw_findings,
     draw_vehicles,
     find,
@@ -58,7 +59,7 @@ def found(recordings: Path) -> list[Finding]:
 @pytest.fixture(scope="module")
 def drawn(recordings: Path, found: list[Finding]) -> Path:
     out = recordings.parent / "drawn"
-    write_items(draw_findings(found, 1, 1), [recordings], out, recordings.parent / "key.json")
+    write_items(draw_findings(found, 1, 1), Library([recordings]), out, recordings.parent / "key.json")
     return out
 
 
@@ -94,12 +95,13 @@ def test_a_draw_has_every_source_and_class_and_weights_of_the_population(found: 
 
 
 def test_vehicles_are_drawn_once_with_what_was_found_in_their_stretch(recordings: Path, found: list[Finding]) -> None:
-    items = draw_vehicles(found, [recordings], 3, 0)
+    library = Library([recordings])
+    items = draw_vehicles(found, library, 3, 0)
     assert len({item.vehicle for item in items}) == len(items) == 3
     for item in items:
         expected = [one for one in found if one.vehicle == item.vehicle]
         assert {*item.found} <= {*expected} and all(one.end > item.start and one.start < item.end for one in item.found)
-    assert draw_vehicles(found, [recordings], 3, 1) != items
+    assert draw_vehicles(found, library, 3, 1) != items
 
 
 def test_nothing_that_reviewers_see_tells_who_found_it(drawn: Path) -> None:

@@ -22,7 +22,7 @@ from recognition.datasets.records import points, records, value
 from recognition.datasets.roads import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
-from recognition.datasets.source import Exclusion, Participant, Report, SiteRoad, Source, participant
+from recognition.datasets.source import Exclusion, LightStates, Participant, Report, SiteRoad, Source, participant
 from recognition.datasets.table import GREATEST, Table
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
@@ -59,9 +59,8 @@ def claims(path: Path) -> bool:
 
 def sources(path: Path, roads: Path) -> list[Source]:
     """The recording of a scene, which is a site of its own."""
-    return [
-        Source(path.stem, path.stem, FORMAT, path, partial(_read, path), path, road=partial(_road, path), ego=partial(_ego, path))
-    ]
+    read, road, ego, lights = (partial(each, path) for each in (_read, _road, _ego, _lights))
+    return [Source(path.stem, path.stem, FORMAT, path, read, path, road=road, ego=ego, lights=lights)]
 
 
 class _Object(NamedTuple):
@@ -117,14 +116,42 @@ def _read(path: Path) -> tuple[Recording, Report]:
 
 
 def _on_lights(document: Mapping[str, Any], path: Path) -> list[str]:
-    """A remark on states of traffic lights, where there are some."""
-    states = _lights(document, path)
-    if not states:
+    """A remark on states of traffic lights."""
+    count = len(_lit_lanes(document, path))
+    if not count:
         return ["the scene has no states of traffic lights: its junctions are taken for some without"]
-    return [f"{len(states)} lanes have traffic lights; how these change is not in the recording"]
+    return [f"{count} lanes have traffic lights"]
 
 
-def _lights(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
+def _lights(path: Path) -> LightStates | None:
+    """States of the traffic lights of a scene; None without any.
+
+    Raises:
+        InvalidFile: a light has other numbers of states than of places or steps, or a place is no number.
+    """
+    found, x, y, steps = [], [], [], 0
+    for lane, one in _lit_lanes(read_object(path), path).items():
+        element = f"traffic light of lane {lane}"
+        if not isinstance(one, dict):
+            raise InvalidFile("an object is expected", path=path, element=element)
+        states, index = value(one, "state", list, path, element), value(one, "time_index", list, path, element)
+        places = [value(one, axis, list, path, element) for axis in "xy"]
+        if not states or len({len(states), len(index), *map(len, places)}) > 1:
+            raise InvalidFile("state, x, y and time_index have different lengths, or none", path=path, element=element)
+        if not all(type(step) is int and step >= 0 for step in index):
+            raise InvalidFile("time_index holds numbers of steps", path=path, element=element)
+        at = _numbers([each[0] for each in places], "x or y", path, element)
+        found.append(dict(zip(index, map(str, states), strict=True)))
+        x.append(float(at[0]))
+        y.append(float(at[1]))
+        steps = max(steps, 1 + max(index))
+    if not found:
+        return None
+    states_of = tuple(tuple(each.get(step, "unknown") for step in range(steps)) for each in found)
+    return LightStates(np.array(x), np.array(y), _STEP * np.arange(steps), states_of)
+
+
+def _lit_lanes(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """States of traffic lights by lanes."""
     return value(document, "tl_states", dict, path, "scene") if document.get("tl_states") else {}
 
@@ -188,7 +215,7 @@ def _road(path: Path, _recording: Recording, folder: Path) -> SiteRoad:
     from xodr.lanelet2.reader import Area
 
     document = read_object(path)
-    lit = set(_lights(document, path))
+    lit = {*_lit_lanes(document, path)}
     lanes, edges, crosswalks, short = [], [], [], []
     for name, kind, one in _elements(document, path):
         element = f"{kind} {name}"

@@ -120,6 +120,45 @@ def test_lanes_with_lights_have_lights(tmp_path: Path) -> None:
     assert source.report is not None and any("1 lanes have traffic lights" in note for note in source.report.remarks)
 
 
+def test_states_of_lights_are_those_of_the_stop_line_that_a_vehicle_passes(tmp_path: Path) -> None:
+    document = scene()
+    steps = len(document["objects"][0]["valid"])
+    place = document["objects"][0]["position"][steps // 2]
+
+    def light(x: float, y: float, states: list[str]) -> dict[str, Any]:
+        return {"state": states, "x": [x] * steps, "y": [y] * steps, "z": [0.0] * steps, "time_index": list(range(steps))}
+
+    half = ["stop"] * (steps // 2) + ["go"] * (steps - steps // 2)
+    document["tl_states"] = {
+        "11": light(place["x"], place["y"] + 1.0, half),
+        "12": light(place["x"], place["y"] + 40.0, ["caution"] * steps),
+    }
+    source, recording, _ = load(tmp_path, document)
+    lights, track = source.lights(), recording.tracks[str(document["objects"][0]["id"])]
+    assert lights is not None
+    middle = 0.1 * (steps // 2)
+    assert (lights.ahead(track, middle - 1.0), lights.ahead(track, middle + 1.0)) == ("stop", "go")
+    assert lights.ahead(track, middle + 100.0) is None
+    assert lights._replace(y=lights.y + 10.0).ahead(track, middle) is None, "nothing is within 3 m of its way"
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"state": []}, "traffic light of lane 11: state, x, y and time_index have different lengths, or none"),
+        ({"x": [0.0, 1.0]}, "traffic light of lane 11: state, x, y and time_index have different lengths, or none"),
+        ({"x": [float("nan")]}, "traffic light of lane 11: x or y: nan is no measured value"),
+        ({"time_index": ["0"]}, "traffic light of lane 11: time_index holds numbers of steps"),
+    ],
+)
+def test_malformed_states_of_lights_are_refused(change: dict[str, Any], complaint: str, tmp_path: Path) -> None:
+    document = scene()
+    document["tl_states"] = {"11": {"state": ["stop"], "x": [0.0], "y": [0.0], "time_index": [0]} | change}
+    source, _, _ = load(tmp_path, document)
+    with pytest.raises(InvalidFile, match=complaint):
+        source.lights()
+
+
 def _first(key: str, value: object) -> Callable[[dict[str, Any]], Any]:
     return lambda document: document["objects"][0].update({key: value})
 
