@@ -20,12 +20,13 @@ from recognition.datasets import Source, cache_roads
 from recognition.labels import Label, Rules
 from recognition.labels.scene import EGOS
 from recognition.sites import site_of
+from recognition.sites.lanes import place
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.common.storage import read_object
 from xodr.network import RoadNetwork
 
-RULES, MODEL, BOTH = "rules", "model", "both"
+RULES, MODEL, BOTH, BASELINE = "rules", "model", "both", "baseline"
 CLASSES = tuple(label.title for label in Label if label is not Label.UNKNOWN)
 SAME = 2.0
 """Time (s) around a finding within which another one of the same class and vehicle is the same event"""
@@ -33,6 +34,8 @@ STRETCH = 20.0
 """Longest stretch (s) of a vehicle's track that a reviewer looks at"""
 _DRIVES = 10.0
 """Least extent (m) of a stretch in which a vehicle drives"""
+_HELD, _TURN_TIME = 1.0, 6.0
+"""Time (s) for which the baseline wants a lane held; time within which a heading changes in a turn"""
 
 
 @dataclass(frozen=True)
@@ -192,9 +195,39 @@ def draw_vehicles(everything: Sequence[Finding], library: Library, number: int, 
                 recording, vehicle, start, end = stretches[int(generator.integers(len(stretches)))]
                 own = (one for one in everything if (one.recording, one.vehicle) == (recording, vehicle))
                 inside = tuple(one for one in own if one.end > start and one.start < end)
-                items.append(Item(recording, source.site, vehicle, start, end, found=inside))
+                plain = baseline(library, recording, source.site, vehicle, start, end)
+                items.append(Item(recording, source.site, vehicle, start, end, found=(*inside, *plain)))
                 of.append(source)
     return items
+
+
+def baseline(library: Library, recording: str, site: str, vehicle: str, start: float, end: float) -> list[Finding]:
+    """Return the findings of a plain baseline in a stretch: what the lane number and the heading alone tell.
+
+    Another lane of the same road, held for a second after one that was held as long, is a lane change. A change of the heading by
+    45 to 135 degrees within 6 s is a turn.
+    """
+    track = library.recording(recording).tracks[vehicle]
+    place(library.recording(recording), library.network(recording))
+    columns = track.columns
+    rows = np.flatnonzero((columns["time"] >= start) & (columns["time"] <= end))
+    time, lane, road = columns["time"][rows], columns["lane_id"][rows].astype(int), columns["road_id"][rows]
+    found = []
+    for row in (np.flatnonzero((lane[1:] != lane[:-1]) & (road[1:] == road[:-1]) & (lane[1:] * lane[:-1] > 0)) + 1).tolist():
+        before, after = (time < time[row]) & (time >= time[row] - _HELD), (time >= time[row]) & (time <= time[row] + _HELD)
+        if (lane[before] == lane[row - 1]).all() and (lane[after] == lane[row]).all():
+            forward = library.network(recording).roads[road[row]].direction(int(lane[row]), float(columns["s"][rows][row])) > 0
+            left = (lane[row] > lane[row - 1]) == forward
+            found.append(("left lane change" if left else "right lane change", float(time[row])))
+    heading, last = np.degrees(np.unwrap(columns["h"][rows])), -np.inf
+    step = max(round(_TURN_TIME / library.recording(recording).timestep), 1)
+    for row in range(len(rows)):
+        turned = heading[min(row + step, len(rows) - 1)] - heading[row]
+        if 45.0 <= abs(turned) <= 135.0 and time[row] > last:
+            middle = float(time[row]) + 0.5 * _TURN_TIME
+            found.append(("unsignalised left turn" if turned > 0.0 else "unsignalised right turn", middle))
+            last = time[row] + 2.0 * _TURN_TIME
+    return [Finding(recording, site, vehicle, None, title, at, at - 0.75, at + 0.75, BASELINE) for title, at in found]
 
 
 def _stretches(name: str, recording: Recording, generator: np.random.Generator) -> list[tuple[str, str, float, float]]:
@@ -221,6 +254,7 @@ class Library:
         self.sets = {source.name: name for name, source in self.sources}
         self._of = {source.name: source for _, source in self.sources}
         self._recordings: dict[str, Recording] = {}
+        self._networks: dict[str, RoadNetwork] = {}
 
     def recording(self, name: str) -> Recording:
         """Return a recording by its name."""
@@ -230,7 +264,9 @@ class Library:
 
     def network(self, name: str) -> RoadNetwork:
         """Return the roads of a recording by its name."""
-        return site_of(self._of[name], self.recording(name), cache_roads()).network
+        if name not in self._networks:
+            self._networks[name] = site_of(self._of[name], self.recording(name), cache_roads()).network
+        return self._networks[name]
 
 
 def sources_of(recordings: Sequence[Path]) -> list[tuple[str, Source]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,8 +33,10 @@ _MOMENTS = (-4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0)
 _PANELS = 8
 _NEAR, _OTHERS = 0.1, 4
 """Rows count as of a time within so much (s); number of other participants in the numbers"""
-_CLOSE, _FILMED = 35.0, 20
-"""Reach (m) of a moment's picture; most participants beside the ego in a film"""
+_SIGHT = 150.0
+"""Distance (m) within which the next vehicle ahead is named"""
+_CLOSE, _FAR, _FILMED = 35.0, 90.0, 20
+"""Least and greatest reach (m) of a moment's picture, which shows the partner; most participants beside the ego in a film"""
 
 
 def write_items(items: Sequence[Item], library: Library, out: Path, key: Path) -> None:
@@ -43,14 +44,13 @@ def write_items(items: Sequence[Item], library: Library, out: Path, key: Path) -
     import matplotlib as mpl
 
     mpl.use("Agg")
-    network_of = lru_cache(maxsize=1)(library.network)
     out.mkdir(parents=True, exist_ok=True)
     films: dict[int, list[Any]] = {}
     roads: dict[str, list[list[int]]] = {}
     texts: dict[int, str] = {}
     for number in sorted(range(len(items)), key=lambda index: items[index].recording):
         item = items[number]
-        recording, network = library.recording(item.recording), network_of(item.recording)
+        recording, network = library.recording(item.recording), library.network(item.recording)
         start, end = _shown(item)
         texts[number] = _text(number, item, recording, network)
         (out / f"{number:03}.txt").write_text(texts[number], encoding="utf-8")
@@ -119,7 +119,13 @@ def _text(number: int, item: Item, recording: Recording, network: RoadNetwork) -
         if partner is not None:
             told.append(f"partner {_seen(network, ego, at, partner, time)}")
         others = [each for each in recording.tracks.values() if each not in (ego, partner)]
-        told += [_seen(network, ego, at, each, time) for each in _nearest(at, others, time)]
+        nearest = _nearest(at, others, time)
+        told += [_seen(network, ego, at, each, time) for each in nearest]
+        leader = _leader(network, at, [partner, *others] if partner else others, time)
+        if leader is None:
+            told.append(f"nobody ahead in its lane within {_SIGHT:g} m")
+        elif leader not in (partner, *nearest):
+            told.append(f"next in its lane: {_seen(network, ego, at, leader, time)}")
         lines.append(f"{time:.1f} s  " + "\n         ".join(told))
     return "\n".join(lines) + "\n"
 
@@ -163,6 +169,21 @@ def _seen(network: RoadNetwork, ego: Track, at: dict[str, float], other: Track, 
 def _nearest(at: dict[str, float], others: Iterable[Track], time: float) -> list[Track]:
     there = [(each, place) for each in others if (place := _at(each, time)) is not None]
     return [each for each, place in sorted(there, key=lambda one: float(np.hypot(*_from(at, one[1]))))[:_OTHERS]]
+
+
+def _leader(network: RoadNetwork, at: dict[str, float], others: Iterable[Track], time: float) -> Track | None:
+    """The next participant ahead on the ego's lane, or straight ahead of it within half a lane."""
+    mine = network.locate(at["x"], at["y"], None, at["h"])
+    found = []
+    for each in others:
+        there = _at(each, time)
+        ahead, left = _from(at, there) if there is not None else (0.0, 0.0)
+        if there is None or not 0.0 < ahead < _SIGHT or abs(left) > 0.5 * ahead + 4.0 or np.cos(there["h"] - at["h"]) < 0.0:
+            continue
+        point = network.locate(there["x"], there["y"], None, there["h"])
+        if (point.road_id, point.lane_id) == (mine.road_id, mine.lane_id) or abs(left) < 1.5:
+            found.append((ahead, each.name, each))
+    return min(found)[2] if found else None
 
 
 def _from(at: dict[str, float], there: dict[str, float]) -> tuple[float, float]:
@@ -242,10 +263,14 @@ def _moment(axes: Axes, item: Item, recording: Recording, borders: list[FloatArr
         axes.set_axis_off()
         axes.set_title(f"{time:.1f} s: ego not recorded", fontsize=9)
         return
-    _draw(axes, borders, ego["x"], ego["y"], _CLOSE)
+    partner = recording.tracks.get(item.finding.partner or "") if item.finding else None
+    met = _at(partner, time) if partner is not None else None
+    apart = float(np.hypot(met["x"] - ego["x"], met["y"] - ego["y"])) if met is not None else 0.0
+    reach = float(np.clip(apart + 8.0, _CLOSE, _FAR))
+    _draw(axes, borders, ego["x"], ego["y"], reach)
     for track in recording.tracks.values():
         there = _at(track, time)
-        if there is None or np.hypot(there["x"] - ego["x"], there["y"] - ego["y"]) > 1.4 * _CLOSE:
+        if there is None or np.hypot(there["x"] - ego["x"], there["y"] - ego["y"]) > 1.4 * reach:
             continue
         color, _ = _colour(item, track)
         ahead, left = (np.array([np.cos(there["h"]), np.sin(there["h"])]), np.array([-np.sin(there["h"]), np.cos(there["h"])]))
@@ -260,7 +285,7 @@ def _moment(axes: Axes, item: Item, recording: Recording, borders: list[FloatArr
             )
         )
         axes.annotate(f"{track.name}  {there['speed']:.0f}", middle, fontsize=6, clip_on=True)
-    _view(axes, ego["x"], ego["y"], _CLOSE)
+    _view(axes, ego["x"], ego["y"], reach)
     axes.set_title(f"{time:.1f} s, {ego['speed']:.1f} m/s", fontsize=9)
 
 

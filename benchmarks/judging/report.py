@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.judging.draws import BOTH, CLASSES, MODEL, RULES
+from benchmarks.judging.draws import BASELINE, BOTH, CLASSES, MODEL, RULES
 from schemas.common.errors import InvalidFile
 from schemas.common.storage import read_object
 
@@ -26,6 +26,7 @@ SOURCES = {
     "both agree": (BOTH,),
     "rules alone": (RULES,),
     "model alone": (MODEL,),
+    "plain baseline": (BASELINE,),
 }
 
 

@@ -71,7 +71,7 @@ agree; trust: `agree`, `differ`, `rules alone` or `model alone`. why: conditions
 recorded in part. road_kind, limit (m/s): of the ego's lane at the event's time. light: recorded state then of the traffic light
 that the ego passes, in the words of the data set. Speeds and closing speed (m/s) and gap along the road (m) of ego and partner at
 that time. Least THW and TTC (s) and greatest DRAC (m/s²) of the pair within the event's time, blank where their boxes touch
-(pair_touches), DRAC also above 20 m/s². Where from, with times in s. Measures of the ego against all participants of the scene."""
+(pair_touches), DRAC also above 20 m/s². Where from, with times in s. Measures of the ego against all others of the scene."""
 
 Row = Mapping[str, Any]
 

@@ -188,11 +188,14 @@ class Source:
             InvalidFile: a file is malformed; names file, line and column.
             Unsupported: it holds something that is not supported.
         """
+        from recognition.datasets.rows import overlap_remarks
+
         try:
             recording, self.report = self.read()
         except InvalidFile as error:
             error.path = error.path or str(self.path)
             raise
+        self.report.remarks += overlap_remarks([*recording.tracks.values()])
         return recording
 
 

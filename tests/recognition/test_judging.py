@@ -13,11 +13,13 @@ from typing import Any
 import pytest
 
 from benchmarks.judging.draws import (
+    BASELINE,
     BOTH,
     MODEL,
     RULES,
     Finding,
     Library,
+    baseline,
     draw_findings,
     draw_vehicles,
     find,
@@ -100,8 +102,20 @@ def test_vehicles_are_drawn_once_with_what_was_found_in_their_stretch(recordings
     assert len({item.vehicle for item in items}) == len(items) == 3
     for item in items:
         expected = [one for one in found if one.vehicle == item.vehicle]
-        assert {*item.found} <= {*expected} and all(one.end > item.start and one.start < item.end for one in item.found)
+        own = {one for one in item.found if one.source != BASELINE}
+        assert own <= {*expected} and all(one.end > item.start and one.start < item.end for one in own)
     assert draw_vehicles(found, library, 3, 1) != items
+
+
+def test_the_plain_baseline_sees_lanes_and_headings_only(recordings: Path, found: list[Finding]) -> None:
+    library = Library([recordings])
+    name = found[0].recording
+    for vehicle in library.recording(name).tracks:
+        plain = baseline(library, name, "", vehicle, 0.0, 1000.0)
+        assert {one.title for one in plain} == {
+            one.title for one in found if one.vehicle == vehicle and one.source == BOTH and "lane change" in one.title
+        }
+    assert {one.source for one in plain} <= {BASELINE}
 
 
 def test_nothing_that_reviewers_see_tells_who_found_it(drawn: Path) -> None:
