@@ -308,28 +308,3 @@ def crowded(time: FloatArray, x: FloatArray, y: FloatArray) -> int:
     places = np.stack([np.round(time * 1000.0), np.round(0.5 * x), np.round(0.5 * y)])
     counts = np.unique(places, axis=1, return_counts=True)[1]
     return int(counts[counts > 1].sum())
-
-
-_MOMENTS, _ONE_PLACE, _TOO_MANY = 25, 1.0, 0.02
-"""Moments that are looked at; reference points nearer than this (m) are of one vehicle, or of no scene; greatest share
-of vehicles of which this is true in a scene"""
-
-
-def overlap_remarks(tracks: Sequence[Track]) -> list[str]:
-    """Return a remark if vehicles are inside each other: their tracks are of different times, or one vehicle has several."""
-    vehicles = [track.columns for track in tracks if track.kind == "vehicle" and len(track.columns["time"])]
-    if len(vehicles) < 2:
-        return []
-    start, end = min(float(each["time"][0]) for each in vehicles), max(float(each["time"][-1]) for each in vehicles)
-    inside = there = 0
-    for time in np.linspace(start, end, _MOMENTS).tolist():
-        present = [each for each in vehicles if each["time"][0] <= time <= each["time"][-1]]
-        x, y = (np.array([np.interp(time, each["time"], each[axis]) for each in present]) for axis in "xy")
-        apart = np.hypot(x[:, None] - x, y[:, None] - y)
-        np.fill_diagonal(apart, np.inf)
-        inside += int((apart.min(axis=1, initial=np.inf) < _ONE_PLACE).sum())
-        there += len(present)
-    if inside <= _TOO_MANY * there:
-        return []
-    share = f"{inside / there:.0%} of the vehicles are inside another one"
-    return [f"at {_MOMENTS} moments {share}: the tracks can hardly be of one time, or vehicles were tracked twice"]
