@@ -59,8 +59,8 @@ def claims(path: Path) -> bool:
 
 def sources(path: Path, roads: Path) -> list[Source]:
     """The recording of a scene, which is a site of its own."""
-    read, road, ego, lights = (partial(each, path) for each in (_read, _road, _ego, _lights))
-    return [Source(path.stem, path.stem, FORMAT, path, read, path, road=road, ego=ego, lights=lights)]
+    road, ego, lights = partial(_road, path), partial(_ego, path), partial(_lights, path)
+    return [Source(path.stem, path.stem, FORMAT, path, partial(_read, path), path, road=road, ego=ego, lights=lights)]
 
 
 class _Object(NamedTuple):
@@ -148,7 +148,7 @@ def _lights(path: Path) -> LightStates | None:
     if not found:
         return None
     states_of = tuple(tuple(each.get(step, "unknown") for step in range(steps)) for each in found)
-    return LightStates(np.array(x), np.array(y), _STEP * np.arange(steps), states_of)
+    return LightStates(np.array(x), np.array(y), np.array([_STEP * step for step in range(steps)]), states_of)
 
 
 def _lit_lanes(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
