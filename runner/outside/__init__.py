@@ -7,7 +7,10 @@ ENVIRONMENT = "xosc/Scenario-v0"
 
 
 def register() -> None:
-    """Tell Gymnasium the environment's name; the entry point `gymnasium.envs` calls it, and loads nothing else of the package."""
+    """Tell Gymnasium the environment's name, and load nothing else of the package.
+
+    `xosc_toolchain.gym` calls it, as does the entry point `gymnasium.envs`, which not all versions of Gymnasium read.
+    """
     import gymnasium
 
     if ENVIRONMENT not in gymnasium.registry:

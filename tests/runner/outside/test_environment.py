@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -219,6 +220,13 @@ def test_gymnasium_finds_no_fault_in_what_is_made_by_name_with_pictures(tmp_path
     env = gymnasium.make(ENVIRONMENT, scenario=scenario(tmp_path, stop=0.3), world="kinematic", render_mode="rgb_array")
     check_env(env.unwrapped)
     env.close()
+
+
+def test_the_name_with_its_module_needs_no_import(tmp_path: Path) -> None:
+    gymnasium.registry.pop(ENVIRONMENT, None)
+    sys.modules.pop("xosc_toolchain.gym", None)
+    gymnasium.make("xosc_toolchain.gym:xosc/Scenario-v0", scenario=LEAD_BRAKE, world="kinematic").close()
+    assert ENVIRONMENT in gymnasium.registry
 
 
 def test_gymnasium_makes_it_by_name_and_renders_it(tmp_path: Path) -> None:
