@@ -264,22 +264,37 @@ class Memory:
         self.damaged = len(damaged)
         if any(entry.keys() != {"theta", *NOTHING} for entry in entries):
             raise InvalidFile("these are no simulator calls; remove the file to begin anew", path=path)
-        self._known = {tuple(entry["theta"]): entry for entry in entries}
+        self._places: dict[bytes, tuple[int, int]] = {}
+        self._blocks: list[tuple[FloatArray, Outcomes]] = []
+        entries = list({tuple(entry["theta"]): entry for entry in entries}.values())
+        if entries:
+            self._keep(np.array([entry["theta"] for entry in entries], np.float64), _outcomes(entries))
 
     def __call__(self, theta: FloatArray) -> Outcomes:
         """Outcomes of points (n, d)."""
-        rows = [tuple(row) for row in theta.tolist()]
-        missing = list(dict.fromkeys(row for row in rows if row not in self._known))
-        self.reused += len(rows) - len(missing)
+        theta = np.ascontiguousarray(theta, np.float64)
+        keys = [row.tobytes() for row in theta]
+        missing = {key: number for number, key in reversed(list(enumerate(keys))) if key not in self._places}
+        self.reused += len(keys) - len(missing)
         if missing:
-            self._ask(np.array(missing))
-        return _outcomes([self._known[row] for row in rows])
+            self._ask(theta[sorted(missing.values())])
+        places = [self._places[key] for key in keys]
+        if not places:
+            return Outcomes.of(0)
+        found, order = list[Outcomes](), list[int]()
+        for block in dict.fromkeys(block for block, _ in places):
+            numbers = [number for number, (of, _) in enumerate(places) if of == block]
+            found.append(self._blocks[block][1].take(np.array([places[number][1] for number in numbers])))
+            order += numbers
+        return joined(found).take(np.argsort(order))
 
     @property
     def everything(self) -> tuple[FloatArray, Outcomes]:
         """All points that are remembered (m, d), and their outcomes."""
-        entries = list(self._known.values())
-        return np.array([entry["theta"] for entry in entries]), _outcomes(entries)
+        if not self._blocks:
+            return np.array([]), Outcomes.of(0)
+        thetas, outcomes = zip(*self._blocks, strict=True)
+        return np.concatenate(thetas), joined(outcomes)
 
     def episodes(self, reward: Reward) -> Episodes:
         """All points that are remembered, with their outcomes and rewards."""
@@ -289,13 +304,17 @@ class Memory:
     def _ask(self, theta: FloatArray) -> None:
         outcomes = self._evaluate(theta)
         columns = {name: getattr(outcomes, name).tolist() for name in NOTHING}
-        fresh = [
-            {"theta": row, **{name: values[number] for name, values in columns.items()}}
-            for number, row in enumerate(theta.tolist())
-        ]
         with writing("this", self._path):
-            self._records.add({name: _finite(value) for name, value in entry.items()} for entry in fresh)
-        self._known |= {tuple(entry["theta"]): entry for entry in fresh}
+            self._records.add(
+                {"theta": row, **{name: _finite(values[number]) for name, values in columns.items()}}
+                for number, row in enumerate(theta.tolist())
+            )
+        self._keep(theta, Outcomes.of(len(theta), **columns))
+
+    def _keep(self, theta: FloatArray, outcomes: Outcomes) -> None:
+        """Remember points (n, d) as columns: a hundred thousand of them take some 50 MB."""
+        self._places.update((row.tobytes(), (len(self._blocks), number)) for number, row in enumerate(theta))
+        self._blocks.append((theta, outcomes))
 
 
 def _outcomes(entries: list[dict[str, Any]]) -> Outcomes:

@@ -76,15 +76,30 @@ class Surrogate:
 
     def _grow(self) -> None:
         outcomes = joined(self._outcomes)
-        scores = np.where(outcomes.collision & outcomes.executed, 1.0, _NEAR * nearness(outcomes))
-        forest = self._ensemble.ExtraTreesRegressor(_TREES, random_state=0)
-        self._forest, self._grown = forest.fit(differences(np.concatenate(self._x)), scores), len(self)
+        failing = outcomes.collision & outcomes.executed
+        scores, x = np.where(failing, 1.0, _NEAR * nearness(outcomes)), np.concatenate(self._x)
+        forest, rows = self._ensemble.ExtraTreesRegressor(_TREES, random_state=0), _learnt(failing)
+        self._forest, self._grown = forest.fit(differences(x[rows]), scores[rows]), len(self)
 
     def alike(self, x: FloatArray) -> Outcomes:
         """Return the outcomes of the most similar runs to points (n, k); uneventful while there are no runs."""
         if not len(self):
             return Outcomes.of(len(x))
         return joined(self._outcomes).take(np.argmin(cdist(x, np.concatenate(self._x)), axis=1))
+
+
+def _learnt(failing: BoolArray) -> IntArray:
+    """Indices of the runs (n,) that a forest learns from: all, or evenly chosen ones of failures and of others."""
+    if len(failing) <= _MOST:
+        return np.arange(len(failing))
+    groups = [np.flatnonzero(failing), np.flatnonzero(~failing)]
+    least = min(_MOST // 2, *map(len, groups))
+    chosen = [each[np.linspace(0, len(each) - 1, min(len(each), _MOST - least)).astype(int)] for each in groups]
+    return np.sort(np.concatenate(chosen))
+
+
+_MOST = 10_000
+"""Runs that a forest learns from: its memory does not grow with the runs"""
 
 
 def differences(x: FloatArray) -> FloatArray:

@@ -295,7 +295,14 @@ def distinctive(space: Space) -> BoolArray:
 
 def apart(unit: FloatArray, others: FloatArray, least: float) -> BoolArray:
     """Rows (n, d) of the unit cube that are no nearer than `least` to any of others (m, d)."""
-    return (cdist(unit, others) >= least * np.sqrt(unit.shape[1])).all(axis=1)
+    found, reach = np.ones(len(unit), bool), least * np.sqrt(unit.shape[1])
+    for start in range(0, len(others), _BLOCK):
+        found &= (cdist(unit, others[start : start + _BLOCK]) >= reach).all(axis=1)
+    return found
+
+
+_BLOCK = 4096
+"""Points that distances are worked out to at a time: memory does not grow with the runs"""
 
 
 def diverse(unit: FloatArray, least: float, most: int | None = None) -> IntArray:

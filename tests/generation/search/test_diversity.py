@@ -36,3 +36,11 @@ def test_points_that_are_kept_are_apart() -> None:
     assert not apart(unit, kept, 0.1).any()
     for index in range(len(kept)):
         assert apart(kept[index : index + 1], np.delete(kept, index, axis=0), 0.1).all()
+
+
+def test_points_are_apart_from_others_of_many_blocks() -> None:
+    generator = np.random.default_rng(3)
+    unit, others = generator.random((50, 2)), 0.5 * generator.random((10_000, 2))
+    nearest = np.sqrt(np.square(unit[:, None] - others[None]).sum(axis=2).min(axis=1))
+    np.testing.assert_array_equal(apart(unit, others, 0.1), nearest >= 0.1 * np.sqrt(2.0))
+    assert apart(unit, others[:0], 0.1).all()

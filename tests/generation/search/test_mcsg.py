@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -179,6 +180,23 @@ def test_a_search_with_another_budget_or_seed_reuses_what_is_the_same(problem: P
     theta, outcomes = Memory(simulator, path).everything
     assert len(theta) == len(outcomes) == 25
     np.testing.assert_array_equal(theta[-5:], problem.real[:5])
+
+
+def test_memory_answers_known_and_new_points_in_their_order_in_little_space(problem: Problem, tmp_path: Path) -> None:
+    def nothing(theta: FloatArray) -> Outcomes:
+        return Outcomes.of(len(theta), min_ttc=theta[:, 0])
+
+    memory, theta = Memory(nothing, tmp_path / "calls.jsonl"), problem.space.draw(6000, np.random.default_rng(0))
+    memory(theta[:100])
+    mixed = np.concatenate([theta[50:150], theta[:20], theta[149:150]])
+    np.testing.assert_array_equal(memory(mixed).min_ttc, mixed[:, 0])
+    assert memory.reused == 71 and len(memory.everything[0]) == 150
+    tracemalloc.start()
+    for start in range(150, 6000, 50):
+        memory(theta[start : start + 50])
+    taken = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert taken / 5850 < 800.0, "bytes a run"
 
 
 @pytest.mark.parametrize("harm", ["edited", "removed", "cut", "appended"])

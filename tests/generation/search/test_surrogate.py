@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.outcomes.outcomes import Outcomes
-from generation.search.screen import Surrogate, nearness
+from generation.search.screen import _MOST, Surrogate, _learnt, nearness
 
 
 def test_points_near_failures_come_first() -> None:
@@ -42,3 +42,13 @@ def test_passing_in_another_lane_is_further_from_a_failure_than_braking_for_a_le
         Outcomes.of(3, clearance=[1.95, 6.0, 0.0], max_drac=[0.0, 3.0, 9.0], status=["completed", "completed", "error"])
     )
     assert error == 0.0 < beside < braking < 1.0
+
+
+def test_a_forest_learns_from_a_bounded_number_of_runs_with_the_rare_failures_among_them() -> None:
+    few, half = np.zeros(5 * _MOST, bool), np.arange(5 * _MOST) % 2 == 0
+    few[::1000] = True
+    for failing in (few, half):
+        rows = _learnt(failing)
+        assert len(rows) == len(np.unique(rows)) == _MOST
+        assert failing[rows].sum() == min(failing.sum(), _MOST // 2)
+    np.testing.assert_array_equal(_learnt(few[:100]), np.arange(100))
