@@ -76,7 +76,7 @@ class Probability(NamedTuple):
         low, high = self.interval
         if self.value <= 0.0:
             return f"below {high:.1e} (no draw fails)"
-        shown = f"{self.value:.2e} [{low:.2e}, {high:.2e}]"
+        shown = f"{self.value:.1e} [{low:.1e}, {high:.1e}]"
         return shown if self.stable else f"{shown}, unstable: {self.counted}"
 
 
@@ -143,7 +143,7 @@ class Rate(NamedTuple):
 
     def __str__(self) -> str:
         low, high = self.interval
-        return f"{self.value:.2e} [{low:.2e}, {high:.2e}]" if self.value > 0.0 else f"below {high:.1e}"
+        return f"{self.value:.1e} [{low:.1e}, {high:.1e}]" if self.value > 0.0 else f"below {high:.1e}"
 
 
 @dataclass(frozen=True)

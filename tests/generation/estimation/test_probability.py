@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.estimation.probability import Control, probability
+from generation.estimation.probability import Control, Probability, Rate, probability
 
 
 def draws(n: int, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
@@ -65,3 +65,8 @@ def test_an_unsure_density_widens_the_interval() -> None:
     unsure = sure._replace(density=0.3)
     assert unsure.interval[0] < 0.7 * sure.interval[0] and unsure.interval[1] > 1.4 * sure.interval[1]
     assert unsure.value == sure.value and unsure.stable
+
+
+def test_estimates_tell_no_more_digits_than_they_know() -> None:
+    assert str(Probability(1.234e-3, 1e-5, 90.0, 1.0)) == "1.2e-03 [1.2e-03, 1.3e-03]"
+    assert str(Rate(0.01234, (0.01, 0.0156))) == "1.2e-02 [1.0e-02, 1.6e-02]"
