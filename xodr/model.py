@@ -92,6 +92,14 @@ class RoadMark(NamedTuple):
     width: float | None
 
 
+class LaneAccess(NamedTuple):
+    """Road users that are allowed on a lane, to the exclusion of others, or denied, from s on; none at all: no restriction."""
+
+    s: float
+    allowed: bool
+    users: tuple[str, ...]
+
+
 @dataclass(slots=True)
 class Lane:
     """One lane within one lane section. All profiles are functions of the road's s.
@@ -101,7 +109,7 @@ class Lane:
     road_works: closed to traffic (OpenDRIVE 1.8).
     direction: "standard" (by lane id and traffic rule), "reversed" or "both" (OpenDRIVE 1.8).
     opens, closes: s before and after which the lane has no width within its section; infinite where it has some at the end.
-    speeds: (s, limit [m/s] or None for none) in ascending s. marks: in ascending s.
+    speeds: (s, limit [m/s] or None for none) in ascending s. marks, accesses: in ascending s.
     """
 
     id: int
@@ -122,6 +130,7 @@ class Lane:
     predecessors: tuple[LaneRef, ...] = ()
     successors: tuple[LaneRef, ...] = ()
     road_works: bool = False
+    accesses: tuple[LaneAccess, ...] = ()
 
     def closed(self, s: float, forward: bool) -> bool:
         """Whether the lane has narrowed to nothing at s, and has no width ahead in its section."""

@@ -13,7 +13,20 @@ from typing import NamedTuple
 from lxml import etree
 
 from xodr.geometry import ZERO, Arc, Cubic, Line, ParamPoly3, Profile, ReferenceLine, Segment, Spiral, Start, exceeding, poly3
-from xodr.model import NO_WIDTH, PERMANENT, TEMPORARY, Lane, LaneRef, LaneSection, RoadLink, RoadMark, RoadType, Stretch, in_force
+from xodr.model import (
+    NO_WIDTH,
+    PERMANENT,
+    TEMPORARY,
+    Lane,
+    LaneAccess,
+    LaneRef,
+    LaneSection,
+    RoadLink,
+    RoadMark,
+    RoadType,
+    Stretch,
+    in_force,
+)
 from xodr.reader.elements import (
     ascending,
     coefficients,
@@ -157,6 +170,7 @@ def _lane(element: etree._Element, lane_id: int, ends: tuple[float, float], inne
         predecessors=predecessors,
         successors=successors,
         road_works=element.get("roadWorks") in ("true", "1"),
+        accesses=_accesses(element, start),
     )
 
 
@@ -190,6 +204,18 @@ def _direction(element: etree._Element) -> str:
 def _speeds(element: etree._Element, start: float) -> tuple[tuple[float, float | None], ...]:
     records = element.findall("speed")
     return tuple((start + offset, speed(record)) for offset, record in zip(ascending(records, "sOffset"), records, strict=True))
+
+
+def _accesses(element: etree._Element, start: float) -> tuple[LaneAccess, ...]:
+    """Access restrictions by place: one element with all of them since 1.8, before that one for each road user."""
+    found: dict[float, LaneAccess] = {}
+    for record in element.iterfind("access"):
+        s = start + number(record, "sOffset", 0.0)
+        named = [record.get("restriction"), *(each.get("type") for each in record.iterfind("restriction"))]
+        before = found[s].users if s in found else ()
+        users = tuple(user for user in named if user and user != "none")
+        found[s] = LaneAccess(s, record.get("rule", "deny") == "allow", before + users)
+    return tuple(found[s] for s in sorted(found))
 
 
 def _marks(element: etree._Element, start: float) -> tuple[RoadMark, ...]:

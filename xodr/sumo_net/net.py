@@ -47,6 +47,21 @@ _USES = {
     **dict.fromkeys(("tram", "rail"), _RAIL),
 }
 
+_CLASSES = {
+    "bicycle": "bicycle",
+    "bus": "bus coach",
+    "delivery": "delivery",
+    "emergency": "emergency authority army",
+    "motorcycle": "motorcycle moped",
+    "passengerCar": "passenger private evehicle",
+    "pedestrian": "pedestrian",
+    "taxi": "taxi",
+    "truck": "truck trailer",
+    "trucks": "truck trailer",
+    "HOV": "hov",
+}
+"""SUMO's vehicle classes of the road users that OpenDRIVE's access restrictions name; it has none for the others."""
+
 SPEED_LIMITS = {
     "motorway": 130 / 3.6,
     "rural": 100 / 3.6,
@@ -63,6 +78,22 @@ USUAL_SPEED_LIMIT = 50 / 3.6
 def use_of(lane_type: str) -> Use:
     """Return the permitted use of a lane type; lanes of unknown types are closed, as type none."""
     return _USES.get(lane_type, CLOSED)
+
+
+def restricted(use: Use, allowed: bool, users: Iterable[str]) -> Use:
+    """Return the use of a lane that some road users alone may take (`allowed`), or all others; emergency vehicles always may."""
+    named = {each for user in users for each in _CLASSES.get(user, "").split()}
+    if not named or use is CLOSED:
+        return use
+    listed = use.classes.split()
+    if allowed:
+        open_to = named | {"emergency", "authority", "army"}
+        kept = [each for each in listed if each in open_to] if use.attribute == "allow" else sorted(open_to - set(listed))
+        return use._replace(attribute="allow", classes=" ".join(kept)) if kept else use
+    if use.attribute == "allow":
+        kept = [each for each in listed if each not in named]
+        return use._replace(classes=" ".join(kept)) if kept else CLOSED._replace(kind=use.kind)
+    return use._replace(classes=" ".join([*listed, *sorted(named - set(listed))]))
 
 
 DOCK = "dock"

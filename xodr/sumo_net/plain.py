@@ -42,6 +42,7 @@ from xodr.sumo_net.net import (
     middle,
     mouth,
     outline,
+    restricted,
     stretches,
     text,
     use_of,
@@ -225,11 +226,12 @@ class _Writer:
             self.mouths |= {LaneLink(road.id, lane_id, at_start): place for lane_id, place in row.items()}
 
     def _pieces(self, road: Road) -> list[_Piece]:
-        """The road cut at lane sections and traffic lights, and where SUMO would have an edge from a node to itself.
+        """The road cut at lane sections, access restrictions and traffic lights, and where an edge would lead to its own node.
 
         Bends are cut into stretches as well: moveToXY looks through all points of the edges near a participant.
         """
         cuts = {light.s for light in self.lights[road.id] if light.s is not None}
+        cuts |= {access.s for section in road.sections for lane in section.lanes.values() for access in lane.accesses}
         if not road.line.straight:
             count = min(math.ceil(road.length / LONGEST_BEND), _MOST_BENDS)
             cuts |= {road.length * number / count for number in range(1, count)}
@@ -344,6 +346,9 @@ def _add_lane(edge: etree._Element, index: int, road: Road, lane: Lane, piece: _
     usual = SPEED_LIMITS.get(road.road_type(piece.middle), USUAL_SPEED_LIMIT)
     speed = road.speed_limit(piece.middle, lane.id) or usual
     use = _use(lane)
+    access = next((each for each in reversed(lane.accesses) if each.s <= piece.middle), None)
+    if access is not None:
+        use = restricted(use, access.allowed, access.users)
     element = _element(
         edge,
         "lane",

@@ -361,3 +361,23 @@ def test_parallel_processes_may_build_the_same_network(tmp_path: Path) -> None:
     script = "import sys; from xodr import sumo_net; print(len(sumo_net.build(sys.argv[1]).sumo_lanes))"
     started = [subprocess.Popen([sys.executable, "-c", script, path], stdout=subprocess.PIPE, text=True) for _ in range(4)]
     assert {process.communicate(timeout=60)[0].strip() for process in started} == {str(len(sumo_net.build(path).sumo_lanes))}
+
+
+def test_access_restrictions_hold_in_sumo_from_their_places_on(tmp_path: Path) -> None:
+    """A bus lane from 40 m on, whose end is said at 70 m, and no trucks on the other lane: as 1.8 and as 1.7 write them."""
+    width = '<width sOffset="0" a="3.5" b="0" c="0" d="0"/>'
+    bus = '<access sOffset="40" rule="allow"><restriction type="bus"/><restriction type="bicycle"/></access>'
+    over = '<access sOffset="70" rule="deny"><restriction type="none"/></access>'
+    trucks = '<access sOffset="0" rule="deny" restriction="truck"/><access sOffset="0" restriction="delivery"/>'
+    lanes = f'<lane id="-1" type="driving">{width}{trucks}</lane><lane id="-2" type="driving">{width}{bus}{over}</lane>'
+    net = sumo_net.build(written(road("1", lanes), tmp_path))
+    found = {lane.get("id"): lane for lane in etree.parse(str(net.path)).iter("lane")}
+
+    def may(lane_id: int, s: float, user: str) -> bool:
+        lane = found[net.sumo_lane("1", lane_id, s)]
+        return user in lane.get("allow", user).split() and user not in lane.get("disallow", "").split()
+
+    for s, open_to_cars in ((20.0, True), (55.0, False), (85.0, True)):
+        assert [may(-2, s, user) for user in ("bus", "bicycle", "emergency")] == [True] * 3
+        assert [may(-2, s, user) for user in ("passenger", "truck")] == [open_to_cars] * 2
+        assert [may(-1, s, user) for user in ("passenger", "bus", "truck", "trailer", "delivery")] == [True, True] + [False] * 3
