@@ -191,6 +191,10 @@ def ramp_roles(graph: LaneGraph, main: set[int]) -> dict[int, Role]:
     return _Ramps(graph, main).roles()
 
 
+_STEPS = 4
+"""Strips within which a lane that has a road of its own comes back to the lanes that were beside it"""
+
+
 class _Ramps:
     def __init__(self, graph: LaneGraph, main: set[int]) -> None:
         self._graph, self._main = graph, main
@@ -224,7 +228,22 @@ class _Ramps:
         if not links[number] or links[number][0] not in self._main:
             return False
         counts = Counter(roads).most_common(2)
-        return len(counts) > 1 and counts[0][1] > counts[1][1] and roads[0] != counts[0][0]
+        elsewhere = len(counts) > 1 and counts[0][1] > counts[1][1] and roads[0] != counts[0][0]
+        return elsewhere and not self._rejoins(number, links)
+
+    def _rejoins(self, number: int, links: _Links) -> bool:
+        """Whether a lane with a road of its own comes back to the lanes beside it, as an acceleration lane does at its end."""
+        beside, reached = self._beside[number], set(self._beside[number])
+        own = number
+        for _ in range(_STEPS):
+            beside = [after for one in beside for after in links[one]]
+            reached.update(beside)
+            if len(links[own]) != 1:
+                return False
+            own = links[own][0]
+            if own in reached:
+                return True
+        return False
 
     def _ends(self, number: int, links: _Links) -> bool:
         """Whether a lane ends beside lanes that go on."""
@@ -250,7 +269,7 @@ class _Ramps:
             if len(ways) > 1 or ways[0] not in self._main or ways[0] in chain:
                 return []
             if not self._beside[ways[0]]:
-                return chain
+                return [*chain, ways[0]] if self._rejoins(chain[-1], links) else chain
             chain.append(ways[0])
 
 

@@ -83,6 +83,34 @@ def test_a_lane_from_an_on_ramp_to_an_off_ramp_is_weaving(tmp_path: Path) -> Non
     assert {lane: roles for lane, roles in found.items() if roles != {Role.MAIN}} == ramps
 
 
+@pytest.mark.parametrize("reverse", [False, True], ids=["merging back", "parting before"])
+def test_an_extra_lane_with_a_road_of_its_own_is_of_the_ramp_that_it_belongs_to(reverse: bool, tmp_path: Path) -> None:
+    """An acceleration lane that merges on a road of its own is no exit; a deceleration lane that parts on one is no entry."""
+    xs = (300.0, 200.0, 100.0, 0.0) if reverse else (0.0, 100.0, 200.0, 300.0)
+    before, after = ("successor", "predecessor") if reverse else ("predecessor", "successor")
+    first, second, third = (Link("junction", number) for number in (10, 11, 12))
+    roads = (
+        carriageway(1, xs[0], 2, **{after: first}), ramp(4, xs[0], **{after: first}),
+        carriageway(2, xs[1], 3, **{before: first, after: second}),
+        carriageway(3, xs[2], 2, **{before: second, after: third}), ramp(5, xs[2], **{before: second, after: third}),
+        carriageway(6, xs[3], 2, **{before: third}),
+    )  # fmt: skip
+
+    def link(one: int, other: int, *lanes: tuple[int, int]) -> Connection:
+        return Connection(other, one, tuple((b, a) for a, b in lanes)) if reverse else Connection(one, other, lanes)
+
+    both = ((-1, -1), (-2, -2))
+    junctions = (
+        Junction(10, "a", (link(1, 2, *both), link(4, 2, (-1, -3))), direct=True),
+        Junction(11, "b", (link(2, 3, *both), link(2, 5, (-3, -1))), direct=True),
+        Junction(12, "c", (link(3, 6, *both), link(5, 6, (-1, -2))), direct=True),
+    )
+    found = roles_of(RoadMap("extra", roads, junctions), tmp_path)
+    role = Role.OFF_RAMP if reverse else Role.ON_RAMP
+    ramps = {("4", -1): {role}, ("2", -3): {role}, ("5", -1): {role}}
+    assert {lane: roles for lane, roles in found.items() if roles != {Role.MAIN}} == ramps
+
+
 @pytest.mark.parametrize(("before", "after"), [(3, 2), (2, 3)])
 def test_a_lane_more_or_less_is_no_ramp(tmp_path: Path, before: int, after: int) -> None:
     one, two = (
