@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import typer
 
-from schemas.common.command_line import Verbose, Version, epilog, guarded, interruptible, new_app, protected, say
+from schemas.common.command_line import Quiet, Verbose, Version, epilog, guarded, interruptible, new_app, protected, say
 from schemas.common.errors import InvalidFile, UsageError, exit_codes
 from schemas.common.policy import limited
 from schemas.common.text import many
@@ -57,7 +57,7 @@ def xosc_replay(
     ] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Play in SUMO's own window instead.")] = False,
     _verbose: Verbose = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
     """Make a page that plays a run, or two side by side; a picture or an animation; of a batch a report, of several a history."""

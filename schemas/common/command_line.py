@@ -23,6 +23,7 @@ from typer.models import OptionInfo
 
 from schemas.common.discovery import leave_working_folder_out
 from schemas.common.errors import ToolchainError, UsageError, describe
+from schemas.common.options import CATALOG_PATH, ROAD_PATH, resign
 from schemas.common.packages import missing, version
 from schemas.common.policy import UNTRUSTED, Policy, in_force, of_command
 from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
@@ -154,9 +155,7 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
                 for name, option in options.items()
             ),
         ]
-        parameters = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in parameters]
-        with_policy.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        with_policy.__annotations__ = {each.name: each.annotation for each in parameters}
+        resign(with_policy, parameters)
         return with_policy
 
     return decorate
@@ -206,22 +205,8 @@ def _print_version(context: typer.Context, requested: bool) -> None:
         raise typer.Exit
 
 
-RoadPath = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--road-path",
-        metavar="DIR",
-        help="Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH).",
-    ),
-]
-CatalogPath = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--catalog-path",
-        metavar="DIR",
-        help="Folder with catalogues that are not where the scenario says (repeatable; also XOSC_CATALOG_PATH).",
-    ),
-]
+RoadPath = Annotated[list[str] | None, typer.Option("--road-path", metavar="DIR", help=ROAD_PATH)]
+CatalogPath = Annotated[list[str] | None, typer.Option("--catalog-path", metavar="DIR", help=CATALOG_PATH)]
 AllowInconclusive = Annotated[
     bool,
     typer.Option("--allow-inconclusive", help="Exit as if runs that did not test what their file describes had passed."),
@@ -229,6 +214,8 @@ AllowInconclusive = Annotated[
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier call has written to --out.")]
 Version = Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]
 
 
 def writable_folder(path: Path | None) -> Path | None:

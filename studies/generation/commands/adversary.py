@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from generation.options import Jobs, Pin, Quiet, Ray, Timestep
-from runner.run_options import Sut
+from generation.options import Pin, Ray
+from runner.run_options import Sut, Timestep
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.common.command_line import (
     CatalogPath,
+    Jobs,
+    Quiet,
     RoadPath,
     Verbose,
     Version,

@@ -11,10 +11,10 @@ import numpy as np
 import typer
 
 from generation.density.models import models
-from generation.options import Jobs, Kind, Pin, Recorded
+from generation.options import Kind, Pin, Recorded
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.common.command_line import Verbose, Version, interruptible, parameters_of
+from schemas.common.command_line import Jobs, Verbose, Version, interruptible, parameters_of
 from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
