@@ -22,16 +22,14 @@ from schemas.common.command_line import (
     Verbose,
     Version,
     epilog,
-    explain,
     guarded,
     interruptible,
     new_app,
     out_folder,
-    parameters_of,
     protected,
 )
 from schemas.common.errors import ExitCode, UsageError, exit_codes, gravest
-from schemas.common.options import with_settings
+from schemas.common.options import explain, parameters_of, with_settings
 from schemas.common.storage import writing
 
 if TYPE_CHECKING:

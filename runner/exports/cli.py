@@ -22,12 +22,11 @@ from schemas.common.command_line import (
     interruptible,
     new_app,
     out_folder,
-    parameters_of,
     protected,
     say,
 )
 from schemas.common.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest
-from schemas.common.options import with_settings
+from schemas.common.options import parameters_of, with_settings
 from schemas.common.remarks import told_quietly
 from schemas.common.text import shown
 

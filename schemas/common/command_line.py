@@ -23,7 +23,7 @@ from typer.models import OptionInfo
 
 from schemas.common.discovery import leave_working_folder_out
 from schemas.common.errors import ToolchainError, UsageError, describe
-from schemas.common.options import CATALOG_PATH, ROAD_PATH, resign
+from schemas.common.options import CATALOG_PATH, ROAD_PATH, resign, sections
 from schemas.common.packages import missing, version
 from schemas.common.policy import UNTRUSTED, Policy, in_force, of_command
 from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
@@ -42,14 +42,6 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Processes and limits": ("jobs", "ray", "resume", "untrusted", "max_memory", "max_seconds", "max_runs"),
 }  # fmt: skip
 """Headings of options by the names of their parameters; all other options stand under `Options`, before them."""
-Section = Callable[[], tuple[str, list[tuple[str, str]]]]
-"""Gives a heading, and names with a line each; called when help is printed."""
-_sections: dict[str, Section] = {}
-
-
-def explain(option: str, section: Section) -> None:
-    """Add a section to the help of every command that has an option, given by the name of its parameter."""
-    _sections[option] = section
 
 
 def epilog(codes: str, *examples: str) -> str:
@@ -71,7 +63,7 @@ class GroupedCommand(TyperCommand):
                 name = param.name or ""
                 found["Arguments" if param.param_type_name == "argument" else heading.get(name, "Options")].append(record)
                 names.append(name)
-        explained = (_sections[name]() for name in names if name in _sections)
+        explained = (sections[name]() for name in names if name in sections)
         for title, records in (*found.items(), *explained):
             if records:
                 with formatter.section(title):
@@ -385,21 +377,6 @@ def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[floa
             bar.update(task, completed=round(done, _DIGITS))  # shares of an item add up to it
 
         yield advance
-
-
-def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:
-    """Values of parameters by name, from the texts of an option.
-
-    Raises:
-        UsageError: one is not of the form NAME=VALUE.
-    """
-    values: dict[str, str] = {}
-    for pair in pairs:
-        name, equals, value = pair.partition("=")
-        if not (name and equals):
-            raise UsageError(f"{option} {pair!r}: NAME=VALUE is expected")
-        values[name] = value
-    return values
 
 
 # files that arguments stand for ----------------------------------------------------------------

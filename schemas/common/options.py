@@ -13,11 +13,13 @@ gives the command `--timestep SECONDS` in the place of `settings`, with the defa
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import Field, field, fields, is_dataclass
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
     from typer.models import OptionInfo
@@ -29,6 +31,17 @@ _OPTION, _PART = "option", "part"
 _TYPES = {"int": int, "float": float, "bool": bool, "str": str, "Path": Path}
 _LISTS = {"tuple[str, ...]": tuple, "Sequence[str]": tuple, "Mapping[str, str]": dict}
 """Fields of options that can be repeated; those of a mapping have the form NAME=VALUE"""
+
+
+Section = Callable[[], tuple[str, list[tuple[str, str]]]]
+"""Gives a heading, and names with a line each; called when help is printed."""
+sections: dict[str, Section] = {}
+"""Sections that follow the options in the help of every command that has an option, by the name of its parameter"""
+
+
+def explain(option: str, section: Section) -> None:
+    """Add a section to the help of every command that has an option, given by the name of its parameter."""
+    sections[option] = section
 
 
 class Declared(NamedTuple):
@@ -46,7 +59,7 @@ class Declared(NamedTuple):
     names: tuple[str, ...]
     parameter: str | None
     type: type | None
-    section: Callable[[], tuple[str, list[tuple[str, str]]]] | None
+    section: Section | None
     how: Mapping[str, Any]
 
 
@@ -56,7 +69,7 @@ def option(
     *names: str,
     parameter: str | None = None,
     type: type | None = None,
-    section: Callable[[], tuple[str, list[tuple[str, str]]]] | None = None,
+    section: Section | None = None,
     **how: Any,
 ) -> Any:
     """A field of a settings dataclass that commands offer as an option; arguments as of `Declared`."""
@@ -97,6 +110,21 @@ def resign(function: Callable[..., None], parameters: list[inspect.Parameter]) -
     function.__annotations__ = {each.name: each.annotation for each in parameters}
 
 
+def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:
+    """Values of parameters by name, from the texts of an option.
+
+    Raises:
+        UsageError: one is not of the form NAME=VALUE.
+    """
+    values: dict[str, str] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not (name and equals):
+            raise UsageError(f"{option} {pair!r}: NAME=VALUE is expected")
+        values[name] = value
+    return values
+
+
 def _fields(settings: Any, offered: tuple[str, ...]) -> Iterator[Field[Any]]:
     for each in fields(settings):
         if not offered or each.name in offered:
@@ -133,8 +161,6 @@ def _build(settings: Any, offered: tuple[str, ...], given: dict[str, Any]) -> An
 
 
 def _repeated(each: Field[Any], texts: list[str]) -> Any:
-    from schemas.common.command_line import parameters_of
-
     return parameters_of(texts, each.metadata[_OPTION].names[0]) if _LISTS[str(each.type)] is dict else tuple(texts)
 
 
@@ -145,8 +171,6 @@ def _name(each: Field[Any]) -> str:
 
 def _info(each: Field[Any]) -> OptionInfo:
     import typer
-
-    from schemas.common.command_line import explain
 
     declared: Declared = each.metadata[_OPTION]
     if declared.section is not None:

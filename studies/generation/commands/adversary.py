@@ -20,9 +20,9 @@ from schemas.common.command_line import (
     Version,
     interruptible,
     out_folder,
-    parameters_of,
     progress_bar,
 )
+from schemas.common.options import parameters_of
 from studies.generation.adversary import OBJECTIVES
 
 if TYPE_CHECKING:

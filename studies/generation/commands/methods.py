@@ -9,8 +9,9 @@ import typer
 
 from generation.options import Density, Kind, Pin, Recorded
 from runner.run_options import Sut, Timestep
-from schemas.common.command_line import Jobs, Quiet, Verbose, Version, interruptible, out_folder, parameters_of, progress_bar
+from schemas.common.command_line import Jobs, Quiet, Verbose, Version, interruptible, out_folder, progress_bar
 from schemas.common.errors import UsageError
+from schemas.common.options import parameters_of
 
 if TYPE_CHECKING:
     from studies.generation.comparison.study import Study
