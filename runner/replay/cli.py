@@ -63,7 +63,7 @@ def xosc_replay(
     """Make a page that plays a run, or two side by side; a picture or an animation; of a batch a report, of several a history."""
     from runner.batch import journal
     from runner.outputs.folder import load_run
-    from runner.traces.result import is_trace, load_trace
+    from runner.traces.roads import is_trace, load_trace
 
     with interruptible(NAME):
         if len(folders) == 1 and journal.is_batch(folders[0]):
@@ -88,7 +88,7 @@ def xosc_replay(
 
 def _history(batches: list[Path], out: Path | None, odd: bool) -> Path:
     """The page of several batches."""
-    from runner.replay.history import write_history
+    from runner.replay.report import write_history
 
     if odd:
         raise UsageError("these are whole batches: --road, --gui and --against are not for their history", path=batches[0])
