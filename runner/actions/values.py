@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 from runner.contracts.element import GlobalAction
 from runner.contracts.registry import action
 from runner.surroundings import Environment
-from schemas.rules.values import DECLARED_TYPE_UID
 from schemas.values import Value, typed
 from xosc.node import Node
 from xosc.parameters import typed_value
+from xosc.rules.values import DECLARED_TYPE_UID
 
 if TYPE_CHECKING:
     from runner.contracts.registry import Context

@@ -13,12 +13,12 @@ from runner.contracts.element import Condition
 from runner.contracts.registry import condition
 from runner.contracts.run import ElementState, StoryboardElement, Transition
 from runner.surroundings import read_date
-from schemas.rules.values import DECLARED_TYPE_UID
 from schemas.values import Value, number
 from schemas.values import holds as compare
 from xosc.names import names_of, nearest
 from xosc.node import Node
 from xosc.parameters import typed_value
+from xosc.rules.values import DECLARED_TYPE_UID
 
 if TYPE_CHECKING:
     from runner.contracts.registry import Context

@@ -21,7 +21,7 @@ from schemas.common.array_types import FloatArray
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import current
 from schemas.common.storage import cache_folder, digest, keep, writing
-from schemas.osi.traces import SUFFIXES, AttachedMap, Trace
+from schemas.osi_traces import SUFFIXES, AttachedMap, Trace
 from xodr.lanelet2 import Lanelet, Neighbour, build
 from xodr.lanelet2.lanelet import between, direction, frame_at, joined, lengths, middle, resampled
 from xodr.reader import load
