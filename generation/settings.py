@@ -103,9 +103,7 @@ class SearchSettings:
         "--domain",
         metavar="LIMIT",
     )
-    minutes: float | None = option(
-        None, "End the search after so many minutes; the same command goes on.", min=0.0, metavar="M"
-    )
+    minutes: float | None = option(None, "End the search after so many minutes; the same command goes on.", min=0.0, metavar="M")
     every: int | None = option(None, "Write the report after each N runs too.", min=1, metavar="N")
 
 

@@ -22,6 +22,7 @@ from runner.interpreter.storyboard.triggers import OneShotCondition, TimedCondit
 from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
 from runner.surroundings import TrafficSignals
+from schemas.checks.structure import SCHEMA_UID
 from schemas.common.remarks import Remark, Remarks, with_ignored
 from xosc.node import Node
 from xosc.rules.references import ACTORS_UID, SIGNAL_UID
@@ -341,7 +342,7 @@ def _read_act(node: Node, story: Story, context: ScenarioContext) -> None:
     for group_node in _parts(node, "ManeuverGroup", context):
         references, select_triggering = _actors(group_node, context)
         actors = list(dict.fromkeys(entity for members in references for entity in members))
-        group = ManeuverGroup(group_node.get("name", ""), act, _maximum(group_node), actors, select_triggering)
+        group = ManeuverGroup(group_node.get("name", ""), act, _maximum(group_node, context), actors, select_triggering)
         whole = any(len(members) > 1 for members in references)
         for maneuver_node in _parts(group_node, "Maneuver", context):
             maneuver = Maneuver(maneuver_node.get("name", ""), group)
@@ -388,14 +389,19 @@ def _parts(node: Node, tag: str, context: ScenarioContext) -> list[Node]:
 def _read_event(node: Node, maneuver: Maneuver, whole: bool, context: ScenarioContext) -> None:
     priority = node.choice("priority", _PRIORITIES)
     chosen = "parallel" if context.document.for_carla else priority
-    event = Event(node.get("name", ""), maneuver, chosen, _maximum(node), node.where)
+    event = Event(node.get("name", ""), maneuver, chosen, _maximum(node, context), node.where)
     for action_node in _parts(node, "Action", context):
         ActionElement(action_node.get("name", ""), event, context.actions(action_node), whole)
     event.trigger = Trigger.from_xml(node.find("StartTrigger"), context)
 
 
-def _maximum(node: Node) -> int:
+def _maximum(node: Node, context: ScenarioContext) -> int:
+    """Most executions; none at all, which the standard has not, is taken for one."""
     maximum = int(node.int("maximumExecutionCount", 1))
     if maximum < 0:
         raise node.invalid(f"maximumExecutionCount={maximum} must not be negative")
+    if maximum == 0:
+        context.remarks.note(
+            node.remark(SCHEMA_UID, f"{_named(node)}: maximumExecutionCount=0 is no number of executions; 1 is meant")
+        )
     return max(maximum, 1)

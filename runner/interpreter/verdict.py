@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from runner.conditions.by_value import SimulationTimeCondition, StoryboardElementStateCondition
+from runner.actions.values import ModifyAction, SetAction
+from runner.conditions.by_value import ParameterCondition, SimulationTimeCondition, StoryboardElementStateCondition
 from runner.contracts.element import PrivateAction
 from runner.contracts.run import ElementState, Transition
 from runner.criteria.criterion import CriterionResult, judge_criteria, light_states
 from runner.interpreter.departures import egoless
 from runner.interpreter.drivers import SystemDriver, is_called_ego
 from runner.interpreter.result import Cause, Verdict
-from runner.interpreter.storyboard.storyboard import Act
+from runner.interpreter.storyboard.elements import ActionElement
+from runner.interpreter.storyboard.storyboard import Act, Event
 from runner.measures.measure import Facts
 
 if TYPE_CHECKING:
@@ -28,8 +30,7 @@ if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
     from runner.interpreter.simulation import Simulation
     from runner.interpreter.storyboard.elements import Element
-    from runner.interpreter.storyboard.storyboard import Event
-    from runner.interpreter.storyboard.triggers import Trigger
+    from runner.interpreter.storyboard.triggers import TimedCondition, Trigger
     from runner.measures.measure import Limit
     from runner.participants.entity import Entity
     from runner.recording import Recording, Track
@@ -44,7 +45,7 @@ CAUSES: Mapping[str, str] = {
     "no-ego": "the system under test drives no vehicle: the scenario has no ego",
     "stopped-at-once": "the stop trigger was true at time 0",
     "no-event": "no event of the storyboard started",
-    "unfinished": "a limit of time ended the run while events of the storyboard were waiting",
+    "unfinished": "a limit of time ended the run while events were waiting, or before the action that the stop trigger waits for",
     "off-road": "the ego left the road, or came to its end, before the first event",
     "performance": "a speed or acceleration beyond the declared Performance, or a pose that no vehicle reaches",
     "parameters": "parameter values outside the constraints that the file declares",
@@ -95,7 +96,7 @@ def of_run(
     if awaited and _first_event(sim) == math.inf:
         yield Cause("no-event", f"{awaited[0].where}: no event has started: {_idle(awaited, sim)}")
     elif _out_of_time(sim):
-        yield from (Cause("unfinished", text) for text in _left_out(sim))
+        yield from (Cause("unfinished", text) for text in (*_left_out(sim), *_endless(sim, ego)))
 
 
 def untested_remarks(sim: Simulation) -> Iterator[str]:
@@ -111,6 +112,29 @@ def _left_out(sim: Simulation) -> Iterator[str]:
     waiting = [event for event in _events(sim) if Transition.START not in event.first and _waits(event, sim)]
     if waiting:
         yield f"{waiting[0].where}: not all events have started: {_idle(waiting, sim)}"
+
+
+def _endless(sim: Simulation, ego: Entity | None) -> Iterator[str]:
+    """A sentence on an action of others whose end the stop trigger waits for, where a limit of the run came first."""
+    trigger = sim.storyboard.stop_trigger
+    if sim.finished or trigger is None:
+        return
+    awaited = [_running(group, sim, ego) for group in trigger.groups]
+    if awaited and all(awaited):
+        event = awaited[0]
+        assert event is not None
+        yield f"{event.where}: {event.kind} {event.name!r} was still running, for whose end the stop trigger waits"
+
+
+def _running(group: Sequence[TimedCondition], sim: Simulation, ego: Entity | None) -> Event | None:
+    """The event of others that runs and whose end a group of conditions waits for."""
+    for timed in group:
+        condition = timed.condition
+        if isinstance(condition, StoryboardElementStateCondition) and not condition.evaluate(sim):
+            event = condition.element.parent if isinstance(condition.element, ActionElement) else condition.element
+            if isinstance(event, Event) and event.state is ElementState.RUNNING and ego not in event.group.acted:
+                return event
+    return None
 
 
 def _events(sim: Simulation) -> list[Event]:
@@ -150,10 +174,20 @@ def _act_of(event: Event) -> Act:
 
 
 def _waits(event: Event, sim: Simulation) -> bool:
-    """Whether an event waited when the run ended: neither skipped nor stopped before, and not about to start."""
+    """Whether an event waited when the run ended: neither skipped nor stopped before, not about to start, of this variant."""
     groups = event.trigger.groups if event.trigger is not None else []
+    if groups and all(any(_is_of_another_variant(timed.condition, sim) for timed in group) for group in groups):
+        return False
     due = any(all(not timed.keeps_memory and timed.evaluate(sim) for timed in group) for group in groups)
     return not due and (event.state is not ElementState.COMPLETE or event.first.get(Transition.STOP, -math.inf) >= sim.time)
+
+
+def _is_of_another_variant(condition: Condition, sim: Simulation) -> bool:
+    """Whether a condition waits for another value of a parameter, which nothing sets."""
+    if not isinstance(condition, ParameterCondition) or condition.evaluate(sim):
+        return False
+    actions = [action for act in sim.storyboard.acts for event in act.events for each in event.actions for action in each.actions]
+    return not any(isinstance(action, SetAction | ModifyAction) and action.target.name == condition.name for action in actions)
 
 
 def _out_of_time(sim: Simulation) -> bool:
