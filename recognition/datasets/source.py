@@ -269,12 +269,22 @@ class Participant(NamedTuple):
     box: BoundingBox
 
 
+_LONGEST, _WIDEST = 100.0, 10.0
+"""Greatest length and width of what moves, m; trams reach 75 m"""
+
+
 def participant(name: str, category: str, length: float | None = None, width: float | None = None) -> Participant:
-    """A participant of a category of `_USUAL`, with the usual size where none was recorded; m."""
+    """A participant of a category of `_USUAL`, with the usual size where none was recorded; m.
+
+    Raises:
+        InvalidFile: a moving participant has a size in other units than m.
+    """
     usual_length, usual_width, height = _USUAL[category]
     length = usual_length if length is None else length
     width = usual_width if width is None else width
     kind = {"pedestrian": "pedestrian", "obstacle": "miscellaneous"}.get(category, "vehicle")
+    if kind != "miscellaneous" and (length > _LONGEST or width > _WIDEST):
+        raise InvalidFile(f"{length:g} m by {width:g} m is no size of a {category}", element=f"participant {name}")
     behind = REAR_AXLE * length if kind == "vehicle" else 0.0
     return Participant(name, kind, category, BoundingBox(behind, 0.0, height / 2, length, width, height))
 

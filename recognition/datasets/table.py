@@ -24,6 +24,8 @@ that may be blank (NaN), text, or text that may be blank (None). Text is printab
 
 GREATEST = 1e9
 """Greatest magnitude of a measured value: whatever it measures in m, s or rad, more is a defect of the file."""
+WHOLE_TURN = math.tau + 0.01
+"""Greatest heading of files in rad: beyond, it is in other units"""
 BLANK = ("", "nan", "na", "n/a", "null")
 """Texts for a missing value, in lower case."""
 _WHOLE_KINDS = {"whole": (0, 2**53), "integer": (-(2**53), 2**53), "stamp": (0, 2**63 - 1)}

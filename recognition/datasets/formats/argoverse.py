@@ -25,7 +25,7 @@ from recognition.datasets.roads import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Exclusion, Participant, Report, SiteRoad, Source, participant
-from recognition.datasets.table import PARQUET, Kind, Table, column_names, read_table
+from recognition.datasets.table import PARQUET, WHOLE_TURN, Kind, Table, column_names, read_table
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import InvalidFile
@@ -110,6 +110,9 @@ def _read_scenario(path: Path) -> tuple[Recording, Report]:
     report.remarks += changes(table, rows, keys.tolist(), ["object_type"])
     report.remarks.append("participants have the usual sizes of their kinds, as scenarios give none")
     report.remarks.append("accelerations are derived from the speeds")
+    wrong = np.flatnonzero(np.abs(table["heading"]) > WHOLE_TURN)
+    if len(wrong):
+        raise table.fault(int(wrong[0]), "heading", f"{table['heading'][wrong[0]]:g} is no angle in rad")
     names = ("position_x", "position_y", "heading", "velocity_x", "velocity_y")
     x, y, h, vx, vy = (table[name][rows.order] for name in names)
     speed = vx * np.cos(h) + vy * np.sin(h)

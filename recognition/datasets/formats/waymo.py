@@ -23,7 +23,7 @@ from recognition.datasets.roads import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Exclusion, LightStates, Participant, Report, SiteRoad, Source, participant
-from recognition.datasets.table import GREATEST, Table
+from recognition.datasets.table import GREATEST, WHOLE_TURN, Table
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import InvalidFile
@@ -169,6 +169,8 @@ def _object(one: Mapping[str, Any], path: Path, element: str) -> _Object:
     if len(headings) != len(valid):
         raise InvalidFile(f"{len(headings)} headings of {len(valid)} steps", path=path, element=element)
     turns = _numbers([headings[step] for step in steps], "heading", path, element)
+    if (np.abs(turns) > WHOLE_TURN).any():
+        raise InvalidFile(f"heading {turns[np.abs(turns).argmax()]:g} is no angle in rad", path=path, element=element)
     size = _numbers([one.get("length"), one.get("width")], "length or width", path, element)
     if len(steps) and not (size > 0.0).all():
         raise InvalidFile(f"{size.min():g} is no size", path=path, element=element)

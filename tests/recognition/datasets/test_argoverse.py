@@ -150,6 +150,7 @@ def _last(key: str, value: object) -> Callable[[dict[str, Any]], None]:
         (_last("timestep", 3), "row 40: 3 of track AV is there twice"),
         (_put("position_x", math.nan), "column position_x: row 1: 'nan' is no value"),
         (_put("object_type", "tank"), "column object_type: row 1: 'tank' is none of vehicle"),
+        (_put("heading", 180.0), "column heading: row 1: 180 is no angle in rad"),
         (_put("position_y", "north"), "column position_y: row 1: 'north' is not a number"),
     ],
 )
