@@ -143,7 +143,7 @@ def label(
 
     Beside each scenario come an annotated copy and OpenLABEL tags; labels.json beside the results lists what was found when.
     """
-    from recognition.catalogue.labelling import label_runs
+    from recognition.catalogue.pipeline import label_runs
 
     settings, (recogniser, note) = _settings("events", signalised, "1.3"), _recogniser(labels, model)
     with interruptible(NAME):

@@ -11,8 +11,7 @@ from shutil import copytree
 import pytest
 
 import xosc
-from recognition.catalogue.labelling import Labelled, label_runs
-from recognition.catalogue.pipeline import ByRules
+from recognition.catalogue.pipeline import ByRules, Labelled, label_runs
 from recognition.catalogue.recordings import CatalogueSettings
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
