@@ -40,13 +40,13 @@ _HELD, _TURN_TIME = 1.0, 6.0
 
 @dataclass(frozen=True)
 class Finding:
-    """A finding of rules, model or both.
+    """A finding of rules, of the model, of both, or of the plain baseline.
 
     Attributes:
         recording, site, vehicle, partner: names; partner is None without one.
         title: of the class.
         time, start, end: s.
-        source: rules, model or both.
+        source: rules, model, both or the plain baseline.
     """
 
     recording: str

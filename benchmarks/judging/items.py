@@ -101,7 +101,7 @@ def _text(number: int, item: Item, recording: Recording, network: RoadNetwork) -
         head = f"item {number}: list all events of vehicle {ego.name} ({size}) from {item.start:.1f} to {item.end:.1f} s"
         times, partner = np.arange(item.start, item.end + 1e-6, 1.0), None
     else:
-        head = f"item {number}: is this a {finding.title}? ego {ego.name} ({size}), at {finding.time:.1f} s"
+        head = f"item {number}: is this {finding.title}? ego {ego.name} ({size}), at {finding.time:.1f} s"
         head += f", partner {finding.partner}" if finding.partner else ""
         times, partner = np.arange(-5.0, 5.1, 1.0) + finding.time, recording.tracks.get(finding.partner or "")
     kinds = {each.category for each in recording.tracks.values()}

@@ -118,7 +118,7 @@ function describe() {
   const { title, text } = data.items[state.item],
     { verdict, reason, events } = state.answers[state.item];
   const done = state.answers.filter(each => each.verdict).length;
-  const question = title ? `Is this a ${title}?` : "Which events happen to the blue vehicle?";
+  const question = title ? `Is this ${title}?` : "Which events happen to the blue vehicle?";
   const answers = title
     ? Object.entries(ANSWERS).map(([key, name]) => button(key, name, verdict === name))
     : [button("Enter", "complete", verdict === "complete"), button("u", "unclear", verdict === "unclear")];
