@@ -45,7 +45,7 @@ def test_each_scenario_has_sets_that_adas_survives_and_others_at_which_it_collid
     for path in found.scenarios:
         runs = [runner.run(file, ADAS, parameters=dict(values)) for file, values in islice(xosc.variations(path), 5)]
         assert {bool(run.verdict.failures) for run in runs} == {True, False}, path
-        assert not any(run.verdict.causes for run in runs), "each tests something"
+        assert not any(run.verdict.causes for run in runs if not run.verdict.failures), "each tests something"
 
 
 def test_make_demo_runs_the_loop_on_them() -> None:
