@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from runner.motion.roads import Roads
     from runner.participants.entity import Entities, Entity
     from runner.spacing.displacement import Displacement
-    from runner.surroundings import Environment, TrafficSignals
+    from runner.surroundings.environment import Environment
+    from runner.surroundings.signals import TrafficSignals
     from runner.worlds.base import World
     from schemas.common.remarks import Remarks
     from schemas.values import Value

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runner.actions.values import ModifyAction, SetAction
-from runner.conditions.by_value import ParameterCondition, SimulationTimeCondition, StoryboardElementStateCondition
+from runner.conditions.by_value import ParameterCondition, SimulationTimeCondition
+from runner.conditions.storyboard_state import StoryboardElementStateCondition
 from runner.contracts.element import PrivateAction
 from runner.contracts.run import ElementState, Transition
 from runner.criteria.criterion import CriterionResult, judge_criteria, light_states
@@ -175,11 +176,17 @@ def _act_of(event: Event) -> Act:
 
 def _waits(event: Event, sim: Simulation) -> bool:
     """Whether an event waited when the run ended: neither skipped nor stopped before, not about to start, of this variant."""
-    groups = event.trigger.groups if event.trigger is not None else []
-    if groups and all(any(_is_of_another_variant(timed.condition, sim) for timed in group) for group in groups):
+    if any(_never(trigger, sim) for trigger in (event.trigger, _act_of(event).trigger)):
         return False
+    groups = event.trigger.groups if event.trigger is not None else []
     due = any(all(not timed.keeps_memory and timed.evaluate(sim) for timed in group) for group in groups)
     return not due and (event.state is not ElementState.COMPLETE or event.first.get(Transition.STOP, -math.inf) >= sim.time)
+
+
+def _never(trigger: Trigger | None, sim: Simulation) -> bool:
+    """Whether each group of a trigger waits for another variant."""
+    groups = trigger.groups if trigger is not None else []
+    return bool(groups) and all(any(_is_of_another_variant(timed.condition, sim) for timed in group) for group in groups)
 
 
 def _is_of_another_variant(condition: Condition, sim: Simulation) -> bool:

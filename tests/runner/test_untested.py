@@ -102,6 +102,8 @@ def test_an_event_for_another_value_of_a_parameter_is_not_missed_unless_somethin
     assert causes(write(tmp_path, {at_time(0.6): OF_ANOTHER_VARIANT}, stories=events)) == []
     sets = story("Lead", [(0.2, speed_action(5)), (0.6, speed_action(9)), (0.3, SETS_IT)])
     assert causes(write(tmp_path, {at_time(0.6): OF_ANOTHER_VARIANT}, stories=sets)) == ["unfinished"]
+    act = story("Ego", [(0.6, speed_action(9))]).replace(at_time(0), OF_ANOTHER_VARIANT).replace('name="story"', 'name="other"')
+    assert causes(write(tmp_path, stories=BRAKES + act)) == []
     alone = story("Lead", [(0.6, speed_action(9))])
     assert causes(write(tmp_path, {at_time(0.6): OF_ANOTHER_VARIANT}, stories=alone)) == ["no-event"]
 

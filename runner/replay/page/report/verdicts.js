@@ -137,7 +137,6 @@ function change(title, runs, open) {
       ...data.parameters.map(name => el("td", { class: "number" }, String(short(run.parameters[name])))),
       ...least.map(column => el("td", { class: "number" }, was(run, column))),
     );
-  const heading = ([text, kind]) => el("th", { scope: "col", class: kind }, ...breakable(text));
   const body = el("tbody", null, ...runs.slice(0, SHOWN).map(row));
   const all = () => {
     body.append(...runs.slice(SHOWN).map(row));
@@ -153,7 +152,7 @@ function change(title, runs, open) {
       el(
         "table",
         null,
-        el("thead", null, el("tr", null, ...head.map(heading))),
+        el("thead", null, el("tr", null, ...head.map(([text, kind]) => el("th", { scope: "col", class: kind }, text)))),
         body,
       ),
     ),

@@ -1,0 +1,1 @@
+"""Surroundings of the entities: weather and time of day, traffic signals."""
