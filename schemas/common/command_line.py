@@ -23,7 +23,6 @@ from typer.models import OptionInfo
 
 from schemas.common.discovery import leave_working_folder_out
 from schemas.common.errors import ToolchainError, UsageError, describe
-from schemas.common.options import CATALOG_PATH, ROAD_PATH, resign, sections
 from schemas.common.packages import missing, version
 from schemas.common.policy import UNTRUSTED, Policy, in_force, of_command
 from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
@@ -42,6 +41,14 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Processes and limits": ("jobs", "ray", "resume", "untrusted", "max_memory", "max_seconds", "max_runs"),
 }  # fmt: skip
 """Headings of options by the names of their parameters; all other options stand under `Options`, before them."""
+Section = Callable[[], tuple[str, list[tuple[str, str]]]]
+"""Gives a heading, and names with a line each; called when help is printed."""
+_sections: dict[str, Section] = {}
+
+
+def explain(option: str, section: Section) -> None:
+    """Add a section to the help of every command that has an option, given by the name of its parameter."""
+    _sections[option] = section
 
 
 def epilog(codes: str, *examples: str) -> str:
@@ -63,7 +70,7 @@ class GroupedCommand(TyperCommand):
                 name = param.name or ""
                 found["Arguments" if param.param_type_name == "argument" else heading.get(name, "Options")].append(record)
                 names.append(name)
-        explained = (sections[name]() for name in names if name in sections)
+        explained = (_sections[name]() for name in names if name in _sections)
         for title, records in (*found.items(), *explained):
             if records:
                 with formatter.section(title):
@@ -94,7 +101,7 @@ _DIGITS = 6
 
 _INPUTS = (
     "paths", "path", "files", "folders", "folder", "source", "road", "road_path", "catalog_path", "against", "recorded", "model",
-    "encoders", "develop", "unseen", "cache", "like",
+    "encoders", "pretrain_on", "develop", "unseen", "cache", "like",
 )  # fmt: skip
 _OUTPUTS = ("out", "osi", "junit", "output", "keep_model", "copy_to")
 """Parameters of commands that name files and folders to read from, and to write into"""
@@ -134,7 +141,7 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
             inputs, outputs = _named(given, _INPUTS), _named(given, _OUTPUTS)
             asked_for = [folder for variable in _FOLDERS for folder in search_path((), variable)]
             with own_cache() as remark:
-                own = [*_PACKAGES, Path(sys.prefix), cache_folder(), *asked_for]
+                own = [*_PACKAGES, Path(sys.prefix), *_installed(), cache_folder(), *asked_for]
                 if remark:
                     say(f"{Path(sys.argv[0]).stem}: remark: {remark}", to=sys.stderr)
                 with in_force(of_command(inputs, outputs, own, limits)):
@@ -147,7 +154,9 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
                 for name, option in options.items()
             ),
         ]
-        resign(with_policy, parameters)
+        parameters = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in parameters]
+        with_policy.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        with_policy.__annotations__ = {each.name: each.annotation for each in parameters}
         return with_policy
 
     return decorate
@@ -157,6 +166,11 @@ _NOT_GIVEN = {"untrusted": False, "max_memory": None, "max_seconds": None, "max_
 _FOLDERS = ("XOSC_ROAD_PATH", "XOSC_CATALOG_PATH", "XOSC_SCHEMA_DIR")
 _PACKAGES = [Path(__file__).parents[2] / name for name in ("schemas", "xosc", "xodr", "runner", "recognition", "generation")]
 """The toolchain's own files: libraries of scenarios and roads, models"""
+
+
+def _installed() -> list[Path]:
+    """Folders of installed packages, which may be outside of the environment: those of the user, or of the system."""
+    return [folder for folder in map(Path, sys.path) if folder.name in ("site-packages", "dist-packages")]
 
 
 def _limits(given: dict[str, Any]) -> Policy:
@@ -197,8 +211,22 @@ def _print_version(context: typer.Context, requested: bool) -> None:
         raise typer.Exit
 
 
-RoadPath = Annotated[list[str] | None, typer.Option("--road-path", metavar="DIR", help=ROAD_PATH)]
-CatalogPath = Annotated[list[str] | None, typer.Option("--catalog-path", metavar="DIR", help=CATALOG_PATH)]
+RoadPath = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--road-path",
+        metavar="DIR",
+        help="Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH).",
+    ),
+]
+CatalogPath = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--catalog-path",
+        metavar="DIR",
+        help="Folder with catalogues that are not where the scenario says (repeatable; also XOSC_CATALOG_PATH).",
+    ),
+]
 AllowInconclusive = Annotated[
     bool,
     typer.Option("--allow-inconclusive", help="Exit as if runs that did not test what their file describes had passed."),
@@ -206,8 +234,6 @@ AllowInconclusive = Annotated[
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier call has written to --out.")]
 Version = Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
-Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]
 
 
 def writable_folder(path: Path | None) -> Path | None:
@@ -377,6 +403,21 @@ def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[floa
             bar.update(task, completed=round(done, _DIGITS))  # shares of an item add up to it
 
         yield advance
+
+
+def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:
+    """Values of parameters by name, from the texts of an option.
+
+    Raises:
+        UsageError: one is not of the form NAME=VALUE.
+    """
+    values: dict[str, str] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not (name and equals):
+            raise UsageError(f"{option} {pair!r}: NAME=VALUE is expected")
+        values[name] = value
+    return values
 
 
 # files that arguments stand for ----------------------------------------------------------------

@@ -98,7 +98,7 @@ def read_bytes(path: Path) -> bytes:
             raise InvalidFile("this is not a regular file", path=path)
         if status.st_size > most:
             raise InvalidFile(f"the file has {status.st_size} bytes, at most {most} are read", path=path)
-        return path.read_bytes()
+        return path.read_bytes() if status.st_size else b""  # a device of /proc has no size, and may never answer
     except FileNotFoundError:
         raise InvalidFile("no such file", path=path) from None
     except (OSError, ValueError) as error:
@@ -450,8 +450,9 @@ def drafted(path: Path) -> Iterator[Path]:
 
 def _is_special(path: Path) -> bool:
     """Whether a path is that of a device or a pipe, or leads to what a process has opened, as /dev/stdout does."""
-    folder = os.path.realpath(path.parent)
-    return (os.path.exists(path) and not path.is_file()) or f"{folder}/".startswith(("/dev/", "/proc/"))
+    folder = f"{os.path.realpath(path.parent)}/"
+    opened = folder.startswith(("/dev/", "/proc/")) and not folder.startswith("/dev/shm/")  # noqa: S108  # a disk in memory
+    return opened or (os.path.exists(path) and not path.is_file())
 
 
 def sync(paths: Iterable[Path]) -> None:

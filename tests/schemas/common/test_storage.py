@@ -6,6 +6,7 @@ import os
 import stat
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -17,6 +18,7 @@ from schemas.common.storage import (
     is_own,
     keep,
     parse_object,
+    read_bytes,
     read_object,
     write_object,
     writing,
@@ -146,3 +148,19 @@ def test_a_file_that_others_may_change_is_written_anew(shared: Path) -> None:
     number = path.stat().st_ino
     keep(b"kept", path)
     assert is_own(path) and path.stat().st_ino != number and path.read_bytes() == b"kept"
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").is_file(), reason="no /proc")
+def test_a_file_of_proc_has_no_content() -> None:
+    """Some of them answer with secrets, and some, as /proc/kmsg, never."""
+    assert read_bytes(Path("/proc/self/environ")) == b""
+
+
+@pytest.mark.skipif(not os.access("/dev/shm", os.W_OK), reason="no disk in memory")
+def test_a_link_on_a_disk_in_memory_is_replaced_and_not_written_through() -> None:
+    with TemporaryDirectory(dir="/dev/shm") as folder:
+        outside, link = Path(folder, "outside"), Path(folder, "link")
+        outside.write_bytes(b"kept")
+        link.symlink_to(outside)
+        keep(b"new", link)
+        assert (outside.read_bytes(), link.read_bytes(), link.is_symlink()) == (b"kept", b"new", False)
