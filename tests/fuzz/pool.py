@@ -142,11 +142,11 @@ def _serve(
     silence()
     sys.dont_write_bytecode = True
     server = Server(Runner(scratch, limits), kinds(sources) if sources else own_kinds(), seed, only, keep)
-    waiting = list(numbers)
-    while waiting:
+    done = 0
+    while done < len(numbers):
         doubted = []
-        for result in server.group(waiting[:_GROUP]):
-            waiting.remove(result.number)
+        for result in server.group(numbers[done : done + _GROUP]):
+            done += 1
             if result.defect:
                 doubted.append(result)
             else:
@@ -202,19 +202,21 @@ class Server:
         return result._replace(defect=f"only after other inputs: {result.defect}")
 
     def _child(self, numbers: Sequence[int], writing: int) -> NoReturn:
-        os.setsid()
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        resource.setrlimit(resource.RLIMIT_FSIZE, (_LARGEST_FILE, _LARGEST_FILE))
-        for number in numbers:
-            allowed = int(_processor_time() + _KILLED * self._runner.limits.seconds) + 1
-            resource.setrlimit(resource.RLIMIT_CPU, (allowed, resource.RLIM_INFINITY))
-            folder = self._runner.folder(number)
-            result = self._runner.draw(self._chosen, self._seed, number, folder)
-            if not result.defect:
-                shutil.rmtree(folder, ignore_errors=True)
-            data = json.dumps(result).encode()
-            os.write(writing, len(data).to_bytes(8, "big") + data)
-        os._exit(0)
+        try:
+            os.setsid()
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            resource.setrlimit(resource.RLIMIT_FSIZE, (_LARGEST_FILE, _LARGEST_FILE))
+            for number in numbers:
+                allowed = int(_processor_time() + _KILLED * self._runner.limits.seconds) + 1
+                resource.setrlimit(resource.RLIMIT_CPU, (allowed, resource.RLIM_INFINITY))
+                folder = self._runner.folder(number)
+                result = self._runner.draw(self._chosen, self._seed, number, folder)
+                if not result.defect:
+                    shutil.rmtree(folder, ignore_errors=True)
+                data = json.dumps(result).encode()
+                os.write(writing, len(data).to_bytes(8, "big") + data)
+        finally:
+            os._exit(0)  # whatever happens, a child does not go on as the server
 
     def _ended(self, number: int, status: int) -> Result:
         """The result of an input whose child has ended without one, by a signal that its status tells."""

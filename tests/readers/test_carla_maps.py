@@ -10,10 +10,7 @@ import pytest
 import xodr
 from tests.readers.conftest import Read
 
-LIBRARY = sorted(
-    path for path in (Path(xodr.__file__).parent / "library").glob("*.xodr") if b'layer="temporary"' not in path.read_bytes()
-)
-"""Without roads of several lane layers, which CARLA does not know."""
+LIBRARY = sorted((Path(xodr.__file__).parent / "library").glob("*.xodr"))
 
 READ = """
 import json, sys
