@@ -10,28 +10,10 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from generation.options import (
-    Density,
-    Domain,
-    FailIf,
-    Free,
-    Jobs,
-    Kind,
-    Map,
-    Method,
-    Pin,
-    Quiet,
-    Ray,
-    Recorded,
-    Timestep,
-    budget_within_limits,
-)  # fmt: skip
-from generation.settings import Ask, Choice, SearchSettings
-from runner.run_options import Sut
-from runner.settings import DEFAULT_SYSTEM, RunSettings
+from generation.options import FailIf, budget_within_limits
+from generation.settings import Ask, SearchSettings
 from schemas.common.command_line import (
-    CatalogPath,
-    RoadPath,
+    Quiet,
     Verbose,
     Version,
     epilog,
@@ -39,12 +21,12 @@ from schemas.common.command_line import (
     interruptible,
     new_app,
     out_folder,
-    parameters_of,
     progress_bar,
     protected,
     say,
 )
 from schemas.common.errors import ExitCode, InvalidFile, NotWritten, UsageError, exit_codes, gravest
+from schemas.common.options import with_settings
 from schemas.common.text import many
 
 if TYPE_CHECKING:
@@ -79,58 +61,20 @@ class Search(NamedTuple):
 
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
 @protected()
+@with_settings
 def xosc_generate(
     source: Annotated[
         Path,
         typer.Argument(metavar="SCENARIO_OR_CATALOGUE", help="A scenario, a variation file, or a catalogue's folder."),
     ],
     out: Annotated[Path, out_folder("Folder for the files; nothing in it is overwritten.")],
-    sut: Sut = DEFAULT_SYSTEM,
-    recorded: Recorded = None,
-    kind: Kind = None,
-    method: Method = SearchSettings.method,
-    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs that the search may spend.")] = SearchSettings.budget,
-    seed: Annotated[int, typer.Option(help="Seed of the search.")] = SearchSettings.seed,
-    weight: Annotated[
-        float | None, typer.Option(min=0.0, help="Weight of realism in the reward.  [default: the method's]")
-    ] = None,
-    minutes: Annotated[
-        float | None, typer.Option(min=0.0, metavar="M", help="End the search after so many minutes; the same command goes on.")
-    ] = None,
-    every: Annotated[int | None, typer.Option(min=1, metavar="N", help="Write the report after each N runs too.")] = None,
-    density: Density = Ask.density,
-    domain: Domain = None,
-    pin: Pin = None,
-    free: Free = None,
-    maps: Map = None,
-    most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases to write.")] = Choice.most,
-    apart: Annotated[
-        float, typer.Option(min=0.0, help="Least distance of two edge cases, as a share of the ranges.")
-    ] = Choice.apart,
-    violations: Annotated[
-        bool, typer.Option("--violations", help="Write violations of RSS distances as edge cases too, after the failures.")
-    ] = Choice.violations,
-    concrete: Annotated[bool, typer.Option("--concrete", help="Write each edge case as a scenario of its own too.")] = False,
+    settings: SearchSettings,
+    ask: Ask,
     against: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Replay the failures in the folder of a search of another version of the system."),
     ] = None,
     fail_if: FailIf = None,
-    estimate: Annotated[
-        bool, typer.Option("--estimate", help="Estimate how often traffic makes the system fail, by at most 600 more runs.")
-    ] = False,
-    rss: Annotated[str, typer.Option(help="RSS parameter set: ad-rss, r157.")] = SearchSettings.rss,
-    timestep: Timestep = RunSettings.timestep,
-    world: Annotated[
-        str, typer.Option(metavar="NAME", help="World of runs: sumo, or kinematic (scripted motion alone).")
-    ] = RunSettings.world,
-    max_time: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Limit of simulated time for each run.")
-    ] = RunSettings.max_time,
-    road_path: RoadPath = None,
-    catalog_path: CatalogPath = None,
-    jobs: Jobs = SearchSettings.processes,
-    ray: Ray = None,
     _verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
@@ -150,15 +94,9 @@ def xosc_generate(
     from generation.report.regression import fates
     from generation.search.methods import method as search_of
 
-    search_of(method)  # what it needs is better asked for before recordings are read
-    roads, catalogs = tuple(road_path or ()), tuple(catalog_path or ())
-    run = RunSettings(sut=sut, timestep=timestep, world=world, max_time=max_time, road_path=roads, catalog_path=catalogs)
-    settings = SearchSettings(
-        run, method, budget_within_limits(budget, RUNS if estimate else 0, NAME), seed, density, weight, rss, jobs, ray,
-        choice=Choice(most, apart, violations), concrete=concrete, estimate=estimate, domain=tuple(domain or ()),
-        minutes=minutes, every=every,
-    )  # fmt: skip
-    ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
+    search_of(settings.method)  # what it needs is better asked for before recordings are read
+    budget = budget_within_limits(settings.budget, RUNS if settings.estimate else 0, NAME)
+    settings = replace(settings, budget=budget, density=ask.density)
     wanted = fates(fail_if, against)
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
         found = [_found(each, wanted, quiet, source.is_dir()) for each in _searches(source, ask, out, settings, against)]

@@ -1,4 +1,4 @@
-"""The options that the commands of generation share."""
+"""The options that several commands of generation take besides whole settings, and the studies with single ones."""
 
 from __future__ import annotations
 
@@ -8,56 +8,17 @@ from typing import Annotated
 
 import typer
 
-from generation.density.models import UNIFORM, models
-from generation.density.roles import ROLES
-from generation.search.methods import offered
+from generation.settings import Ask, SearchSettings
 from schemas.common.command_line import say
 from schemas.common.errors import UsageError
+from schemas.common.options import option_of
 from schemas.common.policy import current
 
-Recorded = Annotated[
-    Path | None,
-    typer.Option(metavar="PATH", help="Recordings, or a table of their units.  [default: our own recordings' units]"),
-]
-Kind = Annotated[str | None, typer.Option(help="Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.")]
-_METHODS = tuple(offered())
-
-
-def _offered(name: str) -> str:
-    """A wrong name is better known before anything else is asked for."""
-    if name not in _METHODS:
-        raise UsageError(f"there is no search method {name!r}; methods: {', '.join(_METHODS)}")
-    return name
-
-
-Method = Annotated[str, typer.Option(callback=_offered, help=f"Search method: {', '.join(_METHODS)}.")]
-Density = Annotated[
-    str,
-    typer.Option(
-        help=f"Density of recorded parameters: {', '.join(models())}; or {UNIFORM} within all limits, without recordings."
-    ),
-]
-Free = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME[=LOW..HIGH]", help="Search a parameter besides the default ones, between these limits (repeatable)."
-    ),
-]
-Map = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--map", metavar="NAME=ROLE[*FACTOR]", help=f"What a parameter is in recordings: {', '.join(ROLES)} (repeatable)."
-    ),
-]
-Pin = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Keep a parameter at a value (repeatable).")]
-Domain = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--domain",
-        metavar="LIMIT",
-        help="Operational domain of the system: r157 (ego up to 130 km/h), road (its speed limit), NAME=LOW..HIGH (repeatable).",
-    ),
-]
+Recorded = Annotated[Path | None, option_of(Ask, "recordings")]
+Kind = Annotated[str | None, option_of(Ask, "kind")]
+Density = Annotated[str, option_of(Ask, "density")]
+Pin = Annotated[list[str] | None, option_of(Ask, "pinned")]
+Ray = Annotated[str | None, option_of(SearchSettings, "ray")]
 FailIf = Annotated[
     list[str] | None,
     typer.Option(
@@ -66,13 +27,6 @@ FailIf = Annotated[
         help="With --against, what ends with exit code 1: new, still-there (repeatable).  [default: new]",
     ),
 ]
-Timestep = Annotated[float, typer.Option(metavar="SECONDS", help="Time step of runs.")]
-Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]
-Ray = Annotated[
-    str | None,
-    typer.Option(metavar="ADDRESS", help="Run on this Ray cluster; 'local' starts one of --jobs processes on this machine."),
-]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 
 
 def budget_within_limits(budget: int, more: int, name: str) -> int:

@@ -7,15 +7,35 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from generation.density.models import JUDGE
+from generation.density.models import JUDGE, UNIFORM, models
+from generation.density.roles import ROLES
 from generation.search.methods import DEFAULT as METHOD
+from generation.search.methods import offered
 from runner.settings import RunSettings
+from schemas.common.errors import UsageError
+from schemas.common.options import option, part
 
 if TYPE_CHECKING:
     from generation.density.marginals import Marginal
 
 _OPTIONS = {"recordings": "recorded", "pinned": "pin", "maps": "map"}
 """Options of the command by the attributes of `Ask` that are not called so."""
+_METHODS = tuple(offered())
+
+
+def _offered(name: str) -> str:
+    """A wrong name is better known before anything else is asked for."""
+    if name not in _METHODS:
+        raise UsageError(f"there is no search method {name!r}; methods: {', '.join(_METHODS)}")
+    return name
+
+
+def _method() -> Any:
+    return option(METHOD, f"Search method: {', '.join(_METHODS)}.", callback=_offered)
+
+
+def _processes() -> Any:
+    return option(2, "Number of processes.", "--jobs", "-j", parameter="jobs", min=1, metavar="N")
 
 
 @dataclass(frozen=True)
@@ -28,9 +48,9 @@ class Choice:
         violations: whether episodes that violate RSS distances without a failure are cases too, after the failures.
     """
 
-    most: int = 100
-    apart: float = 0.05
-    violations: bool = False
+    most: int = option(100, "Most edge cases to write.", min=1, metavar="N")
+    apart: float = option(0.05, "Least distance of two edge cases, as a share of the ranges.", min=0.0)
+    violations: bool = option(False, "Write violations of RSS distances as edge cases too, after the failures.", "--violations")
 
 
 @dataclass(frozen=True)
@@ -59,25 +79,32 @@ class SearchSettings:
         every: runs after which what was found so far is written; None to write once, at the end.
     """
 
-    run: RunSettings = field(default_factory=RunSettings)
-    method: str = METHOD
-    budget: int = 3000
-    seed: int = 0
+    run: RunSettings = part(RunSettings, "timestep", "sut", "max_time", "world", "road_path", "catalog_path")
+    method: str = _method()
+    budget: int = option(3000, "Runs that the search may spend.", min=1, metavar="N")
+    seed: int = option(0, "Seed of the search.")
     density: str = JUDGE
-    weight: float | None = None
-    rss: str = "ad-rss"
-    processes: int = 2
-    ray: str | None = None
+    weight: float | None = option(None, "Weight of realism in the reward.  [default: the method's]", min=0.0)
+    rss: str = option("ad-rss", "RSS parameter set: ad-rss, r157.")
+    processes: int = _processes()
+    ray: str | None = option(
+        None, "Run on this Ray cluster; 'local' starts one of --jobs processes on this machine.", metavar="ADDRESS"
+    )
     pinned: Mapping[str, str] = field(default_factory=dict)
     free: Sequence[str] = ()
     marginals: Mapping[str, Marginal] = field(default_factory=dict)
     default: bool = True
-    choice: Choice = field(default_factory=Choice)
-    concrete: bool = False
-    estimate: bool = False
-    domain: Sequence[str] = ()
-    minutes: float | None = None
-    every: int | None = None
+    choice: Choice = part(Choice)
+    concrete: bool = option(False, "Write each edge case as a scenario of its own too.", "--concrete")
+    estimate: bool = option(False, "Estimate how often traffic makes the system fail, by at most 600 more runs.", "--estimate")
+    domain: Sequence[str] = option(
+        (),
+        "Operational domain of the system: r157 (ego up to 130 km/h), road (its speed limit), NAME=LOW..HIGH (repeatable).",
+        "--domain",
+        metavar="LIMIT",
+    )
+    minutes: float | None = option(None, "End the search after so many minutes; the same command goes on.", min=0.0, metavar="M")
+    every: int | None = option(None, "Write the report after each N runs too.", min=1, metavar="N")
 
 
 @dataclass(frozen=True)
@@ -89,12 +116,29 @@ class Ask:
         pinned: `--pin`, by name. free: `--free`. maps: `--map`.
     """
 
-    recordings: Path | None = None
-    kind: str | None = None
-    density: str = JUDGE
-    pinned: Mapping[str, str] = field(default_factory=dict)
-    free: Sequence[str] = ()
-    maps: Sequence[str] = ()
+    recordings: Path | None = option(
+        None,
+        "Recordings, or a table of their units.  [default: our own recordings' units]",
+        "--recorded",
+        parameter="recorded",
+        metavar="PATH",
+    )
+    kind: str | None = option(None, "Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration.")
+    density: str = option(
+        JUDGE, f"Density of recorded parameters: {', '.join(models())}; or {UNIFORM} within all limits, without recordings."
+    )
+    pinned: Mapping[str, str] = option(
+        {}, "Keep a parameter at a value (repeatable).", "--pin", parameter="pin", metavar="NAME=VALUE"
+    )
+    free: Sequence[str] = option(
+        (),
+        "Search a parameter besides the default ones, between these limits (repeatable).",
+        "--free",
+        metavar="NAME[=LOW..HIGH]",
+    )
+    maps: Sequence[str] = option(
+        (), f"What a parameter is in recordings: {', '.join(ROLES)} (repeatable).", "--map", metavar="NAME=ROLE[*FACTOR]"
+    )
 
 
 @dataclass(frozen=True)
@@ -116,18 +160,20 @@ class LoopSettings:
         against: output folder of an earlier loop, of another version of the system under test; None to compare with none.
     """
 
-    run: RunSettings = field(default_factory=RunSettings)
+    run: RunSettings = part(RunSettings, "sut", "road_path", "catalog_path")
     model: Path | None = None
-    rounds: int = 2
-    budget: int = 300
-    most: int = 6
-    shown: int = 12
-    sample: int = 50
-    method: str = METHOD
-    seed: int = 0
-    processes: int = 2
-    ask: Ask = field(default_factory=Ask)
-    against: Path | None = None
+    rounds: int = option(2, "Rounds of search; each starts from failures before it.", min=1, metavar="N")
+    budget: int = option(300, "Runs of each search: one a class and round.", min=1, metavar="N")
+    most: int = option(6, "Most edge cases that a search writes.", min=1, metavar="N")
+    shown: int = option(12, "Recorded scenarios of each class with a replay.", min=1, metavar="N")
+    sample: int = option(50, "Most parameter sets of each variation file that are run, drawn by the seed.", min=1, metavar="N")
+    method: str = _method()
+    seed: int = option(0, "Seed of everything random.")
+    processes: int = _processes()
+    ask: Ask = part(Ask)
+    against: Path | None = option(
+        None, "Replay the failures in the output folder of a loop of another version of the system.", metavar="DIR"
+    )
 
     def deciding(self) -> dict[str, str]:
         """Return the settings that decide the findings, as texts by name; those of `ask` by option."""

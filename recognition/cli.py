@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 from recognition.catalogue.command import NAME, catalogue, label, replay
 from recognition.training.command import train
 from schemas.common import discovery
-from schemas.common.command_line import Verbose, Version, guarded, interruptible, new_app, protected, say, writable_folder
+from schemas.common.command_line import Jobs, Verbose, Version, guarded, interruptible, new_app, protected, say, writable_folder
 from schemas.common.errors import exit_codes
 
 
@@ -32,7 +32,7 @@ def record(
     families: Annotated[
         int, typer.Option(min=0, metavar="N", help="So many sites drawn from the seed instead, with a minute of traffic each.")
     ] = 0,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
+    jobs: Jobs = 1,
     _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")] = False,
     _version: Version = False,

@@ -70,6 +70,15 @@ def test_the_library_moves_as_before_in_every_version_that_can_say_it(version: s
     assert exported
 
 
+@pytest.mark.parametrize("target", ["1.3", "esmini", "carla"])
+def test_lane_layers_are_lost_with_a_word_on_the_action_and_on_the_road(target: str, tmp_path: Path) -> None:
+    closure = ROOT / "xosc" / "library" / "lane_closure_highway.xosc"
+    (done,) = export_documents([closure], TARGETS[target], Folder(tmp_path))
+    assert done.exit_code == 0
+    for element, reason in (("highway_works.xodr:", "temporary lanes"), ("PreferredLaneLayerAction", "lane layers")):
+        assert any(element in each and reason in each for each in done.remarks), (element, done.remarks)
+
+
 @pytest.mark.study
 @pytest.mark.parametrize("target", [*VERSIONS, "esmini"])
 def test_public_scenarios_move_as_before(target: str, corpora: Path, tmp_path: Path) -> None:

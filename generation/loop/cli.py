@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from generation.options import Density, FailIf, Free, Jobs, Kind, Map, Pin, Quiet, Recorded, budget_within_limits
-from generation.settings import Ask, LoopSettings
-from runner.run_options import Sut
-from runner.settings import DEFAULT_SYSTEM, RunSettings
+from generation.options import FailIf, budget_within_limits
+from generation.settings import LoopSettings
 from schemas.common.command_line import (
     AllowInconclusive,
-    CatalogPath,
-    RoadPath,
+    Quiet,
     Verbose,
     Version,
     epilog,
@@ -24,12 +22,12 @@ from schemas.common.command_line import (
     interruptible,
     new_app,
     out_folder,
-    parameters_of,
     progress_bar,
     protected,
     say,
 )
 from schemas.common.errors import ExitCode, UsageError, exit_codes
+from schemas.common.options import with_settings
 from schemas.common.text import many
 
 if TYPE_CHECKING:
@@ -49,44 +47,17 @@ app = new_app()
 
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
 @protected()
+@with_settings
 def xosc_loop(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="Recordings (highD, INTERACTION, CommonRoad, NGSIM, runs), .xosc scenarios.")
     ],
     out: Annotated[Path, out_folder("Folder for all that comes of it; index.html in it is the page.")],
-    sut: Sut = DEFAULT_SYSTEM,
-    budget: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Runs of each search: one a class and round.")
-    ] = LoopSettings.budget,
-    rounds: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Rounds of search; each starts from failures before it.")
-    ] = LoopSettings.rounds,
-    most: Annotated[int, typer.Option(min=1, metavar="N", help="Most edge cases that a search writes.")] = LoopSettings.most,
-    shown: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Recorded scenarios of each class with a replay.")
-    ] = LoopSettings.shown,
-    sample: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Most parameter sets of each variation file that are run, drawn by the seed.")
-    ] = LoopSettings.sample,
-    method: Annotated[str, typer.Option(help="Search method; see xosc-generate.")] = LoopSettings.method,
+    settings: LoopSettings,
     labels: Annotated[Literal["model", "rules"], typer.Option(help="Who labels: a model, or the rules alone.")] = "model",
     model: Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")] = None,
-    recorded: Recorded = None,
-    kind: Kind = None,
-    density: Density = Ask.density,
-    pin: Pin = None,
-    free: Free = None,
-    maps: Map = None,
-    against: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Replay the failures in the output folder of a loop of another version of the system."),
-    ] = None,
     fail_if: FailIf = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = LoopSettings.seed,
-    road_path: RoadPath = None,
-    catalog_path: CatalogPath = None,
     allow_inconclusive: AllowInconclusive = False,
-    jobs: Jobs = LoopSettings.processes,
     _verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
@@ -109,12 +80,9 @@ def xosc_loop(
     from generation.loop.page import write
     from generation.report.regression import fates
 
-    ask = Ask(recorded, kind, density, parameters_of(pin or [], "--pin"), tuple(free or ()), tuple(maps or ()))
-    run = RunSettings(sut=sut, road_path=tuple(road_path or ()), catalog_path=tuple(catalog_path or ()))
-    spent = budget_within_limits(budget, 0, NAME)
-    settings = LoopSettings(run, _model(labels, model), rounds, spent, most, shown, sample, method, seed, jobs, ask, against)
+    settings = replace(settings, model=_model(labels, model), budget=budget_within_limits(settings.budget, 0, NAME))
     _refuse_wrong(settings)
-    wanted = fates(fail_if, against)
+    wanted = fates(fail_if, settings.against)
     with interruptible(NAME, "the same command goes on where it was"):
         found = run_loop(folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet))
         page = write(found, out)

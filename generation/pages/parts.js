@@ -19,9 +19,6 @@ const files = (each, name) =>
     ...Object.entries(each).map(([kind, path]) => el("a", { href: link(path), "aria-label": `${kind} of ${name}` }, FILES[kind])),
   );
 
-/** A name that may break after each underscore, as names of parameters have no blanks. */
-const breakable = name => name.split(/(?<=_)/).flatMap(part => [part, el("wbr", null)]);
-
 /** A table in a region of its own that scrolls; columns are [title, class]. */
 function table(label, columns, rows) {
   const head = el("tr", null, ...columns.map(([title, kind]) => el("th", { scope: "col", class: kind }, ...breakable(title))));

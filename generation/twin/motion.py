@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from generation.twin.script import Actor
-from runner.actions.speed_profile import STRETCH, STRETCHES
+from runner.actions.speed import STRETCH, STRETCHES
 from runner.measures.relations import Motion, View, interval_gaps
 from runner.motion.dynamics import EPSILON, RESERVE
 from runner.participants.declaration import Performance

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from schemas.common.command_line import Verbose, Version, interruptible, out_folder, progress_bar, protected, say
+from schemas.common.command_line import Jobs, Quiet, Verbose, Version, interruptible, out_folder, progress_bar, protected, say
 from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 NAME = "xosc-recognize"
 
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Labels = Annotated[
     Literal["auto", "model", "rules"],
     typer.Option(
@@ -30,7 +29,6 @@ Labels = Annotated[
     ),
 ]
 Model = Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")]
-Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]
 Ray = Annotated[
     str | None,
     typer.Option(metavar="ADDRESS", help="Read and write on this Ray cluster; 'local' starts one of --jobs processes here."),

@@ -159,7 +159,8 @@ def least_shares(model: TRFE, sites: Sequence[SiteWindows]) -> dict[int, float]:
     """The least share of the votes for classes that each class needs; with less, a window is of nothing.
 
     The share of a class is the one that takes most quiet windows for nothing, as a part of all quiet windows of a site, less
-    what it takes of the rules' events that have their class, as a part of all events of the site; sites count alike.
+    what it takes of the rules' events that have their class, as a part of all events of the site; sites count alike. Of equally
+    good ones it is the middle. Classes that no window of the sites gets have none.
     """
     given = [(_given(model, site.events), _given(model, site.regular)) for site in sites]
     classes = [one for one in model.known.classes.tolist() if one != BACKGROUND]
@@ -179,7 +180,12 @@ def _least(label: int, sites: Sequence[tuple[_Given, _Given]]) -> float:
         right = (events.labels == label) & (events.truth == label)
         gain += _below(regular.shares[quiet]) / max((regular.truth == BACKGROUND).sum(), 1)
         gain -= _below(events.shares[right]) / max(len(events.truth), 1)
-    return float(_SHARES[gain.argmax()])
+    if not gain.any():
+        return 0.0
+    first = int(gain.argmax())
+    worse = np.flatnonzero(gain[first:] < gain[first])
+    last = first + int(worse[0]) - 1 if len(worse) else len(gain) - 1
+    return float(_SHARES[(first + last) // 2])
 
 
 def _below(shares: FloatArray) -> FloatArray:

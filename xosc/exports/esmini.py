@@ -37,7 +37,7 @@ _REFUSED = (
     Rule("//AssignControllerAction/@activateAnimation/..", "esmini's controllers have no animation"),
     Rule(
         "//RoutingAction/*[not(self::AssignRouteAction or self::FollowTrajectoryAction or self::AcquirePositionAction or "
-        "self::RandomRouteAction)]",
+        "self::RandomRouteAction or self::PreferredLaneLayerAction)]",
         "esmini does not have this action",
     ),
     Rule("//Route[@closed='true' or @closed='1']", "esmini's routes are open"),

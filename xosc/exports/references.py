@@ -77,7 +77,16 @@ def _take(node: Node, source: Path, folder: str, draft: Draft) -> None:
         draft.note(*need_roads(content, source))
     except InvalidFile as error:
         raise node.invalid(f"{source} can't be taken along: {error.message}") from None
+    if _has_temporary_lanes(content, source):
+        draft.note(f"{source}: temporary lanes: a player that does not know lane layers has the permanent ones alone, at best")
     _add(node, source, content, folder, draft)
+
+
+def _has_temporary_lanes(content: bytes, source: Path) -> bool:
+    """Whether a road has a second layer of lanes (OpenDRIVE 1.9)."""
+    if b"temporary" not in content:
+        return False
+    return parse_bytes(content, source).find("{*}road/{*}lanes[@layer='temporary']") is not None
 
 
 def _content(node: Node, source: Path) -> bytes:

@@ -8,19 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from generation.options import Jobs, Pin, Quiet, Ray, Timestep
-from runner.run_options import Sut
+from generation.options import Pin, Ray
+from runner.run_options import Sut, Timestep
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.common.command_line import (
     CatalogPath,
+    Jobs,
+    Quiet,
     RoadPath,
     Verbose,
     Version,
     interruptible,
     out_folder,
-    parameters_of,
     progress_bar,
 )
+from schemas.common.options import parameters_of
 from studies.generation.adversary import OBJECTIVES
 
 if TYPE_CHECKING:

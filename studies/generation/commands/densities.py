@@ -11,11 +11,12 @@ import numpy as np
 import typer
 
 from generation.density.models import models
-from generation.options import Jobs, Kind, Pin, Recorded
+from generation.options import Kind, Pin, Recorded
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.common.command_line import Verbose, Version, interruptible, parameters_of
+from schemas.common.command_line import Jobs, Verbose, Version, interruptible
 from schemas.common.errors import UsageError
+from schemas.common.options import parameters_of
 
 if TYPE_CHECKING:
     from generation.recorded import Recorded as Units

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from generation.options import Jobs, Kind, Recorded
+from generation.options import Kind, Recorded
 from runner.settings import DEFAULT_SYSTEM
-from schemas.common.command_line import Verbose, Version, interruptible, out_folder
+from schemas.common.command_line import Jobs, Verbose, Version, interruptible, out_folder
 from schemas.common.errors import UsageError
 
 NAME = "python -m studies.generation failures"

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from generation.options import Density, Jobs, Kind, Pin, Quiet, Recorded, Timestep
-from runner.run_options import Sut
-from schemas.common.command_line import Verbose, Version, interruptible, out_folder, parameters_of, progress_bar
+from generation.options import Density, Kind, Pin, Recorded
+from runner.run_options import Sut, Timestep
+from schemas.common.command_line import Jobs, Quiet, Verbose, Version, interruptible, out_folder, progress_bar
 from schemas.common.errors import UsageError
+from schemas.common.options import parameters_of
 
 if TYPE_CHECKING:
     from studies.generation.comparison.study import Study

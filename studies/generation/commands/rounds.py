@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from generation.options import Jobs, Kind, Recorded
+from generation.options import Kind, Recorded
 from runner.run_options import Sut
 from runner.settings import DEFAULT_SYSTEM
-from schemas.common.command_line import Verbose, Version, interruptible
+from schemas.common.command_line import Jobs, Verbose, Version, interruptible
 
 NAME = "python -m studies.generation rounds"
 

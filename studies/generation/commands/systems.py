@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from generation.options import Jobs, Quiet, Timestep
+from runner.run_options import Timestep
 from runner.settings import RunSettings
-from schemas.common.command_line import Verbose, Version, interruptible, out_folder
+from schemas.common.command_line import Jobs, Quiet, Verbose, Version, interruptible, out_folder
 from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:

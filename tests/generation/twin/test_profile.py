@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from generation.twin.motion import plan, speeds
-from runner.actions.speed_profile import Entry
-from runner.actions.speed_profile import plan as planned
+from runner.actions.speed import Entry
+from runner.actions.speed import plan as planned
 from runner.motion.dynamics import EPSILON, tighter
 from runner.participants.declaration import Performance
 

@@ -36,13 +36,22 @@ def test_classes_that_quiet_windows_get_with_few_votes_need_more() -> None:
     events = [(3, 0.5)] * 8 + [(3, 0.2), (UNKNOWN, 0.1)]
     regular = [(3, 0.3)] * 10 + [(4, 0.15)] * 5 + [(BACKGROUND, 0.9)] * 5
     found = chosen(events, regular, [3, 4, BACKGROUND])
-    assert found == {3: pytest.approx(0.31), 4: pytest.approx(0.16)}
+    assert found == {3: pytest.approx(0.4), 4: pytest.approx(0.37)}  # between both; between quiet windows and the greatest
 
 
 def test_events_that_would_be_lost_keep_the_share_low() -> None:
     events = [(3, 0.2)] * 8 + [(3, 0.5)] * 2
     regular = [(3, 0.1)] * 2 + [(3, 0.3)] * 10 + [(BACKGROUND, 0.9)] * 8
-    assert chosen(events, regular, [3, BACKGROUND]) == {3: pytest.approx(0.11)}
+    assert chosen(events, regular, [3, BACKGROUND]) == {3: pytest.approx(0.15)}
+
+
+def test_a_class_whose_events_alone_are_seen_needs_half_of_the_share_of_the_least() -> None:
+    found = chosen([(3, 0.4)] * 5 + [(4, 0.5)] * 5, [(BACKGROUND, 0.9)] * QUIET, [3, 4, BACKGROUND])
+    assert found == {3: pytest.approx(0.2)}  # events of class 4 are of class 3 to the rules, and right in none
+
+
+def test_a_class_that_no_window_gets_has_none() -> None:
+    assert 4 not in chosen([(3, 0.4)] * EVENTS, [(3, 0.1)] * QUIET, [3, 4, BACKGROUND])
 
 
 def test_without_a_background_nothing_can_be_taken_for_nothing() -> None:
