@@ -13,23 +13,23 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from runner.measures.measure import NEW_FAILURE
-from runner.run_options import FailIf, Only, Param, Sample, selection_of, with_run_settings
+from runner.run_options import FailIf, Only, Param, Sample, selection_of
 from runner.settings import RunSettings
 from schemas.common.command_line import (
     AllowInconclusive,
+    Jobs,
     Overwrite,
     Verbose,
     Version,
     epilog,
-    explain,
     guarded,
     interruptible,
     new_app,
     out_folder,
-    parameters_of,
     protected,
 )
 from schemas.common.errors import ExitCode, UsageError, exit_codes, gravest
+from schemas.common.options import explain, parameters_of, with_settings
 from schemas.common.storage import writing
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ Ray = Annotated[
 
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
 @protected()
-@with_run_settings
+@with_settings
 def xosc_run(
     files: Files,
     settings: RunSettings,
@@ -100,7 +100,7 @@ def xosc_run(
         Literal["skipped", "error"], typer.Option(help="What an inconclusive run is in the JUnit report.")
     ] = "skipped",
     allow_inconclusive: AllowInconclusive = False,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")] = 1,
+    jobs: Jobs = 1,
     ray: Ray = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Load, compile and begin everything, run nothing.")] = False,
     verbose: Verbose = False,

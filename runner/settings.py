@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from runner.measures.measure import Limit
 from schemas.common.errors import UsageError
+from schemas.common.options import CATALOG_PATH, ROAD_PATH, option
 
 if TYPE_CHECKING:
     from runner.sut import System
@@ -21,6 +22,12 @@ MADE = "auto"
 """Setting `road` for straight roads with the lanes and lengths that a scenario's positions use"""
 _TIMESTEPS = 0.001, 1.0
 _LONGEST = 1e6
+
+
+def _systems() -> tuple[str, list[tuple[str, str]]]:
+    from runner.sut import systems  # takes long to load
+
+    return "Systems under test", list(systems().items())
 
 
 @dataclass(frozen=True)
@@ -50,19 +57,48 @@ class RunSettings:
         UsageError: a value is out of its range, or there is no such world, system under test or limit.
     """
 
-    timestep: float = 0.05
-    sut: str | System | None = DEFAULT_SYSTEM
-    ego: str | None = None
-    seed: int = 0
-    max_time: float = 300.0
-    world: str = "sumo"
-    end_after_collision: bool | None = None
+    timestep: float = option(0.05, "Time step.", metavar="SECONDS")
+    sut: str | System | None = option(
+        DEFAULT_SYSTEM,
+        "System under test that drives the ego, with arguments of its class.",
+        type=str,
+        section=_systems,
+        metavar="NAME[:PARAMETER=VALUE,...]",
+    )
+    ego: str | None = option(None, "The ego, where it is not found by itself.", metavar="NAME")
+    seed: int = option(0, "Seed of everything random.")
+    max_time: float = option(300.0, "Limit of simulated time for each run.", metavar="SECONDS")
+    world: str = option("sumo", "sumo, or kinematic: scripted motion without a simulator.")
+    end_after_collision: bool | None = option(
+        None,
+        "End a run one second after the ego's first contact.  [default: with a system under test]",
+        "--end-after-collision/--continue-after-collision",
+        show_default=False,
+    )
     fail_if: tuple[str, ...] = ()
-    enforce_constraints: bool = True
-    strict: bool = False
-    road: str | None = None
-    road_path: tuple[str, ...] = ()
-    catalog_path: tuple[str, ...] = ()
+    enforce_constraints: bool = option(
+        True,
+        "Refuse parameter values that violate constraint groups; leave such sets of a distribution out.",
+        "--constraints/--no-constraints",
+    )
+    strict: bool = option(False, "Refuse files that break their standard instead of repairing them with a remark.", "--strict")
+    road: str | None = option(
+        None,
+        "Where the road network is missing: an OpenDRIVE file; auto: straight roads as the positions use them.",
+        metavar="FILE|auto",
+    )
+    road_path: tuple[str, ...] = option(
+        (),
+        ROAD_PATH,
+        "--road-path",
+        metavar="DIR",
+    )
+    catalog_path: tuple[str, ...] = option(
+        (),
+        CATALOG_PATH,
+        "--catalog-path",
+        metavar="DIR",
+    )
 
     def __post_init__(self) -> None:
         shortest, longest = _TIMESTEPS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner.actions.longitudinal import demanded_speed
+from runner.actions.speed import demanded_speed
 from runner.contracts import registry
 from runner.contracts.element import LATERAL, LONGITUDINAL, PrivateAction
 from runner.contracts.run import Running

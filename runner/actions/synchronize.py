@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from runner.actions.longitudinal import RELATIVE
+from runner.actions.speed import RELATIVE
 from runner.contracts.element import LONGITUDINAL, PrivateAction, need_places
 from runner.contracts.registry import action
 from runner.contracts.run import Running

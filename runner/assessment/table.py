@@ -20,7 +20,7 @@ from runner.replay.page import page, write_page
 from runner.replay.player import REPLAY
 from runner.replay.report import runs_of
 from runner.settings import RunSettings
-from runner.sut.parameters import split
+from runner.sut.base import split
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError
 from schemas.common.packages import version
 from schemas.common.storage import keep, read_object, read_parquet

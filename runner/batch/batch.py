@@ -21,7 +21,7 @@ from runner.outputs import report
 from runner.outputs.folder import PICTURE, digests, write_run
 from runner.outputs.tables import write_runs
 from runner.settings import RunSettings
-from runner.sut.parameters import SENSOR_RANGE, split
+from runner.sut.base import SENSOR_RANGE, split
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import current, limited
 from schemas.common.storage import alone

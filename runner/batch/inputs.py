@@ -17,7 +17,7 @@ import xosc
 from runner.batch.jobs import Job
 from runner.settings import RunSettings
 from runner.sut import find_system, system_name
-from runner.sut.parameters import parameters_of, split
+from runner.sut.base import parameters_of, split
 from schemas.catalogs import locate
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError
 from schemas.common.storage import Stamp, digest, read_bytes, stamp

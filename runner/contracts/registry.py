@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from runner.contracts.element import Position
     from runner.contracts.run import Run, StoryboardElement
     from runner.participants.entity import Entities, Entity
-    from runner.surroundings.signals import TrafficSignals
+    from runner.surroundings import TrafficSignals
     from schemas.common.remarks import Remarks
     from xodr.network import RoadNetwork
     from xosc.resolve import Resolved

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from runner.motion.roads import Roads
     from runner.participants.entity import Entities, Entity
     from runner.spacing.displacement import Displacement
-    from runner.surroundings.environment import Environment
-    from runner.surroundings.signals import TrafficSignals
+    from runner.surroundings import Environment, TrafficSignals
     from runner.worlds.base import World
     from schemas.common.remarks import Remarks
     from schemas.values import Value

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from runner.exports import TARGETS
-from runner.run_options import Only, Param, Sample, selection_of, with_run_settings
+from runner.run_options import Only, Param, Sample, selection_of
 from runner.settings import RunSettings
 from schemas.common.command_line import (
     AllowInconclusive,
@@ -22,11 +22,11 @@ from schemas.common.command_line import (
     interruptible,
     new_app,
     out_folder,
-    parameters_of,
     protected,
     say,
 )
 from schemas.common.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest
+from schemas.common.options import parameters_of, with_settings
 from schemas.common.remarks import told_quietly
 from schemas.common.text import shown
 
@@ -53,7 +53,7 @@ def _print_targets(wanted: bool) -> None:
 
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
 @protected()
-@with_run_settings
+@with_settings
 def xosc_export(
     paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs.")],
     to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],

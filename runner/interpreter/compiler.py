@@ -21,7 +21,7 @@ from runner.interpreter.storyboard.storyboard import Act, Event, Maneuver, Maneu
 from runner.interpreter.storyboard.triggers import OneShotCondition, TimedCondition, Trigger
 from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
-from runner.surroundings.signals import TrafficSignals
+from runner.surroundings import TrafficSignals
 from schemas.checks.structure import SCHEMA_UID
 from schemas.common.remarks import Remark, Remarks, with_ignored
 from xosc.node import Node

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from runner.contracts.run import Run
     from runner.interpreter.compiler import Scenario
     from runner.participants.entity import Entity
-    from runner.surroundings.signals import StopLine
+    from runner.surroundings import StopLine
 
 
 CRUISE = 20.0 / 3.6

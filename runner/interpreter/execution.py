@@ -20,9 +20,8 @@ from runner.interpreter.verdict import apply_limits, at_beginning, criteria_rema
 from runner.participants.scenario_objects import controller_remarks
 from runner.settings import RunSettings
 from runner.sut import load_system, system_name
-from runner.sut.base import Control, Observation, Pose
+from runner.sut.base import Control, Observation, Pose, parameters_of
 from runner.sut.commanded import Commanded
-from runner.sut.parameters import parameters_of
 from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:

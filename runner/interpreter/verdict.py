@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runner.actions.values import ModifyAction, SetAction
-from runner.conditions.by_value import ParameterCondition, SimulationTimeCondition
-from runner.conditions.storyboard_state import StoryboardElementStateCondition
+from runner.conditions.by_value import ParameterCondition, SimulationTimeCondition, StoryboardElementStateCondition
 from runner.contracts.element import PrivateAction
 from runner.contracts.run import ElementState, Transition
 from runner.criteria.criterion import CriterionResult, judge_criteria, light_states

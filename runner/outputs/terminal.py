@@ -41,6 +41,8 @@ _ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal
 _LOCATION = re.compile(r"^.*?:\d+: ")
 """Start of a remark: the file and its line"""
 _NUMBER = re.compile(r"-?\b\d+(\.\d+)?\b")
+_DRAWN = re.compile(r"(?<==)-?\d+\.\d{5,}\b")
+"""Values with more digits than a reader needs, as draws of a distribution have them"""
 
 
 class Table:
@@ -73,9 +75,9 @@ class Table:
         self._last = outcome.job.name if outcome.state != "error" else ""
         grave = outcome.state in _GRAVE
         if grave:
-            self._groups.setdefault((outcome.state, _cause(outcome)), []).append(one_line(outcome.job.title))
+            self._groups.setdefault((outcome.state, _cause(outcome)), []).append(_title(outcome))
         if outcome.impact is not None:
-            self._contacts.append((one_line(outcome.job.title), outcome.impact))
+            self._contacts.append((_title(outcome), outcome.impact))
         for remark in outcome.remarks:
             self._remarks.setdefault(_LOCATION.sub("", remark), []).append(remark)
         if grave or not self._quiet:
@@ -107,7 +109,7 @@ class Table:
         word = f"{_WORDS[outcome.state]:{_WORD}}"
         if self._terminal:
             word = f"{_COLOURS[outcome.state]}{word}{_OFF}"
-        name, width = one_line(outcome.job.title), self._width
+        name, width = _title(outcome), self._width
         if self._terminal and len(name) > width:
             name = name[: width // 2 - 1] + "…" + name[-(width - width // 2) :]
         end = f"{outcome.end_time:7.2f} s" if outcome.end_time is not None else ""
@@ -164,7 +166,7 @@ class Table:
                 pages = (replays / outcome.job.name / name for name in _PAGES if replays is not None)
                 link = next((f"  {page}" for page in pages if page.is_file()), "")
                 why = f"  {one_line(outcome.message)}" if outcome.message else ""
-                self.tell(f"    {kind:15}{one_line(outcome.job.title)} (before: {was}){why}{link}")
+                self.tell(f"    {kind:15}{_title(outcome)} (before: {was}){why}{link}")
             if len(runs) > _LISTED:
                 self.tell(f"    {kind:15}and {len(runs) - _LISTED} more")
 
@@ -191,6 +193,11 @@ class Table:
             sys.stderr.write(_CLEAR)
             sys.stderr.flush()
         print(text, flush=True)
+
+
+def _title(outcome: Outcome) -> str:
+    """Label of a run, long values to six digits; `--only` runs it again with all of them."""
+    return one_line(_DRAWN.sub(lambda found: f"{float(found[0]):.6g}", outcome.job.title))
 
 
 def _cause(outcome: Outcome) -> str:

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import typer
 
-from schemas.common.command_line import Verbose, Version, epilog, guarded, interruptible, new_app, protected, say
+from schemas.common.command_line import Quiet, Verbose, Version, epilog, guarded, interruptible, new_app, protected, say
 from schemas.common.errors import InvalidFile, UsageError, exit_codes
 from schemas.common.policy import limited
 from schemas.common.text import many
@@ -57,13 +57,13 @@ def xosc_replay(
     ] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Play in SUMO's own window instead.")] = False,
     _verbose: Verbose = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
     """Make a page that plays a run, or two side by side; a picture or an animation; of a batch a report, of several a history."""
     from runner.batch import journal
     from runner.outputs.folder import load_run
-    from runner.traces.result import is_trace, load_trace
+    from runner.traces.roads import is_trace, load_trace
 
     with interruptible(NAME):
         if len(folders) == 1 and journal.is_batch(folders[0]):
@@ -88,7 +88,7 @@ def xosc_replay(
 
 def _history(batches: list[Path], out: Path | None, odd: bool) -> Path:
     """The page of several batches."""
-    from runner.replay.history import write_history
+    from runner.replay.report import write_history
 
     if odd:
         raise UsageError("these are whole batches: --road, --gui and --against are not for their history", path=batches[0])

@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from runner.participants.boxes import box_corners
-from runner.replay.scene import timeline
+from runner.replay.scene import account
 from runner.replay.scene.account import partners
 from runner.replay.scene.roads import Area, Line, marks, surfaces
 from runner.replay.scene.scene import extent
@@ -117,7 +117,7 @@ class _View:
         self._tracks = {name: track for name, track in recording.tracks.items() if len(track.columns["time"])}
         self._contacts = [
             (row.who, start, result.end_time if end is None else end)
-            for row in timeline.rows(result.events, {}, recording.tracks)
+            for row in account.rows(result.events, {}, recording.tracks)
             if row.level == "collision"
             for start, end, _ in row.bars
         ]

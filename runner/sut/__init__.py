@@ -8,8 +8,7 @@ from contextlib import nullcontext
 from functools import cache, partial
 from importlib.metadata import EntryPoint
 
-from runner.sut.base import Control, Observation, Participant, Pose, SystemUnderTest, WorldDriven
-from runner.sut.parameters import arguments, split
+from runner.sut.base import Control, Observation, Participant, Pose, SystemUnderTest, WorldDriven, arguments, split
 from schemas.common.discovery import described, from_working_folder, installed
 from schemas.common.errors import ToolchainError, UsageError, blame
 from schemas.common.packages import missing
@@ -68,7 +67,7 @@ def system_name(system: str | System | None) -> str:
 
 
 def find_system(name: str | None) -> Callable[[], System] | None:
-    """Return the factory of a system under test by name (see `runner.sut.parameters`); None for `none`.
+    """Return the factory of a system under test by name (see `runner.sut.base`); None for `none`.
 
     Raises:
         UsageError: no such system, with those that there are; it can't be imported; or it has no such parameter.

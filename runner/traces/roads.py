@@ -1,4 +1,4 @@
-"""The road of an OSI trace: attached, named, beside it, or drawn from its lanes, boundaries and centre lines.
+"""The road of an OSI trace: attached, named, beside it, or drawn from its lanes; and a trace with it, for replays.
 
 Source: ASAM OSI 3.8, Lane and LaneBoundary. Left, right, antecessor and successor of a lane go by the order of its centre line;
 `centerline_is_driving_direction` says whether traffic goes that way. Roads are flat: OSI's heights are left out, with a remark.
@@ -14,14 +14,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from runner.traces.reading import TraceRecording
+from runner.interpreter.result import Cause, RunResult, Verdict
+from runner.recording import Recording
+from runner.traces.reading import TraceRecording, read
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import current
-from schemas.common.storage import digest, keep
-from schemas.osi_traces import AttachedMap, Trace
+from schemas.common.storage import cache_folder, digest, keep, writing
+from schemas.osi_traces import SUFFIXES, AttachedMap, Trace
 from xodr.lanelet2 import Lanelet, Neighbour, build
 from xodr.lanelet2.lanelet import between, direction, frame_at, joined, lengths, middle, resampled
+from xodr.reader import load
 
 _WIDTH = 3.5
 """Width (m) of lanes without boundaries"""
@@ -376,3 +379,44 @@ def _last(reference: str) -> str:
 
 def _plain(name: str) -> str:
     return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
+
+
+def is_trace(path: Path) -> bool:
+    """Whether a path is that of a trace, by its name."""
+    return path.suffix.lower() in SUFFIXES and not path.is_dir()
+
+
+def load_trace(path: Path, road: Path | None = None) -> RunResult:
+    """The recording of an OSI trace, as a run in which nothing was tested.
+
+    Args:
+        road: the OpenDRIVE file; by default what the trace has (`runner.traces.roads.road_of`). A trace without one has a plane.
+
+    Raises:
+        InvalidFile: the trace is damaged, or its map is no OpenDRIVE.
+        Unsupported: its messages hold no ground truth.
+        UsageError: its lanes make no road map.
+    """
+    found, folder = read(path), cache_folder("roads")
+    remarks = list(found.remarks)
+    if road is None:
+        with writing("the road", folder):
+            made = road_of(path, found, folder)
+        remarks += made.notes if made is not None else ["the trace has no road: a plane"]
+        road = made.path if made is not None else None
+    recording = found.recording
+    tracks = list(recording.tracks.values())
+    ends = [float(track.columns["time"][-1]) for track in tracks]
+    return RunResult(
+        scenario=path,
+        parameters={},
+        status="completed",
+        end_time=max(ends, default=0.0),
+        verdict=Verdict(causes=(Cause("no-event", "a recorded trace: nothing was tested"),)),
+        remarks=tuple(f"remark: {each}" for each in remarks),
+        ego=found.ego,
+        sut="none",
+        settings={"timestep": recording.timestep, "seed": 0, "world": "recorded", "max_time": None},
+        events=[],
+        recording=Recording(tracks, recording.timestep, load(road) if road is not None else None),
+    )

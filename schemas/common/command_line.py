@@ -23,6 +23,7 @@ from typer.models import OptionInfo
 
 from schemas.common.discovery import leave_working_folder_out
 from schemas.common.errors import ToolchainError, UsageError, describe
+from schemas.common.options import CATALOG_PATH, ROAD_PATH, resign, sections
 from schemas.common.packages import missing, version
 from schemas.common.policy import UNTRUSTED, Policy, in_force, of_command
 from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
@@ -41,14 +42,6 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Processes and limits": ("jobs", "ray", "resume", "untrusted", "max_memory", "max_seconds", "max_runs"),
 }  # fmt: skip
 """Headings of options by the names of their parameters; all other options stand under `Options`, before them."""
-Section = Callable[[], tuple[str, list[tuple[str, str]]]]
-"""Gives a heading, and names with a line each; called when help is printed."""
-_sections: dict[str, Section] = {}
-
-
-def explain(option: str, section: Section) -> None:
-    """Add a section to the help of every command that has an option, given by the name of its parameter."""
-    _sections[option] = section
 
 
 def epilog(codes: str, *examples: str) -> str:
@@ -70,7 +63,7 @@ class GroupedCommand(TyperCommand):
                 name = param.name or ""
                 found["Arguments" if param.param_type_name == "argument" else heading.get(name, "Options")].append(record)
                 names.append(name)
-        explained = (_sections[name]() for name in names if name in _sections)
+        explained = (sections[name]() for name in names if name in sections)
         for title, records in (*found.items(), *explained):
             if records:
                 with formatter.section(title):
@@ -154,9 +147,7 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
                 for name, option in options.items()
             ),
         ]
-        parameters = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in parameters]
-        with_policy.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        with_policy.__annotations__ = {each.name: each.annotation for each in parameters}
+        resign(with_policy, parameters)
         return with_policy
 
     return decorate
@@ -211,22 +202,8 @@ def _print_version(context: typer.Context, requested: bool) -> None:
         raise typer.Exit
 
 
-RoadPath = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--road-path",
-        metavar="DIR",
-        help="Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH).",
-    ),
-]
-CatalogPath = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--catalog-path",
-        metavar="DIR",
-        help="Folder with catalogues that are not where the scenario says (repeatable; also XOSC_CATALOG_PATH).",
-    ),
-]
+RoadPath = Annotated[list[str] | None, typer.Option("--road-path", metavar="DIR", help=ROAD_PATH)]
+CatalogPath = Annotated[list[str] | None, typer.Option("--catalog-path", metavar="DIR", help=CATALOG_PATH)]
 AllowInconclusive = Annotated[
     bool,
     typer.Option("--allow-inconclusive", help="Exit as if runs that did not test what their file describes had passed."),
@@ -234,6 +211,8 @@ AllowInconclusive = Annotated[
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier call has written to --out.")]
 Version = Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]
 
 
 def writable_folder(path: Path | None) -> Path | None:
@@ -403,21 +382,6 @@ def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[floa
             bar.update(task, completed=round(done, _DIGITS))  # shares of an item add up to it
 
         yield advance
-
-
-def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:
-    """Values of parameters by name, from the texts of an option.
-
-    Raises:
-        UsageError: one is not of the form NAME=VALUE.
-    """
-    values: dict[str, str] = {}
-    for pair in pairs:
-        name, equals, value = pair.partition("=")
-        if not (name and equals):
-            raise UsageError(f"{option} {pair!r}: NAME=VALUE is expected")
-        values[name] = value
-    return values
 
 
 # files that arguments stand for ----------------------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 
 import runner
 from runner.participants.declaration import BoundingBox
-from runner.surroundings.environment import Environment
+from runner.surroundings import Environment
 from runner.sut import Observation, Participant
 from runner.sut.adas import DriverAssistance, Target
 from tests.conformance.support import track

@@ -337,6 +337,12 @@ def test_what_is_no_number_of_a_parameter_set_is_refused(text: str, xosc_run: Co
     assert answer.code == 2 and "such as 3,7-9" in answer.err
 
 
+def test_values_with_many_digits_are_shortened_in_the_table(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+    sets = distribution(tmp_path, "long", {"Gap": (20.123456789, 21.2, 1.0)}, of="passing")
+    answer = xosc_run(sets, "--sut", "none", "--max-time", "0.05")
+    assert "Gap=20.1235 " in answer.out and "Gap=21.1235 " in answer.out
+
+
 def test_a_sample_of_a_space_of_any_size_is_the_same_for_a_seed(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
     ranges = {"Gap": (20.0, 120.0, 0.0001), "Ego_Speed": (10.0, 11.0, 0.001)}
     huge = distribution(tmp_path, "huge", ranges, of="passing")

@@ -10,7 +10,7 @@ import pytest
 import runner
 from runner.measures.rss import PARAMETERS, longitudinal_distance
 from runner.participants.declaration import BoundingBox
-from runner.surroundings.environment import Environment
+from runner.surroundings import Environment
 from runner.sut import Control, Observation, Participant, SystemUnderTest, load_system
 from runner.sut.aeb import EmergencyBraking
 from runner.sut.encounters import encounters

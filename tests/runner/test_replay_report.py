@@ -13,9 +13,8 @@ import pytest
 
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
-from runner.replay.history import write_history
 from runner.replay.player import keep_replay
-from runner.replay.report import report, varied, write_report
+from runner.replay.report import report, varied, write_history, write_report
 from runner.settings import RunSettings
 from schemas.common.errors import InvalidFile, UsageError
 from tests.runner.chromium import Browser

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from runner.recording import LogEntry
+from runner.replay.scene.account import is_shown, rows
 from runner.replay.scene.roads import signal_states
-from runner.replay.scene.timeline import is_shown, rows
 
 EVENT = "story::act::group::maneuver::event"
 LOG = [

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 import xodr
-from runner.surroundings.signals import Phase, SignalController, TrafficSignals
+from runner.surroundings import Phase, SignalController, TrafficSignals
 from schemas.common.errors import InvalidFile
 from tests.runner.scene import ROADS
 from xosc.node import Node

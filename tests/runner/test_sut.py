@@ -17,7 +17,7 @@ from runner.measures.rss import PARAMETERS, lateral_distance, longitudinal_dista
 from runner.participants.boxes import gap as gap_between
 from runner.participants.boxes import outlook
 from runner.participants.declaration import BoundingBox
-from runner.surroundings.environment import Environment
+from runner.surroundings import Environment
 from runner.sut import Control, Observation, Participant, Pose, find_system, load_system, system_name
 from runner.sut.base import seen
 from runner.sut.cas import CollisionAvoidance

@@ -15,6 +15,9 @@ function el(tag, attributes, ...children) {
 const wide = (label, ...children) =>
   el("div", { class: "wide", tabindex: 0, role: "region", "aria-label": label }, ...children);
 
+/** A name that may break after each underscore, as names of parameters have no blanks. */
+const breakable = name => name.split(/(?<=_)/).flatMap(part => [part, el("wbr", null)]);
+
 /** What has ended a run, by its status. */
 const ENDS = { completed: "stop trigger", collision: "collision", timeout: "time limit" };
 

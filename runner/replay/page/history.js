@@ -65,8 +65,8 @@ function table() {
       "tr",
       null,
       el("td", { class: "name" }, row.name, row.fate ? el("div", { class: "muted" }, row.fate) : null),
-      ...row.parameters.map(value => el("td", { class: "number" }, String(short(value)))),
       ...row.cells.map(cell),
+      ...row.parameters.map(value => el("td", { class: "number" }, String(short(value)))),
     );
   const kept = row =>
     row.name.toLowerCase().includes(filter.words) &&
@@ -90,7 +90,8 @@ function table() {
     ...kinds.map(([value, text]) => el("option", { value }, text)),
   );
   fill();
-  const heads = [["run"], ...data.parameters.map(name => [name, "number"]), ...data.versions.map(({ title }) => [title])];
+  const head = ([text, kind]) => el("th", { scope: "col", class: kind }, ...breakable(text));
+  const heads = [["run"], ...data.versions.map(({ title }) => [title]), ...data.parameters.map(name => [name, "number"])];
   return el(
     "section",
     { class: "panel runs" },
@@ -101,7 +102,7 @@ function table() {
       el(
         "table",
         null,
-        el("thead", null, el("tr", null, ...heads.map(([text, kind]) => el("th", { scope: "col", class: kind }, text)))),
+        el("thead", null, el("tr", null, ...heads.map(head))),
         body,
       ),
     ),

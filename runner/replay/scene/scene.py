@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runner.measures.measure import GREATEST_DECELERATION
-from runner.replay.scene import roads, timeline
+from runner.replay.scene import account as timeline
+from runner.replay.scene import roads
 from runner.replay.scene.account import Stretches, account, main_partner, partners, stretches
 from runner.replay.scene.roads import Area, marks, surfaces
 

@@ -15,7 +15,7 @@ function table() {
     const head = el(
       "th",
       { scope: "col", class: columns.includes(column) ? "number" : null },
-      el("button", { click: () => sort(column) }, column.title),
+      el("button", { click: () => sort(column) }, ...breakable(column.title)),
     );
     return { column, head };
   });

@@ -137,6 +137,7 @@ function change(title, runs, open) {
       ...data.parameters.map(name => el("td", { class: "number" }, String(short(run.parameters[name])))),
       ...least.map(column => el("td", { class: "number" }, was(run, column))),
     );
+  const heading = ([text, kind]) => el("th", { scope: "col", class: kind }, ...breakable(text));
   const body = el("tbody", null, ...runs.slice(0, SHOWN).map(row));
   const all = () => {
     body.append(...runs.slice(SHOWN).map(row));
@@ -152,7 +153,7 @@ function change(title, runs, open) {
       el(
         "table",
         null,
-        el("thead", null, el("tr", null, ...head.map(([text, kind]) => el("th", { scope: "col", class: kind }, text)))),
+        el("thead", null, el("tr", null, ...head.map(heading))),
         body,
       ),
     ),

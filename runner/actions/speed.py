@@ -1,19 +1,18 @@
-"""SpeedProfileAction: a series of speed targets over time."""
+"""SpeedAction, and SpeedProfileAction: a series of speed targets over time."""
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from runner.actions.longitudinal import demanded_speed
 from runner.contracts.element import LONGITUDINAL, PrivateAction
 from runner.contracts.registry import action
 from runner.contracts.run import Running
-from runner.motion.dynamics import FOLLOWING_MODES, read_constraints, tighter
+from runner.motion.dynamics import EPSILON, FOLLOWING_MODES, Shape, TransitionDynamics, read_constraints, tighter
 from runner.participants.declaration import Performance
 from runner.participants.entity import Entity
 from xosc.node import Node
@@ -21,6 +20,154 @@ from xosc.node import Node
 if TYPE_CHECKING:
     from runner.contracts.registry import Context
     from runner.contracts.run import Run
+
+
+RELATIVE: dict[str, Callable[[float, float], float]] = {
+    "delta": lambda speed, value: speed + value,
+    "factor": lambda speed, value: speed * value,
+}
+"""SpeedTargetValueType → the target speed (m/s), from the reference's speed and the value."""
+
+
+@action("SpeedAction")
+@dataclass(frozen=True, slots=True)
+class SpeedAction(PrivateAction):
+    """Brings an entity to a speed, absolute or relative to another entity's.
+
+    A relative target is the reference's speed at the action's start, or, where `continuous`, its speed at any time;
+    the action then never ends by itself. A step is a change of state, which no Performance bounds.
+
+    Where `lasting`, as in scenarios for CARLA, a step in a story keeps the speed over its time or distance, and ends then.
+    """
+
+    domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
+
+    dynamics: TransitionDynamics
+    value: float
+    reference: Entity | None
+    relation: str
+    continuous: bool
+    lasting: bool = False
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> SpeedAction:
+        """Build from a SpeedAction element."""
+        dynamics = TransitionDynamics.from_xml(node.need("SpeedActionDynamics"), context.version)
+        target = node.need("SpeedActionTarget").only()
+        value = target.finite("value")
+        if target.tag == "AbsoluteTargetSpeed":
+            return cls(dynamics, value, None, "", False, context.document.for_carla)
+        relation = target.choice("speedTargetValueType", RELATIVE)
+        return cls(dynamics, value, context.entity(target), relation, target.bool("continuous"), context.document.for_carla)
+
+    def references(self) -> Iterable[Entity]:
+        """The entity whose speed the target is relative to."""
+        return (self.reference,) if self.reference is not None else ()
+
+    def target(self, actor: Entity) -> float:
+        """Target speed now, m/s."""
+        speed = self.value if self.reference is None else RELATIVE[self.relation](self.reference.speed, self.value)
+        limit = math.inf if self.dynamics.strict else actor.declared.performance.max_speed
+        return min(max(speed, -limit), limit)
+
+    def start(self, actor: Entity, run: Run) -> Running | None:
+        """Begin; a change that takes no time is complete at once, unless it never ends."""
+        target = self.target(actor)
+        duration = self.dynamics.speed_duration(actor.speed, target, actor.declared.performance)
+        if duration <= 0.0:
+            set_speed(actor, target, run)
+        if self.continuous:
+            return _Tracking(self, actor, duration)
+        if self.lasting and duration <= 0.0 and not run.initialising:
+            return _Hold(actor, self.dynamics)
+        return _Transition(actor, target, duration, self.dynamics.shape) if duration > 0.0 else None
+
+
+def set_speed(actor: Entity, speed: float, run: Run) -> None:
+    """Have the entity drive at a speed (m/s) from the coming step on; at the start, or when it has just entered, from now on."""
+    actor.controls.target_speed = speed
+    if run.initialising or actor.entered == run.time:
+        actor.speed = speed
+
+
+def demanded_speed(actor: Entity) -> float:
+    """Speed (m/s) requested for the coming step; the driven speed while another controller drives the entity."""
+    controls = actor.controls
+    return actor.speed if controls.driver is not None or controls.world_driven else controls.target_speed
+
+
+class _Transition(Running):
+    """On the way to a target speed along a shape."""
+
+    __slots__ = ("_actor", "_change", "_duration", "_elapsed", "_start", "_target", "_value")
+
+    def __init__(self, actor: Entity, target: float, duration: float, shape: Shape) -> None:
+        self._actor = actor
+        self._start = actor.speed
+        self._target = target
+        self._change = target - actor.speed
+        self._duration = duration
+        self._value = shape.value
+        self._elapsed = 0.0
+
+    def step(self, dt: float) -> bool:
+        """Ask for the profile's speed at the end of the step."""
+        self._elapsed += dt
+        progress = self._elapsed / self._duration
+        if progress >= 1.0 - EPSILON:
+            self._actor.controls.target_speed = self._target
+            return True
+        self._actor.controls.target_speed = self._start + self._change * self._value(progress)
+        return False
+
+
+class _Hold(Running):
+    """Keeping a speed over a time (s) or distance (m)."""
+
+    __slots__ = ("_actor", "_elapsed", "_extent", "_origin", "_over_distance")
+
+    def __init__(self, actor: Entity, dynamics: TransitionDynamics) -> None:
+        self._actor = actor
+        self._extent = dynamics.value
+        self._over_distance = dynamics.dimension == "distance"
+        self._origin = actor.odometer
+        self._elapsed = 0.0
+
+    def step(self, dt: float) -> bool:
+        """Wait."""
+        self._elapsed += dt
+        return (self._actor.odometer - self._origin if self._over_distance else self._elapsed) >= self._extent - EPSILON
+
+
+class _Tracking(Running):
+    """Towards, and then at, a speed that follows another entity's.
+
+    With a rate, the demand moves by at most that rate; with a time or distance, the shape blends into the moving
+    target, which is then kept exactly.
+    """
+
+    __slots__ = ("_action", "_actor", "_duration", "_elapsed", "_start")
+
+    def __init__(self, action: SpeedAction, actor: Entity, duration: float) -> None:
+        self._action = action
+        self._actor = actor
+        self._start = actor.speed
+        self._duration = duration
+        self._elapsed = 0.0
+
+    def step(self, dt: float) -> bool:
+        """Ask for the target's speed as far as it may be reached."""
+        self._elapsed += dt
+        actor, dynamics = self._actor, self._action.dynamics
+        target = self._action.target(actor)
+        if dynamics.dimension == "rate" and dynamics.shape.slope > 0.0:
+            reach = dynamics.value * dt
+            target = min(max(target, actor.speed - reach), actor.speed + reach)
+        elif self._elapsed < self._duration:
+            target = self._start + (target - self._start) * dynamics.shape.value(self._elapsed / self._duration)
+        actor.controls.target_speed = target
+        return False
+
 
 _UNLIMITED = Performance()
 STRETCH, STRETCHES = 1.25, 100

@@ -1,1 +1,0 @@
-"""Surroundings of the entities: weather and time of day, traffic signals."""
