@@ -104,7 +104,8 @@ def public(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
         return getattr(optional(module), own or name)
 
     def __dir__() -> list[str]:
-        special = {name for name in vars(sys.modules[package]) if name.startswith("__")}
-        return sorted({*special, *homes, "__version__"})
+        names = vars(sys.modules[package])
+        special = {name for name in names if name.startswith("__")}
+        return sorted({*special, *names.get("__all__", ()), *homes, "__version__"})
 
     return __getattr__, __dir__
