@@ -77,6 +77,12 @@ class SearchSettings:
         domain: limits of the operational domain as texts (`generation.density.domain`).
         minutes: time after which the search ends, whatever is left of its budget; None for no limit.
         every: runs after which what was found so far is written; None to write once, at the end.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> settings = xt.SearchSettings(run=xt.RunSettings(sut="adas"), budget=100, seed=1)
+        >>> settings.budget, settings.run.sut
+        (100, 'adas')
     """
 
     run: RunSettings = part(RunSettings, "timestep", "sut", "max_time", "world", "road_path", "catalog_path")

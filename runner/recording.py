@@ -84,6 +84,12 @@ class Recording:
         tracks: one for each participant.
         timestep: time between rows, s.
         network: the roads, for looking up road coordinates that the run had no need of.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> recording = xt.run("xosc/library/simple_cut_in.xosc", world="kinematic", max_time=1.0).recording
+        >>> sorted(recording.tracks)
+        ['CutIn', 'Ego']
     """
 
     def __init__(self, tracks: list[Track], timestep: float, network: RoadNetwork | None) -> None:

@@ -55,6 +55,12 @@ class RunSettings:
 
     Raises:
         UsageError: a value is out of its range, or there is no such world, system under test or limit.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> settings = xt.RunSettings(sut="adas", timestep=0.1, world="kinematic", max_time=1.0)
+        >>> xt.run("xosc/library/simple_cut_in.xosc", settings).end_time
+        1.0
     """
 
     timestep: float = option(0.05, "Time step.", metavar="SECONDS")

@@ -38,6 +38,16 @@ class RoadNetwork:
     Attributes:
         remarks: what was assumed where the file is faulty or asks for something that is not followed.
         signals: by id. Ids are unique in a valid file; where they are not, the first signal is meant.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> network = xt.load_road("xodr/library/highway_straight.xodr")
+        >>> pose = network.pose(network.lane_point("1", -2, 100.0))
+        >>> pose.x, pose.y
+        (100.0, -5.625)
+        >>> point = network.locate(pose.x, pose.y)
+        >>> point.road_id, point.lane_id, point.s
+        ('1', -2, 100.0)
     """
 
     def __init__(

@@ -35,6 +35,12 @@ class Document:
         version: major and minor revision of the standard.
         kind: "scenario", "catalog" or "distribution" (of parameter values).
         remarks: what was assumed to read the file, or to resolve it.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> document = xt.load("xosc/library/simple_cut_in.xosc")
+        >>> [entity.get("name") for entity in document.node.iter("ScenarioObject")]
+        ['Ego', 'CutIn']
     """
 
     path: Path
@@ -62,6 +68,12 @@ def load(path: str | os.PathLike[str], *, strict: bool = False) -> Document:
     Raises:
         InvalidFile: the file can't be read, is not well-formed XML, or is not OpenSCENARIO XML.
         Unsupported: it is of another version.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> document = xt.load("xosc/library/simple_cut_in.xosc")
+        >>> document.kind, document.version
+        ('scenario', (1, 3))
     """
     name = os.fspath(path)
     document = _load(name, stamp(name))
@@ -76,6 +88,12 @@ def write(document: Document, path: str | os.PathLike[str]) -> None:
 
     Raises:
         UsageError: the file can't be written.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> xt.write(xt.load("xosc/library/simple_cut_in.xosc"), "copy.xosc")
+        >>> xt.load("copy.xosc").kind
+        'scenario'
     """
     with writing("the file", Path(path)), drafted(Path(path)) as draft:
         draft.write_bytes(to_bytes(document))

@@ -94,6 +94,12 @@ def resolve(
         UsageError: a given parameter does not exist or is not of its type; the document is no scenario.
         InvalidFile: an unknown parameter or malformed expression is used, a constraint is violated, or a catalogue
             reference leads nowhere, to several entries, or round in a circle.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> scenario = xt.resolve(xt.load("xosc/library/simple_cut_in.xosc"), {"CutIn_Gap_m": 12})
+        >>> scenario.parameters["CutIn_Gap_m"].value, scenario.logic_file.name
+        (12.0, 'highway_straight.xodr')
     """
     if document.kind != "scenario":
         raise UsageError(f"this is a {document.kind}, a scenario is expected", path=document.path)

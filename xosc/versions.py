@@ -40,6 +40,11 @@ def convert(document: Document, to: Version) -> Document:
         Unsupported: the document says something that the target version cannot say, named with file and line.
         InvalidFile: the document breaks the schema of its own version.
         UsageError: there is no such version, or no XSD for it is at hand.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> xt.convert(xt.load("xosc/library/simple_cut_in.xosc"), (1, 2)).version
+        (1, 2)
     """
     if to not in VERSIONS:
         known = ", ".join(".".join(map(str, version)) for version in VERSIONS)

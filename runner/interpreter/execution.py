@@ -84,6 +84,14 @@ class Session:
         UsageError: a setting or parameter is wrong, or parameters are given for a prepared scenario.
         InvalidFile: a file is missing, malformed or breaks its standard.
         Unsupported: the scenario asks for something that the runner does not do.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> with xt.Session("xosc/library/simple_cut_in.xosc", world="kinematic") as session:
+        ...     before = session.observation.ego.speed
+        ...     more = session.step(xt.Control(acceleration=-2.0))
+        ...     round(session.observation.ego.speed - before, 3)
+        -0.1
     """
 
     def __init__(
@@ -302,6 +310,12 @@ def run(
         UsageError: a setting or parameter is wrong.
         InvalidFile: a file is missing, malformed or breaks its standard.
         Unsupported: the scenario asks for something that the runner does not do.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> result = xt.run("xosc/library/simple_cut_in.xosc", parameters={"CutIn_Gap_m": 12}, sut="adas", world="kinematic")
+        >>> result.status, result.verdict.outcome
+        ('completed', 'passed')
     """
     chosen = replace(settings or RunSettings(), **changes)
     return prepare(scenario, parameters, chosen).run(chosen, progress=progress)
@@ -325,6 +339,12 @@ class Prepared(Compiled):
     Args:
         scenario: what the file was compiled to.
         parameters: the values that it was given.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> prepared = xt.prepare("xosc/library/simple_cut_in.xosc")
+        >>> [prepared.run(sut=sut, world="kinematic", max_time=1.0).sut for sut in ("cas", None)]
+        ['cas', 'none']
     """
 
     def rehearse(self, settings: RunSettings | None = None) -> Rehearsed:
@@ -363,6 +383,12 @@ def prepare(
     """Load, resolve and compile a scenario file; arguments and errors as in `run`.
 
     Of the settings those count that say how files are read.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> prepared = xt.prepare("xosc/library/simple_cut_in.xosc", {"CutIn_Gap_m": 12})
+        >>> prepared.parameters
+        {'CutIn_Gap_m': 12}
     """
     compiled = compile_file(scenario, parameters, replace(settings or RunSettings(), **changes))
     return Prepared(compiled.scenario, compiled.parameters)

@@ -92,6 +92,14 @@ class RunResult:
         name: its name among other runs; where it has none, the scenario file's.
         sut_parameters: parameters of that system, by name.
         actors: names of the actors of each maneuver group, by its path in the event log.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> result = xt.run("xosc/library/simple_cut_in.xosc", world="kinematic", max_time=1.0)
+        >>> result.verdict.outcome, result.end_time
+        ('inconclusive', 1.0)
+        >>> result.trajectories.column_names[:5]
+        ['time', 'entity', 'x', 'y', 'z']
     """
 
     scenario: Path

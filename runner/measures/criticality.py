@@ -121,6 +121,13 @@ class Criticality:
         violation: by RSS parameter set, mask of ego and another entity closer than safe in both directions.
         margin: by RSS parameter set, the least `rss_margin` (m) to anyone.
         active: instants that count for the shares: another entity exists, and no collision has happened before.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> result = xt.run("xosc/library/simple_cut_in.xosc", world="kinematic", max_time=1.0)
+        >>> least = result.criticality.summary["min_distance"]
+        >>> least["other"], round(least["value"], 1)
+        ('CutIn', 40.2)
     """
 
     time: FloatArray

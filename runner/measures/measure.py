@@ -120,7 +120,14 @@ def register(each: RunMeasure) -> None:
 
 @cache
 def measures() -> dict[str, RunMeasure]:
-    """All measures by name, in the order of their families and of their places in these."""
+    """All measures by name, in the order of their families and of their places in these.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> measure = xt.measures()["min_ttc"]
+        >>> measure.label, measure.unit
+        ('Least time to collision', 's')
+    """
     load("runner.measures.kinds")
     return dict(sorted(_registered.items(), key=lambda each: type(each[1]).__module__))  # whichever was imported first
 

@@ -55,6 +55,15 @@ def show(folder: str | PathLike[str]) -> RunResult | BatchView:
     Raises:
         UsageError: the folder is not that of a run or a batch.
         InvalidFile: a file in it is damaged.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import xosc_toolchain as xt
+        >>> from runner.outputs.folder import write_run
+        >>> result = xt.run("xosc/library/simple_cut_in.xosc", world="kinematic", max_time=1.0)
+        >>> written = write_run(result, Path("run"))
+        >>> xt.show("run").end_time
+        1.0
     """
     found = Path(folder)
     return BatchView(found) if journal.is_batch(found) else load_run(found)

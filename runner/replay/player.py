@@ -49,5 +49,14 @@ def kept_replay(name: str, out: Path | None) -> Path:
 
 
 def write_replay(results: Sequence[RunResult], path: Path, report: str | None = None) -> None:
-    """Write the page of one run, or of two side by side; arguments as in `replay_page`."""
+    """Write the page of one run, or of two side by side; arguments as in `replay_page`.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import xosc_toolchain as xt
+        >>> result = xt.run("xosc/library/simple_cut_in.xosc", world="kinematic", max_time=1.0)
+        >>> xt.replay([result], Path("replay.html"))
+        >>> Path("replay.html").is_file()
+        True
+    """
     write_page(path, replay_page(results, report))

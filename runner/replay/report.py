@@ -60,6 +60,18 @@ def write_report(out: Path, against: Path | None = None) -> Path:
     Raises:
         UsageError: a folder is not that of a batch.
         InvalidFile: a table of runs is damaged.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import xosc_toolchain as xt
+        >>> from runner.batch.batch import run_batch
+        >>> from runner.batch.jobs import jobs_of
+        >>> jobs = jobs_of([Path("xosc/library/simple_cut_in.xosc")], {}, enforce_constraints=True)
+        >>> settings = xt.RunSettings(world="kinematic", max_time=1.0)
+        >>> [outcome.state for outcome in run_batch(jobs, settings, out=Path("batch"))]
+        ['inconclusive']
+        >>> xt.report(Path("batch")).name
+        'report.html'
     """
     path = out / REPORT
     values = report(out) if against is None else _with_earlier(report(out), out, against)

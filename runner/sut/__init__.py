@@ -40,6 +40,11 @@ def load_system(name: str | System | None) -> System | None:
 
     Raises:
         UsageError: no such system, with those that there are; or it can't be built.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> type(xt.load_system("cas")).__name__
+        'CollisionAvoidance'
     """
     if not isinstance(name, str | None):
         return name
@@ -116,7 +121,13 @@ def _own() -> dict[str, EntryPoint]:
 
 
 def systems() -> dict[str, str]:
-    """Every name that `--sut` takes, with a line about it."""
+    """Every name that `--sut` takes, with a line about it.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> xt.systems()["none"]
+        'no system: the scripted motion'
+    """
     ours = {name: line for found in described("runner.sut", "SYSTEMS").values() for name, (_, line) in found.items()}
     others = {name: f"of {entry.value.partition(':')[0]}, installed by pip" for name, entry in _installed().items()}
     found = {**others, **ours, "none": "no system: the scripted motion"}

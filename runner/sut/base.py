@@ -53,6 +53,13 @@ class Participant(NamedTuple):
         mass: kg (0 where it is not known).
         lights: state of each light that a LightStateAction has switched.
         overrides: controller inputs that OverrideControllerValueAction holds.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> with xt.Session("xosc/library/simple_cut_in.xosc", world="kinematic") as session:
+        ...     ego = session.observation.ego
+        ...     ego.name, ego.kind, ego.category, round(ego.speed, 1)
+        ('Ego', 'vehicle', 'car', 27.8)
     """
 
     name: str
@@ -104,6 +111,13 @@ class Observation(NamedTuple):
         network: the roads, or None.
         environment: what EnvironmentActions have set (weather, time of day, road condition).
         stop_line: where a traffic signal, by the semantics of its phase, forbids to go on; None without one.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> with xt.Session("xosc/library/simple_cut_in.xosc", world="kinematic") as session:
+        ...     observation = session.observation
+        ...     observation.time, observation.ego.name, [other.name for other in observation.others]
+        (0.0, 'Ego', ['CutIn'])
     """
 
     time: float
@@ -123,6 +137,11 @@ class Control:
         acceleration: along the heading, m/s².
         steering: angle of the front wheels, rad, positive to the left (kinematic bicycle).
         reason: why, for the event log, where the system intervenes.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> xt.Control(acceleration=-4.0, reason="a pedestrian is near").acceleration
+        -4.0
     """
 
     acceleration: float | None = None
@@ -142,6 +161,11 @@ class Pose:
         h: heading, mathematical, rad.
         speed: along the heading, signed, m/s; None for that of the displacement.
         reason: why, for the event log, where the system intervenes.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> xt.Pose(x=10.0, y=0.0, h=0.0, speed=12.0).speed
+        12.0
     """
 
     x: float
@@ -155,6 +179,18 @@ class SystemUnderTest(Protocol):
     """A driver or driver assistance system: `control` is called once a step.
 
     One that holds something, as a connection, may have a method `close()`, which is called after the run.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> class Brakes:
+        ...     def reset(self, ego, timestep, seed):
+        ...         pass
+        ...
+        ...     def control(self, observation, dt):
+        ...         return xt.Control(acceleration=-3.0)
+        >>> result = xt.run("xosc/library/simple_cut_in.xosc", sut=Brakes(), world="kinematic", max_time=1.0)
+        >>> [round(row["speed"], 1) for row in result.trajectories.to_pylist() if row["entity"] == "Ego"][-1]
+        24.8
     """
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:

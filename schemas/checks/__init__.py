@@ -19,6 +19,12 @@ class Problem:
         path: the file.
         line: 1-based line of the element, where there is one.
         element: path of the element in the document, like /OpenSCENARIO/Storyboard/Story[2].
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> problem = xt.check("missing.xosc")[0]
+        >>> problem.level, problem.path, problem.message
+        ('error', 'missing.xosc', 'no such file')
     """
 
     rule: str

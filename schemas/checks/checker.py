@@ -32,6 +32,11 @@ def check(path: str | PathLike[str], catalog_path: Folders = (), road_path: Fold
 
     Raises:
         UsageError: XOSC_SCHEMA_DIR names no folder, or an XSD in it cannot be used.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> xt.check("xosc/library/simple_cut_in.xosc")
+        []
     """
     path = Path(path)
     if path.suffix.lower() in SUFFIXES:
@@ -53,7 +58,15 @@ def check(path: str | PathLike[str], catalog_path: Folders = (), road_path: Fold
 def check_many(
     paths: Iterable[str | PathLike[str]], catalog_path: Folders = (), road_path: Folders = ()
 ) -> Iterator[tuple[Path, list[Problem]]]:
-    """Each file with its problems, as they are checked; arguments as for `check`."""
+    """Each file with its problems, as they are checked; arguments as for `check`.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> for path, problems in xt.check_many(["xosc/library/simple_cut_in.xosc", "xodr/library/roundabout.xodr"]):
+        ...     print(path.name, len(problems))
+        simple_cut_in.xosc 0
+        roundabout.xodr 0
+    """
     for path in map(Path, paths):
         try:
             with limited():

@@ -74,6 +74,14 @@ class ToolchainError(Exception):
         path: the file concerned, where there is one.
         line: 1-based line in that file.
         element: name or path of the XML element concerned, as in the file.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> try:
+        ...     xt.load("missing.xosc")
+        ... except xt.ToolchainError as error:
+        ...     print(error, int(error.exit_code))
+        missing.xosc: no such file 3
     """
 
     exit_code = ExitCode.INTERNAL

@@ -166,6 +166,11 @@ def straight_highway(
         lane_width, shoulder, median, length: in m.
         speed_limit: in m/s.
         rule: RHT or LHT.
+
+    Example:
+        >>> from xodr.builders import straight_highway
+        >>> straight_highway(lanes=2, length=500.0).write("highway.xodr").name
+        'highway.xodr'
     """
     require("lanes", lanes, 1)
     require("opposite_lanes", opposite_lanes, 0)

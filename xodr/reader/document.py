@@ -43,6 +43,12 @@ def load(path: str | PathLike[str], *, strict: bool = False) -> RoadNetwork:
     Raises:
         InvalidFile: missing, malformed, or not OpenDRIVE; names file, line and element.
         Unsupported: valid, but uses something that is not supported.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> network = xt.load_road("xodr/library/highway_straight.xodr")
+        >>> sorted(network.roads), network.roads["1"].length
+        (['1'], 2000.0)
     """
     return _load(Path(path), stamp(path), strict)
 

@@ -203,6 +203,15 @@ def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -
         InvalidFile: a file is malformed, the scenario does not declare a distribution's parameter, or, while iterating,
             a value is not of its parameter's type or practically nothing in the space keeps the constraints.
         Unsupported: a user-defined distribution has no plug-in.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> found = list(xt.variations("xosc/library/simple_cut_in_variation.xosc"))
+        >>> len(found)
+        8
+        >>> path, parameters = found[0]
+        >>> path.name, parameters["CutIn_Gap_m"]
+        ('simple_cut_in.xosc', '5')
     """
     return Variations(ParameterSpace(path), enforce_constraints)
 
@@ -213,6 +222,13 @@ def sample(path: str | os.PathLike[str], number: int, seed: float = 0, enforce_c
     Raises:
         UsageError: practically nothing in the space keeps the constraints.
         ToolchainError: see `variations`.
+
+    Example:
+        >>> import xosc
+        >>> for path, parameters in xosc.sample("xosc/library/simple_cut_in_variation.xosc", 2, seed=1):
+        ...     print(path.name, parameters["CutIn_Gap_m"])
+        simple_cut_in.xosc 15
+        simple_cut_in.xosc 5
     """
     if not math.isfinite(seed):
         raise UsageError(f"the seed must be a finite number, not {seed}")
