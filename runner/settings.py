@@ -50,7 +50,7 @@ class RunSettings:
         strict: refuse files that break their standard, where they are otherwise repaired with a remark.
         road: for scenarios that name no road network, or one that is missing: an OpenDRIVE file, or `auto` for straight roads
             with the lanes and lengths that the positions use; None refuses them where they need a road.
-        road_path: folders in which road networks are looked for that are not where the scenario says (see `xosc.roads`).
+        road_path: folders in which road networks are looked for that are not where the scenario says (see `xosc.road_files`).
         catalog_path: folders in which directories of catalogues are, likewise (see `schemas.catalogs.locate`).
 
     Raises:

@@ -1,10 +1,13 @@
-"""The rooms of the house: imports go down the floors and never in circles, products know no study, no folder is a heap."""
+"""The rooms of the house: imports go down the floors and never in circles, products know no study, files are subjects."""
 
 from __future__ import annotations
 
 import ast
+from collections import Counter
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from statistics import median
 
 import pytest
 
@@ -13,6 +16,22 @@ FLOORS = {"schemas": 0, "xosc": 1, "xodr": 1, "runner": 2, "recognition": 3, "ge
 """The packages; one imports those of lower floors only."""
 MOST_FLAT = 12
 """Modules of a package's top folder."""
+MOST_FILES = 440
+"""Product files; the aim is 400"""
+MEDIAN = (120, 250)
+"""Lines of the median product file"""
+FRAGMENT = 60
+"""Lines below which a file with a single importer belongs into that"""
+KEPT_FRAGMENTS = {
+    "runner.traces.result": "a result made of a trace, beside the reading of traces, which needs no runner",
+}
+"""Fragments with a single importer, each with the reason"""
+MOST_OF_A_NAME = 4
+"""Modules of one name"""
+ENTRY_POINTS = ("__init__", "__main__", "cli")
+"""Names that Python or commands ask for"""
+SAME_NAMES = 101
+"""Names of public classes that several product modules have: none may be added"""
 
 
 @cache
@@ -103,3 +122,48 @@ def test_floors_import_only_lower_floors() -> None:
 def test_no_package_is_a_heap(package: str) -> None:
     flat = sorted(path.stem for path in (ROOT / package).glob("*.py") if path.stem != "__init__")
     assert len(flat) <= MOST_FLAT, flat
+
+
+def product_files() -> dict[str, Path]:
+    """The files of the product by module name."""
+    modules = [name for name in imports() if not name.startswith("studies")]
+    files = {name: ROOT / name.replace(".", "/") for name in modules}
+    return {name: file if (file := path.with_suffix(".py")).exists() else path / "__init__.py" for name, path in files.items()}
+
+
+def lines_of(path: Path) -> int:
+    """Number of lines of a file."""
+    return len(path.read_text(encoding="utf-8").splitlines())
+
+
+def test_files_are_subjects() -> None:
+    lines = [lines_of(path) for path in product_files().values()]
+    assert len(lines) <= MOST_FILES
+    assert MEDIAN[0] <= median(lines) <= MEDIAN[1]
+
+
+def fragments() -> Iterator[str]:
+    """Modules that are short and that a single other one imports."""
+    importers = Counter(other for others in imports().values() for other in others)
+    for name, path in product_files().items():
+        if path.stem not in ENTRY_POINTS and importers[name] == 1 and lines_of(path) < FRAGMENT:
+            yield name
+
+
+def test_no_fragment_has_a_file_of_its_own() -> None:
+    assert set(fragments()) == KEPT_FRAGMENTS.keys(), "merge it with the module that imports it, or say why not"
+
+
+def test_module_names_say_what_they_are() -> None:
+    names = Counter(path.stem for path in product_files().values())
+    assert {name: count for name, count in names.items() if count > MOST_OF_A_NAME and name not in ENTRY_POINTS} == {}
+
+
+def test_public_classes_get_names_of_their_own() -> None:
+    homes: dict[str, set[str]] = {}
+    for name, path in product_files().items():
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, set()).add(name)
+    shared = sorted(name for name, modules in homes.items() if len(modules) > 1)
+    assert len(shared) <= SAME_NAMES, shared

@@ -104,7 +104,7 @@ def _is_ego_speed(role: Role, roles: Mapping[str, Role]) -> bool:
 
 def _speed_limit(scenario: Path, run: RunSettings) -> float:
     """Greatest speed limit (m/s) of the scenario's roads."""
-    from runner.interpreter.roads import load_roads
+    from runner.interpreter.road_network import load_roads
     from xosc.document import load
     from xosc.resolve import resolve
 

@@ -24,7 +24,7 @@ from xodr.builders import (
     t_junction,
 )
 from xodr.builders.elements import Cubic, Lane, Pose, Road, Section, line
-from xodr.builders.roads import carriageway, closing, constant, linked, opening
+from xodr.builders.roads_and_ramps import carriageway, closing, constant, linked, opening
 
 
 def kerbside(

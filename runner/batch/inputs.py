@@ -24,7 +24,7 @@ from schemas.common.storage import Stamp, digest, read_bytes, stamp
 from schemas.expressions import ExpressionError
 from xosc.node import Node
 from xosc.parameters import Assignment, Scope
-from xosc.roads import find_roads
+from xosc.road_files import find_roads
 
 OURS = ("schemas", "xosc", "xodr", "runner")
 """Packages whose code plays and measures runs"""

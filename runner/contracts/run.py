@@ -11,8 +11,8 @@ from random import Random
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
+    from runner.motion.on_roads import Roads
     from runner.motion.placement import Placement
-    from runner.motion.roads import Roads
     from runner.participants.entity import Entities, Entity
     from runner.spacing.displacement import Displacement
     from runner.surroundings import Environment, TrafficSignals

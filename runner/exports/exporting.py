@@ -65,7 +65,7 @@ def export_documents(
 
 def _export_settings(settings: RunSettings, selection: Selection) -> ExportSettings:
     from runner.exports.geometry import RunnerGeometry
-    from runner.interpreter.roads import roads_for
+    from runner.interpreter.road_network import roads_for
 
     roads: Roads = roads_in(*settings.road_path)
     if settings.road is not None:

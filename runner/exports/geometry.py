@@ -15,8 +15,8 @@ import numpy as np
 from runner.contracts.run import Transition
 from runner.interpreter.compiler import ScenarioContext, compile_scenario
 from runner.interpreter.execution import Prepared
-from runner.interpreter.roads import load_roads
-from runner.motion.roads import Roads
+from runner.interpreter.road_network import load_roads
+from runner.motion.on_roads import Roads
 from runner.motion.routes import AssignedRoute, Route
 from runner.motion.trajectories import Track, Trajectory
 from runner.participants.scenario_objects import read_entities

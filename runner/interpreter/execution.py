@@ -51,7 +51,7 @@ class Compiled:
 def compile_file(scenario: str | PathLike[str], parameters: Mapping[str, Argument] | None, settings: RunSettings) -> Compiled:
     """Load, resolve and compile a scenario file; arguments and errors as in `runner.run`."""
     import xosc
-    from runner.interpreter.roads import load_roads
+    from runner.interpreter.road_network import load_roads
 
     document = xosc.resolve(
         xosc.load(Path(scenario)),

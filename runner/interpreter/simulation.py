@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from runner.contracts.element import LATERAL
 from runner.interpreter.collision import Contacts
 from runner.motion.following import PosedMotion, SteeredMotion
-from runner.motion.roads import Roads
+from runner.motion.on_roads import Roads
 from runner.participants.trailers import disconnect, line_up, tow, train
 from runner.recording import LogEntry, Recorder
 from runner.spacing.displacement import Displacement

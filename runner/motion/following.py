@@ -10,7 +10,7 @@ from runner.motion.paths import Path, approach, nearest, tangent
 from runner.motion.placement import Placement, in_world, pose_of, wrap
 
 if TYPE_CHECKING:
-    from runner.motion.roads import Roads
+    from runner.motion.on_roads import Roads
     from runner.participants.entity import Entity
 
 

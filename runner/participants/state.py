@@ -22,7 +22,7 @@ class EntityState:
     Poses are those of the OpenSCENARIO reference point (vehicles: rear axle centre on the ground), in the world frame of the
     road network: x, y, z in m; h mathematical, pitch, roll in rad. `speed` is signed, along the own heading. Road
     coordinates are those of OpenDRIVE; they are current only while `on_lane` is true (lane motion) and otherwise looked up by
-    `runner.motion.roads.Roads.road_point`.
+    `runner.motion.on_roads.Roads.road_point`.
     """
 
     active: bool = True

@@ -15,7 +15,7 @@ from runner.motion.placement import surface
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from runner.motion.roads import Roads
+    from runner.motion.on_roads import Roads
     from runner.participants.entity import Entity
 
 _STILL = 1e-9

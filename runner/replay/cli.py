@@ -63,7 +63,7 @@ def xosc_replay(
     """Make a page that plays a run, or two side by side; a picture or an animation; of a batch a report, of several a history."""
     from runner.batch import journal
     from runner.outputs.folder import load_run
-    from runner.traces.roads import is_trace, load_trace
+    from runner.traces.maps import is_trace, load_trace
 
     with interruptible(NAME):
         if len(folders) == 1 and journal.is_batch(folders[0]):

@@ -13,8 +13,8 @@ from runner.participants.entity import Entity
 from runner.spacing import distances
 
 if TYPE_CHECKING:
+    from runner.motion.on_roads import Roads
     from runner.motion.placement import Placement
-    from runner.motion.roads import Roads
     from xodr.model import RoadPoint
     from xodr.road import Road
 

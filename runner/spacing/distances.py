@@ -26,9 +26,9 @@ from runner.participants.declaration import BoundingBox
 from runner.participants.entity import Entity
 
 if TYPE_CHECKING:
+    from runner.motion.on_roads import Roads
     from runner.motion.paths import Path
     from runner.motion.placement import Placement
-    from runner.motion.roads import Roads
     from xodr.model import RoadPoint
     from xodr.road import Road
 

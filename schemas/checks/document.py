@@ -12,7 +12,7 @@ from lxml import etree
 
 from schemas import expressions
 from schemas.catalogs import Catalogs, Directory, Entry, Folders, NoEntry, referred
-from schemas.checks import Problem, roads
+from schemas.checks import Problem, road_references
 from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.common.policy import current
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of
@@ -195,7 +195,7 @@ class Document:
 
     def road_file(self, name: str) -> Path | None:
         """The road network that a LogicFile names: where it says, or in the folders that were asked for; None without one."""
-        return self.file(name) if self.has_file(name) else roads.asked_for(self.file(name).name, self.road_path)
+        return self.file(name) if self.has_file(name) else road_references.asked_for(self.file(name).name, self.road_path)
 
     @cached_property
     def catalogs(self) -> Catalogs:
@@ -236,14 +236,14 @@ class Document:
         return self._sources[entry.path]
 
     @cached_property
-    def road_network(self) -> roads.Roads | None:
+    def road_network(self) -> road_references.Roads | None:
         """The roads of the LogicFile, where there is one that can be read."""
         for element in self.elements("LogicFile"):
             name = self.value(element, "filepath")
             path = self.road_file(name) if name else None
             if path is not None:
                 try:
-                    return roads.read(path)
+                    return road_references.read(path)
                 except InvalidFile:
                     return None
         return None

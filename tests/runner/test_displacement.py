@@ -16,8 +16,8 @@ import xodr
 from runner.conditions.comparison import RULES, Comparison
 from runner.conditions.distance import Measure, ReachPositionCondition, RelativeDistanceCondition, Target
 from runner.contracts.element import ByEntityCondition, EntityCondition
+from runner.motion.on_roads import Roads
 from runner.motion.placement import Placement
-from runner.motion.roads import Roads
 from runner.participants.boxes import gap, plane_gap
 from runner.participants.entity import Entities, Entity
 from runner.spacing.displacement import Displacement, Separation

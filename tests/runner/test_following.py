@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from runner.motion.following import PathMotion
+from runner.motion.on_roads import Roads
 from runner.motion.paths import Corner, Polyline
-from runner.motion.roads import Roads
 
 DT = 0.1
 

@@ -21,7 +21,7 @@ from runner.contracts import registry
 from runner.contracts.element import ByEntityCondition, Condition
 from runner.interpreter.simulation import Simulation
 from runner.interpreter.storyboard.triggers import EDGES, TimedCondition, Trigger, Watch
-from runner.motion.roads import Roads
+from runner.motion.on_roads import Roads
 from runner.spacing.displacement import Displacement
 from tests.runner.scene import vehicle
 

@@ -8,12 +8,12 @@ import pytest
 
 import runner
 import xosc
-from runner.interpreter.roads import road_uses
+from runner.interpreter.road_network import road_uses
 from runner.settings import RunSettings
 from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.runner.files import place, scenario, speed_action, story
-from xodr.builders.roads import RoadUse
+from xodr.builders.roads_and_ramps import RoadUse
 
 FAST = RunSettings(sut="none", world="kinematic")
 

@@ -18,8 +18,8 @@ from runner.exports import osi
 from runner.exports.moments import box_centre
 from runner.recording import Track
 from runner.replay import cli
+from runner.traces.maps import road_of
 from runner.traces.reading import read
-from runner.traces.roads import road_of
 from schemas import osi_traces
 from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.osi_traces import Trace

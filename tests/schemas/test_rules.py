@@ -503,11 +503,11 @@ def test_rules_describe_themselves():
 
 
 def test_roads_are_those_below_the_root(tmp_path):
-    from schemas.checks import roads
+    from schemas.checks.road_references import read
     from tests.runner.files import ROADS
 
     text = (ROADS / "straight.xodr").read_text(encoding="utf-8")
     inside = text.replace("<center>", '<center><road id="1"/>')
     assert inside != text
     (tmp_path / "map.xodr").write_text(inside, encoding="utf-8")
-    assert roads.read(tmp_path / "map.xodr").roads["1"].length > 100.0
+    assert read(tmp_path / "map.xodr").roads["1"].length > 100.0

@@ -7,7 +7,7 @@ from lxml import etree
 
 import xodr
 from xodr.builders.elements import Cubic, Lane, Pose, Road, RoadMap, Section, arc
-from xodr.builders.roads import constant, for_traffic
+from xodr.builders.roads_and_ramps import constant, for_traffic
 from xodr.lookup.placing import place
 from xodr.model import PERMANENT, TEMPORARY, RoadPoint
 from xodr.network import RoadNetwork

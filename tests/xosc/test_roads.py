@@ -10,7 +10,7 @@ from lxml import etree
 
 from schemas.common.errors import InvalidFile
 from xosc.node import Node
-from xosc.roads import VARIABLE, find_roads
+from xosc.road_files import VARIABLE, find_roads
 
 
 @pytest.fixture(autouse=True)

@@ -8,7 +8,7 @@ The same arguments give the same bytes.
 
 from xodr.builders.elements import RoadMap
 from xodr.builders.intersections import four_way_intersection, roundabout, t_junction
-from xodr.builders.roads import narrow_road, off_ramp, on_ramp, sharp_curve, straight_highway
+from xodr.builders.roads_and_ramps import narrow_road, off_ramp, on_ramp, sharp_curve, straight_highway
 
 __all__ = [
     "RoadMap",

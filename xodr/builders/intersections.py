@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from xodr.builders.elements import Connection, Controller, Junction, Link, Pose, Road, RoadId, RoadMap, Section, Signal, arc, line
-from xodr.builders.roads import carriageway, connecting_road, for_traffic, require, two_way
+from xodr.builders.roads_and_ramps import carriageway, connecting_road, for_traffic, require, two_way
 
 JUNCTION = 100
 EAST, NORTH, WEST, SOUTH = 1, 2, 3, 4

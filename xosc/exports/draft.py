@@ -18,7 +18,7 @@ from xosc.distributions.space import Selection
 from xosc.document import Document
 from xosc.exports.starts import Geometry
 from xosc.node import Node
-from xosc.roads import RoadFile, find_roads, logic_file
+from xosc.road_files import RoadFile, find_roads, logic_file
 
 # the folder: nothing outside it, nothing overwritten unless asked to, one name for one source ----
 
@@ -93,7 +93,7 @@ class Folder:
 
 
 Roads = Callable[[Node], RoadFile | None]
-"""The road network of a scenario, by its root; None where it has none; errors as in `xosc.roads.find_roads`."""
+"""The road network of a scenario, by its root; None where it has none; errors as in `xosc.road_files.find_roads`."""
 
 
 def roads_in(*folders: str | PathLike[str]) -> Roads:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load, to_bytes
-from xosc.exports.conversion import in_version
+from xosc.exports.concrete import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.omissions import Rule, refuse, remarks
 from xosc.exports.references import catalog_name

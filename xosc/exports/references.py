@@ -23,7 +23,7 @@ from schemas.xml import local_name, parse_bytes, repaired
 from xosc.document import Document, load
 from xosc.exports.draft import Draft, Folder
 from xosc.node import Node
-from xosc.roads import RULE, logic_file
+from xosc.road_files import RULE, logic_file
 
 ROADS, MODELS, CATALOGS = "roads", "models", "catalogs"
 """Folders of the output."""

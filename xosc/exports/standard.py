@@ -12,8 +12,7 @@ from pathlib import Path
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
-from xosc.exports.concrete import concrete, concrete_scenarios, copied
-from xosc.exports.conversion import in_version
+from xosc.exports.concrete import concrete, concrete_scenarios, copied, in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.references import catalog_name, take_catalogs, take_roads
 from xosc.exports.shapes import earlier, first_distances, in_world, polylines, to_init

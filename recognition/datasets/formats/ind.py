@@ -27,7 +27,7 @@ from recognition.datasets.companions import (
     other_sizes,
     recording_of,
 )
-from recognition.datasets.roads import converted
+from recognition.datasets.road_sources import converted
 from recognition.datasets.rows import Clock, columns_of, cut, in_order
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, Source, participant

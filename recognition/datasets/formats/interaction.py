@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from recognition.datasets.companions import categories, changes, check_sizes
-from recognition.datasets.roads import converted
+from recognition.datasets.road_sources import converted
 from recognition.datasets.rows import Clock, Columns, Rows, believable, columns_of, cut, facing, heading_of_motion, in_order, rate
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant

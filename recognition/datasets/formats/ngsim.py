@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from recognition.datasets.companions import changes, check_sizes
-from recognition.datasets.roads import keep_road, straight_road
+from recognition.datasets.road_sources import keep_road, straight_road
 from recognition.datasets.rows import Clock, Columns, Rows, columns_of, crowded, cut, heading_of_motion, in_order, rate
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant

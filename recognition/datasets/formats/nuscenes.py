@@ -21,7 +21,7 @@ import numpy as np
 
 from recognition.datasets.companions import check_sizes
 from recognition.datasets.records import named, read_records, records, value
-from recognition.datasets.roads import drawn
+from recognition.datasets.road_sources import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant

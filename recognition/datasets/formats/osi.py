@@ -12,9 +12,9 @@ import numpy as np
 
 from recognition.datasets.source import Exclusion, Gap, Report, SiteRoad, Source
 from runner.recording import Recording, Track
+from runner.traces.maps import road_of
 from runner.traces.reading import TraceRecording
 from runner.traces.reading import read as read_trace
-from runner.traces.roads import road_of
 from schemas.common.errors import UsageError
 from schemas.osi_traces import SUFFIXES
 

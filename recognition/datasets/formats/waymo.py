@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from recognition.datasets.records import points, records, value
-from recognition.datasets.roads import drawn
+from recognition.datasets.road_sources import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Exclusion, LightStates, Participant, Report, SiteRoad, Source, participant

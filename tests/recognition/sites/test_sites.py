@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import recognition.datasets as datasets
-from recognition.datasets.roads import straight_road
+from recognition.datasets.road_sources import straight_road
 from recognition.sites import Role, site_of
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, UsageError

@@ -13,8 +13,7 @@ from xosc.carla import is_for_carla
 from xosc.document import Document, load, to_bytes
 from xosc.exports.carla.changes import IGNORED, REFUSED, change, change_lanes, need_entities, need_map, settle
 from xosc.exports.carla.ways import begin, kept_distances, no_delays, profiles, routes, steer, teleports, times, trajectories
-from xosc.exports.concrete import concrete_scenarios
-from xosc.exports.conversion import in_version
+from xosc.exports.concrete import concrete_scenarios, in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.omissions import leave_out, omit, refuse, remarks
 from xosc.exports.references import take_roads

@@ -27,7 +27,7 @@ from xosc.exports.omissions import Rule, leave_out
 from xosc.exports.starts import Geometry, Start, State, actors, beside, target_speed
 from xosc.names import EGO_NAME
 from xosc.node import TO_RIGHT, Node
-from xosc.roads import RoadFile
+from xosc.road_files import RoadFile
 
 # what scenario_runner 0.9.16 stops at, leaves out, reads otherwise or accepts -------------------
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from lxml import etree
 
-from recognition.datasets.roads import keep_road
+from recognition.datasets.road_sources import keep_road
 from recognition.datasets.source import SiteRoad
 from recognition.datasets.table import GREATEST
 from schemas.common.array_types import FloatArray

@@ -15,13 +15,13 @@ from schemas.common.remarks import Remark
 from schemas.common.storage import cache_folder
 from xosc.document import load
 from xosc.resolve import resolve
-from xosc.roads import RULE, RoadFile, find_roads, logic_file
+from xosc.road_files import RULE, RoadFile, find_roads, logic_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from runner.settings import RunSettings
-    from xodr.builders.roads import RoadUse
+    from xodr.builders.roads_and_ramps import RoadUse
     from xodr.network import RoadNetwork
     from xosc.node import Node
     from xosc.resolve import Resolved
@@ -90,7 +90,7 @@ def _given(scenario: Node, logic: Node | None, road: str) -> RoadFile:
 
 def _made(scenario: Node, logic: Node | None) -> RoadFile | None:
     """Roads as the positions of a resolved scenario use them, in a file of the cache folder."""
-    from xodr.builders.roads import assumed_roads  # imported on demand
+    from xodr.builders.roads_and_ramps import assumed_roads  # imported on demand
 
     used = road_uses(scenario)
     if not used:
@@ -121,7 +121,7 @@ def _keep(content: bytes, path: Path) -> None:
 
 def road_uses(scenario: Node) -> list[RoadUse]:
     """The roads that the positions of a resolved scenario name, with the lengths and lanes that they need."""
-    from xodr.builders.roads import RoadUse
+    from xodr.builders.roads_and_ramps import RoadUse
 
     ends: dict[str, float] = defaultdict(float)
     lanes: dict[str, set[int]] = defaultdict(set)

@@ -390,7 +390,7 @@ def load_trace(path: Path, road: Path | None = None) -> RunResult:
     """The recording of an OSI trace, as a run in which nothing was tested.
 
     Args:
-        road: the OpenDRIVE file; by default what the trace has (`runner.traces.roads.road_of`). A trace without one has a plane.
+        road: the OpenDRIVE file; by default what the trace has (`runner.traces.maps.road_of`). A trace without one has a plane.
 
     Raises:
         InvalidFile: the trace is damaged, or its map is no OpenDRIVE.

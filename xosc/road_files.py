@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
-from schemas.checks.roads import VARIABLE, asked_for, candidates, first
+from schemas.checks.road_references import VARIABLE, asked_for, candidates, first
 from schemas.common.policy import current
 from schemas.common.remarks import Remark
 from schemas.common.storage import above, in_any_case, search_path
