@@ -41,12 +41,23 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("minor", [4, 5, 6, 8])
+@pytest.mark.parametrize("minor", [4, 5, 6])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_is_an_error_without_an_xsd(fault: str, minor: int, tmp_path: Path) -> None:
     old, new, message = FAULTS[fault]
     problems = check(write(tmp_path, minor, old, new))
     assert any(message in problem.message for problem in problems if problem.level == "error")
+
+
+@pytest.mark.parametrize("minor", [7, 8, 9])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_an_error_by_the_xsd(fault: str, minor: int, tmp_path: Path) -> None:
+    old, new, _ = FAULTS[fault]
+    before = {
+        problem.message for problem in check(write(tmp_path, minor, "<planView>", "<planView>")) if problem.level == "error"
+    }
+    problems = check(write(tmp_path, minor, old, new))
+    assert {problem.message for problem in problems if problem.level == "error"} - before
 
 
 @pytest.mark.parametrize("content", ["<evil/>", '<header revMajor="1" revMinor="4"/><evil/>'])
