@@ -20,6 +20,12 @@ READERS = sorted(
 FAMILIES = ("action", "condition", "position")
 ATTRIBUTE = {"has", "get", "float", "finite", "int", "bool", "choice", "file"}
 ELEMENT = {"children", "find", "need", "iter"}
+OTHERS = {
+    "runner/participants/scenario_objects.py": {"module"},
+    "xosc/listing/__init__.py": {"duplicates"},
+    "xosc/repairs/attributes.py": {"maxOccurs", "minOccurs", "ref", "use"},
+}
+"""Names that files read of mappings and XSDs: properties of CARLA's controllers, columns of an index, attributes of schemas"""
 
 
 class Standard(NamedTuple):
@@ -49,7 +55,7 @@ def calls(tree: ast.AST) -> Iterator[tuple[ast.Call, str, list[str]]]:
             method = node.func.attr
             arguments = node.args[:1] if method in ATTRIBUTE else node.args if method in ELEMENT else []
             names = [each.value for each in arguments if isinstance(each, ast.Constant) and isinstance(each.value, str)]
-            if names:
+            if names and "{" not in names[0]:  # else a path in the tree of an XSD or a road
                 yield node, method, names
 
 
@@ -71,13 +77,15 @@ def executed(tree: ast.AST) -> Iterator[tuple[list[str], ast.FunctionDef]]:
 @pytest.mark.parametrize("path", READERS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_what_is_read_by_name_is_in_the_standard(path):
     attributes = set().union(*standard().attributes.values())
-    wrong = [
-        f"{path}:{call.lineno}: .{method}({name!r})"
+    unknown = {
+        name: f"{path}:{call.lineno}: .{method}({name!r})"
         for call, method, names in calls(ast.parse(path.read_text(encoding="utf-8")))
         for name in names
         if name not in (attributes if method in ATTRIBUTE else standard().attributes)
-    ]
-    assert wrong == []
+    }
+    others = OTHERS.get(path.relative_to(ROOT).as_posix(), set())
+    assert [where for name, where in unknown.items() if name not in others] == []
+    assert others <= set(unknown)
 
 
 def test_what_executes_an_element_reads_what_the_element_has():

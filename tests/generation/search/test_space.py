@@ -13,6 +13,7 @@ from recognition.maneuvers.parameters import PARAMETERS, Parameter, declared_nam
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from xosc import maneuvers
 from xosc.exports.concrete import copied
+from xosc.maneuvers.entities import rendered
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
 CUT_IN = LIBRARY / "cut_in_highway.xosc"
@@ -25,7 +26,7 @@ def declaring(path: Path, *parameters: object) -> Path:
     assert holder is not None
     for child in list(holder):
         holder.remove(child)
-    holder.extend(maneuvers.base.rendered(each) for each in parameters)
+    holder.extend(rendered(each) for each in parameters)
     xosc.write(document, path)
     return path
 
