@@ -177,11 +177,15 @@ class ScenarioContext:
     # families -------------------------------------------------------------------------------
 
     def actions(self, node: Node) -> list[Action]:
-        """The actions inside an Action, PrivateAction or GlobalAction element; one with nothing inside does nothing."""
+        """The actions inside an Action, PrivateAction or GlobalAction element; one with nothing inside does nothing.
+
+        An Action without a kind does nothing on purpose, in public files too; one that begins a kind is not finished.
+        """
         found: list[Action] = []
         pending = node.children()
         if not pending:
-            self.repair(node, EMPTY_ELEMENTS_UID, f"{_named(node)}: an action is expected inside; without one it does nothing")
+            text = f"{_named(node)}: an action is expected inside; without one it does nothing"
+            self.repair(node, EMPTY_ELEMENTS_UID, text, "" if node.tag == "Action" else "empty")
         for child in pending:
             found += self.actions(child) if child.tag in WRAPPERS else [self._build(registry.action, child)]
         return found

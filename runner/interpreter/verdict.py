@@ -43,7 +43,8 @@ CAUSES: Mapping[str, str] = {
     "misplaced": "a position is beyond the end of its road by more than 10 m: the end was taken",
     "absent": "a participant that the storyboard refers to has no action that places it",
     "no-ego": "the system under test drives no vehicle: the scenario has no ego",
-    "stopped-at-once": "the stop trigger was true at time 0",
+    "empty": "an action of the storyboard is empty: what a participant was to do is not known",
+    "stopped-at-once": "the stop trigger was true at time 0, or the stories ended without an action",
     "no-event": "no event of the storyboard started",
     "unfinished": "a limit of time ended the run while events were waiting, or before the action that the stop trigger waits for",
     "off-road": "the ego left the road, or came to its end, before the first event",
@@ -95,16 +96,24 @@ def of_run(
     awaited = [event for event in _events(sim) if Transition.START not in event.first]
     if awaited and _first_event(sim) == math.inf:
         yield Cause("no-event", f"{awaited[0].where}: no event has started: {_idle(awaited, sim)}")
+    elif sim.step_index and _ended_idle(sim):
+        yield Cause("stopped-at-once", f"the run ended at {sim.time:.2f} s, by the end of all stories: no action started")
     elif _out_of_time(sim):
         yield from (Cause("unfinished", text) for text in (*_left_out(sim), *_endless(sim, ego)))
 
 
 def untested_remarks(sim: Simulation) -> Iterator[str]:
     """A sentence on events that waited when the storyboard ended the run, neither by the time alone nor by a mishap."""
-    trigger = sim.storyboard.stop_trigger
-    mishap = trigger is not None and any(timed.condition.mishap for timed in trigger.fired)
+    mishap = any(timed.condition.mishap for timed in _fired(sim))
     if sim.finished and not mishap and not _out_of_time(sim) and _first_event(sim) < math.inf:
         yield from _left_out(sim)
+
+
+def _ended_idle(sim: Simulation) -> bool:
+    """Whether the stories ended the run, without an event that acts and without the stop trigger of an act."""
+    acts = sim.storyboard.acts
+    acted = any(Transition.START in event.first and not _acts_on_nothing(event) for act in acts for event in act.events)
+    return sim.finished and not _fired(sim) and not acted and not any(Transition.STOP in act.first for act in acts)
 
 
 def _left_out(sim: Simulation) -> Iterator[str]:
@@ -198,11 +207,14 @@ def _is_of_another_variant(condition: Condition, sim: Simulation) -> bool:
 
 def _out_of_time(sim: Simulation) -> bool:
     """Whether a limit of time ended the run: that of the run, or a stop trigger by the simulation time alone."""
+    fired = _fired(sim)
+    return not sim.finished or (bool(fired) and all(isinstance(timed.condition, SimulationTimeCondition) for timed in fired))
+
+
+def _fired(sim: Simulation) -> Sequence[TimedCondition]:
+    """Conditions by which the stop trigger ended the run."""
     trigger = sim.storyboard.stop_trigger
-    if not sim.finished:
-        return True
-    fired = trigger.fired if trigger is not None else ()
-    return bool(fired) and all(isinstance(timed.condition, SimulationTimeCondition) for timed in fired)
+    return trigger.fired if trigger is not None else ()
 
 
 def _first_event(sim: Simulation) -> float:

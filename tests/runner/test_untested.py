@@ -148,6 +148,25 @@ def test_a_scenario_of_initial_actions_alone_is_tested(tmp_path: Path) -> None:
     assert causes(write(tmp_path, stories="")) == []
 
 
+def test_an_action_that_is_begun_and_empty_is_not_tested(tmp_path: Path) -> None:
+    path = write(tmp_path, {speed_action(5): "<PrivateAction/>"})
+    verdict = runner.run(path, KINEMATIC).verdict
+    assert [cause.name for cause in verdict.causes] == ["empty"] and verdict.outcome == "inconclusive"
+    line = line_of(path, "<PrivateAction/>")
+    assert verdict.reasons[0].startswith(f"{path}:{line}: PrivateAction: an action is expected inside")
+    assert causes(write(tmp_path, {speed_action(5): ""})) == []
+
+
+def test_stories_that_end_the_run_without_an_action_are_not_tested(tmp_path: Path) -> None:
+    carla = {'description="test"': 'description="CARLA:test"'}
+    end = re.compile(r"<StopTrigger>.*</StopTrigger>\s*</Storyboard>", re.DOTALL)
+    path = write(tmp_path, carla, stories=story("Lead", [(0.5, "")]))
+    path.write_text(end.sub("<StopTrigger/></Storyboard>", path.read_text(encoding="utf-8")), encoding="utf-8")
+    verdict = runner.run(path, KINEMATIC).verdict
+    assert [cause.name for cause in verdict.causes] == ["stopped-at-once"]
+    assert "the run ended at 0.5" in verdict.reasons[0] and "no action started" in verdict.reasons[0]
+
+
 def test_a_stop_trigger_that_is_true_at_once(tmp_path: Path) -> None:
     assert causes(write(tmp_path, stop=0.0)) == ["stopped-at-once", "no-event"]
     assert causes(write(tmp_path, stories="", stop=0.0)) == ["stopped-at-once"]
