@@ -11,7 +11,6 @@ import ast
 import enum
 import inspect
 import re
-import tomllib
 from collections.abc import Iterable, Iterator
 from functools import cache, cached_property
 from importlib import import_module
@@ -24,6 +23,7 @@ import typer
 from typer.cli import get_docs_for_click
 
 from runner.measures.measure import measures
+from xosc_toolchain.start import MODULES as COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "docs" / "reference"
@@ -86,9 +86,8 @@ STUDIES = ("studies.recognition",)
 
 def apps() -> Iterator[tuple[str, typer.Typer]]:
     """Every command of the distribution, with its app."""
-    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
-    for name, target in scripts.items():
-        yield name, import_module(target.partition(":")[0]).app
+    for name, module in COMMANDS.items():
+        yield name, import_module(module).app
     for package in STUDIES:
         module = import_module(f"{package}.__main__")
         yield module.NAME, module.app

@@ -12,7 +12,7 @@ from typer.core import TyperGroup
 
 from recognition.catalogue.command import NAME, catalogue, label, replay
 from recognition.training.command import train
-from schemas.common import discovery
+from schemas.common import packages
 from schemas.common.command_line import Jobs, Verbose, Version, guarded, interruptible, new_app, protected, say, writable_folder
 from schemas.common.errors import exit_codes
 
@@ -60,7 +60,7 @@ _EPILOG = (
     f"{NAME} PATH... --out DIR is short for {NAME} {_DEFAULT} PATH... --out DIR; a folder with the name of a command is given as "
     f"./NAME, or after {_DEFAULT}. Experiments: python -m studies.recognition. "
 ) + exit_codes("all recordings are in the catalogue", "")
-_FORMATS = ", ".join(discovery.described("recognition.datasets.formats", "TITLE").values())
+_FORMATS = ", ".join(packages.described("recognition.datasets.formats", "TITLE").values())
 _CATALOGUE = f"{cleandoc(catalogue.__doc__ or '')}\n\nFormats of recordings: {_FORMATS}."
 
 

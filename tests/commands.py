@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from importlib import import_module
-from pathlib import Path
 from typing import NamedTuple
 
-SCRIPTS: dict[str, str] = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]["scripts"]
-"""Module and function of each command by its name"""
+from xosc_toolchain.start import MODULES as SCRIPTS
 
 
 class Answer(NamedTuple):
@@ -25,5 +22,5 @@ Command = Callable[..., Answer]
 
 def main(name: str) -> Callable[[], None]:
     """The function that is started as a command."""
-    module, _, function = SCRIPTS[name].partition(":")
-    return getattr(import_module(module), function)
+    function: Callable[[], None] = import_module(SCRIPTS[name]).main
+    return function

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from schemas.common.discovery import SAFE_PATH
+from schemas.common.packages import SAFE_PATH
 from tests.commands import Answer, Command, main
 
 settings.register_profile("suite", derandomize=True, deadline=None)

@@ -11,9 +11,7 @@ loaded when it is first used, so that the import itself takes no time:
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from schemas.common.packages import public
+TYPE_CHECKING = False  # but for type checkers; to import `typing` takes time, in which no signal is answered yet
 
 if TYPE_CHECKING:
     from generation.pipeline import generate as search
@@ -53,45 +51,53 @@ if TYPE_CHECKING:
 
     __version__: str
 else:
-    __getattr__, __dir__ = public(
-        __name__,
-        {
-            "Control": "runner.sut",
-            "Criticality": "runner.measures.criticality",
-            "Document": "xosc",
-            "Observation": "runner.sut",
-            "Participant": "runner.sut",
-            "Pose": "runner.sut",
-            "Prepared": "runner.interpreter.execution",
-            "Problem": "schemas",
-            "RoadNetwork": "xodr",
-            "RunResult": "runner.interpreter.result",
-            "RunSettings": "runner.settings",
-            "SearchSettings": "generation.settings",
-            "Session": "runner.interpreter.execution",
-            "SystemUnderTest": "runner.sut",
-            "TRFE": "recognition.trfe.trfe",
-            "ToolchainError": "schemas.common.errors",
-            "check": "schemas",
-            "check_many": "schemas",
-            "convert": "xosc",
-            "load": "xosc",
-            "load_road": "xodr:load",
-            "load_system": "runner.sut",
-            "measures": "runner.measures.measure",
-            "prepare": "runner.interpreter.execution",
-            "recognise": "recognition.catalogue.pipeline:build",
-            "replay": "runner.replay.player:write_replay",
-            "report": "runner.replay.report:write_report",
-            "resolve": "xosc",
-            "run": "runner.interpreter.execution",
-            "search": "generation.pipeline:generate",
-            "show": "runner.replay.notebook",
-            "systems": "runner.sut",
-            "variations": "xosc",
-            "write": "xosc",
-        },
-    )
+    _HOMES = {
+        "Control": "runner.sut",
+        "Criticality": "runner.measures.criticality",
+        "Document": "xosc",
+        "Observation": "runner.sut",
+        "Participant": "runner.sut",
+        "Pose": "runner.sut",
+        "Prepared": "runner.interpreter.execution",
+        "Problem": "schemas",
+        "RoadNetwork": "xodr",
+        "RunResult": "runner.interpreter.result",
+        "RunSettings": "runner.settings",
+        "SearchSettings": "generation.settings",
+        "Session": "runner.interpreter.execution",
+        "SystemUnderTest": "runner.sut",
+        "TRFE": "recognition.trfe.trfe",
+        "ToolchainError": "schemas.common.errors",
+        "check": "schemas",
+        "check_many": "schemas",
+        "convert": "xosc",
+        "load": "xosc",
+        "load_road": "xodr:load",
+        "load_system": "runner.sut",
+        "measures": "runner.measures.measure",
+        "prepare": "runner.interpreter.execution",
+        "recognise": "recognition.catalogue.pipeline:build",
+        "replay": "runner.replay.player:write_replay",
+        "report": "runner.replay.report:write_report",
+        "resolve": "xosc",
+        "run": "runner.interpreter.execution",
+        "search": "generation.pipeline:generate",
+        "show": "runner.replay.notebook",
+        "systems": "runner.sut",
+        "variations": "xosc",
+        "write": "xosc",
+    }
+
+    def __getattr__(name):
+        from schemas.common.packages import public
+
+        return public(__name__, _HOMES)[0](name)
+
+    def __dir__():
+        from schemas.common.packages import public
+
+        return public(__name__, _HOMES)[1]()
+
 
 __all__ = [
     "TRFE",

@@ -11,19 +11,20 @@ from typer.core import TyperGroup
 
 from schemas.common.command_line import Verbose, Version, guarded, new_app
 from schemas.common.errors import UsageError, exit_codes
+from xosc_toolchain.start import MODULES
 
 NAME = "xosc"
 COMMANDS = {
-    "check": ("schemas.cli", "check files and folders by ASAM's schemas and rules"),
-    "export": ("runner.exports.cli", "export scenarios, or runs of them, for other tools"),
-    "generate": ("generation.cli", "search for plausible parameters at which a system fails"),
-    "list": ("xosc.cli", "list the library by class, road and parameters"),
-    "loop": ("generation.loop.cli", "recognise, search, check and run a folder"),
-    "recognize": ("recognition.cli", "turn recordings into catalogues of scenarios"),
-    "replay": ("runner.replay.cli", "write pages, pictures and reports of results"),
-    "run": ("runner.cli", "run scenarios and variation files on SUMO"),
+    "check": "check files and folders by ASAM's schemas and rules",
+    "export": "export scenarios, or runs of them, for other tools",
+    "generate": "search for plausible parameters at which a system fails",
+    "list": "list the library by class, road and parameters",
+    "loop": "recognise, search, check and run a folder",
+    "recognize": "turn recordings into catalogues of scenarios",
+    "replay": "write pages, pictures and reports of results",
+    "run": "run scenarios and variation files on SUMO",
 }
-"""Module and line of help of each command; `xosc run` is `xosc-run`"""
+"""Line of help of each command; `xosc run` is `xosc-run`"""
 SHELLS = ("bash", "zsh", "fish", "powershell")
 
 
@@ -38,7 +39,7 @@ class _Commands(TyperGroup):
         """A command; its module is imported where more than its name is asked for."""
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
-        command = typer.main.get_command(import_module(COMMANDS[cmd_name][0]).app)
+        command = typer.main.get_command(import_module(MODULES[f"{NAME}-{cmd_name}"]).app)
         command.name = cmd_name
         return command
 
@@ -46,7 +47,7 @@ class _Commands(TyperGroup):
         """Names and lines, without importing anything."""
         own = [(name, command.get_short_help_str(60)) for name, command in self.commands.items()]
         with formatter.section("Commands"):
-            formatter.write_dl([*((name, line) for name, (_, line) in COMMANDS.items()), *own])
+            formatter.write_dl([*COMMANDS.items(), *own])
 
 
 app = new_app(NAME, _Commands)
@@ -84,7 +85,7 @@ def main() -> None:
     if len(sys.argv) > 1 and sys.argv[1] in COMMANDS:
         command = sys.argv.pop(1)
         sys.argv[0] = f"{NAME} {command}"
-        import_module(COMMANDS[command][0]).main()
+        import_module(MODULES[f"{NAME}-{command}"]).main()
     guarded(NAME, app)
 
 

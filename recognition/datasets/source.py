@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from runner.participants.declaration import BoundingBox
 from runner.recording import Recording
-from schemas.common import discovery
+from schemas.common import packages
 from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
 from schemas.common.storage import cache_folder
@@ -317,11 +317,11 @@ def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) ->
 
 def _find(path: Path, roads: Path) -> list[Source]:
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
-    by_content = discovery.described(FORMATS, "BY_CONTENT")
+    by_content = packages.described(FORMATS, "BY_CONTENT")
     formats = [import_module(f"{FORMATS}.{name}") for name in sorted(by_content, key=lambda name: by_content[name])]
     found = _told_apart([source for file in files for source in _sources(file, formats, roads)], path)
     if not found:
-        known = ", ".join(discovery.described(FORMATS, "TITLE").values())
+        known = ", ".join(packages.described(FORMATS, "TITLE").values())
         raise InvalidFile(f"no recording of a known format is here ({known})", path=path)
     for source in found:
         if not source.name.isprintable():

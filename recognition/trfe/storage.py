@@ -192,6 +192,10 @@ def _read_model(path: Path) -> tuple[Config, tuple[float, float] | None, Arrays]
     return config, unseen, arrays
 
 
+_LARGEST = 1e9
+"""Largest number that a setting has: seeds and counts are below it"""
+
+
 def _settings(kind: type, values: dict[str, Any]) -> Any:
     """A dataclass of settings from JSON, each of the type that it is declared with."""
     types = get_type_hints(kind)
@@ -204,6 +208,8 @@ def _setting(name: str, kind: Any, value: Any) -> Any:
     if is_dataclass(kind) and isinstance(kind, type):
         return _settings(kind, value)
     allowed = get_args(kind) if get_origin(kind) is Literal else ()
+    if isinstance(value, int | float) and not abs(value) <= _LARGEST:
+        raise ValueError(f"its setting {name} is not a number up to {_LARGEST:g}")
     if value in allowed or (not allowed and type(value) in (get_args(kind) or (kind,))):
         return value
     raise ValueError(f"its setting {name} can't be {value!r}")

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from schemas.common import discovery
+from schemas.common import packages
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Registry:
     def load(self) -> None:
         """Import the family's modules, so that the tables are complete."""
         if not self._loaded:
-            discovery.load(self._package)
+            packages.load(self._package)
             self._loaded = True
 
     def find(self, node: Node, parent: str | None = None) -> type[FromXml]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
-from schemas.common.discovery import load
+from schemas.common.packages import load
 from xosc.carla import CRITERION_PREFIX, is_criterion
 
 if TYPE_CHECKING:

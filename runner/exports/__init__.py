@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from schemas.common.discovery import described
+from schemas.common.packages import described
 
 
 class Target(NamedTuple):

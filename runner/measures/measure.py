@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
-from schemas.common.discovery import load
 from schemas.common.errors import UsageError
+from schemas.common.packages import load
 
 if TYPE_CHECKING:
     import numpy as np

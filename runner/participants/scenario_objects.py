@@ -125,6 +125,10 @@ def _couple(node: Node, tractor: Entity, trailer: Entity, context: Context) -> N
     context.declared.couple(tractor, trailer)
 
 
+_LARGEST_BOX = 1e6
+"""Largest size of a box and offset of its centre (m); beyond it sums of coordinates overflow or lose their decimals"""
+
+
 def _read_box(node: Node) -> BoundingBox:
     box = node.find("BoundingBox")
     if box is None:
@@ -133,7 +137,10 @@ def _read_box(node: Node) -> BoundingBox:
     dimensions = [size.finite(name) for name in ("length", "width", "height")]
     if min(dimensions) < 0.0:
         raise size.invalid("a bounding box must not have negative dimensions")
-    return BoundingBox(centre.finite("x"), centre.finite("y"), centre.finite("z"), *dimensions)
+    offsets = [centre.finite(name) for name in ("x", "y", "z")]
+    if max(*dimensions, *map(abs, offsets)) > _LARGEST_BOX:
+        raise size.invalid(f"a bounding box must lie within {_LARGEST_BOX:g} m of the object's origin")
+    return BoundingBox(*offsets, *dimensions)
 
 
 def _read_performance(node: Node | None) -> Performance:

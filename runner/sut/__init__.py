@@ -9,9 +9,8 @@ from functools import cache, partial
 from importlib.metadata import EntryPoint
 
 from runner.sut.base import Control, Observation, Participant, Pose, SystemUnderTest, WorldDriven, arguments, split
-from schemas.common.discovery import described, from_working_folder, installed
 from schemas.common.errors import ToolchainError, UsageError, blame
-from schemas.common.packages import missing
+from schemas.common.packages import described, from_working_folder, installed, missing
 from schemas.common.policy import current
 
 __all__ = [

@@ -17,7 +17,7 @@ from lxml import etree
 
 from schemas.checks import Problem
 from schemas.checks.document import Document
-from schemas.common import discovery
+from schemas.common import packages
 from schemas.common.errors import nearest
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType
 
@@ -111,7 +111,7 @@ def all_rules() -> tuple[Rule, ...]:
     """Every rule, preconditions first, then by uid."""
     import_module("schemas.checks.structure")
     for package in _PACKAGES:
-        discovery.load(package)
+        packages.load(package)
     return tuple(sorted(_rules.values(), key=lambda each: (not each.precondition, each.uid)))
 
 

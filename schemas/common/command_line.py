@@ -21,10 +21,9 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.models import OptionInfo
 
-from schemas.common.discovery import leave_working_folder_out
 from schemas.common.errors import ToolchainError, UsageError, describe
 from schemas.common.options import CATALOG_PATH, ROAD_PATH, resign, sections
-from schemas.common.packages import missing, version
+from schemas.common.packages import leave_working_folder_out, missing, version
 from schemas.common.policy import UNTRUSTED, Policy, in_force, of_command
 from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
 from schemas.common.text import of_service, one_line
@@ -262,7 +261,7 @@ def _listen() -> None:
         raise Ended(number)
 
     for number in numbers:
-        if threading.current_thread() is threading.main_thread() and signal.getsignal(number) == signal.SIG_DFL:
+        if threading.current_thread() is threading.main_thread() and signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, end)
 
 
@@ -294,6 +293,10 @@ def guarded(name: str, app: Callable[[], object], extra: str | None = None, trac
             sys.stdout.flush()  # else what can't be written would be a message of the interpreter
     except SystemExit as ending:
         code = PIPE_CLOSED if isinstance(ending.__context__, BrokenPipeError) else ending.code  # typer makes 1 of it
+        cause = getattr(ending.__context__, "__cause__", None)  # typer makes 130 of any interruption
+        code = _interrupted(name, cause) if isinstance(cause, KeyboardInterrupt) else code
+    except KeyboardInterrupt as ending:
+        code = _interrupted(name, ending)
     except BrokenPipeError:
         code = PIPE_CLOSED
     except Exception as raised:
@@ -350,14 +353,18 @@ def deliver(content: str, what: str, output: Path | None) -> None:
 
 @contextmanager
 def interruptible(name: str, hint: str = "") -> Iterator[None]:
-    """End the command in good order when it is interrupted, with a hint what to do then."""
+    """End the command in good order when it is interrupted, with a hint how to continue."""
     try:
         yield
     except KeyboardInterrupt as ending:
-        number = ending.number if isinstance(ending, Ended) else signal.SIGINT
-        with suppress(OSError):
-            print(f"\n{name}: interrupted{hint and f'; {hint}'}", file=sys.stderr)
-        raise typer.Exit(_SIGNALLED + number) from None
+        raise typer.Exit(_interrupted(name, ending, hint)) from None
+
+
+def _interrupted(name: str, ending: KeyboardInterrupt, hint: str = "") -> int:
+    """Say that the command was interrupted; its exit code."""
+    with suppress(OSError):
+        print(f"\n{name}: interrupted{hint and f'; {hint}'}", file=sys.stderr)
+    return _SIGNALLED + (ending.number if isinstance(ending, Ended) else signal.SIGINT)
 
 
 @contextmanager

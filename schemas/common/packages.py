@@ -1,14 +1,55 @@
-"""Packages: public names imported on first use, the version, and libraries that an extra of the package brings."""
+"""Packages: public names imported on first use, libraries of extras, the version; and code that is found by its name: kinds in
+a folder, classes that the user names, plug-ins of installed packages.
+
+Kinds of things (rules, actions, data sets, exports, baselines, …) register themselves by being in a module of a folder. A new
+kind is one new file; no list anywhere names it. A folder of kinds is used in one of two ways:
+
+- **The kinds register something** when they are imported (`@rule(…)`, `@action(…)`). Code that needs all of them calls
+  `load("xosc.rules")` once, before it reads the table that they fill.
+- **A kind is chosen by its name.** Its module holds one function or class with the name that the folder agrees on, and says
+  in a constant what people read of it:
+
+      # runner/exports/osi.py
+      SUMMARY = "ASAM OSI ground-truth traces, .osi and .mcap"
+      def export(result, name, folder): …
+
+  `described("runner.exports", "SUMMARY")` is then `{"osi": "ASAM OSI …", …}` without importing any of them, so that help and
+  errors can list what there is before libraries such as torch are loaded; `import_module(f"runner.exports.{name}")` loads the
+  one that was chosen. A module without the constant is a helper and no kind. Where more is to be known of a kind, the
+  constant is a tuple or dict of literals.
+
+Modules (and packages) come in the order of their names, whatever the file system says; those whose name begins with an
+underscore are helpers too. Source trees, installed wheels and zip files work alike.
+
+Plug-ins are classes as `module:Class`, also in the working folder, and entry points. Folders with scenarios come from anyone, and
+commands are started in them. Python puts the working folder on its path only where it is started as `python -m`; commands take it
+off again. The one way from a file in it to code that runs is a class that the user names: the module is then sought there after
+all that is installed, and so is what modules from there import, whenever they do. Nothing else that is imported (an optional
+library, a module of ours) is sought there.
+"""
 
 from __future__ import annotations
 
+import ast
+import os
+import site
 import sys
-from collections.abc import Callable, Mapping
+import sysconfig
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
-from typing import Any
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import find_spec
+from pathlib import Path
+from pkgutil import iter_modules
+from types import FrameType, ModuleType
+from typing import TYPE_CHECKING, Any
 
 from schemas.common.errors import UsageError
+
+if TYPE_CHECKING:
+    from importlib import metadata
 
 _EXTRAS = {
     "fmpy": "fmi",
@@ -109,3 +150,158 @@ def public(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any]
         return sorted({*special, *names.get("__all__", ()), *homes, "__version__"})
 
     return __getattr__, __dir__
+
+
+# code that is found by its name -------------------------------------------------------------------
+
+
+@cache
+def names(package: str) -> tuple[str, ...]:
+    """Names of a package's modules, sorted, without the package's own; none of them is imported.
+
+    Args:
+        package: its full name; it is imported itself, so its `__init__` is to be light.
+    """
+    found = (module.name for module in iter_modules(import_module(package).__path__))
+    return tuple(sorted(name for name in found if not name.startswith("_")))
+
+
+def load(package: str) -> list[ModuleType]:
+    """Import all modules of a package, in the order of `names`."""
+    return [import_module(f"{package}.{name}") for name in names(package)]
+
+
+@cache
+def described(package: str, constant: str) -> dict[str, Any]:
+    """Return the values of a constant in a package's modules, by module name. No module is imported.
+
+    Args:
+        package: its full name.
+        constant: name that those modules which are kinds assign a literal to; the others are left out.
+
+    Raises:
+        ValueError: a module assigns something else than a literal (numbers, texts, None, and tuples, dicts, … of them).
+    """
+    found = {name: _constant(f"{package}.{name}", constant) for name in names(package)}
+    return {name: ast.literal_eval(value) for name, value in found.items() if value is not None}
+
+
+def _constant(module: str, constant: str) -> ast.expr | None:
+    """The expression that a module assigns to a name at its top level; None where it does not."""
+    spec = find_spec(module)
+    source = spec.loader.get_source(module) if spec and spec.loader and hasattr(spec.loader, "get_source") else None
+    for statement in ast.parse(source or "").body:
+        if isinstance(statement, ast.Assign):
+            targets: list[ast.expr] = statement.targets
+        elif isinstance(statement, ast.AnnAssign):
+            targets = [statement.target]
+        else:
+            continue
+        if any(isinstance(target, ast.Name) and target.id == constant for target in targets):
+            return statement.value
+    return None
+
+
+# the working folder ---------------------------------------------------------------------------
+
+_MACHINERY = ("importlib", "_frozen_importlib")
+SAFE_PATH = "PYTHONSAFEPATH"
+"""Environment variable by which other Pythons that are started leave the working folder off their path."""
+
+
+def leave_working_folder_out() -> None:
+    """Take the working folder off the path where Python put it itself (`python -m`), here and in processes that are started."""
+    os.environ[SAFE_PATH] = "1"
+    if not sys.flags.safe_path and sys.path and _is_working_folder(sys.path[0]):
+        del sys.path[0]
+
+
+def _is_working_folder(entry: str) -> bool:
+    """Whether an entry of the path is the working folder; that of a package's own source (`pip install -e`) comes later."""
+    return os.path.realpath(entry or os.curdir) == os.path.realpath(os.curdir)
+
+
+# classes that the user names ----------------------------------------------------------------------
+
+
+class _WorkingFolder:
+    """Finds modules in a folder, for the import of those that were asked for and for imports by what came from it.
+
+    A meta path finder (`importlib.abc.MetaPathFinder`); the last one, so that what is installed comes first.
+    """
+
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
+        self.wanted = ""
+        self._found: set[str] = set()
+
+    def find_spec(self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """The module of that name in the folder; packages find their own submodules."""
+        if path is not None or not (fullname == self.wanted or _importer(sys._getframe(1)) in self._found):
+            return None
+        found = PathFinder.find_spec(fullname, [self.folder])
+        if found is not None:
+            self._found.add(fullname)
+        return found
+
+
+def _importer(frame: FrameType | None) -> str:
+    """The top-level package of the code that an import is in."""
+    while frame is not None:
+        name = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if name not in _MACHINERY:
+            return name
+        frame = frame.f_back
+    return ""
+
+
+@contextmanager
+def from_working_folder(module: str) -> Iterator[None]:
+    """Around the import of a module that the user has named: it may lie in the working folder.
+
+    What it imports from there itself, then or later, is found too.
+
+    Args:
+        module: its full name.
+    """
+    folder = os.path.realpath(os.curdir)
+    finder = next((each for each in sys.meta_path if isinstance(each, _WorkingFolder) and each.folder == folder), None)
+    if finder is None:
+        finder = _WorkingFolder(folder)
+        sys.meta_path.append(finder)
+    PathFinder.invalidate_caches()
+    before, finder.wanted = finder.wanted, module.partition(".")[0]
+    try:
+        yield
+    finally:
+        finder.wanted = before
+
+
+# entry points --------------------------------------------------------------------------------
+
+
+def installed(group: str) -> dict[str, metadata.EntryPoint]:
+    """The entry points of a group that installed packages have, by name; the first on the path wins.
+
+    Metadata in the working folder, which any repository may hold, is none of an installed package, but where Python keeps
+    installed packages in it.
+    """
+    from importlib import metadata
+
+    found: dict[str, metadata.EntryPoint] = {}
+    for distribution in metadata.distributions(path=_places()):
+        for entry in distribution.entry_points.select(group=group):
+            found.setdefault(entry.name, entry)
+    return found
+
+
+def _places() -> list[str]:
+    """The folders of the path that packages are installed in."""
+    own = {os.path.realpath(sysconfig.get_path(name)) for name in ("purelib", "platlib")}
+    own |= {os.path.realpath(folder) for folder in (*site.getsitepackages(), site.getusersitepackages())}
+    working = Path(os.path.realpath(os.curdir))
+    return [entry for entry in sys.path if os.path.realpath(entry or os.curdir) in own or not _is_in(entry, working)]
+
+
+def _is_in(entry: str, folder: Path) -> bool:
+    return Path(os.path.realpath(entry or os.curdir)).is_relative_to(folder)

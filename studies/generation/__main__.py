@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from schemas.common.command_line import guarded, new_app
-from schemas.common.discovery import load
+from schemas.common.packages import load
 
 NAME = "python -m studies.generation"
 app = new_app()

@@ -13,7 +13,7 @@ import runner.exports
 from runner.exports import TARGETS, find_targets
 from runner.exports.exporting import Exported, export_runs
 from runner.settings import RunSettings
-from schemas.common import discovery
+from schemas.common import packages
 from tests.commands import Command
 from tests.runner.files import HEADER, distribution, place, scenario, speed_action, story
 from xosc.exports import standard
@@ -234,8 +234,8 @@ def test_every_target_is_listed(xosc_export: Command) -> None:
 def test_a_file_in_the_folder_of_exports_is_a_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "plain.py").write_text(PLAIN)
     monkeypatch.setattr(runner.exports, "__path__", [*runner.exports.__path__, str(tmp_path)])
-    discovery.names.cache_clear()
-    discovery.described.cache_clear()
+    packages.names.cache_clear()
+    packages.described.cache_clear()
     targets = find_targets()
     assert targets["plain"] == ("plain", "runner.exports.plain", True, "end time and verdict as text")
     assert targets.keys() - TARGETS.keys() == {"plain"}

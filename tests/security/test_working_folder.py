@@ -15,9 +15,8 @@ import typer
 from generation.logical.library import SCENARIOS
 from runner.batch.pool import connect
 from runner.sut import find_system
-from schemas.common.discovery import installed, leave_working_folder_out
 from schemas.common.errors import UsageError
-from schemas.common.packages import _EXTRAS
+from schemas.common.packages import _EXTRAS, installed, leave_working_folder_out
 from tests.commands import SCRIPTS as COMMANDS
 from tests.commands import Command
 from tests.runner.files import distribution, scenario
@@ -100,7 +99,7 @@ def test_processes_that_are_started_anew_do_not_either(trapped: Path) -> None:
     """Of `xosc-loop`: multiprocessing starts them by `python -c`, which has the working folder on its path."""
     program = trapped.parent / "program.py"
     program.write_text(
-        "from schemas.common.discovery import leave_working_folder_out\n"
+        "from schemas.common.packages import leave_working_folder_out\n"
         "from runner.batch.pool import executor\n"
         "if __name__ == '__main__':\n"
         "    leave_working_folder_out()\n"
@@ -231,7 +230,7 @@ def test_a_class_of_the_working_folder_is_found_by_all_commands_alike(own: str, 
 
 
 def test_no_command_that_takes_a_system_is_left_out() -> None:
-    taking = {name for name, home in COMMANDS.items() if "sut" in parameters(home.partition(":")[0])}
+    taking = {name for name, home in COMMANDS.items() if "sut" in parameters(home)}
     assert taking == {name for name, *_ in CALLS.values()}
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 import xosc_toolchain as xt
 from tests.commands import SCRIPTS, Command
+from xosc_toolchain import start
 from xosc_toolchain.cli import COMMANDS, SHELLS
 
 ROOT = Path(__file__).parents[2]
@@ -41,9 +43,10 @@ def test_modules_of_the_same_names_do_not_matter(tmp_path: Path) -> None:
 
 
 def test_the_umbrella_has_all_commands(command: Command) -> None:
-    assert {f"xosc-{name}": f"{module}:main" for name, (module, _) in COMMANDS.items()} | {
-        "xosc": "xosc_toolchain.cli:main"
-    } == SCRIPTS
+    assert {"xosc", *(f"xosc-{name}" for name in COMMANDS)} == set(SCRIPTS)
+    installed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
+    assert installed == {name: f"xosc_toolchain.start:{name.replace('-', '_')}" for name in SCRIPTS}
+    assert all(getattr(start, name.replace("-", "_")).args == (name,) for name in SCRIPTS)
     answer = command("xosc", "--help")
     assert answer.code == 0
     assert all(f"\n  {name} " in answer.out for name in (*COMMANDS, "completion"))
@@ -74,7 +77,7 @@ def test_an_unknown_shell_is_refused(command: Command) -> None:
 def test_words_are_completed(name: str, words: str, expected: list[str]) -> None:
     variable = f"_{name}_COMPLETE".replace("-", "_").upper()
     environment = {**os.environ, "COMP_WORDS": words, "COMP_CWORD": "1", variable: "complete_bash"}
-    code = f"import sys; sys.argv = [{name!r}]; from {SCRIPTS[name].partition(':')[0]} import main; main()"
+    code = f"import sys; sys.argv = [{name!r}]; from {SCRIPTS[name]} import main; main()"
     found = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True)
     assert found.stdout.split() == expected
 

@@ -12,8 +12,8 @@ from typing import Protocol
 
 from lxml import etree
 
-from schemas.common.discovery import installed
 from schemas.common.errors import Unsupported, UsageError
+from schemas.common.packages import installed
 from schemas.common.policy import current
 from xosc.node import Node
 

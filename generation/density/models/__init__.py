@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from schemas.common.discovery import described
 from schemas.common.errors import UsageError
+from schemas.common.packages import described
 
 if TYPE_CHECKING:
     from generation.density.base import Density

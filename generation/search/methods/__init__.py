@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from schemas.common.discovery import described
 from schemas.common.errors import UsageError
+from schemas.common.packages import described
 
 if TYPE_CHECKING:
     from generation.search.problem import Search

@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from schemas.common.discovery import described
 from schemas.common.errors import UsageError, nearest
+from schemas.common.packages import described
 
 if TYPE_CHECKING:
     from runner.assessment.protocol import Profile

@@ -1,0 +1,58 @@
+"""Entry points of all commands, which answer signals from their first moment on.
+
+Imports take a part of a second, and several on a busy machine; a signal during them ends the command as a later one does: one
+line, and 128 plus its number as exit code. Nothing has been written by then.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from functools import partial
+from importlib import import_module
+
+MODULES = {
+    "xosc": "xosc_toolchain.cli",
+    "xosc-list": "xosc.cli",
+    "xosc-run": "runner.cli",
+    "xosc-replay": "runner.replay.cli",
+    "xosc-check": "schemas.cli",
+    "xosc-recognize": "recognition.cli",
+    "xosc-generate": "generation.cli",
+    "xosc-loop": "generation.loop.cli",
+    "xosc-export": "runner.exports.cli",
+}
+"""The module with the function `main` of each command"""
+_ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
+_SIGNALLED = 128
+_STANDARD_ERROR = 2
+
+
+def start(name: str) -> None:
+    """Import a command and run it."""
+    for number in (getattr(signal, each) for each in _ENDING if hasattr(signal, each)):
+        if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):  # nohup ignores it
+            signal.signal(number, partial(_end, name))
+    main = import_module(MODULES[name]).main
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    main()
+
+
+def _end(name: str, number: int, _frame: object) -> None:
+    """End the process at once: an exception might be caught by a module that is just imported."""
+    try:
+        os.write(_STANDARD_ERROR, f"\n{name}: interrupted\n".encode())
+    finally:  # also where it is closed
+        os._exit(_SIGNALLED + number)
+
+
+xosc = partial(start, "xosc")
+xosc_list = partial(start, "xosc-list")
+xosc_run = partial(start, "xosc-run")
+xosc_replay = partial(start, "xosc-replay")
+xosc_check = partial(start, "xosc-check")
+xosc_recognize = partial(start, "xosc-recognize")
+xosc_generate = partial(start, "xosc-generate")
+xosc_loop = partial(start, "xosc-loop")
+xosc_export = partial(start, "xosc-export")
