@@ -282,7 +282,7 @@ class ReferenceLine:
 
     def element(self, s: float) -> tuple[float, float, Segment]:
         """The element at s (the nearest one outside the line), after the s of its start and of its end."""
-        index = max(bisect_right(self.starts, s) - 1, 0) if self._last else 0
+        index = bisect_right(self.starts, s, 1) - 1 if self._last else 0
         return self.starts[index], self._ends[index], self.segments[index]
 
     def curvature(self, s: float) -> float:

@@ -111,11 +111,19 @@ def _corner_gap(x: float, y: float, c: float, s: float, other: BoundingBox, box:
     length, width = other.length / 2, other.width / 2
     half_length, half_width = box.length / 2, box.width / 2
     ahead_x, ahead_y, aside_x, aside_y = c * length, s * length, -s * width, c * width
+    front_x, front_y, rear_x, rear_y = x + ahead_x, y + ahead_y, x - ahead_x, y - ahead_y
     nearest = math.inf
-    for i, j in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-        dx = max(abs(x + i * ahead_x + j * aside_x) - half_length, 0.0)
-        dy = max(abs(y + i * ahead_y + j * aside_y) - half_width, 0.0)
-        nearest = min(nearest, dx * dx + dy * dy)
+    for corner_x, corner_y in (
+        (front_x + aside_x, front_y + aside_y),
+        (rear_x + aside_x, rear_y + aside_y),
+        (rear_x - aside_x, rear_y - aside_y),
+        (front_x - aside_x, front_y - aside_y),
+    ):
+        dx = (corner_x if corner_x > 0.0 else -corner_x) - half_length
+        dy = (corner_y if corner_y > 0.0 else -corner_y) - half_width
+        squared = (dx * dx if dx > 0.0 else 0.0) + (dy * dy if dy > 0.0 else 0.0)
+        if squared < nearest:
+            nearest = squared
     return nearest
 
 
