@@ -182,15 +182,49 @@ class Connection(NamedTuple):
     lane_links: tuple[tuple[LaneRef, LaneRef], ...]
 
 
+class CrossPathEnd(NamedTuple):
+    """Place at which a cross path meets a lane: that lane at s of its road, and the lane of the cross path's own road."""
+
+    road_id: str
+    s: float
+    lane_id: int
+    own_lane: int
+
+
+class CrossPath(NamedTuple):
+    """A way for pedestrians or cyclists across a junction: a road of its own between lanes of others (OpenDRIVE 1.8)."""
+
+    id: str
+    road_id: str
+    start: CrossPathEnd
+    end: CrossPathEnd
+
+
+class BoundarySegment(NamedTuple):
+    """A stretch of a junction's boundary: along the outer border of a lane, or across a road (a joint).
+
+    start, end: s along a lane; at a joint both are its s. lanes: the lane, or those that a joint begins and ends with, None for
+    all lanes.
+    """
+
+    road_id: str
+    start: float
+    end: float
+    lanes: tuple[int | None, int | None]
+    joint: bool
+
+
 @dataclass(slots=True)
 class Junction:
-    """A junction. type: "default", "direct", "virtual" or "crossing"."""
+    """A junction. type: "default", "direct", "virtual" or "crossing". boundary: counter-clockwise."""
 
     id: str
     name: str
     type: str
     connections: tuple[Connection, ...]
     controllers: tuple[str, ...] = ()
+    cross_paths: tuple[CrossPath, ...] = ()
+    boundary: tuple[BoundarySegment, ...] = ()
 
 
 class Controller(NamedTuple):

@@ -61,7 +61,7 @@ class RoadNetwork:
     ) -> None:
         self.path = path
         self.header = header
-        self.roads = divided(roads)
+        self.roads = divided(roads, junctions.values())
         self.junctions = dict(junctions)
         self.controllers = dict(controllers)
         self.remarks = remarks

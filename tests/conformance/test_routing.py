@@ -45,6 +45,33 @@ def test_an_assigned_route_decides_at_the_junction(arm: str, strategy: str) -> N
     assert abs(float(columns["x"][-1]) - x) < 1e-6 or abs(float(columns["y"][-1]) - y) < 1e-6
 
 
+CYCLIST = (
+    ('value="11"', 'value="20"'),
+    ("crossing.xodr", "crosswalk.xodr"),
+    ('vehicleCategory="car"', 'vehicleCategory="bicycle"'),
+    ('<AbsoluteTargetSpeed value="10"/>', '<AbsoluteTargetSpeed value="2"/>'),
+    ('<LanePosition roadId="3" laneId="1" s="50"/>', '<LanePosition roadId="1" laneId="-2" s="30"/>'),
+    ('<LanePosition roadId="3" laneId="1" s="80"/>', '<LanePosition roadId="1" laneId="-2" s="35"/>'),
+    ('<LanePosition roadId="$Exit" laneId="-1" s="60"/>', '<LanePosition roadId="2" laneId="2" s="20"/>'),
+)
+OVER = (
+    '<Route name="Route" closed="$Closed">',
+    '<Route name="Route" closed="$Closed">'
+    '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-2" s="30"/></Position></Waypoint>',
+)
+ON_THE_CROSSWALK = ('<LanePosition roadId="1" laneId="-2" s="35"/>', '<LanePosition roadId="75" laneId="1" s="4"/>')
+
+
+@pytest.mark.parametrize("world", ["kinematic", "sumo"])
+def test_a_route_leads_over_a_cross_path(tmp_path: Path, world: str) -> None:
+    """20 m along the right sidewalk, 9 m across the carriageway, and on along the left sidewalk, at 2 m/s."""
+    path = changed(SCENARIOS / "AssignRouteAction.xosc", tmp_path, *CYCLIST, OVER, ON_THE_CROSSWALK)
+    columns = track(runner.run(path, sut=None, timestep=0.1, max_time=20.0, world=world), "Car")
+    for time, place in ((9.0, (48.0, -4.5)), (12.0, (50.0, -0.5)), (14.0, (50.0, 3.5)), (16.0, (53.0, 4.5)), (20.0, (61.0, 4.5))):
+        assert (at(columns, time, "x"), at(columns, time, "y")) == pytest.approx(place, abs=1e-6)
+    assert list(dict.fromkeys(map(str, columns["road_id"]))) == ["1", "3", "75", "2"]
+
+
 def test_a_route_that_no_way_leads_along_is_refused_with_its_waypoint() -> None:
     assert "no way leads" in refusal("AssignRouteAction", Closed="true")
 

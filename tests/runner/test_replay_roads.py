@@ -10,7 +10,7 @@ import pytest
 from shapely.geometry import LineString, Polygon
 
 import xodr
-from runner.replay.scene.roads import Area, marks, objects, signals, surfaces
+from runner.replay.scene.roads import Area, Marks, marks, objects, signals, surfaces
 from xodr.network import RoadNetwork
 
 EVERYWHERE = Area(-1e6, -1e6, 1e6, 1e6)
@@ -122,6 +122,18 @@ def test_bridges_have_parapets_and_tunnels_walls_beside_the_stretch_that_they_co
     assert all(np.abs(block.ring[:, 1]).min() == pytest.approx(3.0) for block in found["barrier"])
     (covered,) = found["covered"]
     assert Polygon(covered.ring).bounds == pytest.approx((60.0, -3.0, 100.0, 3.0)), "it ends with the road"
+
+
+def test_a_cross_path_is_a_crosswalk_and_the_boundary_of_its_junction_a_closed_line() -> None:
+    network = xodr.load(Path(__file__).parents[1] / "conformance" / "roads" / "crosswalk.xodr")
+    (block,) = objects(network, EVERYWHERE)["crosswalk"]
+    assert block.height == 0.0
+    assert Polygon(block.ring[:, :2]).equals(Polygon([(49, -4.5), (51, -4.5), (51, 4.5), (49, 4.5)]))
+    assert "crosswalk" not in objects(network, Area(0.0, -10.0, 30.0, 10.0))
+    edges = marks(network, EVERYWHERE)[Marks("unmarked", "standard", 0.12)]
+    (boundary,) = [Polygon(line[:, :2]) for line in edges if np.array_equal(line[0], line[-1])]
+    assert boundary.equals(Polygon([(40, -5.5), (60, -5.5), (60, 5.5), (40, 5.5)]))
+    assert boundary.exterior.is_ccw
 
 
 def test_temporary_marks_are_yellow_and_lie_above_the_permanent_ones(tmp_path: Path) -> None:

@@ -67,7 +67,8 @@ SOUND = (
     + _road(10, 150, 10, "<line/>", f"<lanes>{_section(0, W, '', '')}</lanes>\n",
             _to("predecessor", 2, "end") + _to("successor", 3, "start"), 5)
     + '<junction id="5" name="">\n<connection id="0" incomingRoad="2" connectingRoad="10" contactPoint="start">\n'
-    '<laneLink from="-1" to="-1"/></connection>\n</junction>\n</OpenDRIVE>\n'
+    '<laneLink from="-1" to="-1"/></connection>\n<crossPath id="0" crossingRoad="10" roadAtStart="2" roadAtEnd="3">\n'
+    '<startLaneLink s="50" from="-1" to="-1"/><endLaneLink s="0" from="-1" to="-1"/></crossPath>\n</junction>\n</OpenDRIVE>\n'
 )  # fmt: skip
 
 
@@ -133,6 +134,7 @@ FAULTS = [
     _fault("paramPoly3.valid_parameters", 'aU="0" bU="1"', 'aU="1" bU="1"'),
     _fault("avoid_redundant_info", WHOLE, FIRST + SECOND),
     _fault("road.geometry.contact_point", 'x="100" y="0"', 'x="100" y="0.5"'),
+    _fault("cross_path.lane_linkage", '<startLaneLink s="50" from="-1"', '<startLaneLink s="50" from="-2"'),
     _fault("contact_point_no_horizontal_gaps", WHOLE, FIRST + HALF.format(s=50, y=0.02)),
 ]
 

@@ -1,4 +1,4 @@
-"""Links between lanes: at the ends of roads, by road and junction links, and along a main road, by virtual junctions.
+"""Links between lanes: at the ends of roads, by road and junction links, and along a road, by virtual junctions and cross paths.
 
 Every meeting is kept in both directions, so that a way can be followed backwards too and a link that only one of the two
 roads declares is still a link. A road that begins or ends at a virtual junction names the place by `elementS` of its link. The
@@ -7,7 +7,7 @@ main road gets a border of lane sections there, at which a movement looks for wa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -48,6 +48,10 @@ def _joints(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> Ite
         for at_start, link in ((True, road.predecessor), (False, road.successor)):
             if link and link.element_type == "road" and link.s is None:
                 yield from _road_joints(roads, road, at_start, link)
+    for side in _cross_path_sides(roads, junctions.values()):
+        if not side.inside:
+            here, there = _End(side.road, side.at_start), _End(side.main, side.s < NEAR)
+            yield from _pairs(here, there, side.lanes)
 
 
 def _road_joints(roads: Mapping[str, Road], road: Road, at_start: bool, link: RoadLink) -> Iterator[_Joint]:
@@ -143,48 +147,72 @@ SideTable = dict[tuple[str, int, bool, float], list[LaneLink]]
 
 
 class _Side(NamedTuple):
-    """The end of a road that touches another one, `main`, inside it."""
+    """The end of a road that touches another one, `main`.
+
+    lanes: pairs of its own lanes with those of `main`. walked: whether they are taken in both directions, as by pedestrians.
+    """
 
     road: Road
     at_start: bool
     main: Road
     s: float
+    lanes: Sequence[tuple[int, int]]
+    walked: bool = False
+
+    @property
+    def inside(self) -> bool:
+        """Whether it touches the other road between the ends of that one."""
+        return NEAR < self.s < self.main.length - NEAR
 
 
-def divided(roads: Mapping[str, Road]) -> dict[str, Road]:
+def divided(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> dict[str, Road]:
     """The roads, with a border of lane sections wherever another road joins one between its ends."""
     found = dict(roads)
-    for side in _sides(roads):
+    for side in _sides(roads, junctions):
         found[side.main.id] = _with_border(found[side.main.id], side.s)
     return found
 
 
 def side_table(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> SideTable:
     """All ways off and onto roads between their ends, in both directions, as the traffic of the linked lanes goes."""
+    table: SideTable = {}
+    for road, at_start, main, near, lanes, walked in _sides(roads, junctions):
+        s = min((section.s for section in main.sections), key=lambda border: abs(border - near))
+        end = 0.0 if at_start else road.length
+        for lane, other in lanes:
+            if lane not in road.sections[0 if at_start else -1].lanes or other not in main.section(s).lanes:
+                continue
+            off = (road.direction(lane, end) > 0) == at_start
+            traffic = (main.direction(other, s) > 0) == off
+            for forward in (traffic, not traffic) if walked else (traffic,):
+                table.setdefault((main.id, other, forward, s), []).append(LaneLink(road.id, lane, at_start))
+                table.setdefault((road.id, lane, not at_start, end), []).append(LaneLink(main.id, other, not forward, s))
+    return table
+
+
+def _sides(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> Iterator[_Side]:
+    """Ends of roads that touch others between their ends: at virtual junctions, and those of cross paths."""
+    junctions = list(junctions)
     connected = {
         (connection.connecting_road, connection.incoming_road): [(lane.id, other.id) for other, lane in connection.lane_links]
         for junction in junctions
         for connection in junction.connections
     }
-    table: SideTable = {}
-    for road, at_start, main, near in _sides(roads):
-        s = min((section.s for section in main.sections), key=lambda border: abs(border - near))
-        end = 0.0 if at_start else road.length
-        for lane, other in _lane_pairs(road, at_start) or connected.get((road.id, main.id), []):
-            if lane not in road.sections[0 if at_start else -1].lanes or other not in main.section(s).lanes:
-                continue
-            off = (road.direction(lane, end) > 0) == at_start
-            forward = (main.direction(other, s) > 0) == off
-            table.setdefault((main.id, other, forward, s), []).append(LaneLink(road.id, lane, at_start))
-            table.setdefault((road.id, lane, not at_start, end), []).append(LaneLink(main.id, other, not forward, s))
-    return table
-
-
-def _sides(roads: Mapping[str, Road]) -> Iterator[_Side]:
     for road in roads.values():
         for at_start, link in ((True, road.predecessor), (False, road.successor)):
-            if link is not None and link.s is not None and NEAR < link.s < roads[link.element_id].length - NEAR:
-                yield _Side(road, at_start, roads[link.element_id], link.s)
+            if link is not None and link.s is not None:
+                lanes = _lane_pairs(road, at_start) or connected.get((road.id, link.element_id), [])
+                side = _Side(road, at_start, roads[link.element_id], link.s, lanes)
+                if side.inside:
+                    yield side
+    yield from (side for side in _cross_path_sides(roads, junctions) if side.inside)
+
+
+def _cross_path_sides(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> Iterator[_Side]:
+    for junction in junctions:
+        for path in junction.cross_paths:
+            for at_start, end in ((True, path.start), (False, path.end)):
+                yield _Side(roads[path.road_id], at_start, roads[end.road_id], end.s, [(end.own_lane, end.lane_id)], walked=True)
 
 
 def _lane_pairs(road: Road, at_start: bool) -> list[tuple[int, int]]:

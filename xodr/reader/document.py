@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
@@ -17,7 +17,7 @@ from schemas.common.remarks import Remark, Remarks
 from schemas.common.storage import Stamp, stamp
 from schemas.values import quoted
 from schemas.xml import line_of, local_name, parse
-from xodr.model import Header, Junction
+from xodr.model import CrossPath, CrossPathEnd, Header, Junction
 from xodr.network import RoadNetwork
 from xodr.reader.elements import connections, integer, invalid, not_followed, number, read_controller, read_junction, text
 from xodr.reader.roads import read_road
@@ -27,6 +27,8 @@ _CACHED_FILES = 64
 _VALID = "asam.net:xodr:1.0.0:xml.valid_schema"
 _UNIQUE = "asam.net:xodr:1.4.0:ids.id_unique_in_class"
 _TOUCH = "asam.net:xodr:1.7.0:road.geometry.contact_point"
+
+_REACHES = "asam.net:xodr:1.8.0:junctions.cross_path.lane_linkage"
 
 _JUMP = 1.0
 """Distance (m) between the ends of linked lanes from which a link is reported when a file is read."""
@@ -70,7 +72,7 @@ def _load(path: Path, _stamp: Stamp, strict: bool) -> RoadNetwork:
                 raise
             network = _network(path, root, (*outside, *remarks))
         broken = _broken_links(network, root)
-        Remarks(strict).add(*broken)
+        Remarks(strict).add(*broken, *(remark for remark in network.remarks if remark.rule == _REACHES))
         network.remarks = (*network.remarks, *broken)
         return network
     except ToolchainError as error:
@@ -179,6 +181,45 @@ def _lanes_apart(network: RoadNetwork, ends: LinkedEnds) -> Iterator[float]:
                 yield ends.apart(lane.center(here), sections[1].lanes[link.lane_id].center(there))
 
 
+def cross_path_gaps(roads: Mapping[str, Road], path: CrossPath) -> tuple[float, float]:
+    """Distances (m) sideways of the start and the end of a cross path from the lanes that they are linked to; 0 within them."""
+    road = roads[path.road_id]
+    places = ((path.start, 0.0), (path.end, road.length))
+    return tuple(_beside(roads[end.road_id], end, road, s) for end, s in places)  # type: ignore[return-value]
+
+
+def _beside(main: Road, end: CrossPathEnd, road: Road, own_s: float) -> float:
+    s, own = min(end.s, main.length), road.section(own_s).lanes.get(end.own_lane)
+    lane = main.section(s).lanes.get(end.lane_id)
+    if lane is None or own is None:
+        return math.inf
+    here, there = main.pose(s, 0.0), road.pose(own_s, own.center(own_s))
+    t = (there.y - here.y) * math.cos(here.h) - (there.x - here.x) * math.sin(here.h)
+    return max(min(lane.inner(s), lane.outer(s)) - t, t - max(lane.inner(s), lane.outer(s)), 0.0)
+
+
+def _placed_cross_paths(
+    path: Path, root: etree._Element, roads: dict[str, Road], junctions: dict[str, Junction]
+) -> Iterator[Remark]:
+    """Exchange the lane links of cross paths that are laid the other way round; a remark for these and those that miss lanes."""
+    for element in root.iterfind("junction"):
+        junction = junctions[element.get("id", "")]
+        for place, (cross_path, item) in enumerate(zip(junction.cross_paths, element.iterfind("crossPath"), strict=True)):
+            gap = max(cross_path_gaps(roads, cross_path))
+            if gap <= _JUMP:
+                continue
+            turned, outcome = cross_path._replace(start=cross_path.end, end=cross_path.start), "road users jump there"
+            if max(cross_path_gaps(roads, turned)) < 0.5 * gap:
+                found = junction.cross_paths
+                junction.cross_paths = (*found[:place], turned, *found[place + 1 :])
+                outcome = "its lane links are exchanged, which fits better"
+            elif gap == math.inf:
+                outcome = "it leads nowhere there"
+            where = f"ends {gap:.3g} m beside a lane that it links" if gap < math.inf else "links a lane that does not exist"
+            message = f"the cross path {cross_path.id!r} of the junction {junction.id!r} {where}; {outcome}"
+            yield Remark(_REACHES, message, str(path), line_of(item))
+
+
 def _plain_names(root: etree._Element) -> None:
     """Take the namespace from the names of all elements: files have it since OpenDRIVE 1.8, or have it not."""
     if local_name(root) != "OpenDRIVE":
@@ -195,6 +236,7 @@ def _network(path: Path, root: etree._Element, remarks: tuple[Remark, ...] = ())
         raise invalid(root, "the road network has no road")
     junctions = _by_id(root, "junction", read_junction)
     _check_references(root, roads, junctions)
+    remarks = (*remarks, *_placed_cross_paths(path, root, roads, junctions))
     controllers = _by_id(root, "controller", read_controller)
     try:
         return RoadNetwork(path, header, roads, junctions, controllers, (*remarks, *not_followed(root, path)))
@@ -223,6 +265,11 @@ def _check_references(root: etree._Element, roads: dict[str, Road], junctions: d
                 name = element.get(attribute)
                 if name is not None and name not in roads:
                     raise invalid(element, f"{attribute}={name!r} does not exist")
+        for path, names in (("crossPath", ("crossingRoad", "roadAtStart", "roadAtEnd")), ("boundary/segment", ("roadId",))):
+            for element in junction.iterfind(path):
+                for attribute in names:
+                    if element.get(attribute) not in roads:
+                        raise invalid(element, f"{attribute}={element.get(attribute)!r} does not exist")
 
 
 def _header(root: etree._Element) -> Header:

@@ -18,9 +18,12 @@ from xodr.geometry import ZERO, Cubic, Profile
 from xodr.model import (
     PERMANENT,
     TEMPORARY,
+    BoundarySegment,
     Connection,
     Controller,
     Corner,
+    CrossPath,
+    CrossPathEnd,
     Junction,
     LaneRef,
     RoadObject,
@@ -164,7 +167,41 @@ def read_junction(element: etree._Element) -> Junction:
         raise invalid(element, f"type={kind!r} is not a kind of junction")
     controllers = tuple(text(item, "id") for item in element.iterfind("controller"))
     found = tuple(_connection(item) for item in connections(element))
-    return Junction(text(element, "id"), element.get("name", ""), kind, found, controllers)
+    cross_paths = tuple(read_cross_path(item) for item in element.iterfind("crossPath"))
+    boundary = tuple(_boundary_segment(item) for item in element.iterfind("boundary/segment"))
+    return Junction(text(element, "id"), element.get("name", ""), kind, found, controllers, cross_paths, boundary)
+
+
+def read_cross_path(element: etree._Element) -> CrossPath:
+    """A `crossPath` element."""
+    start = _cross_path_end(element, "roadAtStart", "startLaneLink")
+    end = _cross_path_end(element, "roadAtEnd", "endLaneLink")
+    return CrossPath(text(element, "id"), text(element, "crossingRoad"), start, end)
+
+
+def _cross_path_end(element: etree._Element, road: str, name: str) -> CrossPathEnd:
+    link = element.find(f"{{*}}{name}")
+    if link is None:
+        raise invalid(element, f"the element {name} is missing")
+    return CrossPathEnd(text(element, road), number(link, "s"), integer(link, "from"), integer(link, "to"))
+
+
+def _boundary_segment(element: etree._Element) -> BoundarySegment:
+    kind, road = text(element, "type"), text(element, "roadId")
+    if kind == "lane":
+        lane = integer(element, "boundaryLane")
+        return BoundarySegment(road, _place(element, "sStart"), _place(element, "sEnd"), (lane, lane), joint=False)
+    if kind != "joint":
+        raise invalid(element, f"type={kind!r} is neither lane nor joint")
+    first, last = (integer(element, name) if name in element.attrib else None for name in ("jointLaneStart", "jointLaneEnd"))
+    s = _place(element, "contactPoint")
+    return BoundarySegment(road, s, s, (first, last), joint=True)
+
+
+def _place(element: etree._Element, name: str) -> float:
+    """The s of an attribute that may say `start` or `begin` (0) and `end` (infinite) too."""
+    named = {"start": 0.0, "begin": 0.0, "end": math.inf}.get(text(element, name))
+    return number(element, name) if named is None else named
 
 
 def connections(junction: etree._Element) -> list[etree._Element]:

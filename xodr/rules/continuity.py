@@ -13,7 +13,8 @@ from schemas.checks.document import Document
 from schemas.checks.registry import Finding, rule
 from schemas.common.errors import ToolchainError
 from xodr.network import RoadNetwork
-from xodr.reader.document import linked_roads, load
+from xodr.reader.document import cross_path_gaps, linked_roads, load
+from xodr.reader.elements import read_cross_path
 from xodr.road import Road
 from xodr.rules.lanes import DRIVABLE
 from xodr.rules.sections import Meeting, Section, integer, meetings
@@ -56,6 +57,22 @@ def linked_lanes_touch(document: Document) -> Iterator[Finding]:
     split = {(link, meeting.place) for meeting in every for link in _of_split(meeting)}
     for meeting in every:
         yield from _gaps_of_lanes(network, meeting, split)
+
+
+@rule("asam.net:xodr:1.8.0:junctions.cross_path.lane_linkage", since=(1, 8))
+def cross_paths_reach_their_lanes(document: Document) -> Iterator[Finding]:
+    """Start and end of a cross path's road shall be within the lanes that they are linked to."""
+    network = _network(document)
+    if network is None:
+        return
+    for element in document.elements("crossPath"):
+        path = read_cross_path(element)
+        for name, end, gap in zip(("start", "end"), (path.start, path.end), cross_path_gaps(network.roads, path), strict=True):
+            if gap > _GAP:
+                place = f"{gap:.3g} m beside" if gap < math.inf else "at no place of"
+                yield Finding(
+                    element, f"the {name} of the cross path lies {place} the lane {end.lane_id} of the road {end.road_id!r}"
+                )
 
 
 def _gaps_of_line(road: Road | None, element: etree._Element) -> Iterator[Finding]:

@@ -20,7 +20,7 @@ from xodr.model import NO_WIDTH, PERMANENT, TEMPORARY, RoadMark
 if TYPE_CHECKING:
     from runner.recording import LogEntry
     from xodr.geometry import Profile
-    from xodr.model import Corner, LaneSection, RoadObject, Structure
+    from xodr.model import Corner, Junction, LaneSection, RoadObject, Structure
     from xodr.network import RoadNetwork
     from xodr.road import Road
 
@@ -92,6 +92,10 @@ def surfaces(network: RoadNetwork, area: Area) -> dict[str, list[Line]]:
     }
 
 
+_EDGE = Marks("unmarked", "standard", _WIDTH)
+"""Appearance of the boundaries of junctions"""
+
+
 def marks(network: RoadNetwork, area: Area) -> dict[Marks, list[Line]]:
     """Lines of marks within an area, by how they look; those of temporary lanes come last, to lie above the permanent ones."""
     layers: dict[str, dict[Marks, list[Line]]] = {PERMANENT: defaultdict(list), TEMPORARY: defaultdict(list)}
@@ -103,6 +107,8 @@ def marks(network: RoadNetwork, area: Area) -> dict[Marks, list[Line]]:
                     if section.lanes[lane_id].layer == layer:
                         for look, line in _marks_of(road, section, lane_id, everywhere):
                             found[look].append(line)
+    for junction in network.junctions.values():
+        layers[PERMANENT][_EDGE].extend(_boundary(network, junction))
     usual, temporary = layers.values()
     looks = [*sorted(usual.keys() - temporary.keys()), *sorted(temporary)]
     return {
@@ -125,6 +131,37 @@ def _marks_of(road: Road, section: LaneSection, lane_id: int, everywhere: Line) 
             for look, aside in _strokes(mark):
                 outwards = aside if lane_id > 0 else -aside
                 yield look, _along(road, lane_id, start, end, everywhere, outwards)
+
+
+def _boundary(network: RoadNetwork, junction: Junction) -> list[Line]:
+    """The boundary of a junction as one closed line, if the file gives one."""
+    points: list[Line] = []
+    along = next((number for number, segment in enumerate(junction.boundary) if not segment.joint), 0)
+    for road_id, start, end, lanes, joint in (*junction.boundary[along:], *junction.boundary[:along]):
+        road = network.on(PERMANENT).roads[road_id]
+        start, end = min(start, road.length), min(end, road.length)
+        if joint:
+            found = road.section(start).lanes
+            first, last = (lane if lane in found else usual for lane, usual in zip(lanes, (min(found), max(found)), strict=True))
+            piece = np.concatenate([_border(road, np.array([start]), found[lane].outer) for lane in (first, last)])
+        else:
+            piece = _outer_border(road, lanes[0] or 0, start, end)
+        if joint and points and math.dist(points[-1][-1], piece[0]) > math.dist(points[-1][-1], piece[-1]):
+            piece = piece[::-1]
+        points.append(piece)
+    return [np.concatenate([*points, points[0][:1]])] if points else []
+
+
+def _outer_border(road: Road, lane_id: int, start: float, end: float) -> Line:
+    """The outer border of a lane from s to s, in that order, over lane sections, as far as the lane exists there."""
+    low, high = sorted((start, end))
+    found = []
+    for section in road.sections:
+        first, last = max(low, section.s), min(high, section.end)
+        if first < last and lane_id in section.lanes:
+            found.append(_border(road, _within(_stations(road), first, last), section.lanes[lane_id].outer))
+    line = np.concatenate(found) if found else np.zeros((0, 3))
+    return line if start <= end else line[::-1]
 
 
 def _strokes(mark: RoadMark) -> Iterator[tuple[Marks, float]]:
@@ -254,7 +291,20 @@ def objects(network: RoadNetwork, area: Area) -> dict[str, list[Block]]:
             for look, block in _built(road, structure):
                 if _touches(block.ring, area):
                     found[look].append(block)
-    return dict(sorted(found.items()))
+    for junction in network.junctions.values():
+        for path in junction.cross_paths:
+            found["crosswalk"] += [Block(ring, 0.0) for ring in _lanes(network.roads[path.road_id]) if _touches(ring, area)]
+    return dict(sorted((look, blocks) for look, blocks in found.items() if blocks))
+
+
+def _lanes(road: Road) -> Iterator[Line]:
+    """Outlines of the lanes of a road."""
+    for section in road.sections:
+        along = _within(_stations(road), section.s, section.end)
+        for lane_id in (*section.left, *section.right):
+            lane = section.lanes[lane_id]
+            (strip,) = _simplified([np.stack([_border(road, along, lane.inner), _border(road, along, lane.outer)])])
+            yield np.concatenate([strip[0], strip[1][::-1]])
 
 
 def _built(road: Road, structure: Structure) -> Iterator[tuple[str, Block]]:
