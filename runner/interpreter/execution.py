@@ -16,7 +16,15 @@ from runner.interpreter.drivers import cruise_speed, driver_of, find_ego, is_fin
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
 from runner.interpreter.storyboard.checks import idleness
-from runner.interpreter.verdict import apply_limits, at_beginning, criteria_remarks, judge, of_run, untested_remarks
+from runner.interpreter.verdict import (
+    apply_limits,
+    at_beginning,
+    criteria_remarks,
+    judge,
+    of_run,
+    red_light_remarks,
+    untested_remarks,
+)
 from runner.participants.scenario_objects import controller_remarks
 from runner.settings import RunSettings
 from runner.sut import load_system, system_name
@@ -245,6 +253,7 @@ class Session:
             *idleness(compiled.storyboard, sim),
             *untested_remarks(sim),
             *criteria_remarks(compiled.criteria, verdict),
+            *red_light_remarks(compiled, recording, ego),
         )
         result = RunResult(
             scenario=compiled.path,

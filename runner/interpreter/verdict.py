@@ -13,7 +13,7 @@ from runner.actions.values import ModifyAction, SetAction
 from runner.conditions.by_value import ParameterCondition, SimulationTimeCondition, StoryboardElementStateCondition
 from runner.contracts.element import PrivateAction
 from runner.contracts.run import ElementState, Transition
-from runner.criteria.criterion import CriterionResult, judge_criteria, light_states
+from runner.criteria.criterion import Criterion, CriterionResult, judge_criteria, kinds, light_states
 from runner.interpreter.departures import egoless
 from runner.interpreter.drivers import SystemDriver, is_called_ego
 from runner.interpreter.result import Cause, Verdict
@@ -23,7 +23,6 @@ from runner.measures.measure import Facts
 
 if TYPE_CHECKING:
     from runner.contracts.element import Condition
-    from runner.criteria.criterion import Criterion
     from runner.interpreter.collision import Contacts
     from runner.interpreter.compiler import Scenario
     from runner.interpreter.departures import Departures
@@ -310,6 +309,19 @@ def criteria_remarks(criteria: Sequence[Criterion], verdict: Verdict) -> tuple[s
     """Return the remarks on criteria that could not be judged, or whose parameters have no meaning."""
     unused = [f"{each.name}: {each.remark}" for each in criteria if each.kind is not None and each.remark]
     return (*unused, *(f"not judged: {result}" for result in verdict.criteria if result.passed is None))
+
+
+def red_light_remarks(scenario: Scenario, recording: Recording, ego: Entity | None) -> Iterator[str]:
+    """A sentence on an ego that ran a red light, if no criterion of the scenario judges that."""
+    if ego is None or not scenario.signals.history:
+        return
+    kind = kinds()["runningredlighttest"]
+    if any(each.kind is kind for each in scenario.criteria):
+        return
+    criterion = Criterion(kind.name, kind, {}, 0.0, "")
+    (found,) = judge_criteria([criterion], [ego.name], recording, (), light_states(scenario.signals.history))
+    if found.passed is False:
+        yield f"{ego.name} {found.reason}; the scenario has no criterion for that"
 
 
 def apply_limits(result: RunResult, limits: Sequence[Limit]) -> None:

@@ -33,6 +33,15 @@ def test_systems_under_test_stop_where_semantics_say_so_and_go_on_afterwards(sys
     assert at(ego, 44.9, "x") > LIGHT + 50.0
 
 
+@pytest.mark.parametrize(("system", "first", "ran"), [(None, "stop", True), (None, "go", False), ("idm", "stop", False)])
+def test_a_red_light_that_the_ego_runs_is_reported(system: str | None, first: str, ran: bool) -> None:
+    """At 15 m/s from x = 250 it is at the light at x = 400 after 10 s."""
+    remarks = run_scenario("Phase", timestep=0.05, sut=system, parameters={"First": first}).remarks
+    assert [remark for remark in remarks if "red light" in remark] == (
+        ["Ego ran the red light 1 at 10.00 s; the scenario has no criterion for that"] if ran else []
+    )
+
+
 def test_a_phase_without_states_shows_the_signals_of_the_others_what_it_means(tmp_path: Path) -> None:
     text = '<TrafficSignalState trafficSignalId="1" state="state 1"/>'
     path = changed(SCENARIOS / "Phase.xosc", tmp_path, (text, ""))
