@@ -216,13 +216,17 @@ class BoundarySegment(NamedTuple):
 
 @dataclass(slots=True)
 class Junction:
-    """A junction. type: "default", "direct", "virtual" or "crossing". boundary: counter-clockwise."""
+    """A junction. type: "default", "direct", "virtual" or "crossing".
+
+    priorities: pairs of connecting roads (high, low): traffic of the first has the right of way. boundary: counter-clockwise.
+    """
 
     id: str
     name: str
     type: str
     connections: tuple[Connection, ...]
     controllers: tuple[str, ...] = ()
+    priorities: tuple[tuple[str, str], ...] = ()
     cross_paths: tuple[CrossPath, ...] = ()
     boundary: tuple[BoundarySegment, ...] = ()
 
@@ -247,20 +251,20 @@ class Signal:
     road_id: str
     s: float
     t: float
-    name: str
-    dynamic: bool
-    type: str
-    subtype: str
-    country: str
-    orientation: str
-    value: float | None
-    unit: str
-    text: str
-    z_offset: float
-    h_offset: float
-    width: float | None
-    height: float | None
-    validity: tuple[tuple[int, int], ...]
+    name: str = ""
+    dynamic: bool = False
+    type: str = ""
+    subtype: str = ""
+    country: str = ""
+    orientation: str = "none"
+    value: float | None = None
+    unit: str = ""
+    text: str = ""
+    z_offset: float = 0.0
+    h_offset: float = 0.0
+    width: float | None = None
+    height: float | None = None
+    validity: tuple[tuple[int, int], ...] = ()
 
 
 class SignalReference(NamedTuple):
@@ -291,20 +295,20 @@ class RoadObject:
     road_id: str
     s: float
     t: float
-    name: str
-    type: str
-    subtype: str
-    orientation: str
-    z_offset: float
-    heading: float
-    pitch: float
-    roll: float
-    length: float | None
-    width: float | None
-    radius: float | None
-    height: float | None
-    outlines: tuple[tuple[Corner, ...], ...]
-    validity: tuple[tuple[int, int], ...]
+    name: str = ""
+    type: str = ""
+    subtype: str = ""
+    orientation: str = "none"
+    z_offset: float = 0.0
+    heading: float = 0.0
+    pitch: float = 0.0
+    roll: float = 0.0
+    length: float | None = None
+    width: float | None = None
+    radius: float | None = None
+    height: float | None = None
+    outlines: tuple[tuple[Corner, ...], ...] = ()
+    validity: tuple[tuple[int, int], ...] = ()
 
 
 class Structure(NamedTuple):

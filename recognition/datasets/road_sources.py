@@ -19,7 +19,8 @@ from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import UsageError
 from schemas.common.storage import digest, keep, writing
-from xodr.builders.elements import Cubic, Lane, Pose, Road, RoadMap, Section, line
+from xodr.builders.elements import LaneDesign, PlanPose, RoadDesign, RoadMap, SectionDesign, line
+from xodr.geometry import Cubic
 
 if TYPE_CHECKING:
     from xodr.lanelet2.lanelet import Lanelet
@@ -107,16 +108,16 @@ class Highway:
 
     def road_map(self, name: str) -> RoadMap:
         """The road, to be written as a file."""
-        lanes: dict[int, Lane] = {}
+        lanes: dict[int, LaneDesign] = {}
         for side in (1, -1):
             borders = self.borders(side)
             for number, (inner, outer) in enumerate(pairwise(borders), 1):
                 kind = "median" if self.median and number == 1 else "driving"
                 edge = kind == "median" or number == len(borders) - 1
-                lanes[side * number] = Lane(kind, (Cubic(0.0, outer - inner),), mark="solid" if edge else "broken")
-        start = Pose(self.start, self.middle, 0.0)
+                lanes[side * number] = LaneDesign(kind, (Cubic(0.0, outer - inner),), mark="solid" if edge else "broken")
+        start = PlanPose(self.start, self.middle, 0.0)
         plan = (line(self.end - self.start),)
-        road = Road(int(ROAD_ID), name, start, plan, (Section(0.0, lanes, "solid"),), "motorway", self.speed_limit)
+        road = RoadDesign(ROAD_ID, name, start, plan, (SectionDesign(0.0, lanes, "solid"),), "motorway", self.speed_limit)
         return RoadMap(name, (road,))
 
     def places(self, x: FloatArray, y: FloatArray) -> dict[str, NDArray[Any]]:
@@ -205,11 +206,11 @@ def _road(name: str, start: float, end: float, middles: dict[float, str]) -> Roa
     half = 0.5 * (float(np.median(-np.diff(centres))) if len(centres) > 1 else _USUAL_WIDTH)
     borders = [centres[0] + half, *between.tolist(), centres[-1] - half]
     lanes = {
-        -number: Lane(
+        -number: LaneDesign(
             kind, (Cubic(0.0, borders[number - 1] - borders[number]),), mark="broken" if number < len(centres) else "solid"
         )
         for number, kind in enumerate(middles.values(), 1)
     }
-    section = Section(0.0, lanes, "solid")
-    road = Road(1, name, Pose(start, float(borders[0]), 0.0), (line(end - start),), (section,), "motorway", math.inf)
+    section = SectionDesign(0.0, lanes, "solid")
+    road = RoadDesign("1", name, PlanPose(start, float(borders[0]), 0.0), (line(end - start),), (section,), "motorway", math.inf)
     return RoadMap(name, (road,))

@@ -23,8 +23,9 @@ from xodr.builders import (
     straight_highway,
     t_junction,
 )
-from xodr.builders.elements import Cubic, Lane, Pose, Road, Section, line
+from xodr.builders.elements import LaneDesign, PlanPose, RoadDesign, SectionDesign, line
 from xodr.builders.roads_and_ramps import carriageway, closing, constant, linked, opening
+from xodr.geometry import Cubic
 
 
 def kerbside(
@@ -40,22 +41,22 @@ def kerbside(
     """
     extra = lanes + 1
 
-    def wide(s: float, width: tuple[Cubic, ...], before: bool, behind: bool) -> Section:
+    def wide(s: float, width: tuple[Cubic, ...], before: bool, behind: bool) -> SectionDesign:
         layout = carriageway(extra, lane_width) | carriageway(extra, lane_width, side=1)
-        layout |= {side * extra: Lane("driving", width, mark="solid") for side in (1, -1)}
+        layout |= {side * extra: LaneDesign("driving", width, mark="solid") for side in (1, -1)}
         through = {key: key for key in layout if abs(key) <= lanes}
-        return linked(Section(s, layout, "solid solid"), None if before else through, None if behind else through)
+        return linked(SectionDesign(s, layout, "solid solid"), None if before else through, None if behind else through)
 
     plain = carriageway(lanes, lane_width) | carriageway(lanes, lane_width, side=1)
     ends = approach + taper, approach + taper + kerb, approach + 2 * taper + kerb
     sections = (
-        linked(Section(0.0, plain, "solid solid"), {}, None),
+        linked(SectionDesign(0.0, plain, "solid solid"), {}, None),
         wide(approach, opening(lane_width, taper), before=False, behind=True),
         wide(ends[0], constant(lane_width), before=True, behind=True),
         wide(ends[1], closing(lane_width, taper), before=True, behind=False),
-        linked(Section(ends[2], plain, "solid solid"), None, {}),
+        linked(SectionDesign(ends[2], plain, "solid solid"), None, {}),
     )
-    road = Road(1, "Street", Pose(0.0, 0.0, 0.0), (line(ends[2] + approach),), sections, "town", speed_limit)
+    road = RoadDesign("1", "Street", PlanPose(0.0, 0.0, 0.0), (line(ends[2] + approach),), sections, "town", speed_limit)
     return RoadMap("Street with stops at the kerb", (road,))
 
 

@@ -6,8 +6,9 @@ import pytest
 from lxml import etree
 
 import xodr
-from xodr.builders.elements import Cubic, Lane, Pose, Road, RoadMap, Section, arc
+from xodr.builders.elements import LaneDesign, PlanPose, RoadDesign, RoadMap, SectionDesign, arc
 from xodr.builders.roads_and_ramps import constant, for_traffic
+from xodr.geometry import Cubic
 from xodr.lookup.placing import place
 from xodr.model import PERMANENT, TEMPORARY, RoadPoint
 from xodr.network import RoadNetwork
@@ -202,16 +203,20 @@ def test_written_layers_are_read_again(tmp_path, rule: str) -> None:
     """Road works on a curve: built, mirrored for left-hand traffic, written, read."""
     wide, narrow = constant(3.5), constant(2.75)
     usual = [
-        Section(s, {-1: Lane("driving", wide, "broken", before, after, other_predecessor=since, other_successor=until)})
+        SectionDesign(
+            s, {-1: LaneDesign("driving", wide, "broken", before, after, other_predecessor=since, other_successor=until)}
+        )
         for s, before, after, since, until in (
             (0.0, None, -1, None, -1),
             (60.0, -1, -1, None, None),
             (120.0, -1, None, -1, None),
         )
     ]
-    works = Section(60.0, {-1: Lane("driving", narrow, "solid", other_predecessor=-1, other_successor=-1)}, length=60.0)
-    road = Road(
-        1, "works", Pose(3.0, 4.0, 0.5), (arc(200.0, 0.01),), tuple(usual), "rural", 20.0,
+    works = SectionDesign(
+        60.0, {-1: LaneDesign("driving", narrow, "solid", other_predecessor=-1, other_successor=-1)}, length=60.0
+    )
+    road = RoadDesign(
+        "1", "works", PlanPose(3.0, 4.0, 0.5), (arc(200.0, 0.01),), tuple(usual), "rural", 20.0,
         temporary=(works,), temporary_offset=(Cubic(0.0, -0.5),),
     )  # fmt: skip
     network = xodr.load(for_traffic(RoadMap("works", (road,)), rule).write(tmp_path / "works.xodr"))

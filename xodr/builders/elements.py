@@ -1,14 +1,16 @@
-"""The OpenDRIVE elements of the map builders, their plane curves, and their XML (OpenDRIVE 1.7, or 1.9 with layers).
+"""Designs of roads: pieces of their reference lines, lanes by width, and the writer of maps (OpenDRIVE 1.7, or 1.9 with layers).
 
-Plain frozen records, named after the standard's elements. Coordinates are those of the file: x, y in
-metres, headings in radians, s along the reference line, t to the left, lane ids negative on the right.
-The same records always give the same bytes.
+A design says what a file says; `xodr.road.Road` is what a reader computes from it (borders and centres of lanes in a road's s,
+resolved links). Links, signals, objects, junctions and controllers are those of `xodr.model`, read and built alike.
+
+Coordinates are those of the file: x, y in metres, headings in radians, s along the reference line, t to the left, lane ids
+negative on the right. The same design always gives the same bytes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -17,73 +19,84 @@ from typing import NamedTuple
 from lxml import etree
 
 from schemas.common.storage import keep
-from xodr.model import PERMANENT, TEMPORARY
+from xodr.geometry import Cubic
+from xodr.model import (
+    PERMANENT,
+    TEMPORARY,
+    Connection,
+    Controller,
+    Junction,
+    LaneRef,
+    RoadLink,
+    RoadObject,
+    Signal,
+)
 
 # plane curves: clothoids (lines and arcs among them), parametric cubics (`paramPoly3`, p from 0 to 1) ----
 
 
-class Pose(NamedTuple):
+class PlanPose(NamedTuple):
     """Position in m and heading in rad."""
 
     x: float
     y: float
     heading: float
 
-    def shifted(self, t: float) -> Pose:
+    def shifted(self, t: float) -> PlanPose:
         """The pose `t` metres to the left, same heading."""
-        return Pose(self.x - t * math.sin(self.heading), self.y + t * math.cos(self.heading), self.heading)
+        return PlanPose(self.x - t * math.sin(self.heading), self.y + t * math.cos(self.heading), self.heading)
 
-    def turned(self, angle: float) -> Pose:
+    def turned(self, angle: float) -> PlanPose:
         """The pose turned on the spot, counterclockwise."""
-        return Pose(self.x, self.y, self.heading + angle)
+        return PlanPose(self.x, self.y, self.heading + angle)
 
 
-class Segment(NamedTuple):
-    """Piece of a reference line: its length in m and its curvatures at start and end in 1/m, linear between."""
+class Clothoid(NamedTuple):
+    """Piece of a reference line, a straight or an arc too: length in m, curvatures at start and end in 1/m, linear between."""
 
     length: float
     start: float = 0.0
     end: float = 0.0
 
 
-def line(length: float) -> Segment:
+def line(length: float) -> Clothoid:
     """A straight piece."""
-    return Segment(length)
+    return Clothoid(length)
 
 
-def arc(length: float, curvature: float) -> Segment:
+def arc(length: float, curvature: float) -> Clothoid:
     """A circular piece; curvature positive to the left."""
-    return Segment(length, curvature, curvature)
+    return Clothoid(length, curvature, curvature)
 
 
-def advance(pose: Pose, segment: Segment) -> Pose:
+def advance(pose: PlanPose, segment: Clothoid) -> PlanPose:
     """The pose at the end of a segment that starts at `pose`."""
-    from pyclothoids import Clothoid
+    from pyclothoids import Clothoid as Fitted
 
     rate = (segment.end - segment.start) / segment.length
-    curve = Clothoid.StandardParams(*pose, segment.start, rate, segment.length)
+    curve = Fitted.StandardParams(*pose, segment.start, rate, segment.length)
     turn = segment.length * (segment.start + segment.end) / 2
-    return Pose(curve.XEnd, curve.YEnd, pose.heading + turn)
+    return PlanPose(curve.XEnd, curve.YEnd, pose.heading + turn)
 
 
-def connect(start: Pose, end: Pose) -> Segment:
+def connect(start: PlanPose, end: PlanPose) -> Clothoid:
     """Return the only clothoid from `start` to `end` that keeps both headings.
 
     Source: Bertolazzi and Frego, G1 fitting with clothoids, 2015.
     """
-    from pyclothoids import Clothoid
+    from pyclothoids import Clothoid as Fitted
 
-    curve = Clothoid.G1Hermite(*start, *end)
+    curve = Fitted.G1Hermite(*start, *end)
     first, last = curve.KappaStart, curve.KappaEnd
     if abs(first - last) * curve.length < 1e-9:
         first = last = (first + last) / 2 if abs(first + last) * curve.length > 1e-9 else 0.0
-    return Segment(curve.length, first, last)
+    return Clothoid(curve.length, first, last)
 
 
 Coefficients = tuple[float, float, float, float]
 
 
-class ParamPoly3(NamedTuple):
+class CubicPiece(NamedTuple):
     """A piece u(p), v(p) in the frame of its start: u ahead, v to the left, a + b·p + c·p² + d·p³ with p from 0 to 1.
 
     length: of the curve, in m. The curve begins at the frame's origin in its direction: a of both and b of v are 0.
@@ -93,17 +106,17 @@ class ParamPoly3(NamedTuple):
     u: Coefficients
     v: Coefficients
 
-    def after(self, pose: Pose) -> Pose:
+    def after(self, pose: PlanPose) -> PlanPose:
         """The pose at the end of the piece that starts at `pose`; it turns by less than half a turn."""
         ahead, aside = sum(self.u), sum(self.v)
         turn = math.atan2(self.v[1] + 2 * self.v[2] + 3 * self.v[3], self.u[1] + 2 * self.u[2] + 3 * self.u[3])
         cos, sin = math.cos(pose.heading), math.sin(pose.heading)
-        return Pose(pose.x + cos * ahead - sin * aside, pose.y + sin * ahead + cos * aside, pose.heading + turn)
+        return PlanPose(pose.x + cos * ahead - sin * aside, pose.y + sin * ahead + cos * aside, pose.heading + turn)
 
-    def mirrored(self) -> ParamPoly3:
+    def mirrored(self) -> CubicPiece:
         """The piece on the other side of its starting direction."""
         a, b, c, d = self.v
-        return ParamPoly3(self.length, self.u, (-a, -b, -c, -d))
+        return CubicPiece(self.length, self.u, (-a, -b, -c, -d))
 
 
 # elements ---------------------------------------------------------------------------------------
@@ -113,25 +126,11 @@ REVISION, REVISION_OF_LAYERS = (1, 7), (1, 9)
 """Version of the standard that is written, and that of maps with temporary lanes."""
 
 
-RoadId = int | str
-"""Id of a road: numbers count up, texts are as a scenario has them."""
-
-
 @dataclass(frozen=True)
-class Cubic:
-    """Cubic a + b·ds + c·ds² + d·ds³ from `s` on (lane widths, lane offset)."""
+class LaneDesign:
+    """A lane of a section: type of the standard, width, the mark on its outer border, its links, and its own speed limit.
 
-    s: float
-    a: float
-    b: float = 0.0
-    c: float = 0.0
-    d: float = 0.0
-
-
-@dataclass(frozen=True)
-class Lane:
-    """One lane of a section: type of the standard, width, the mark on its outer border, its links, and its own speed limit.
-
+    width: cubics, whose starts count from that of the section.
     speed_limit: in m/s; None where that of the road holds. other_predecessor, other_successor: links to lanes of the other layer.
     """
 
@@ -146,69 +145,51 @@ class Lane:
 
 
 @dataclass(frozen=True)
-class Section:
+class SectionDesign:
     """Lane section from `s` on; lane 0 is implied and carries `centre_mark`. length: of a section of temporary lanes, m."""
 
     s: float
-    lanes: Mapping[int, Lane]
+    lanes: Mapping[int, LaneDesign]
     centre_mark: str = "none"
     length: float | None = None
 
 
-@dataclass(frozen=True)
-class Link:
-    """Predecessor or successor of a road: a road with its contact point, or a junction."""
+def traffic_light(
+    number: int, road_id: str, s: float, t: float, name: str, lanes: tuple[int, int], against: bool = False
+) -> Signal:
+    """A traffic light for a range of lanes (from, to), that faces traffic along +s, or against it."""
+    return Signal(
+        str(number), road_id, s, t, name, dynamic=True, type="1000001", subtype="-1", country="OpenDRIVE",
+        orientation="-" if against else "+", value=-1.0, z_offset=3.0, width=0.4, height=1.0, validity=(lanes,),
+    )  # fmt: skip
 
-    element: str
-    id: RoadId
-    contact: str | None = None
 
-
-@dataclass(frozen=True)
-class Signal:
-    """A traffic light for lanes with the given ids, facing traffic along +s (`+`) or against it (`-`)."""
-
-    id: int
-    name: str
-    s: float
-    t: float
-    orientation: str
-    lanes: tuple[int, int]
+def connection(incoming: str, connecting: str, lanes: Iterable[tuple[int, int]]) -> Connection:
+    """A way through a junction whose connecting road is entered at its start; the writer numbers it."""
+    return Connection("", incoming, connecting, "start", tuple((LaneRef(here), LaneRef(there)) for here, there in lanes))
 
 
 @dataclass(frozen=True)
-class Object:
-    """Something flat on the road, with the corners (u, v) of its outline: ahead and to the left of (s, t), seen along +s."""
-
-    id: int
-    name: str
-    type: str
-    s: float
-    t: float
-    outline: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True)
-class Road:
+class RoadDesign:
     """A road: plan view as pieces from a start pose, lane sections and links. Speed limit in m/s, infinite for none.
 
     offset: t of lane 0, along the whole road. temporary, temporary_offset: the same of the temporary layer of lanes.
     """
 
-    id: RoadId
+    id: str
     name: str
-    start: Pose
-    plan: tuple[Segment | ParamPoly3, ...]
-    sections: tuple[Section, ...]
+    start: PlanPose
+    plan: tuple[Clothoid | CubicPiece, ...]
+    sections: tuple[SectionDesign, ...]
     type: str
     speed_limit: float
-    junction: int = -1
-    predecessor: Link | None = None
-    successor: Link | None = None
+    junction: str = "-1"
+    predecessor: RoadLink | None = None
+    successor: RoadLink | None = None
     signals: tuple[Signal, ...] = ()
     offset: tuple[Cubic, ...] = ()
-    objects: tuple[Object, ...] = ()
-    temporary: tuple[Section, ...] = ()
+    objects: tuple[RoadObject, ...] = ()
+    temporary: tuple[SectionDesign, ...] = ()
     temporary_offset: tuple[Cubic, ...] = ()
 
     @property
@@ -217,50 +198,17 @@ class Road:
         return sum(piece.length for piece in self.plan)
 
     @property
-    def end(self) -> Pose:
+    def end(self) -> PlanPose:
         """Pose at the end of the reference line."""
         return self.poses[-1]
 
     @property
-    def poses(self) -> list[Pose]:
+    def poses(self) -> list[PlanPose]:
         """Poses at the start of each piece of the reference line, and at its end."""
         found = [self.start]
         for piece in self.plan:
-            found.append(piece.after(found[-1]) if isinstance(piece, ParamPoly3) else advance(found[-1], piece))
+            found.append(piece.after(found[-1]) if isinstance(piece, CubicPiece) else advance(found[-1], piece))
         return found
-
-
-@dataclass(frozen=True)
-class Connection:
-    """A path through a junction: incoming road, connecting road (entered at its start) and lane pairs."""
-
-    incoming: RoadId
-    connecting: RoadId
-    lanes: tuple[tuple[int, int], ...]
-
-
-@dataclass(frozen=True)
-class Junction:
-    """A junction with its connections, priorities (connecting roads: high, low) and signal controllers.
-
-    direct: the "connecting" roads are the roads that the incoming ones lead to, without any road between them.
-    """
-
-    id: int
-    name: str
-    connections: tuple[Connection, ...]
-    priorities: tuple[tuple[RoadId, RoadId], ...] = ()
-    controllers: tuple[int, ...] = ()
-    direct: bool = False
-
-
-@dataclass(frozen=True)
-class Controller:
-    """A group of traffic lights that switch together."""
-
-    id: int
-    name: str
-    signals: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -279,7 +227,7 @@ class RoadMap:
     """
 
     name: str
-    roads: tuple[Road, ...]
+    roads: tuple[RoadDesign, ...]
     junctions: tuple[Junction, ...] = ()
     controllers: tuple[Controller, ...] = ()
     rule: str = "RHT"
@@ -292,11 +240,7 @@ class RoadMap:
             rule="LHT" if self.rule == "RHT" else "RHT",
             roads=tuple(_mirrored_road(road) for road in self.roads),
             junctions=tuple(
-                replace(
-                    junction,
-                    connections=tuple(replace(c, lanes=tuple((-a, -b) for a, b in c.lanes)) for c in junction.connections),
-                )
-                for junction in self.junctions
+                replace(each, connections=tuple(_mirrored_connection(one) for one in each.connections)) for each in self.junctions
             ),
         )
 
@@ -327,30 +271,37 @@ class RoadMap:
 # mirroring --------------------------------------------------------------------------------------
 
 
-def _mirrored_road(road: Road) -> Road:
-    start = Pose(road.start.x, -road.start.y, -road.start.heading)
+def _mirrored_road(road: RoadDesign) -> RoadDesign:
+    start = PlanPose(road.start.x, -road.start.y, -road.start.heading)
     plan = tuple(_mirrored_piece(piece) for piece in road.plan)
     sections, temporary = (
         tuple(replace(s, lanes={-key: _mirrored_lane(lane) for key, lane in s.lanes.items()}) for s in layer)
         for layer in (road.sections, road.temporary)
     )
-    signals = tuple(replace(s, t=-s.t, lanes=(-s.lanes[1], -s.lanes[0])) for s in road.signals)
-    offset, moved = (tuple(Cubic(c.s, -c.a, -c.b, -c.c, -c.d) for c in each) for each in (road.offset, road.temporary_offset))
-    objects = tuple(replace(o, t=-o.t, outline=tuple((u, -v) for u, v in o.outline)) for o in road.objects)
+    signals = tuple(replace(s, t=-s.t, validity=tuple((-b, -a) for a, b in s.validity)) for s in road.signals)
+    offset, moved = (tuple(Cubic(c.start, -c.a, -c.b, -c.c, -c.d) for c in each) for each in (road.offset, road.temporary_offset))
+    objects = tuple(
+        replace(o, t=-o.t, outlines=tuple(tuple(corner._replace(v=-corner.v) for corner in each) for each in o.outlines))
+        for o in road.objects
+    )
     return replace(
         road, start=start, plan=plan, sections=sections, signals=signals, offset=offset, objects=objects,
         temporary=temporary, temporary_offset=moved,
     )  # fmt: skip
 
 
-def _mirrored_piece(piece: Segment | ParamPoly3) -> Segment | ParamPoly3:
-    return piece.mirrored() if isinstance(piece, ParamPoly3) else Segment(piece.length, -piece.start, -piece.end)
+def _mirrored_piece(piece: Clothoid | CubicPiece) -> Clothoid | CubicPiece:
+    return piece.mirrored() if isinstance(piece, CubicPiece) else Clothoid(piece.length, -piece.start, -piece.end)
 
 
-def _mirrored_lane(lane: Lane) -> Lane:
+def _mirrored_lane(lane: LaneDesign) -> LaneDesign:
     links = ("predecessor", "successor", "other_predecessor", "other_successor")
     mirrored = {name: -lane_id for name in links if (lane_id := getattr(lane, name)) is not None}
     return replace(lane, **mirrored)
+
+
+def _mirrored_connection(way: Connection) -> Connection:
+    return way._replace(lane_links=tuple((LaneRef(-here.id), LaneRef(-there.id)) for here, there in way.lane_links))
 
 
 # XML --------------------------------------------------------------------------------------------
@@ -366,13 +317,13 @@ def _add(parent: etree._Element, tag: str, **attributes: str | float | None) -> 
     return etree.SubElement(parent, tag, texts)
 
 
-def _road(root: etree._Element, road: Road, rule: str) -> None:
-    element = _add(root, "road", name=road.name, length=road.length, id=str(road.id), junction=str(road.junction), rule=rule)
+def _road(root: etree._Element, road: RoadDesign, rule: str) -> None:
+    element = _add(root, "road", name=road.name, length=road.length, id=road.id, junction=road.junction, rule=rule)
     if road.predecessor or road.successor:
         links = _add(element, "link")
         for name, link in (("predecessor", road.predecessor), ("successor", road.successor)):
             if link:
-                _add(links, name, elementType=link.element, elementId=str(link.id), contactPoint=link.contact)
+                _add(links, name, elementType=link.element_type, elementId=link.element_id, contactPoint=link.contact)
     kind = _add(element, "type", s=0, type=road.type)
     _add(kind, "speed", **_speed(road.speed_limit))
     _plan_view(_add(element, "planView"), road)
@@ -392,11 +343,11 @@ def _road(root: etree._Element, road: Road, rule: str) -> None:
             _signal(signals, signal)
 
 
-def _plan_view(parent: etree._Element, road: Road) -> None:
+def _plan_view(parent: etree._Element, road: RoadDesign) -> None:
     s = 0.0
     for pose, piece in zip(road.poses, road.plan, strict=False):
         geometry = _add(parent, "geometry", s=s, x=pose.x, y=pose.y, hdg=pose.heading, length=piece.length)
-        if isinstance(piece, ParamPoly3):
+        if isinstance(piece, CubicPiece):
             u, v = (
                 dict(zip((f"a{axis}", f"b{axis}", f"c{axis}", f"d{axis}"), getattr(piece, axis.lower()), strict=True))
                 for axis in "UV"
@@ -411,14 +362,14 @@ def _plan_view(parent: etree._Element, road: Road) -> None:
         s += piece.length
 
 
-def _layer(lanes: etree._Element, layer: str | None, offset: Sequence[Cubic], sections: Sequence[Section]) -> None:
+def _layer(lanes: etree._Element, layer: str | None, offset: Sequence[Cubic], sections: Sequence[SectionDesign]) -> None:
     for cubic in offset:
-        _add(lanes, "laneOffset", s=cubic.s, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
+        _add(lanes, "laneOffset", s=cubic.start, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
     for section in sections:
         _section(lanes, section, layer)
 
 
-def _section(parent: etree._Element, section: Section, layer: str | None) -> None:
+def _section(parent: etree._Element, section: SectionDesign, layer: str | None) -> None:
     element = _add(parent, "laneSection", s=section.s, length=section.length)
     left = sorted((key for key in section.lanes if key > 0), reverse=True)
     right = sorted((key for key in section.lanes if key < 0), reverse=True)
@@ -434,7 +385,7 @@ def _section(parent: etree._Element, section: Section, layer: str | None) -> Non
             _lane(side, key, section.lanes[key], layer)
 
 
-def _lane(side: etree._Element, key: int, lane: Lane, layer: str | None) -> None:
+def _lane(side: etree._Element, key: int, lane: LaneDesign, layer: str | None) -> None:
     element = _add(side, "lane", id=str(key), type=lane.type, level="false")
     other = PERMANENT if layer == TEMPORARY else TEMPORARY
     links = [
@@ -452,7 +403,7 @@ def _lane(side: etree._Element, key: int, lane: Lane, layer: str | None) -> None
         for name, link, where in links:
             _add(link_element, name, id=str(link), layer=where)
     for cubic in lane.width:
-        _add(element, "width", sOffset=cubic.s, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
+        _add(element, "width", sOffset=cubic.start, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
     _mark(element, lane.mark, layer)
     if lane.speed_limit is not None:
         _add(element, "speed", sOffset=0, **_speed(lane.speed_limit))
@@ -469,42 +420,39 @@ def _mark(parent: etree._Element, kind: str, layer: str | None) -> None:
     _add(parent, "roadMark", sOffset=0, type=kind, weight="standard", color=color, width=width, laneChange=change)
 
 
-def _object(parent: etree._Element, item: Object) -> None:
+def _object(parent: etree._Element, item: RoadObject) -> None:
+    """Write something flat on the road with its outlines."""
     element = _add(
-        parent,
-        "object",
-        id=str(item.id),
-        name=item.name,
-        type=item.type,
-        s=item.s,
-        t=item.t,
-        zOffset=0,
-        hdg=0,
-        orientation="none",
-    )
-    outline = _add(_add(element, "outlines"), "outline", id="0", closed="true")
-    for number, (u, v) in enumerate(item.outline):
-        _add(outline, "cornerLocal", id=str(number), u=u, v=v, z=0, height=0)
+        parent, "object", id=item.id, name=item.name, type=item.type, s=item.s, t=item.t, zOffset=item.z_offset,
+        hdg=item.heading, orientation=item.orientation,
+    )  # fmt: skip
+    outlines = _add(element, "outlines")
+    for index, corners in enumerate(item.outlines):
+        outline = _add(outlines, "outline", id=str(index), closed="true")
+        for number, corner in enumerate(corners):
+            _add(outline, "cornerLocal", id=str(number), u=corner.u, v=corner.v, z=corner.z, height=corner.height)
 
 
 def _signal(parent: etree._Element, signal: Signal) -> None:
     element = _add(
-        parent, "signal", s=signal.s, t=signal.t, id=str(signal.id), name=signal.name, dynamic="yes",
-        orientation=signal.orientation, zOffset=3, country="OpenDRIVE", type="1000001", subtype="-1", value=-1,
-        height=1, width=0.4, hOffset=0, pitch=0, roll=0,
+        parent, "signal", s=signal.s, t=signal.t, id=signal.id, name=signal.name, dynamic="yes" if signal.dynamic else "no",
+        orientation=signal.orientation, zOffset=signal.z_offset, country=signal.country, type=signal.type,
+        subtype=signal.subtype, value=signal.value, height=signal.height, width=signal.width, hOffset=signal.h_offset,
+        pitch=0, roll=0,
     )  # fmt: skip
-    _add(element, "validity", fromLane=str(signal.lanes[0]), toLane=str(signal.lanes[1]))
+    for first, last in signal.validity:
+        _add(element, "validity", fromLane=str(first), toLane=str(last))
 
 
 def _junction(root: etree._Element, junction: Junction) -> None:
-    element = _add(root, "junction", id=str(junction.id), name=junction.name, type="direct" if junction.direct else "default")
-    entered = "linkedRoad" if junction.direct else "connectingRoad"
-    for number, connection in enumerate(junction.connections):
-        ends = {"incomingRoad": str(connection.incoming), entered: str(connection.connecting)}
-        child = _add(element, "connection", id=str(number), **ends, contactPoint="start")
-        for here, there in connection.lanes:
-            _add(child, "laneLink", **{"from": str(here), "to": str(there)})
+    element = _add(root, "junction", id=junction.id, name=junction.name, type=junction.type)
+    entered = "linkedRoad" if junction.type == "direct" else "connectingRoad"
+    for number, way in enumerate(junction.connections):
+        ends = {"incomingRoad": way.incoming_road, entered: way.connecting_road}
+        child = _add(element, "connection", id=way.id or str(number), **ends, contactPoint=way.contact)
+        for here, there in way.lane_links:
+            _add(child, "laneLink", **{"from": str(here.id), "to": str(there.id)})
     for high, low in junction.priorities:
-        _add(element, "priority", high=str(high), low=str(low))
+        _add(element, "priority", high=high, low=low)
     for sequence, controller in enumerate(junction.controllers):
-        _add(element, "controller", id=str(controller), sequence=str(sequence))
+        _add(element, "controller", id=controller, sequence=str(sequence))

@@ -14,8 +14,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from xodr.builders.elements import Connection, Controller, Junction, Link, Pose, Road, RoadId, RoadMap, Section, Signal, arc, line
+from xodr.builders.elements import PlanPose, RoadDesign, RoadMap, SectionDesign, arc, connection, line, traffic_light
 from xodr.builders.roads_and_ramps import carriageway, connecting_road, for_traffic, require, two_way
+from xodr.model import Controller, Junction, RoadLink, Signal
 
 JUNCTION = 100
 EAST, NORTH, WEST, SOUTH = 1, 2, 3, 4
@@ -73,27 +74,28 @@ class _Crossing:
             require(key, getattr(self, key), 0.1)
         roads = {arm: self._arm(arm) for arm in self.arms}
         paths = list(self._paths(roads))
-        connections = tuple(Connection(arm, path.id, ((lane, -1),)) for arm, lane, path in paths)
+        connections = tuple(connection(str(arm), path.id, ((lane, -1),)) for arm, lane, path in paths)
         controllers = self._controllers() if self.signals else ()
         priorities = () if self.signals or len(self.arms) == 4 else _main_road_first(paths)
-        junction = Junction(JUNCTION, name, connections, priorities, tuple(controller.id for controller in controllers))
+        switched = tuple(controller.id for controller in controllers)
+        junction = Junction(str(JUNCTION), name, "default", connections, switched, priorities)
         return RoadMap(name, (*roads.values(), *(path for _, _, path in paths)), (junction,), controllers)
 
-    def _arm(self, arm: int) -> Road:
+    def _arm(self, arm: int) -> RoadDesign:
         reach = self.lanes * self.lane_width + self.corner_radius
         heading = (arm - EAST) * math.pi / 2
-        start = Pose(round(math.cos(heading)) * reach, round(math.sin(heading)) * reach, heading)
+        start = PlanPose(round(math.cos(heading)) * reach, round(math.sin(heading)) * reach, heading)
         section = two_way(self.lanes, self.lanes, self.lane_width)
         lights: tuple[Signal, ...] = ()
         if self.signals:
             t = self.lanes * self.lane_width + 1.0
-            lights = (Signal(arm, f"Signal {_NAMES[arm]}", 0.5, t, "-", (1, self.lanes)),)
-        return Road(
-            arm, _NAMES[arm], start, (line(self.arm_length),), (section,), "town", self.speed_limit,
-            predecessor=Link("junction", JUNCTION), signals=lights,
+            lights = (traffic_light(arm, str(arm), 0.5, t, f"Signal {_NAMES[arm]}", (1, self.lanes), against=True),)
+        return RoadDesign(
+            str(arm), _NAMES[arm], start, (line(self.arm_length),), (section,), "town", self.speed_limit,
+            predecessor=RoadLink("junction", str(JUNCTION), None), signals=lights,
         )  # fmt: skip
 
-    def _paths(self, roads: dict[int, Road]) -> Iterator[tuple[int, int, Road]]:
+    def _paths(self, roads: dict[int, RoadDesign]) -> Iterator[tuple[int, int, RoadDesign]]:
         """(incoming arm, incoming lane, connecting road): left turns from the inner lane, right turns from the outer one."""
         number = JUNCTION + 1
         for here in self.arms:
@@ -106,12 +108,12 @@ class _Crossing:
                     number += 1
 
     def _controllers(self) -> tuple[Controller, ...]:
-        main = tuple(arm for arm in self.arms if arm in (EAST, WEST))
-        side = tuple(arm for arm in self.arms if arm in (NORTH, SOUTH))
-        return Controller(1, "East and west", main), Controller(2, "North and south", side)
+        main = tuple(str(arm) for arm in self.arms if arm in (EAST, WEST))
+        side = tuple(str(arm) for arm in self.arms if arm in (NORTH, SOUTH))
+        return Controller("1", "East and west", None, main), Controller("2", "North and south", None, side)
 
 
-def _main_road_first(paths: list[tuple[int, int, Road]]) -> tuple[tuple[RoadId, RoadId], ...]:
+def _main_road_first(paths: list[tuple[int, int, RoadDesign]]) -> tuple[tuple[str, str], ...]:
     main = [path.id for arm, _, path in paths if arm in (EAST, WEST)]
     side = [path.id for arm, _, path in paths if arm not in (EAST, WEST)]
     return tuple((high, low) for high in main for low in side)
@@ -170,29 +172,29 @@ class _Roundabout:
         paths = [path for _, connecting in built for path in connecting]
         return RoadMap("Roundabout", (*outer, *ring, *paths), tuple(junction for junction, _ in built))
 
-    def _arm(self, number: int) -> Road:
+    def _arm(self, number: int) -> RoadDesign:
         heading = number * 2 * math.pi / self.arms
         reach = self.radius + self.lanes * self.lane_width + self.flare
-        start = Pose(reach * math.cos(heading), reach * math.sin(heading), heading)
+        start = PlanPose(reach * math.cos(heading), reach * math.sin(heading), heading)
         section = two_way(self.lanes, self.lanes, self.lane_width)
-        return Road(
-            ARM + number, f"Arm {number + 1}", start, (line(self.arm_length),), (section,), "town", self.speed_limit,
-            predecessor=Link("junction", JUNCTION * (number + 1)),
+        return RoadDesign(
+            str(ARM + number), f"Arm {number + 1}", start, (line(self.arm_length),), (section,), "town", self.speed_limit,
+            predecessor=RoadLink("junction", str(JUNCTION * (number + 1)), None),
         )  # fmt: skip
 
-    def _segment(self, number: int) -> Road:
+    def _segment(self, number: int) -> RoadDesign:
         step = 2 * math.pi / self.arms
         angle = number * step + self.half_mouth
-        start = Pose(self.radius * math.cos(angle), self.radius * math.sin(angle), angle + math.pi / 2)
-        section = Section(0.0, carriageway(self.lanes, self.lane_width), centre_mark="solid")
+        start = PlanPose(self.radius * math.cos(angle), self.radius * math.sin(angle), angle + math.pi / 2)
+        section = SectionDesign(0.0, carriageway(self.lanes, self.lane_width), centre_mark="solid")
         plan = (arc(self.radius * (step - 2 * self.half_mouth), 1 / self.radius),)
-        return Road(
-            RING + number, f"Ring {number + 1}", start, plan, (section,), "town", self.ring_speed_limit,
-            predecessor=Link("junction", JUNCTION * (number + 1)),
-            successor=Link("junction", JUNCTION * ((number + 1) % self.arms + 1)),
+        return RoadDesign(
+            str(RING + number), f"Ring {number + 1}", start, plan, (section,), "town", self.ring_speed_limit,
+            predecessor=RoadLink("junction", str(JUNCTION * (number + 1)), None),
+            successor=RoadLink("junction", str(JUNCTION * ((number + 1) % self.arms + 1)), None),
         )  # fmt: skip
 
-    def _junction(self, number: int, arm: Road, before: Road, after: Road) -> tuple[Junction, list[Road]]:
+    def _junction(self, number: int, arm: RoadDesign, before: RoadDesign, after: RoadDesign) -> tuple[Junction, list[RoadDesign]]:
         """The junction of one arm: first all that passes, then what enters, then what leaves."""
         identity = JUNCTION * (number + 1)
         lanes = range(1, self.lanes + 1)
@@ -206,8 +208,8 @@ class _Roundabout:
             for index, (start, end) in enumerate(pairs)
         ]
         connections = tuple(
-            Connection(start[0].id, path.id, ((start[1], -1),)) for (start, _), path in zip(pairs, paths, strict=True)
+            connection(start[0].id, path.id, ((start[1], -1),)) for (start, _), path in zip(pairs, paths, strict=True)
         )
         entering = paths[self.lanes : 2 * self.lanes]
         priorities = tuple((high.id, low.id) for high in paths if high not in entering for low in entering)
-        return Junction(identity, f"Junction of arm {number + 1}", connections, priorities), paths
+        return Junction(str(identity), f"Junction of arm {number + 1}", "default", connections, priorities=priorities), paths

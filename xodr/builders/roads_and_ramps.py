@@ -15,20 +15,19 @@ from typing import NamedTuple
 
 from schemas.common.errors import UsageError
 from xodr.builders.elements import (
-    Connection,
-    Cubic,
-    Junction,
-    Lane,
-    Link,
-    Pose,
-    Road,
+    Clothoid,
+    LaneDesign,
+    PlanPose,
+    RoadDesign,
     RoadMap,
-    Section,
-    Segment,
+    SectionDesign,
     arc,
     connect,
+    connection,
     line,
 )
+from xodr.geometry import Cubic
+from xodr.model import Connection, Junction, RoadLink
 
 # single roads -----------------------------------------------------------------------------------
 
@@ -65,17 +64,18 @@ def closing(width: float, length: float) -> tuple[Cubic, ...]:
     return (Cubic(0.0, width, 0.0, -3 * width / length**2, 2 * width / length**3),)
 
 
-def carriageway(lanes: int, width: float, side: int = -1, edge: float = 0.0) -> dict[int, Lane]:
+def carriageway(lanes: int, width: float, side: int = -1, edge: float = 0.0) -> dict[int, LaneDesign]:
     """`lanes` driving lanes on one side (-1 right, +1 left of the reference line) and, where `edge` > 0, a shoulder."""
     built = {
-        side * number: Lane(LANE, constant(width), mark="broken" if number < lanes else "solid") for number in range(1, lanes + 1)
+        side * number: LaneDesign(LANE, constant(width), mark="broken" if number < lanes else "solid")
+        for number in range(1, lanes + 1)
     }
     if edge > 0:
-        built[side * (lanes + 1)] = Lane("shoulder", constant(edge))
+        built[side * (lanes + 1)] = LaneDesign("shoulder", constant(edge))
     return built
 
 
-def linked(section: Section, predecessors: dict[int, int] | None, successors: dict[int, int] | None) -> Section:
+def linked(section: SectionDesign, predecessors: dict[int, int] | None, successors: dict[int, int] | None) -> SectionDesign:
     """The section with lane links filled in; None links every lane to its own id, an empty table none."""
     lanes = {
         key: replace(
@@ -88,15 +88,17 @@ def linked(section: Section, predecessors: dict[int, int] | None, successors: di
     return replace(section, lanes=lanes)
 
 
-def two_way(lanes: int, opposite: int, width: float, edge: float = 0.0) -> Section:
+def two_way(lanes: int, opposite: int, width: float, edge: float = 0.0) -> SectionDesign:
     """Driving lanes on both sides of the reference line, with a shoulder where `edge` > 0."""
     layout = carriageway(lanes, width, edge=edge)
     if opposite:
         layout |= carriageway(opposite, width, side=1, edge=edge)
-    return Section(0.0, layout, centre_mark="broken" if lanes + opposite < 4 else "solid solid")
+    return SectionDesign(0.0, layout, centre_mark="broken" if lanes + opposite < 4 else "solid solid")
 
 
-def connecting_road(number: int, junction: int, before: tuple[Road, int], after: tuple[Road, int], width: float) -> Road:
+def connecting_road(
+    number: int, junction: int, before: tuple[RoadDesign, int], after: tuple[RoadDesign, int], width: float
+) -> RoadDesign:
     """One lane (-1) through a junction, from a lane to a lane of equal width: a single clothoid that fits both exactly.
 
     Its reference line leads along the lane's inner border. A left-hand lane is entered from or left
@@ -104,15 +106,15 @@ def connecting_road(number: int, junction: int, before: tuple[Road, int], after:
     """
     start, first = _mouth(*before, width, entering=False)
     end, last = _mouth(*after, width, entering=True)
-    lane = Lane(LANE, constant(width), predecessor=before[1], successor=after[1])
-    return Road(
-        number, f"{before[0].name} to {after[0].name}", start, (connect(start, end),), (Section(0.0, {-1: lane}),),
-        after[0].type, min(before[0].speed_limit, after[0].speed_limit), junction=junction,
-        predecessor=Link("road", before[0].id, first), successor=Link("road", after[0].id, last),
+    lane = LaneDesign(LANE, constant(width), predecessor=before[1], successor=after[1])
+    return RoadDesign(
+        str(number), f"{before[0].name} to {after[0].name}", start, (connect(start, end),), (SectionDesign(0.0, {-1: lane}),),
+        after[0].type, min(before[0].speed_limit, after[0].speed_limit), junction=str(junction),
+        predecessor=RoadLink("road", before[0].id, first), successor=RoadLink("road", after[0].id, last),
     )  # fmt: skip
 
 
-def _mouth(road: Road, lane: int, width: float, entering: bool) -> tuple[Pose, str]:
+def _mouth(road: RoadDesign, lane: int, width: float, entering: bool) -> tuple[PlanPose, str]:
     """Pose of a lane's inner border in the direction of travel where traffic enters or leaves the road, and the contact point."""
     at_start = entering == (lane < 0)
     border = (abs(lane) - 1) * width
@@ -145,13 +147,13 @@ def assumed_roads(used: Iterable[RoadUse], *, rule: str = "RHT") -> RoadMap:
     for number, each in enumerate(used):
         require("length", each.length, 0.1)
         section = two_way(each.right, each.left, _WIDTH)
-        start = Pose(0.0, -_APART * number, 0.0)
+        start = PlanPose(0.0, -_APART * number, 0.0)
         name = f"assumed road {each.road_id}"
-        roads.append(Road(each.road_id, name, start, (line(each.length),), (section,), "rural", _SPEED_LIMIT))
+        roads.append(RoadDesign(each.road_id, name, start, (line(each.length),), (section,), "rural", _SPEED_LIMIT))
     return for_traffic(RoadMap("Assumed roads", tuple(roads)), rule)
 
 
-ORIGIN = Pose(0.0, 0.0, 0.0)
+ORIGIN = PlanPose(0.0, 0.0, 0.0)
 
 
 def straight_highway(
@@ -179,10 +181,10 @@ def straight_highway(
     layout = carriageway(lanes, lane_width, edge=shoulder)
     if opposite_lanes:
         beyond = carriageway(opposite_lanes, lane_width, side=1, edge=shoulder)
-        layout[1] = Lane("median", constant(median), mark="solid")
+        layout[1] = LaneDesign("median", constant(median), mark="solid")
         layout |= {key + 1: lane for key, lane in beyond.items()}
-    section = Section(0.0, layout, centre_mark="solid")
-    road = Road(1, "Highway", ORIGIN, (line(length),), (section,), "motorway", speed_limit)
+    section = SectionDesign(0.0, layout, centre_mark="solid")
+    road = RoadDesign("1", "Highway", ORIGIN, (line(length),), (section,), "motorway", speed_limit)
     return for_traffic(RoadMap("Straight highway", (road,)), rule)
 
 
@@ -213,10 +215,12 @@ def sharp_curve(
         raise UsageError(f"turn={turn!r} must be left or right")
     curvature = (1 if turn == "left" else -1) / radius
     bend = arc(radius * angle - transition, curvature)
-    plan: tuple[Segment, ...] = (line(approach), bend, line(approach))
+    plan: tuple[Clothoid, ...] = (line(approach), bend, line(approach))
     if transition > 0:
-        plan = (line(approach), Segment(transition, 0.0, curvature), bend, Segment(transition, curvature, 0.0), line(approach))
-    road = Road(1, "Sharp curve", ORIGIN, plan, (two_way(lanes, opposite_lanes, lane_width, shoulder),), "rural", speed_limit)
+        plan = (line(approach), Clothoid(transition, 0.0, curvature), bend, Clothoid(transition, curvature, 0.0), line(approach))
+    road = RoadDesign(
+        "1", "Sharp curve", ORIGIN, plan, (two_way(lanes, opposite_lanes, lane_width, shoulder),), "rural", speed_limit
+    )
     return for_traffic(RoadMap(f"Sharp {turn} curve", (road,)), rule)
 
 
@@ -235,7 +239,7 @@ def narrow_road(
     for name, value in (("lane_width", lane_width), ("length", length), ("speed_limit", speed_limit)):
         require(name, value, 0.1)
     section = two_way(lanes, opposite_lanes, lane_width, shoulder)
-    road = Road(1, "Narrow road", ORIGIN, (line(length),), (section,), "town", speed_limit)
+    road = RoadDesign("1", "Narrow road", ORIGIN, (line(length),), (section,), "town", speed_limit)
     return for_traffic(RoadMap("Narrow road", (road,)), rule)
 
 
@@ -246,7 +250,7 @@ GORE = 1.0
 """Distance between the shoulder of the carriageway and the ramp where the junction ends, in m."""
 
 JUNCTION, THROUGH, RAMP = 100, 101, 102
-MOUTH = Link("junction", JUNCTION)
+MOUTH = RoadLink("junction", str(JUNCTION), None)
 
 
 def on_ramp(
@@ -265,21 +269,21 @@ def on_ramp(
     """
     site = _Site(lanes, lane_width, ramp_width, shoulder, angle, speed_limit, ramp_speed_limit)
     site.check(upstream=upstream, acceleration=acceleration, taper=taper, downstream=downstream, ramp=ramp)
-    before = site.main_road(1, Pose(0, 0, 0), upstream, (site.plain(0.0),))
+    before = site.main_road(1, PlanPose(0, 0, 0), upstream, (site.plain(0.0),))
     sections = (
         linked(site.wide(0.0, "entry", constant(lane_width)), {}, None),
         linked(site.wide(acceleration, "entry", closing(lane_width, taper)), None, site.wide_to_plain),
         linked(site.plain(acceleration + taper), site.plain_to_wide, {}),
     )
     after = site.main_road(2, site.beyond(before), acceleration + taper + downstream, sections)
-    gore = Pose(before.end.x, site.edge - shoulder - GORE, angle)
-    start = Pose(gore.x - ramp * math.cos(angle), gore.y - ramp * math.sin(angle), angle)
+    gore = PlanPose(before.end.x, site.edge - shoulder - GORE, angle)
+    start = PlanPose(gore.x - ramp * math.cos(angle), gore.y - ramp * math.sin(angle), angle)
     access = site.ramp_road("On-ramp", "onRamp", start, ramp, successor=MOUTH)
-    fading = Lane("shoulder", site.fading(-1), predecessor=-lanes - 1)
+    fading = LaneDesign("shoulder", site.fading(-1), predecessor=-lanes - 1)
     joining = site.ramp_connection(access.end, (3, -1, ramp_width), (2, -lanes - 1, lane_width), "onRamp")
     roads = (before, after, access, site.through(before.end, fading), joining)
     main = ((-lanes - 1, -lanes - 1),)
-    return site.assemble("On-ramp", roads, main, Connection(3, RAMP, ((-1, -1), (-2, -2))), rule)
+    return site.assemble("On-ramp", roads, main, connection("3", str(RAMP), ((-1, -1), (-2, -2))), rule)
 
 
 def off_ramp(
@@ -303,13 +307,13 @@ def off_ramp(
         linked(site.wide(upstream, "exit", opening(lane_width, taper)), site.wide_to_plain, None),
         linked(site.wide(upstream + taper, "exit", constant(lane_width)), None, {}),
     )
-    before = site.main_road(1, Pose(0, 0, 0), upstream + taper + deceleration, sections)
+    before = site.main_road(1, PlanPose(0, 0, 0), upstream + taper + deceleration, sections)
     after = site.main_road(2, site.beyond(before), downstream, (site.plain(0.0),))
     leaving = site.ramp_connection(before.end.shifted(site.edge), (1, -lanes - 1, lane_width), (3, -1, ramp_width), "offRamp")
     exit_ = site.ramp_road("Off-ramp", "offRamp", leaving.end, ramp, predecessor=MOUTH)
-    growing = Lane("shoulder", site.fading(+1), successor=-lanes - 1)
+    growing = LaneDesign("shoulder", site.fading(+1), successor=-lanes - 1)
     roads = (before, after, exit_, site.through(before.end, growing), leaving)
-    return site.assemble("Off-ramp", roads, (), Connection(1, RAMP, ((-lanes - 1, -1), (-lanes - 2, -2))), rule)
+    return site.assemble("Off-ramp", roads, (), connection("1", str(RAMP), ((-lanes - 1, -1), (-lanes - 2, -2))), rule)
 
 
 @dataclass(frozen=True)
@@ -355,23 +359,33 @@ class _Site:
         """The inverse of `plain_to_wide`: the extra lane has no neighbour."""
         return {wide: plain for plain, wide in self.plain_to_wide.items()}
 
-    def plain(self, s: float) -> Section:
+    def plain(self, s: float) -> SectionDesign:
         """Driving lanes and shoulder."""
-        return Section(s, carriageway(self.lanes, self.lane_width, edge=self.shoulder), centre_mark="solid")
+        return SectionDesign(s, carriageway(self.lanes, self.lane_width, edge=self.shoulder), centre_mark="solid")
 
-    def wide(self, s: float, kind: str, width: tuple[Cubic, ...]) -> Section:
+    def wide(self, s: float, kind: str, width: tuple[Cubic, ...]) -> SectionDesign:
         """Driving lanes, the extra lane and the shoulder."""
         layout = carriageway(self.lanes + 1, self.lane_width, edge=self.shoulder)
-        layout[-self.lanes - 1] = Lane(kind, width, mark="solid")
-        return Section(s, layout, centre_mark="solid")
+        layout[-self.lanes - 1] = LaneDesign(kind, width, mark="solid")
+        return SectionDesign(s, layout, centre_mark="solid")
 
     def ramp_road(
-        self, name: str, kind: str, start: Pose, length: float, *, predecessor: Link | None = None, successor: Link | None = None
-    ) -> Road:
+        self,
+        name: str,
+        kind: str,
+        start: PlanPose,
+        length: float,
+        *,
+        predecessor: RoadLink | None = None,
+        successor: RoadLink | None = None,
+    ) -> RoadDesign:
         """Road 3: the ramp's lane and its shoulder."""
-        lanes = {-1: Lane(kind, constant(self.ramp_width), mark="solid"), -2: Lane("shoulder", constant(self.shoulder))}
-        return Road(
-            3, name, start, (line(length),), (Section(0.0, lanes, "solid"),), "motorway", self.ramp_speed_limit,
+        lanes = {
+            -1: LaneDesign(kind, constant(self.ramp_width), mark="solid"),
+            -2: LaneDesign("shoulder", constant(self.shoulder)),
+        }
+        return RoadDesign(
+            "3", name, start, (line(length),), (SectionDesign(0.0, lanes, "solid"),), "motorway", self.ramp_speed_limit,
             predecessor=predecessor, successor=successor,
         )  # fmt: skip
 
@@ -382,46 +396,49 @@ class _Site:
             return (Cubic(0.0, 0.0, 0.0, self.shoulder / length**2),)
         return (Cubic(0.0, self.shoulder, -2 * self.shoulder / length, self.shoulder / length**2),)
 
-    def main_road(self, number: int, start: Pose, length: float, sections: tuple[Section, ...]) -> Road:
+    def main_road(self, number: int, start: PlanPose, length: float, sections: tuple[SectionDesign, ...]) -> RoadDesign:
         """Road 1 ends at the junction, road 2 begins there."""
         name, before, after = ("Upstream", None, MOUTH) if number == 1 else ("Downstream", MOUTH, None)
-        return Road(
-            number, name, start, (line(length),), sections, "motorway", self.speed_limit, predecessor=before, successor=after
+        return RoadDesign(
+            str(number), name, start, (line(length),), sections, "motorway", self.speed_limit, predecessor=before, successor=after
         )
 
-    def beyond(self, before: Road) -> Pose:
+    def beyond(self, before: RoadDesign) -> PlanPose:
         """Return the pose at which the carriageway leaves the junction."""
-        return Pose(before.end.x + self.radius * math.sin(self.angle), before.end.y, before.end.heading)
+        return PlanPose(before.end.x + self.radius * math.sin(self.angle), before.end.y, before.end.heading)
 
-    def through(self, start: Pose, shoulder: Lane) -> Road:
+    def through(self, start: PlanPose, shoulder: LaneDesign) -> RoadDesign:
         """The connecting road of the carriageway."""
         section = linked(self.plain(0.0), None, None)
         lanes = {**section.lanes, -self.lanes - 1: shoulder}
         plan = (line(self.radius * math.sin(self.angle)),)
-        return Road(
-            THROUGH, "Through", start, plan, (Section(0.0, lanes, "solid"),), "motorway", self.speed_limit, junction=JUNCTION,
-            predecessor=Link("road", 1, "end"), successor=Link("road", 2, "start"),
+        return RoadDesign(
+            str(THROUGH), "Through", start, plan, (SectionDesign(0.0, lanes, "solid"),), "motorway",
+            self.speed_limit, junction=str(JUNCTION),
+            predecessor=RoadLink("road", "1", "end"), successor=RoadLink("road", "2", "start"),
         )  # fmt: skip
 
-    def ramp_connection(self, start: Pose, before: tuple[int, int, float], after: tuple[int, int, float], kind: str) -> Road:
+    def ramp_connection(
+        self, start: PlanPose, before: tuple[int, int, float], after: tuple[int, int, float], kind: str
+    ) -> RoadDesign:
         """The connecting road of the ramp, from and to (road, lane, lane width): an arc to the right."""
         length = self.radius * self.angle
         change = after[2] - before[2]
         width = (Cubic(0.0, before[2], 0.0, 3 * change / length**2, -2 * change / length**3),)
         lanes = {
-            -1: Lane(kind, width, "solid", before[1], after[1]),
-            -2: Lane("shoulder", constant(self.shoulder), "none", before[1] - 1, after[1] - 1),
+            -1: LaneDesign(kind, width, "solid", before[1], after[1]),
+            -2: LaneDesign("shoulder", constant(self.shoulder), "none", before[1] - 1, after[1] - 1),
         }
-        return Road(
-            RAMP, "Ramp connection", start, (arc(length, -1 / self.radius),), (Section(0.0, lanes, "solid"),), "motorway",
-            self.ramp_speed_limit, junction=JUNCTION,
-            predecessor=Link("road", before[0], "end"), successor=Link("road", after[0], "start"),
+        return RoadDesign(
+            str(RAMP), "Ramp connection", start, (arc(length, -1 / self.radius),), (SectionDesign(0.0, lanes, "solid"),),
+            "motorway", self.ramp_speed_limit, junction=str(JUNCTION),
+            predecessor=RoadLink("road", str(before[0]), "end"), successor=RoadLink("road", str(after[0]), "start"),
         )  # fmt: skip
 
     def assemble(
-        self, name: str, roads: tuple[Road, ...], extra: tuple[tuple[int, int], ...], ramp: Connection, rule: str
+        self, name: str, roads: tuple[RoadDesign, ...], extra: tuple[tuple[int, int], ...], ramp: Connection, rule: str
     ) -> RoadMap:
         """The whole map; `extra` are lane pairs of the through connection beside the driving lanes."""
-        main = Connection(1, THROUGH, tuple((-number, -number) for number in range(1, self.lanes + 1)) + extra)
-        junction = Junction(JUNCTION, name, (main, ramp), priorities=((THROUGH, RAMP),))
+        main = connection("1", str(THROUGH), tuple((-number, -number) for number in range(1, self.lanes + 1)) + extra)
+        junction = Junction(str(JUNCTION), name, "default", (main, ramp), priorities=((str(THROUGH), str(RAMP)),))
         return for_traffic(RoadMap(name, roads, (junction,)), rule)

@@ -13,16 +13,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from xodr.builders.elements import Controller, Cubic, Geo, Lane, Link, Object, Pose, Road, RoadMap, Section, Signal
+from xodr.builders.elements import Geo, LaneDesign, PlanPose, RoadDesign, RoadMap, SectionDesign, traffic_light
+from xodr.geometry import Cubic
 from xodr.lanelet2.borders import completed
 from xodr.lanelet2.graph import Graph, Layout
 from xodr.lanelet2.junctions import junction_ids, junctions, layout
 from xodr.lanelet2.lanelet import Lanelet, Points, across, lengths, places, points_at
 from xodr.lanelet2.reader import Area, read_lanelets
 from xodr.lanelet2.shapes import Borders, Shape, mouths, shape
+from xodr.model import Controller, Corner, RoadLink, RoadObject, Signal
 from xodr.network import RoadNetwork
 from xodr.reader import load
-from xodr.road import Road as ReadRoad
+from xodr.road import Road
 
 # road maps of lanelets --------------------------------------------------------------------------
 
@@ -40,7 +42,8 @@ def signals(graph: Graph, plan: Layout, shapes: list[Shape]) -> dict[int, tuple[
         for light, lanes in _held(graph, bundle.last):
             count += 1
             edge = shapes[number].end[-1]
-            here.append(Signal(count, light, shapes[number].length, edge - _BESIDE, "+", (-lanes[-1] - 1, -lanes[0] - 1)))
+            held = (-lanes[-1] - 1, -lanes[0] - 1)
+            here.append(traffic_light(count, str(number + 1), shapes[number].length, edge - _BESIDE, light, held))
         if here:
             found[number] = tuple(here)
     return found
@@ -60,11 +63,11 @@ def _held(graph: Graph, names: tuple[str, ...]) -> list[tuple[str, list[int]]]:
 
 def controllers(lights: dict[int, tuple[Signal, ...]]) -> tuple[Controller, ...]:
     """One controller for each light, which may stand at the ends of several roads."""
-    groups: dict[str, list[int]] = defaultdict(list)
+    groups: dict[str, list[str]] = defaultdict(list)
     for here in lights.values():
         for signal in here:
             groups[signal.name].append(signal.id)
-    return tuple(Controller(place, name, tuple(ids)) for place, (name, ids) in enumerate(groups.items(), 1))
+    return tuple(Controller(str(place), name, None, tuple(ids)) for place, (name, ids) in enumerate(groups.items(), 1))
 
 
 class Built(NamedTuple):
@@ -121,22 +124,22 @@ class _Builder:
 
     # roads ----------------------------------------------------------------------------------
 
-    def _road(self, number: int) -> Road:
+    def _road(self, number: int) -> RoadDesign:
         bundle, form = self.plan.bundles[number], self.shapes[number]
         first = [self.graph.lanelets[name] for name in bundle.first]
         fastest = max(lanelet.speed_limit for lanelet in first)
         lanes = {-lane - 1: self._lane(number, lane, fastest) for lane in range(len(first))}
-        return Road(
-            number + 1, " ".join(name for lane in bundle.lanes for name in lane), form.start, form.plan,
-            (Section(0.0, lanes, first[0].left_mark),), first[0].road_type, fastest,
-            junction=self._junction(number, False) if bundle.inside else -1,
+        return RoadDesign(
+            str(number + 1), " ".join(name for lane in bundle.lanes for name in lane), form.start, form.plan,
+            (SectionDesign(0.0, lanes, first[0].left_mark),), first[0].road_type, fastest,
+            junction=str(self._junction(number, False) if bundle.inside else -1),
             predecessor=self._link(number, False), successor=self._link(number, True),
             signals=self.signals.get(number, ()), offset=_cubics(form, form.t[:, :, 0]),
         )  # fmt: skip
 
-    def _lane(self, number: int, lane: int, fastest: float) -> Lane:
+    def _lane(self, number: int, lane: int, fastest: float) -> LaneDesign:
         lanelet, form = self.graph.lanelets[self.plan.bundles[number].lanes[lane][0]], self.shapes[number]
-        return Lane(
+        return LaneDesign(
             lanelet.type, _cubics(form, form.t[:, :, lane] - form.t[:, :, lane + 1]), lanelet.right_mark,
             self._linked(number, lane, False), self._linked(number, lane, True),
             lanelet.speed_limit if lanelet.speed_limit < fastest else None,
@@ -145,19 +148,19 @@ class _Builder:
     def _linked(self, number: int, lane: int, at_end: bool) -> int | None:
         """The lane that continues a lane, where its road is linked to another road."""
         joint, link = self.plan.joint(number, at_end), self._link(number, at_end)
-        if joint is None or link is None or link.element != "road":
+        if joint is None or link is None or link.element_type != "road":
             return None
         pairs = joint.lanes if at_end else [(after, before) for before, after in joint.lanes]
         return next((-other[1] - 1 for one, other in pairs if one == (number, lane)), None)
 
-    def _link(self, number: int, at_end: bool) -> Link | None:
+    def _link(self, number: int, at_end: bool) -> RoadLink | None:
         joint, junction = self.plan.joint(number, at_end), self._junction(number, at_end)
         if joint is None:
             return None
         if junction == -1 or self.plan.bundles[number].inside:
             other = (joint.beginning if at_end else joint.ending)[0]
-            return Link("road", other + 1, "start" if at_end else "end")
-        return Link("junction", junction)
+            return RoadLink("road", str(other + 1), "start" if at_end else "end")
+        return RoadLink("junction", str(junction), None)
 
     def _junction(self, number: int, at_end: bool) -> int:
         """The junction at one end of a road, -1 where there is none."""
@@ -169,28 +172,29 @@ def _cubics(form: Shape, coefficients: np.ndarray) -> tuple[Cubic, ...]:
     return tuple(Cubic(float(s), *map(float, row)) for s, row in zip(form.s, coefficients, strict=True))
 
 
-def with_crosswalks(roads: Sequence[Road], crosswalks: Sequence[Area]) -> tuple[Road, ...]:
+def with_crosswalks(roads: Sequence[RoadDesign], crosswalks: Sequence[Area]) -> tuple[RoadDesign, ...]:
     """The roads with each crosswalk on the one whose piece begins nearest to it. Only its place matters, not its road."""
     poses = [(number, s, pose) for number, road in enumerate(roads) for s, pose in _poses(road)]
     places = np.array([(pose.x, pose.y) for _, _, pose in poses])
-    found: dict[int, list[Object]] = defaultdict(list)
+    found: dict[int, list[RoadObject]] = defaultdict(list)
     for identity, area in enumerate(crosswalks, 1):
         centre = area.outline.mean(axis=0)
         number, s, pose = poses[int(np.argmin(np.hypot(*(places - centre).T)))]
-        outline = tuple(_local(pose, point) for point in area.outline.tolist())
-        found[number].append(Object(identity, area.id, "crosswalk", s, 0.0, outline))
+        outline = tuple(_corner(pose, point) for point in area.outline.tolist())
+        crosswalk = RoadObject(str(identity), roads[number].id, s, 0.0, area.id, "crosswalk", outlines=(outline,))
+        found[number].append(crosswalk)
     return tuple(replace(road, objects=tuple(found[number])) for number, road in enumerate(roads))
 
 
-def _poses(road: Road) -> Iterator[tuple[float, Pose]]:
+def _poses(road: RoadDesign) -> Iterator[tuple[float, PlanPose]]:
     """Yield s and pose at the ends of the pieces of the reference line."""
     return zip(accumulate((piece.length for piece in road.plan), initial=0.0), road.poses, strict=True)
 
 
-def _local(pose: Pose, point: Sequence[float]) -> tuple[float, float]:
+def _corner(pose: PlanPose, point: Sequence[float]) -> Corner:
     dx, dy = point[0] - pose.x, point[1] - pose.y
     cos, sin = math.cos(pose.heading), math.sin(pose.heading)
-    return cos * dx + sin * dy, cos * dy - sin * dx
+    return Corner(cos * dx + sin * dy, cos * dy - sin * dx, 0.0, 0.0, on_road=False)
 
 
 # files ------------------------------------------------------------------------------------------
@@ -228,7 +232,7 @@ class _Lines(NamedTuple):
     centre: Points
 
 
-def _lines(road: ReadRoad, lane_id: int) -> _Lines:
+def _lines(road: Road, lane_id: int) -> _Lines:
     grid = np.linspace(0.0, road.length, places(road.length, STEP)).tolist()
     lane = road.lane(0.0, lane_id)
     return _Lines(*(np.array([road.pose(s, at(s))[:2] for s in grid]) for at in (lane.inner, lane.outer, lane.center)))

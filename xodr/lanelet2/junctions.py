@@ -14,9 +14,10 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from xodr.builders.elements import Connection, Junction
+from xodr.builders.elements import connection
 from xodr.lanelet2.graph import Bundle, Graph, Joint, Layout, chained, joined
 from xodr.lanelet2.lanelet import Lanelet, Points, frame_at, lengths, middle, parts_of, split
+from xodr.model import Junction
 
 _LONGEST_CROSSING = 60.0
 """Length up to which lanelets are taken to cross on the same level where they do nothing else, m."""
@@ -231,5 +232,7 @@ def _junction(plan: Layout, identity: int, joints: list[Joint], priorities: list
         for (before, one), (after, other) in joint.lanes:
             if not inside or plan.bundles[after].inside:
                 lanes[before, after].append((-one - 1, -other - 1))
-    connections = tuple(Connection(before + 1, after + 1, tuple(links)) for (before, after), links in sorted(lanes.items()))
-    return Junction(identity, f"Junction {identity}", connections, tuple(priorities), direct=not inside)
+    connections = tuple(connection(str(before + 1), str(after + 1), links) for (before, after), links in sorted(lanes.items()))
+    kind = "default" if inside else "direct"
+    ranks = tuple((str(high), str(low)) for high, low in priorities)
+    return Junction(str(identity), f"Junction {identity}", kind, connections, priorities=ranks)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from schemas.common.array_types import FloatArray
-from xodr.builders.elements import ParamPoly3, Pose
+from xodr.builders.elements import CubicPiece, PlanPose
 from xodr.lanelet2.graph import Graph, Joint, Layout
 from xodr.lanelet2.lanelet import (
     Frame,
@@ -285,8 +285,8 @@ class Shape(NamedTuple):
     left to right, (m, 4, borders).
     """
 
-    start: Pose
-    plan: tuple[ParamPoly3, ...]
+    start: PlanPose
+    plan: tuple[CubicPiece, ...]
     s: FloatArray
     t: FloatArray
 
@@ -316,7 +316,9 @@ def shape(lines: list[Points], start: Mouth, end: Mouth) -> Shape:
     borders = _smooth(s, samples, ends, slopes)
     first = line(line.x[:1])[0]
     heading = math.atan2(*line(line.x[:1], 1)[0][::-1])
-    return Shape(Pose(float(first[0]), float(first[1]), heading), tuple(_pieces(line, knots)), borders.x[:-1], _by_power(borders))
+    return Shape(
+        PlanPose(float(first[0]), float(first[1]), heading), tuple(_pieces(line, knots)), borders.x[:-1], _by_power(borders)
+    )
 
 
 def _own(mouth: Mouth) -> list[float]:
@@ -388,7 +390,7 @@ def _smooth(s: FloatArray, samples: FloatArray, ends: FloatArray, slopes: FloatA
     return min(candidates, key=lambda candidate: candidate[:2])[2]
 
 
-def _pieces(line: PPoly, s: FloatArray) -> list[ParamPoly3]:
+def _pieces(line: PPoly, s: FloatArray) -> list[CubicPiece]:
     """The pieces of a plane spline in the frames of their starts, with parameters from 0 to 1."""
     found = []
     for index, piece in enumerate(_by_power(line)):
@@ -398,7 +400,7 @@ def _pieces(line: PPoly, s: FloatArray) -> list[ParamPoly3]:
         u = scaled @ direction
         v = scaled @ np.array([-direction[1], direction[0]])
         v[1] = 0.0
-        found.append(ParamPoly3(float(s[index + 1] - s[index]), tuple(u.tolist()), tuple(v.tolist())))
+        found.append(CubicPiece(float(s[index + 1] - s[index]), tuple(u.tolist()), tuple(v.tolist())))
     return found
 
 

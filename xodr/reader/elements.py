@@ -169,7 +169,8 @@ def read_junction(element: etree._Element) -> Junction:
     found = tuple(_connection(item) for item in connections(element))
     cross_paths = tuple(read_cross_path(item) for item in element.iterfind("crossPath"))
     boundary = tuple(_boundary_segment(item) for item in element.iterfind("boundary/segment"))
-    return Junction(text(element, "id"), element.get("name", ""), kind, found, controllers, cross_paths, boundary)
+    priorities = tuple((item.get("high", ""), item.get("low", "")) for item in element.iterfind("priority"))
+    return Junction(text(element, "id"), element.get("name", ""), kind, found, controllers, priorities, cross_paths, boundary)
 
 
 def read_cross_path(element: etree._Element) -> CrossPath:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,9 @@ from schemas.common.errors import InvalidFile
 from tests.recognition.driving import site
 from xodr import builders
 from xodr.builders import RoadMap
-from xodr.builders.elements import Connection, Cubic, Junction, Lane, Link, Pose, Road, Section, arc, line
+from xodr.builders.elements import LaneDesign, PlanPose, RoadDesign, SectionDesign, arc, connection, line
+from xodr.geometry import Cubic
+from xodr.model import Connection, Junction, RoadLink
 
 
 def roles_of(built: RoadMap, folder: Path) -> dict[tuple[str, int], set[Role]]:
@@ -55,28 +57,46 @@ def test_ramps_are_told_by_their_ends_where_lane_types_say_nothing(tmp_path: Pat
         assert found == {("3", -1), ("102", -1), extra}
 
 
-def carriageway(number: int, x: float, lanes: int, **links: object) -> Road:
+def carriageway(number: int, x: float, lanes: int, **links: object) -> RoadDesign:
     """A road of 100 m in the direction of x whose lanes are linked to those of the same id."""
-    linked = {-lane: Lane("driving", (Cubic(0.0, 3.5),), predecessor=-lane, successor=-lane) for lane in range(1, lanes + 1)}
-    return Road(number, str(number), Pose(x, 0.0, 0.0), (line(100.0),), (Section(0.0, linked),), "motorway", 36.0, **links)
+    linked = {
+        -lane: LaneDesign("driving", (Cubic(0.0, 3.5),), predecessor=-lane, successor=-lane) for lane in range(1, lanes + 1)
+    }
+    return RoadDesign(
+        str(number), str(number), PlanPose(x, 0.0, 0.0), (line(100.0),), (SectionDesign(0.0, linked),), "motorway", 36.0, **links
+    )
 
 
-def ramp(number: int, x: float, **links: object) -> Road:
+def mouth(junction: int) -> RoadLink:
+    return RoadLink("junction", str(junction), None)
+
+
+def direct(number: int, name: str, connections: Iterable[Connection]) -> Junction:
+    return Junction(str(number), name, "direct", tuple(connections))
+
+
+def way(before: int, after: int, lanes: Iterable[tuple[int, int]]) -> Connection:
+    return connection(str(before), str(after), lanes)
+
+
+def ramp(number: int, x: float, **links: object) -> RoadDesign:
     """A one-lane road along the third lane."""
-    lanes = {-1: Lane("driving", (Cubic(0.0, 3.5),))}
-    return Road(number, str(number), Pose(x, -7.0, 0.0), (line(100.0),), (Section(0.0, lanes),), "motorway", 22.0, **links)
+    lanes = {-1: LaneDesign("driving", (Cubic(0.0, 3.5),))}
+    return RoadDesign(
+        str(number), str(number), PlanPose(x, -7.0, 0.0), (line(100.0),), (SectionDesign(0.0, lanes),), "motorway", 22.0, **links
+    )
 
 
 def test_a_lane_from_an_on_ramp_to_an_off_ramp_is_weaving(tmp_path: Path) -> None:
-    into, out = Link("junction", 10), Link("junction", 11)
+    into, out = mouth(10), mouth(11)
     roads = (
         carriageway(1, 0.0, 2, successor=into), carriageway(2, 100.0, 3, predecessor=into, successor=out),
         carriageway(3, 200.0, 2, predecessor=out), ramp(4, 0.0, successor=into), ramp(5, 200.0, predecessor=out),
     )  # fmt: skip
     both = ((-1, -1), (-2, -2))
     junctions = (
-        Junction(10, "in", (Connection(1, 2, both), Connection(4, 2, ((-1, -3),))), direct=True),
-        Junction(11, "out", (Connection(2, 3, both), Connection(2, 5, ((-3, -1),))), direct=True),
+        direct(10, "in", (way(1, 2, both), way(4, 2, ((-1, -3),)))),
+        direct(11, "out", (way(2, 3, both), way(2, 5, ((-3, -1),)))),
     )
     found = roles_of(RoadMap("weaving", roads, junctions), tmp_path)
     ramps = {("4", -1): {Role.ON_RAMP}, ("2", -3): {Role.WEAVING}, ("5", -1): {Role.OFF_RAMP}}
@@ -88,7 +108,7 @@ def test_an_extra_lane_with_a_road_of_its_own_is_of_the_ramp_that_it_belongs_to(
     """An acceleration lane that merges on a road of its own is no exit; a deceleration lane that parts on one is no entry."""
     xs = (300.0, 200.0, 100.0, 0.0) if reverse else (0.0, 100.0, 200.0, 300.0)
     before, after = ("successor", "predecessor") if reverse else ("predecessor", "successor")
-    first, second, third = (Link("junction", number) for number in (10, 11, 12))
+    first, second, third = (mouth(number) for number in (10, 11, 12))
     roads = (
         carriageway(1, xs[0], 2, **{after: first}), ramp(4, xs[0], **{after: first}),
         carriageway(2, xs[1], 3, **{before: first, after: second}),
@@ -97,13 +117,13 @@ def test_an_extra_lane_with_a_road_of_its_own_is_of_the_ramp_that_it_belongs_to(
     )  # fmt: skip
 
     def link(one: int, other: int, *lanes: tuple[int, int]) -> Connection:
-        return Connection(other, one, tuple((b, a) for a, b in lanes)) if reverse else Connection(one, other, lanes)
+        return way(other, one, tuple((b, a) for a, b in lanes)) if reverse else way(one, other, lanes)
 
     both = ((-1, -1), (-2, -2))
     junctions = (
-        Junction(10, "a", (link(1, 2, *both), link(4, 2, (-1, -3))), direct=True),
-        Junction(11, "b", (link(2, 3, *both), link(2, 5, (-3, -1))), direct=True),
-        Junction(12, "c", (link(3, 6, *both), link(5, 6, (-1, -2))), direct=True),
+        direct(10, "a", (link(1, 2, *both), link(4, 2, (-1, -3)))),
+        direct(11, "b", (link(2, 3, *both), link(2, 5, (-3, -1)))),
+        direct(12, "c", (link(3, 6, *both), link(5, 6, (-1, -2)))),
     )
     found = roles_of(RoadMap("extra", roads, junctions), tmp_path)
     role = Role.OFF_RAMP if reverse else Role.ON_RAMP
@@ -114,8 +134,8 @@ def test_an_extra_lane_with_a_road_of_its_own_is_of_the_ramp_that_it_belongs_to(
 @pytest.mark.parametrize(("before", "after"), [(3, 2), (2, 3)])
 def test_a_lane_more_or_less_is_no_ramp(tmp_path: Path, before: int, after: int) -> None:
     one, two = (
-        carriageway(1, 0.0, before, successor=Link("road", 2, "start")),
-        carriageway(2, 100.0, after, predecessor=Link("road", 1, "end")),
+        carriageway(1, 0.0, before, successor=RoadLink("road", "2", "start")),
+        carriageway(2, 100.0, after, predecessor=RoadLink("road", "1", "end")),
     )
     assert set().union(*roles_of(RoadMap("lanes", (one, two)), tmp_path).values()) == {Role.MAIN}
 
@@ -243,29 +263,35 @@ def test_a_folder_for_reading_only_is_no_obstacle(tmp_path: Path, monkeypatch: p
 
 def block(straight: float, radius: float) -> RoadMap:
     """A one-way street about a block, with rounded corners, and a street that leads in and one that leads out at two corners."""
-    linked = {-1: Lane("driving", (Cubic(0.0, 3.5),), predecessor=-1, successor=-1)}
+    linked = {-1: LaneDesign("driving", (Cubic(0.0, 3.5),), predecessor=-1, successor=-1)}
     side = straight + 2.0 * radius
     corners = [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)]
     roads = []
     for number, (x, y) in enumerate(corners):
         h = number * math.pi / 2
-        begin = Pose(x + radius * math.cos(h), y + radius * math.sin(h), h)
+        begin = PlanPose(x + radius * math.cos(h), y + radius * math.sin(h), h)
         parts = (line(straight), arc(radius * math.pi / 2, 1.0 / radius))
-        ends = {"predecessor": Link("junction", 20 + (number - 1) % 4), "successor": Link("junction", 20 + number)}
-        roads.append(Road(number + 1, f"side {number}", begin, parts, (Section(0.0, linked),), "town", 13.0, **ends))
+        ends = {"predecessor": mouth(20 + (number - 1) % 4), "successor": mouth(20 + number)}
+        roads.append(
+            RoadDesign(str(number + 1), f"side {number}", begin, parts, (SectionDesign(0.0, linked),), "town", 13.0, **ends)
+        )
     junctions = []
     for number, road in enumerate(roads[:4]):
         after = roads[(number + 1) % 4]
-        link = Link("junction", 20 + number)
+        link = mouth(20 + number)
         way, h = after.start, (number + 1) * math.pi / 2
-        back = Pose(way.x - 30.0 * math.cos(h), way.y - 30.0 * math.sin(h), h)
-        into = Road(10 + number, "in", back, (line(30.0),), (Section(0.0, linked),), "town", 13.0, successor=link)
-        out = Road(15 + number, "out", way, (line(30.0),), (Section(0.0, linked),), "town", 13.0, predecessor=link)
+        back = PlanPose(way.x - 30.0 * math.cos(h), way.y - 30.0 * math.sin(h), h)
+        into = RoadDesign(
+            str(10 + number), "in", back, (line(30.0),), (SectionDesign(0.0, linked),), "town", 13.0, successor=link
+        )
+        out = RoadDesign(
+            str(15 + number), "out", way, (line(30.0),), (SectionDesign(0.0, linked),), "town", 13.0, predecessor=link
+        )
         roads += [into, out] if number % 2 else []
-        links = [Connection(road.id, after.id, ((-1, -1),))]
+        links = [connection(road.id, after.id, ((-1, -1),))]
         if number % 2:
-            links += [Connection(into.id, after.id, ((-1, -1),)), Connection(road.id, out.id, ((-1, -1),))]
-        junctions.append(Junction(20 + number, f"corner {number}", tuple(links), direct=True))
+            links += [connection(into.id, after.id, ((-1, -1),)), connection(road.id, out.id, ((-1, -1),))]
+        junctions.append(direct(20 + number, f"corner {number}", tuple(links)))
     return RoadMap("block", tuple(roads), tuple(junctions))
 
 

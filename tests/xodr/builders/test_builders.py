@@ -6,6 +6,7 @@ import importlib.metadata
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import libsumo
@@ -18,6 +19,7 @@ import xodr
 from schemas.common.errors import UsageError
 from xodr import builders, sumo_net
 from xodr.builders import RoadMap
+from xodr.model import Junction
 from xodr.sumo_net import SumoNet
 
 MAPS: dict[str, Callable[[str], RoadMap]] = {
@@ -109,6 +111,22 @@ def test_same_arguments_give_the_same_bytes(name: str, tmp_path: Path) -> None:
     first, second = MAPS[name]("RHT"), MAPS[name]("RHT")
     assert first.to_xml() == second.to_xml()
     assert first.write(tmp_path / "map.xodr").read_bytes() == first.to_xml()
+
+
+@both_sides
+@pytest.mark.parametrize("name", JUNCTIONS)
+def test_junctions_and_signals_are_read_as_they_were_built(name: str, rule: str, tmp_path: Path) -> None:
+    built = MAPS[name](rule)
+    network = xodr.load(built.write(tmp_path / "map.xodr"))
+    assert [unnumbered(junction) for junction in network.junctions.values()] == list(built.junctions)
+    assert list(network.controllers.values()) == list(built.controllers)
+    assert list(network.signals.values()) == [signal for road in built.roads for signal in road.signals]
+    assert "lights" not in name or network.signals
+    assert "ramp" not in name or built.junctions[0].priorities
+
+
+def unnumbered(junction: Junction) -> Junction:
+    return replace(junction, connections=tuple(each._replace(id="") for each in junction.connections))
 
 
 @all_maps
