@@ -53,7 +53,7 @@ _TRAFFIC = 0.75
 """Of the traffic of the site with two lanes: a thousand vehicles in this time"""
 _SCENES, _SCENE = 20, 12.0
 """Scenes that are compared, and their length, s"""
-_HEADER = maneuvers.Header("trajectories", "benchmark", datetime(2000, 1, 1))
+_HEADER = maneuvers.FileHeader("trajectories", "benchmark", datetime(2000, 1, 1))
 
 
 def main() -> None:

@@ -34,7 +34,7 @@ from xosc.document import Document, to_bytes
 from xosc.exports import standard
 from xosc.exports.concrete import concrete, copied
 from xosc.exports.draft import Draft, ExportSettings, Folder, roads_in
-from xosc.files import Header, new_document
+from xosc.files import FileHeader, new_document
 from xosc.tags import Tag, annotated
 from xosc.tags import to_bytes as as_openlabel
 
@@ -153,10 +153,10 @@ class Writer:
         distribution = ParameterValueDistribution(f"{self._stem}.xosc", definition)
         return new_document(self._folder.path / "variation.xosc", self._header(description), [distribution.write()])
 
-    def _header(self, description: str) -> Header:
+    def _header(self, description: str) -> FileHeader:
         """With the scenario's date, so that the same search gives the same bytes."""
         date = self._document.node.need("FileHeader").get("date")
-        return Header(description, AUTHOR, datetime.fromisoformat(date))
+        return FileHeader(description, AUTHOR, datetime.fromisoformat(date))
 
     def _write(self, stem: str, document: Document, tags: list[Tag]) -> Path:
         path = self._folder.path / f"{stem}.xosc"

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from schemas.checks import Problem
 from schemas.common.errors import InvalidFile, Unsupported
-from schemas.osi_traces import TRACE, Frame, Trace
+from schemas.osi_traces import TRACE, Trace, TraceMessage
 
 _SOURCE = "asam.net:osi:3.8.0:osirules"
 _FORMAT = "asam.net:osi:3.8.0:multi_channel_trace_file"
@@ -230,7 +230,7 @@ def check_trace(path: Path) -> list[Problem]:
     return found.problems()
 
 
-def breaches(frames: Iterable[Frame]) -> Iterator[tuple[int, OsiRule, str]]:
+def breaches(frames: Iterable[TraceMessage]) -> Iterator[tuple[int, OsiRule, str]]:
     """Yield the broken rules of a trace in order: number of the message, rule, fault."""
     ids, requirements = _Ids(), Requirements()
     for frame in frames:

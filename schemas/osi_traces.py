@@ -83,7 +83,7 @@ class Contents:
     indexed: bool = True
 
 
-class Frame(NamedTuple):
+class TraceMessage(NamedTuple):
     """One message of a trace: its number from 1, the GroundTruth in it, the message itself, its publish time in MCAP (ns)."""
 
     number: int
@@ -153,7 +153,7 @@ class Trace:
         what = f"; its channels have {there}" if there else ""
         raise Unsupported(f"no channel has messages of osi3.GroundTruth or osi3.SensorView{what}", path=self.path)
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Iterator[TraceMessage]:
         """The messages, one after the other, in the order of the file.
 
         Raises:
@@ -171,7 +171,7 @@ class Trace:
                 raise InvalidFile(f"message {found} is no {kind}: it can't be parsed", path=self.path)
             if kind == SENSOR_VIEW and not message.HasField("global_ground_truth"):
                 raise InvalidFile(f"message {found}: a SensorView without global_ground_truth", path=self.path)
-            yield Frame(found, message.global_ground_truth if kind == SENSOR_VIEW else message, message, published)
+            yield TraceMessage(found, message.global_ground_truth if kind == SENSOR_VIEW else message, message, published)
         if not found:
             raise InvalidFile("the trace has no message", path=self.path)
 

@@ -28,8 +28,16 @@ MOST_OF_A_NAME = 4
 """Modules of one name"""
 ENTRY_POINTS = ("__init__", "__main__", "cli")
 """Names that Python or commands ask for"""
-SAME_NAMES = 102
-"""Names of public classes that several product modules have: none may be added"""
+SHARED_NAMES = frozenset(
+    """
+    Block Comparison Condition Conflict Contact Control Criterion Crossing Drive Driver Encounter Entity Entry
+    Episode Estimate Event Exposure Finding Flow Frames Guide ImpactSpeed Kind Known Labelled Lane LaneMotion
+    Lanelet Limits Maneuver Measure Moment Motion Pairs Parameter Part Participant Piece Policy Pose Problem Profile
+    Reading Region Relations Replay Report Reward Role Row Rule Scenario Scene Schedule Shape Site Smoothed Stage
+    Steps Table Target Track Tried Unit Vehicle View Written
+    """.split()  # noqa: SIM905  # a list of one line each is sixty lines
+)
+"""Names of public classes that several product modules have: the list only shrinks"""
 
 
 @cache
@@ -163,5 +171,6 @@ def test_public_classes_get_names_of_their_own() -> None:
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 homes.setdefault(node.name, set()).add(name)
-    shared = sorted(name for name, modules in homes.items() if len(modules) > 1)
-    assert len(shared) <= SAME_NAMES, shared
+    shared = {name: sorted(modules) for name, modules in homes.items() if len(modules) > 1}
+    assert {name: modules for name, modules in shared.items() if name not in SHARED_NAMES} == {}, "give one of them another name"
+    assert SHARED_NAMES - shared.keys() == set(), "take names that a single module has off the list"

@@ -31,7 +31,7 @@ _QUADRATURE = tuple(
 )
 
 
-class Segment(Protocol):
+class PlanElement(Protocol):
     """One plan-view element."""
 
     length: float
@@ -255,7 +255,7 @@ class ReferenceLine:
 
     __slots__ = ("_ends", "_last", "_only", "end", "segments", "start", "starts", "straight")
 
-    def __init__(self, starts: Sequence[float], segments: Sequence[Segment]) -> None:
+    def __init__(self, starts: Sequence[float], segments: Sequence[PlanElement]) -> None:
         self.starts, self.segments = list(starts), list(segments)
         self.start, self.end = self.starts[0], self.starts[-1] + self.segments[-1].length
         self._last = len(self.starts) - 1
@@ -280,7 +280,7 @@ class ReferenceLine:
         x, y, h = self.at(s)
         return x - t * math.sin(h), y + t * math.cos(h), h
 
-    def element(self, s: float) -> tuple[float, float, Segment]:
+    def element(self, s: float) -> tuple[float, float, PlanElement]:
         """The element at s (the nearest one outside the line), after the s of its start and of its end."""
         index = bisect_right(self.starts, s, 1) - 1 if self._last else 0
         return self.starts[index], self._ends[index], self.segments[index]

@@ -277,7 +277,7 @@ class SignalReference(NamedTuple):
     validity: tuple[tuple[int, int], ...]
 
 
-class Corner(NamedTuple):
+class OutlineCorner(NamedTuple):
     """An outline's corner: (u, v, z) in the object's frame, or (s, t, dz) on the road where `on_road`."""
 
     u: float
@@ -307,7 +307,7 @@ class RoadObject:
     width: float | None = None
     radius: float | None = None
     height: float | None = None
-    outlines: tuple[tuple[Corner, ...], ...] = ()
+    outlines: tuple[tuple[OutlineCorner, ...], ...] = ()
     validity: tuple[tuple[int, int], ...] = ()
 
 
@@ -356,7 +356,7 @@ NEAR = 1e-3
 """A border of lane sections so near [m] is taken for the place."""
 
 
-class Stretch(NamedTuple):
+class TemporaryStretch(NamedTuple):
     """A section of the temporary layer, and the s up to which its lanes hold on the left and on the right side of the road."""
 
     section: LaneSection
@@ -371,9 +371,9 @@ class _Piece(NamedTuple):
     sources: dict[int, LaneSection]
 
 
-def in_force(permanent: Sequence[LaneSection], temporary: Sequence[Stretch]) -> list[LaneSection]:
+def in_force(permanent: Sequence[LaneSection], temporary: Sequence[TemporaryStretch]) -> list[LaneSection]:
     """The lane sections in force on a road: temporary lanes where there are some, with links to the lanes around them."""
-    stretches = [Stretch(each.section, *(_snapped(permanent, end) for end in each[1:])) for each in temporary]
+    stretches = [TemporaryStretch(each.section, *(_snapped(permanent, end) for end in each[1:])) for each in temporary]
     starts = {_snapped(permanent, each.section.s) for each in stretches}
     borders = sorted({permanent[0].s, permanent[-1].end, *starts, *(end for each in stretches for end in each[1:])})
     pieces = [piece for start, end in pairwise(borders) for piece in _pieces(permanent, stretches, start, end)]
@@ -392,7 +392,9 @@ def _snapped(permanent: Sequence[LaneSection], s: float) -> float:
     return border if abs(border - s) <= NEAR else s
 
 
-def _pieces(permanent: Sequence[LaneSection], temporary: Sequence[Stretch], start: float, end: float) -> Iterator[_Piece]:
+def _pieces(
+    permanent: Sequence[LaneSection], temporary: Sequence[TemporaryStretch], start: float, end: float
+) -> Iterator[_Piece]:
     """The sections in force between two neighbouring borders of the temporary layer."""
     holding = [each.section for each in temporary if each.section.left and each.section.s - NEAR <= start < each.left_end]
     left = holding[-1] if holding else None

@@ -16,7 +16,7 @@ from xosc.versions import Version, checked, convert
 
 
 @dataclass(frozen=True)
-class Header:
+class FileHeader:
     """Header of a file.
 
     Attributes:
@@ -33,7 +33,7 @@ class Header:
 
 
 def new_document(
-    path: str | os.PathLike[str], header: Header, parts: Sequence[etree._Element], version: Version = (1, 3)
+    path: str | os.PathLike[str], header: FileHeader, parts: Sequence[etree._Element], version: Version = (1, 3)
 ) -> Document:
     """A document that holds `parts`, as they stand in 1.3, after its FileHeader. It is not written yet: see `xosc.write`.
 
@@ -54,7 +54,7 @@ def new_document(
     return checked(document) if version == document.version else convert(document, version)
 
 
-def _file_header(header: Header) -> etree._Element:
+def _file_header(header: FileHeader) -> etree._Element:
     date = header.date.isoformat(timespec="seconds")
     texts = {"description": header.description, "author": header.author, "date": date}
     created = etree.Element("FileHeader", {"revMajor": "1", "revMinor": "3", **texts})

@@ -69,7 +69,7 @@ class Assignment:
     remark: Callable[[str, str], Remark] | None = None
 
 
-class Scope:
+class ParameterScope:
     """The parameters that are visible inside one element, all evaluated.
 
     Args:
@@ -86,7 +86,7 @@ class Scope:
     def __init__(
         self,
         declarations: Iterable[Node] = (),
-        outer: Scope | None = None,
+        outer: ParameterScope | None = None,
         assigned: Mapping[str, Assignment] | None = None,
         remarks: Remarks | None = None,
     ) -> None:

@@ -20,7 +20,7 @@ from schemas.values import quoted
 from xosc.carla import is_for_carla, to_standard
 from xosc.document import Document, load
 from xosc.node import LINE, SOURCE, Node
-from xosc.parameters import OPERATORS, Assignment, Parameter, Scope, Variable, monitors, variables
+from xosc.parameters import OPERATORS, Assignment, Parameter, ParameterScope, Variable, monitors, variables
 from xosc.repairs import attributes
 
 Argument = str | float | int | bool
@@ -32,7 +32,7 @@ MAX_NESTING = 32
 
 _CATALOGS_CLOSED_SINCE = (1, 2)
 _DECLARING = ("ParameterDeclaration", "ValueConstraint")
-_Scopes = dict[etree._Element, Scope]
+_Scopes = dict[etree._Element, ParameterScope]
 """Scopes by the element that opens them."""
 
 _Report = Callable[[ToolchainError], None]
@@ -144,7 +144,9 @@ def _refuse(violation: ToolchainError) -> None:
     raise violation
 
 
-def _bind(top: Node, outer: Scope | None, assigned: Mapping[str, Assignment], report: _Report, remarks: Remarks) -> _Scopes:
+def _bind(
+    top: Node, outer: ParameterScope | None, assigned: Mapping[str, Assignment], report: _Report, remarks: Remarks
+) -> _Scopes:
     """Make every attribute of the elements of one file a literal, in place; the result has a scope for `top` at least."""
     scopes = {top.element: _declare(top, outer, assigned, report, remarks)}
     for declarations in list(top.element.iter("ParameterDeclarations")):
@@ -157,10 +159,12 @@ def _bind(top: Node, outer: Scope | None, assigned: Mapping[str, Assignment], re
     return scopes
 
 
-def _declare(owner: Node, outer: Scope | None, assigned: Mapping[str, Assignment], report: _Report, remarks: Remarks) -> Scope:
+def _declare(
+    owner: Node, outer: ParameterScope | None, assigned: Mapping[str, Assignment], report: _Report, remarks: Remarks
+) -> ParameterScope:
     """The scope that an element opens; its declarations and constraints become literals."""
     declarations = _declared(owner, "ParameterDeclarations")
-    scope = Scope(declarations, outer, assigned, remarks)
+    scope = ParameterScope(declarations, outer, assigned, remarks)
     parameters = scope.own
     for declaration in declarations:
         parameter = parameters[declaration.get("name")]
@@ -174,7 +178,7 @@ def _declare(owner: Node, outer: Scope | None, assigned: Mapping[str, Assignment
     return scope
 
 
-def _substitute(node: Node, scope: Scope, remarks: Remarks) -> None:
+def _substitute(node: Node, scope: ParameterScope, remarks: Remarks) -> None:
     for name, text in cast(list[tuple[str, str]], node.element.items()):
         if "$" not in text or (name == "name" and is_expression(text)):
             continue
@@ -195,7 +199,7 @@ def _is_name(text: str, node: Node) -> bool:
     return bool(node.element.getroottree().xpath("//*[@name=$text]", text=text))
 
 
-def _scope_around(element: etree._Element, scopes: _Scopes) -> Scope:
+def _scope_around(element: etree._Element, scopes: _Scopes) -> ParameterScope:
     current: etree._Element | None = element
     while current is not None and current not in scopes:
         current = current.getparent()
@@ -246,7 +250,7 @@ class _Inliner:
         self._remarks.add(*(_in_use(remark, entry) for remark in load(entry.path).remarks))
         return entry
 
-    def _entry(self, reference: Node, scope: Scope, inside: tuple[Entry, ...]) -> etree._Element:
+    def _entry(self, reference: Node, scope: ParameterScope, inside: tuple[Entry, ...]) -> etree._Element:
         entry = self._find(reference)
         if entry is None:
             return _empty_controller(reference)

@@ -22,7 +22,7 @@ from xodr import builders
 from xodr.builders import RoadMap
 from xodr.network import RoadNetwork
 from xosc import maneuvers, tags
-from xosc.maneuvers import Dynamics, Header
+from xosc.maneuvers import Dynamics, FileHeader
 from xosc.tags import ASAM, Tag, properties
 
 
@@ -318,9 +318,9 @@ AUTHOR = "xosc-toolchain"
 _DATE = datetime(2026, 11, 21)
 
 
-def header(description: str, tags: Sequence[Tag]) -> Header:
+def header(description: str, tags: Sequence[Tag]) -> FileHeader:
     """A file's header, with its tags as properties."""
-    return Header(description, AUTHOR, _DATE, properties([*tags, Tag("MadeBy", COMMAND)]))
+    return FileHeader(description, AUTHOR, _DATE, properties([*tags, Tag("MadeBy", COMMAND)]))
 
 
 def scenario_tags(name: str, situation: str, label: Label | None, road: Sequence[Tag], categories: Iterable[str]) -> list[Tag]:

@@ -69,7 +69,7 @@ class Measured(Finding):
 
 
 @dataclass(frozen=True)
-class Prior:
+class DensitySource:
     """Number of recorded manoeuvres behind a density, and whether they are of these recordings or shipped."""
 
     manoeuvres: int
@@ -77,7 +77,7 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Range:
+class SearchRange:
     """A parameter that is searched, and its limits."""
 
     name: str
@@ -132,9 +132,9 @@ class Searched(Finding):
     target: str
     title: str
     scenario: str
-    prior: Prior
+    prior: DensitySource
     error: str = ""
-    parameters: list[Range] = field(default_factory=list)
+    parameters: list[SearchRange] = field(default_factory=list)
     pinned: dict[str, str] = field(default_factory=dict)
     calls: int = 0
     failed_runs: int = 0
@@ -155,7 +155,7 @@ class Searched(Finding):
 
 
 @dataclass(frozen=True)
-class Run:
+class ShownRun:
     """A run: its name, state, status, message and end (s) as in the table of a batch, criticality measures by name, and its
     replay, relative to the output folder, with the moment to begin at; none where there is no replay."""
 
@@ -177,7 +177,7 @@ class Ran(Finding):
         crashed: how many runs an internal error, or a failure of the system under test, ended.
     """
 
-    files: dict[str, list[Run]] = field(default_factory=dict)
+    files: dict[str, list[ShownRun]] = field(default_factory=dict)
     sampled: dict[str, int] = field(default_factory=dict)
     crashed: int = 0
 
@@ -300,7 +300,7 @@ class LoopResult:
     against: Against | None = None
 
     @property
-    def inconclusive(self) -> list[Run]:
+    def inconclusive(self) -> list[ShownRun]:
         """The runs that did not test what their file describes."""
         return [run for each in self._ran for runs in each.files.values() for run in runs if run.state == "inconclusive"]
 
@@ -365,7 +365,7 @@ def _refused(refused: Iterable[Refused]) -> Iterator[str]:
         yield f"not searched: {', '.join(each.title for each in alike)}: {alike[0].reason}{which}"
 
 
-def prior(of: Prior) -> str:
+def prior(of: DensitySource) -> str:
     """Describe the source of a density's parameters."""
     if not of.manoeuvres:
         return "what is stated, without recordings"

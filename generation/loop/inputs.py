@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import xosc
 from generation.declared import Asked, NothingToVary, asked_of, scenario_of
 from generation.logical.library import SCENARIOS
-from generation.loop.findings import Prior, Refused
+from generation.loop.findings import DensitySource, Refused
 from generation.pipeline import LEAST
 from generation.recorded import Recorded, Scenario, kind_of, of_catalogue, of_samples
 from generation.search.space import Space
@@ -146,7 +146,7 @@ class Target(NamedTuple):
     title: str
     scenario: Path
     recorded: Callable[[Space], Recorded]
-    prior: Prior
+    prior: DensitySource
     asked: Asked | None = None
 
 
@@ -179,7 +179,7 @@ def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> Target 
         return None
     space = Space.of(scenario.path)
     count = len(scenario.on(space).within(space).theta)
-    return Target(folder, title, scenario.path, scenario.on, Prior(count, own=True)) if count >= LEAST else None
+    return Target(folder, title, scenario.path, scenario.on, DensitySource(count, own=True)) if count >= LEAST else None
 
 
 def _why_not(scenario: Scenario | None) -> str:
@@ -258,7 +258,7 @@ def _of_input(path: Path, own: Samples | None, ask: Ask, name: str) -> Target | 
     except (UsageError, Unsupported, InvalidFile) as error:
         return Refused(name, _with_place(error, path))
     stated = len(found.marginals) == len(space.names)
-    return Target(name, name, asked.scenario, asked.recorded, Prior(0 if stated else count, own=False), asked)
+    return Target(name, name, asked.scenario, asked.recorded, DensitySource(0 if stated else count, own=False), asked)
 
 
 def _with_place(error: ToolchainError, path: Path) -> str:
@@ -277,14 +277,14 @@ def _concerning(ask: Ask, path: Path) -> Ask:
     return replace(ask, pinned=pinned, free=free, maps=maps)
 
 
-def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[Space], Recorded], Prior]:
+def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[Space], Recorded], DensitySource]:
     """Return the function for the recorded parameters of a space, and their source."""
     for samples in (own, Samples.read(OWN)):
         if samples is not None:
             recorded = partial(of_samples, samples.of_kind(kind))
             count = len(recorded(space).within(space).theta)
             if count >= LEAST:
-                return recorded, Prior(count, own=samples is own)
+                return recorded, DensitySource(count, own=samples is own)
     raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
 
 

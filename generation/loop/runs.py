@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from collections import Counter
@@ -15,7 +14,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
-from generation.loop.findings import Finding, Measured, Ran, Recognised, Run, Searched, Stage
+from generation.loop.findings import Finding, Measured, Ran, Recognised, Searched, ShownRun, Stage
 from recognition.catalogue.index import rows_of
 from recognition.catalogue.pipeline import ByRules, build
 from recognition.catalogue.recordings import CatalogueSettings
@@ -28,7 +27,7 @@ from runner.replay.report import report, write_report
 from runner.settings import RunSettings
 from schemas.common.command_line import Bar
 from schemas.common.errors import ExitCode, InvalidFile, ToolchainError, UsageError
-from schemas.common.storage import LOCK, check_settings, digest, read_bytes, read_object, write_object, writing
+from schemas.common.storage import LOCK, Records, check_settings, digest, read_bytes, read_object, write_object, writing
 from schemas.common.text import many, one_line
 from xosc.distributions import ParameterSpace
 
@@ -112,7 +111,7 @@ def run_all(
     for run in report(folder)["runs"]:
         replay = f"{place}/{run['replay']}#t={run['moment']}" if run["replay"] else None
         copied = {name: run[name] for name in ("name", "state", "status", "message", "end", "measures")}
-        found.files.setdefault(named(files[run["name"]]), []).append(Run(**copied, replay=replay))
+        found.files.setdefault(named(files[run["name"]]), []).append(ShownRun(**copied, replay=replay))
     return replace(found, failures=dict(_failures(found)))
 
 
@@ -143,7 +142,7 @@ T = TypeVar("T")
 
 _FOLDER = "stages"
 _SETTINGS = "loop.json"
-_KEYS = ("of", "found", "files", "digest")
+_KEYS = {"of", "found", "files"}
 _REMEDY = "remove it to have it done again"
 
 F = TypeVar("F", bound=Finding)
@@ -155,8 +154,8 @@ Report = Callable[[Stage, Finding, float | None], None]
 class FinishedStages:
     """The stages of one loop.
 
-    A stage that is finished leaves a record with the digests of the files that it made, and one of the record. Where a record or
-    a file is damaged or missing, the stage is done again.
+    A stage that is finished leaves a record (see `schemas.common.storage.Records`) with the digests of the files that it made.
+    Where a record or a file is damaged or missing, the stage is done again.
 
     Args:
         out: the output folder; made where it does not exist.
@@ -211,10 +210,10 @@ class FinishedStages:
         elif before["of"] != of:
             _remove(made)
         path = self._path(stage)
-        write_object(_sealed(of, None, {}), path)
+        _write(path, of, None, {})
         begun = time.monotonic()
         found = work()
-        write_object(_sealed(of, asdict(found), self._files(made)), path)
+        _write(path, of, asdict(found), self._files(made))
         self._report(stage, found, time.monotonic() - begun)
         return found
 
@@ -224,13 +223,13 @@ class FinishedStages:
         """Return the results that a stage has left, and why they are stale; empty if they are valid or absent."""
         path = self._path(stage)
         if not path.is_file():
-            return _sealed(of, None, {}), ""
+            return _unfinished(of), ""
         try:
             record = _read(path)
             if _is_done(record, of) and kind is not None:
                 _finding(path, kind, record)
         except InvalidFile as error:
-            return _sealed(of, None, {}), f"{error.path}: damaged"
+            return _unfinished(of), f"{error.path}: damaged"
         names = self._changed(record["files"], editable) if _is_done(record, of) else []
         more = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
         return record, f"{self._out / names[0]}{more}: {'missing' if editable else 'changed or missing'}" if names else ""
@@ -264,13 +263,13 @@ def searches(out: Path) -> tuple[str, list[Searched]]:
     return str(read_object(path).get("sut", "")), sorted(found, key=lambda each: each.round)
 
 
-def _sealed(of: str, found: dict[str, Any] | None, files: Mapping[str, str | None]) -> dict[str, Any]:
-    """The record of a stage."""
-    return {"of": of, "found": found, "files": dict(files), "digest": digest(_content(of, found, files))}
+def _unfinished(of: str) -> dict[str, Any]:
+    return {"of": of, "found": None, "files": {}}
 
 
-def _content(*values: Any) -> bytes:
-    return json.dumps(values, sort_keys=True).encode()
+def _write(path: Path, of: str, found: dict[str, Any] | None, files: Mapping[str, str | None]) -> None:
+    with writing("this", path):
+        Records(path).replace([{"of": of, "found": found, "files": dict(files)}])
 
 
 def _digest(path: Path) -> str | None:
@@ -287,12 +286,12 @@ def _read(path: Path) -> dict[str, Any]:
     Raises:
         InvalidFile: it is damaged.
     """
-    record = read_object(path, _REMEDY)
-    if set(record) != set(_KEYS) or not isinstance(record["files"], dict):
-        raise InvalidFile(f"this is not what a stage leaves; {_REMEDY}", path=path)
-    if record["digest"] != digest(_content(record["of"], record["found"], record["files"])):
-        raise InvalidFile(f"this is damaged; {_REMEDY}", path=path)
-    return record
+    records: list[dict[str, Any]] = []
+    with suppress(OSError):
+        records = Records(path).read().records
+    if len(records) != 1 or set(records[0]) != _KEYS or not isinstance(records[0]["files"], dict):
+        raise InvalidFile(f"this is damaged, or not what a stage leaves; {_REMEDY}", path=path)
+    return records[0]
 
 
 def _is_done(record: Mapping[str, Any], of: str) -> bool:

@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 import xosc
-from generation.loop.findings import Against, CarefulDriver, CaseVerdict, Compared, EdgeCase, KnownFailure, Range, Searched
+from generation.loop.findings import Against, CarefulDriver, CaseVerdict, Compared, EdgeCase, KnownFailure, Searched, SearchRange
 from generation.loop.inputs import Target
 from generation.loop.runs import searches
 from generation.outcomes.judges import JUDGES
@@ -96,7 +96,7 @@ def search(
     return replace(
         of,
         failures={} if outcomes.executed.any() else {of.title: f"no run succeeded, mostly: {mostly}"},
-        parameters=[Range(each.name, each.low, each.high) for each in made.space.parameters],
+        parameters=[SearchRange(each.name, each.low, each.high) for each in made.space.parameters],
         pinned=dict(made.space.pinned),
         calls=len(outcomes),
         failed_runs=int((~outcomes.executed).sum()),

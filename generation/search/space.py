@@ -24,7 +24,7 @@ from recognition.maneuvers.parameters import DECLARED, Parameter
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError, nearest
 from xosc.node import Node
-from xosc.parameters import Assignment, Scope
+from xosc.parameters import Assignment, ParameterScope
 
 DIGITS = 6
 """Decimal digits of values in files."""
@@ -159,13 +159,13 @@ class Space:
             if name not in declared:
                 raise UsageError(f"there is no parameter {name!r}; {nearest(name, declared)}", path=scenario)
         assigned = {name: Assignment(value, partial(UsageError, path=scenario), True) for name, value in pinned.items()}
-        scope = Scope(declared.values(), assigned=assigned)
+        scope = ParameterScope(declared.values(), assigned=assigned)
         bounded = [name for name, each in declared.items() if _bounded(each, scope)]
         chosen = (_by_default(bounded, ego) if default else set()) | {*free, *ranges}
         for name in (*free, *ranges):
             if (reason := _obstacle(name, name in pinned, name in bounded, name in ranges, scope)) is not None:
                 raise UsageError(f"the parameter {name} can't be searched: it {reason}", path=scenario)
-        for violation in Scope([declared[name] for name in pinned], scope, assigned).violations():
+        for violation in ParameterScope([declared[name] for name in pinned], scope, assigned).violations():
             raise violation
         searched = [name for name in declared if name in chosen and name not in pinned and (name in bounded or name in ranges)]
         if not searched:
@@ -213,7 +213,7 @@ def _declarations(root: Node) -> list[Node]:
     return holder.children("ParameterDeclaration") if holder is not None else []
 
 
-def _obstacle(name: str, pinned: bool, bounded: bool, ranged: bool, scope: Scope) -> str | None:
+def _obstacle(name: str, pinned: bool, bounded: bool, ranged: bool, scope: ParameterScope) -> str | None:
     """Why a parameter can't be searched; None where it can."""
     if pinned:
         return "is pinned"
@@ -238,7 +238,7 @@ def _choices(limits: Interval, kind: str) -> Sequence[float]:
 
 def _admits(declared: Sequence[Node], values: Mapping[str, str]) -> bool:
     assigned = {name: Assignment(value, UsageError, True) for name, value in values.items()}
-    return next(Scope(declared, assigned=assigned).violations(), None) is None
+    return next(ParameterScope(declared, assigned=assigned).violations(), None) is None
 
 
 def _by_default(bounded: Sequence[str], ego: str) -> set[str]:
@@ -253,7 +253,7 @@ def _by_default(bounded: Sequence[str], ego: str) -> set[str]:
     return found or {name for name in bounded if not name.startswith(f"{ego}_")}
 
 
-def _bounded(declaration: Node, scope: Scope) -> bool:
+def _bounded(declaration: Node, scope: ParameterScope) -> bool:
     """Whether it is a double with limits on both sides in each of its constraint groups."""
     if scope.own[declaration.get("name")].type != "double":
         return False
@@ -261,7 +261,7 @@ def _bounded(declaration: Node, scope: Scope) -> bool:
     return bool(groups) and all({"l", "g"} <= {each.get("rule")[0] for each in group.children()} for group in groups)
 
 
-def _parameter(declaration: Node, scope: Scope) -> Parameter:
+def _parameter(declaration: Node, scope: ParameterScope) -> Parameter:
     """A side of the box from its declaration."""
     name = declaration.get("name")
     groups = declaration.children("ConstraintGroup")

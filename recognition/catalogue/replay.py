@@ -15,7 +15,7 @@ from runner.participants.declaration import BoundingBox
 from runner.recording import Track
 from xosc import maneuvers
 from xosc.document import Document
-from xosc.files import Header
+from xosc.files import FileHeader
 from xosc.maneuvers import Number
 from xosc.versions import Version
 
@@ -94,7 +94,7 @@ def _trajectory(part: Part, start: float) -> Any:
 
 def scenario(
     path: Path,
-    header: Header,
+    header: FileHeader,
     scene: Scene,
     *,
     road: str,
@@ -153,14 +153,14 @@ def _form(appears: bool, leaves: bool, version: Version) -> maneuvers.Form:
     """Return the form in which a scenario of this version adds or deletes a participant."""
     names = {name: f"${name}" for name in ("name", "catalog", "entry")}
     numbers: dict[str, Number] = {name: f"${name}" for name in ("x", "y", "h", "speed", "begins", "ends")}
-    header = Header("form", "", datetime(2000, 1, 1))
+    header = FileHeader("form", "", datetime(2000, 1, 1))
     alone = _Participant(names, numbers, appears, leaves)
     return maneuvers.Form(_document(Path(), header, alone, 0.0, road="", catalogs={}, version=version), _OF_EACH)
 
 
 def _document(
     path: Path,
-    header: Header,
+    header: FileHeader,
     each: _Participant,
     duration: float,
     *,
@@ -216,7 +216,7 @@ def _ceiling(values: np.ndarray) -> float:
     return float(np.floor(values.max())) + 1.0
 
 
-def whole(path: Path, header: Header, scene: Scene, *, road: str | None, version: Version) -> Document:
+def whole(path: Path, header: FileHeader, scene: Scene, *, road: str | None, version: Version) -> Document:
     """The scenario that replays a scene without catalogues: everything is in one file, but the road.
 
     Args:

@@ -17,7 +17,7 @@ from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.policy import limited
 from schemas.common.storage import keep, read_bytes, writing
 from xosc.document import to_bytes
-from xosc.files import Header
+from xosc.files import FileHeader
 from xosc.versions import Version
 
 
@@ -58,7 +58,7 @@ def write_replay(path: Path, out: Path, *, ego: str | None = None, road: Path | 
     if absent:
         remarks.append(f"{absent} participants are not there together with the ego, in two messages or more: left out")
     beside = out.with_suffix(".xodr") if file is not None else None
-    header = Header(f"replay of {source.name}, {scene.start:.2f} s to {scene.end:.2f} s, ego {track.name}", AUTHOR, DATE)
+    header = FileHeader(f"replay of {source.name}, {scene.start:.2f} s to {scene.end:.2f} s, ego {track.name}", AUTHOR, DATE)
     document = replay.whole(out, header, scene, road=beside.name if beside is not None else None, version=version)
     with writing("the scenario", out):
         out.parent.mkdir(parents=True, exist_ok=True)

@@ -34,7 +34,7 @@ from schemas.common.errors import Unsupported
 from xosc import maneuvers
 from xosc import tags as xosc_tags
 from xosc.document import to_bytes
-from xosc.files import Header
+from xosc.files import FileHeader
 from xosc.tags import ASAM, Tag
 from xosc.versions import Version
 
@@ -247,7 +247,7 @@ class CatalogWriter:
         tagged = tags(episode.name, episode.title, scene, facts)
         described = f"{episode.title}: {scene.ego.track.category} {episode.ego} of {context.material.source.name}"
         properties = xosc_tags.properties(tagged) if self._config.version >= _PROPERTIES else {}
-        header = Header(f"{described}, {scene.start:.2f} s to {scene.end:.2f} s", AUTHOR, DATE, properties)
+        header = FileHeader(f"{described}, {scene.start:.2f} s to {scene.end:.2f} s", AUTHOR, DATE, properties)
         row = facts | {
             "file": self._put(episode, ".xosc", self._replay(context, header)),
             "maneuver": None,
@@ -270,7 +270,7 @@ class CatalogWriter:
         self._store.write(name, content)
         return name
 
-    def _replay(self, context: _Context, header: Header) -> bytes:
+    def _replay(self, context: _Context, header: FileHeader) -> bytes:
         episode, scene = context.episode, context.scene
         participants = {part.name: entry(part.track) for part in scene.parts}
         entries = [context.entry(each.kind, each.name, each.built, context.recorded) for each in participants.values()]
@@ -280,7 +280,7 @@ class CatalogWriter:
         road, catalogs, version = f"../{context.road}", _directories(entries), self._config.version
         return replay.scenario(path, header, scene, road=road, entries=participants, catalogs=catalogs, version=version)
 
-    def _variation(self, context: _Context, header: Header) -> bytes:
+    def _variation(self, context: _Context, header: FileHeader) -> bytes:
         episode, network, finding = context.episode, context.material.site.network, context.episode.finding
         if finding is None or episode.passage is not None:
             raise Unsupported("this is the scene of a whole vehicle, not of one manoeuvre")
@@ -304,7 +304,7 @@ class CatalogWriter:
 def write_catalog(store: Store, place: CatalogFile, entries: dict[str, Any], version: Version) -> None:
     """Write an OpenSCENARIO catalogue with entries in the order of their names."""
     name = f"{place.folder}/{place.directory}/{place.kind}Catalog.xosc"  # as esmini looks for it: by the name of the catalogue
-    header = Header(f"{place.kind} catalogue of {place.folder}", AUTHOR, DATE)
+    header = FileHeader(f"{place.kind} catalogue of {place.folder}", AUTHOR, DATE)
     ordered = [entries[key] for key in sorted(entries)]
     if place.kind == "Trajectory":
         content = maneuvers.trajectory_catalog(header, ordered, version)

@@ -24,7 +24,7 @@ from xodr.geometry import Cubic
 
 if TYPE_CHECKING:
     from xodr.lanelet2.lanelet import Lanelet
-    from xodr.lanelet2.reader import Area
+    from xodr.lanelet2.reader import Crosswalk
 
 
 def keep_road(content: bytes, site: str, folder: Path) -> Path:
@@ -53,7 +53,7 @@ def _converted(osm: Path, _version: int, origin: tuple[float, float] | None, fol
 
 
 def drawn(
-    lanelets: Sequence[Lanelet], site: str, folder: Path, crosswalks: Sequence[Area] = (), notes: Sequence[str] = ()
+    lanelets: Sequence[Lanelet], site: str, folder: Path, crosswalks: Sequence[Crosswalk] = (), notes: Sequence[str] = ()
 ) -> SiteRoad:
     """The road of the lanes of a data set's own map.
 

@@ -21,7 +21,7 @@ from xodr.model import RoadPoint
 from xodr.network import RoadNetwork
 from xosc import maneuvers
 from xosc.document import Document
-from xosc.files import Header
+from xosc.files import FileHeader
 from xosc.maneuvers import Condition, Conditions, Dynamics, Number
 from xosc.versions import Version
 
@@ -448,7 +448,7 @@ def _resume() -> Any:
 
 
 def scenario(
-    stage: Stage, header: Header, maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths, version: Version
+    stage: Stage, header: FileHeader, maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths, version: Version
 ) -> Document:
     """The scenario with a manoeuvre.
 

@@ -133,13 +133,13 @@ def _test(protocol: Profile, stem: str) -> ProtocolTest | None:
 @cache
 def _declared(scenario: Path, given: tuple[tuple[str, str], ...]) -> dict[str, str]:
     import xosc
-    from xosc.parameters import Assignment, Scope
+    from xosc.parameters import Assignment, ParameterScope
 
     holder = xosc.load(scenario).node.find("ParameterDeclarations")
     declared = holder.children("ParameterDeclaration") if holder is not None else []
     known = {node.get("name") for node in declared}
     assigned = {name: Assignment(value, UsageError, True) for name, value in given if name in known}
-    return {parameter.name: parameter.text for parameter in Scope(declared, assigned=assigned).own.values()}
+    return {parameter.name: parameter.text for parameter in ParameterScope(declared, assigned=assigned).own.values()}
 
 
 def _values(scenario: Path, given: tuple[tuple[str, str], ...]) -> dict[str, float | str]:

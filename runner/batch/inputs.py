@@ -23,7 +23,7 @@ from schemas.common.errors import InvalidFile, ToolchainError, UsageError
 from schemas.common.storage import Stamp, digest, read_bytes, stamp
 from schemas.expressions import ExpressionError
 from xosc.node import Node
-from xosc.parameters import Assignment, Scope
+from xosc.parameters import Assignment, ParameterScope
 from xosc.road_files import find_roads
 
 OURS = ("schemas", "xosc", "xodr", "runner")
@@ -158,7 +158,7 @@ def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
     root = Node(copy.deepcopy(root.element), root.path)
     holder = root.find("ParameterDeclarations")
     assigned = {name: Assignment(value, UsageError, True) for name, value in pinned.items()}
-    scope = Scope(holder.children("ParameterDeclaration") if holder is not None else [], assigned=assigned)
+    scope = ParameterScope(holder.children("ParameterDeclaration") if holder is not None else [], assigned=assigned)
     for name, attribute in _PATHS.items():
         for element in root.element.iter(name):
             with suppress(ExpressionError):

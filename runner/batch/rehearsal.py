@@ -117,11 +117,11 @@ def _compiled(job: Job, settings: RunSettings) -> Outcome:
     except Exception as error:  # a defect of ours is an outcome too, the other files go on
         return failure(job, error)
     causes = tuple(dict.fromkeys((*of_remarks(assumptions), *begun.causes)))
-    told = [cause.text for cause in causes]
+    told = dict.fromkeys(cause.text for cause in causes)
     remarks = [one_line(remark) for remark in (*map(str, assumptions), *begun.remarks) if remark not in told]
     if not causes:
         return Outcome(job, "loaded", ExitCode.PASSED, status="compiled", remarks=remarks)
-    message, names = one_line("; ".join(shown(told))), [*dict.fromkeys(cause.name for cause in causes)]
+    message, names = one_line("; ".join(shown([*told]))), [*dict.fromkeys(cause.name for cause in causes)]
     return Outcome(job, INCONCLUSIVE, ExitCode.INCONCLUSIVE, message, "compiled", remarks=remarks, causes=names)
 
 

@@ -20,7 +20,7 @@ from runner.motion.on_roads import Roads
 from runner.motion.routes import AssignedRoute, Route
 from runner.motion.trajectories import Track, Trajectory
 from runner.participants.scenario_objects import read_entities
-from xosc.exports.starts import Place, Pose, Start
+from xosc.exports.starts import InitialState, Pose, Vertex
 from xosc.names import STORYBOARD
 from xosc.resolve import resolve
 
@@ -92,7 +92,7 @@ class RunnerGeometry:
         number = next((each for each in around if each is not None), None)
         return self._whole[1][number].first.get(transition) if number is not None else None
 
-    def starts(self) -> Mapping[str, Start]:
+    def starts(self) -> Mapping[str, InitialState]:
         """Return the initial states of the entities present at the start, by name."""
         return {name: self._state(track, 0) for name, track in self._first.items() if track.columns["time"][0] == 0.0}
 
@@ -105,16 +105,16 @@ class RunnerGeometry:
         time = self._first_time(element, Transition.END)
         return time + self._settings.timestep if time is not None else None
 
-    def driven(self, entity: str, begin: float, end: float) -> Sequence[Place]:
+    def driven(self, entity: str, begin: float, end: float) -> Sequence[Vertex]:
         """Return the positions of an entity at each step of that run between two times (s); times start at the first step."""
         track = self._whole[0].tracks.get(entity)
         if track is None:
             return []
         time, x, y, z = (track.columns[each] for each in ("time", "x", "y", "z"))
         rows = np.flatnonzero((time > begin - _SAME) & (time < end + _SAME))
-        return [Place(float(x[n]), float(y[n]), float(z[n]), None, float(time[n]) - begin) for n in rows]
+        return [Vertex(float(x[n]), float(y[n]), float(z[n]), None, float(time[n]) - begin) for n in rows]
 
-    def during(self, action: Node, entity: str) -> Start | None:
+    def during(self, action: Node, entity: str) -> InitialState | None:
         """Return the state of an entity at the start of a story's action; None if the action never starts or the entity is
         absent."""
         time, track = self.begins(action), self._whole[0].tracks.get(entity)
@@ -123,7 +123,7 @@ class RunnerGeometry:
         row = int(np.searchsorted(track.columns["time"], time - _SAME))
         return self._state(track, row) if row < len(track.columns["time"]) else None
 
-    def put(self, action: Node, entity: str) -> Place | None:
+    def put(self, action: Node, entity: str) -> Vertex | None:
         """Return the place to which an action teleports an entity in that run; None if the action never starts."""
         time, track = self.begins(action), self._whole[0].tracks.get(entity)
         if time is None or track is None:
@@ -131,7 +131,7 @@ class RunnerGeometry:
         rows = np.flatnonzero(track.columns["time"] > time + _SAME)[:1]  # a step after it, which it has driven on
         for x, y, z, h, speed in zip(*(track.columns[each][rows] for each in ("x", "y", "z", "h", "speed")), strict=True):
             gone = float(speed) * self._settings.timestep
-            return Place(float(x) - gone * math.cos(h), float(y) - gone * math.sin(h), float(z), float(h))
+            return Vertex(float(x) - gone * math.cos(h), float(y) - gone * math.sin(h), float(z), float(h))
         return None
 
     def direction(self, road: str, lane: int) -> int:
@@ -139,16 +139,16 @@ class RunnerGeometry:
         assert self._network is not None
         return self._network.road(road).direction(lane)
 
-    def _state(self, track: Recorded, at: int) -> Start:
+    def _state(self, track: Recorded, at: int) -> InitialState:
         row = {column: track.columns[column][at] for column in ("x", "y", "z", "h", "speed", "road_id", "lane_id", "s")}
         x, y, z, h, speed, s = (float(row[column]) for column in ("x", "y", "z", "h", "speed", "s"))
         road = str(row["road_id"]) if row["road_id"] else None
         if road is None or self._network is None or road not in self._network.roads or not int(row["lane_id"]):
-            return Start(speed=speed, pose=(x, y, z, h))
+            return InitialState(speed=speed, pose=(x, y, z, h))
         lane = int(row["lane_id"])
         there = self._on_lane(road, lane, s)
         centred = math.hypot(there.x - x, there.y - y) < _SAME and abs(math.remainder(there.h - h, math.tau)) < _SAME
-        return Start(road, lane, s, speed, (x, y, z, h), centred)
+        return InitialState(road, lane, s, speed, (x, y, z, h), centred)
 
     def _on_lane(self, road: str, lane: int, s: float) -> Placement:
         from runner.positions.lane import lane_placement
@@ -157,14 +157,14 @@ class RunnerGeometry:
         assert self._network is not None
         return lane_placement(self._network, self._network.road(road).lane_point(s, lane), Orientation())
 
-    def place(self, position: Node) -> Place | None:
+    def place(self, position: Node) -> Vertex | None:
         """Return the place of an element Position; None if it depends on the run."""
         fixed = self._context.position(position).fixed
-        return Place(fixed.x, fixed.y, fixed.z, fixed.h) if fixed is not None else None
+        return Vertex(fixed.x, fixed.y, fixed.z, fixed.h) if fixed is not None else None
 
     def track(
         self, trajectory: Node, skip: float = 0.0, actor: str | None = None, pose: Pose = (0.0, 0.0, 0.0, 0.0)
-    ) -> Sequence[Place] | None:
+    ) -> Sequence[Vertex] | None:
         """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on what happens."""
         found = Trajectory.from_xml(trajectory, self._context)
         track = found.fixed
@@ -176,7 +176,7 @@ class RunnerGeometry:
             track = found.track(None, entity)
         return list(_sampled(track, skip)) if track is not None else None
 
-    def way(self, action: Node, entity: str) -> Sequence[Place]:
+    def way(self, action: Node, entity: str) -> Sequence[Vertex]:
         """The way along lanes that a routing action leads an entity from its start; empty where it takes that way anyway."""
         path, closed = self._path(action, entity)
         length = _LONGER * path.length + _ON
@@ -192,7 +192,7 @@ class RunnerGeometry:
             if not route.fixed:
                 raise action.unsupported("the route depends on what happens")
             return route.path(None), route.closed
-        there, start = self._context.position(action.need("Position")).fixed, self.starts().get(entity, Start())
+        there, start = self._context.position(action.need("Position")).fixed, self.starts().get(entity, InitialState())
         if there is None or start.road is None:
             raise action.unsupported("the way depends on what happens")
         here = self._network.road(start.road).lane_point(start.s, start.lane)
@@ -203,7 +203,7 @@ class RunnerGeometry:
 
     def _driven(self, action: Node, name: str, length: float, guide: AssignedRoute | None) -> list[Pose]:
         """x, y, z and h along the lanes that an entity follows from its start, for a length (m) or until the road ends."""
-        start, entity = self.starts().get(name, Start()), self._context.declared[name]
+        start, entity = self.starts().get(name, InitialState()), self._context.declared[name]
         if self._network is None or start.road is None or start.pose is None:
             raise action.unsupported("the way along lanes is known only of entities that start on one")
         entity.reset()
@@ -218,7 +218,7 @@ class RunnerGeometry:
             driven.append((entity.x, entity.y, entity.z, entity.h))
         return driven
 
-    def _put(self, entity: Entity, roads: Roads, start: Start) -> None:
+    def _put(self, entity: Entity, roads: Roads, start: InitialState) -> None:
         from runner.motion.placement import in_world
         from xodr.model import Pose as PoseOnRoad
 
@@ -248,7 +248,7 @@ def _keep_first(scenario: Node) -> None:
                 private.element.remove(action.element)
 
 
-def _sampled(track: Track, skip: float) -> Iterator[Place]:
+def _sampled(track: Track, skip: float) -> Iterator[Vertex]:
     """Places along a curve, at its ends and wherever it has a time."""
     timed = {station: time for station, time in zip(track.stations, track.times, strict=True) if time is not None}
     end = track.path.length
@@ -261,9 +261,9 @@ def _sampled(track: Track, skip: float) -> Iterator[Place]:
     yield _at(track, end, _time(timed, end))
 
 
-def _at(track: Track, s: float, time: float | None) -> Place:
+def _at(track: Track, s: float, time: float | None) -> Vertex:
     pose = track.path.at(s)
-    return Place(pose.x, pose.y, pose.z, None, time)
+    return Vertex(pose.x, pose.y, pose.z, None, time)
 
 
 def _time(timed: Mapping[float, float], s: float) -> float | None:
@@ -277,14 +277,14 @@ def _time(timed: Mapping[float, float], s: float) -> float | None:
     return timed[a] if a == b else timed[a] + (timed[b] - timed[a]) * (s - a) / (b - a)
 
 
-def _thinned(driven: Sequence[Pose]) -> Iterator[Place]:
+def _thinned(driven: Sequence[Pose]) -> Iterator[Vertex]:
     """Vertices of a way: many where it bends, few where it is straight."""
     last, gone = driven[0], 0.0
-    yield Place(*last[:3])
+    yield Vertex(*last[:3])
     for here, following in pairwise(driven[1:]):
         gone += _STEP
         if gone >= _FURTHEST or abs(math.remainder(following[3] - last[3], math.tau)) > _TURN:
             last, gone = here, 0.0
-            yield Place(*here[:3])
+            yield Vertex(*here[:3])
     if len(driven) > 1:
-        yield Place(*driven[-1][:3])
+        yield Vertex(*driven[-1][:3])

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple, Protocol
 
-from xodr.geometry import Segment
+from xodr.geometry import PlanElement
 from xodr.model import Pose
 
 _SAME_PLACE = 1e-9
@@ -117,7 +117,7 @@ class Segments:
         z: height, m.
     """
 
-    def __init__(self, segments: Sequence[Segment], z: float) -> None:
+    def __init__(self, segments: Sequence[PlanElement], z: float) -> None:
         self._segments, self._z = segments, z
         self.stations = [0.0]
         """s of the beginning of each segment, and of the end"""

@@ -17,7 +17,7 @@ from runner.motion.nurbs import ControlPoint, sampled
 from runner.motion.paths import Chain, Corner, Path, Polyline, Segments, smoothed
 from runner.motion.placement import Placement
 from runner.motion.schedules import Motion
-from xodr.geometry import Arc, Line, Segment, Spiral, Start
+from xodr.geometry import Arc, Line, PlanElement, Spiral, Start
 from xosc.rules.positions import TIMING_UID
 
 if TYPE_CHECKING:
@@ -171,10 +171,10 @@ class _Bend(NamedTuple):
 @lru_cache(maxsize=256)
 def _bent(x: float, y: float, z: float, h: float, bends: tuple[_Bend, ...]) -> Segments:
     """Pieces of clothoids one after the other, from x, y (m) and heading h (rad)."""
-    segments: list[Segment] = []
+    segments: list[PlanElement] = []
     for bend in bends:
         start = Start(x, y, h + bend.turn, bend.length)
-        segment: Segment
+        segment: PlanElement
         if bend.start != bend.end:
             segment = Spiral(start, bend.start, bend.end)
         else:

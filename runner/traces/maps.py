@@ -22,7 +22,7 @@ from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import current
 from schemas.common.storage import cache_folder, digest, keep, writing
 from schemas.osi_traces import SUFFIXES, AttachedMap, Trace
-from xodr.lanelet2 import Lanelet, Neighbour, build
+from xodr.lanelet2 import Lanelet, LaneletNeighbour, build
 from xodr.lanelet2.lanelet import between, direction, frame_at, joined, lengths, middle, resampled
 from xodr.reader import load
 
@@ -207,7 +207,7 @@ class _Lanes:
         right = next((each for each in adjacent if each in self.made and each != name and self._is_right(name, each)), None)
         beside = None
         if right is not None:
-            beside = Neighbour(right, True)
+            beside = LaneletNeighbour(right, True)
             self._share(name, right)
         self.made[name] = replace(self.made[name], predecessors=tuple(before), successors=tuple(after), beside_right=beside)
 

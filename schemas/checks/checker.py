@@ -9,7 +9,7 @@ from pathlib import Path
 
 from schemas.catalogs import Folders
 from schemas.checks import Problem
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import all_rules
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError, describe
 from schemas.common.policy import LimitReached, limited
@@ -42,7 +42,7 @@ def check(path: str | PathLike[str], catalog_path: Folders = (), road_path: Fold
     if path.suffix.lower() in SUFFIXES:
         return check_trace(path)
     try:
-        document = Document(parse(path), path, catalog_path, road_path)
+        document = CheckedDocument(parse(path), path, catalog_path, road_path)
         found = _problems(document)
     except InvalidFile as error:
         return [Problem(rule_of(path), "error", error.message, str(path), error.line)]
@@ -76,7 +76,7 @@ def check_many(
         yield path, problems
 
 
-def _problems(document: Document) -> list[Problem]:
+def _problems(document: CheckedDocument) -> list[Problem]:
     rules = [rule for rule in all_rules() if rule.standard == document.standard]
     broken = [problem for rule in rules if rule.precondition for problem in rule.problems(document)]
     if broken:

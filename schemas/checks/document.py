@@ -22,7 +22,7 @@ from schemas.xml import line_of, local_name, parse
 _MAX_INDIRECTIONS = 50
 
 
-class Document:
+class CheckedDocument:
     """A parsed file that is being checked.
 
     Args:
@@ -38,7 +38,7 @@ class Document:
         self.catalog_path, self.road_path = catalog_path, road_path
         self._defaults: dict[etree._Element, expressions.Value | None] = {}
         self._pending: set[etree._Element] = set()
-        self._sources: dict[str, Document] = {}
+        self._sources: dict[str, CheckedDocument] = {}
 
     @property
     def standard(self) -> str:
@@ -228,15 +228,15 @@ class Document:
         except NoEntry:
             return None
 
-    def source(self, entry: Entry) -> Document:
+    def source(self, entry: Entry) -> CheckedDocument:
         """The document that a catalogue entry is in."""
         root = entry.element.getroottree()
         if entry.path not in self._sources:
-            self._sources[entry.path] = Document(root, Path(entry.path))
+            self._sources[entry.path] = CheckedDocument(root, Path(entry.path))
         return self._sources[entry.path]
 
     @cached_property
-    def road_network(self) -> road_references.Roads | None:
+    def road_network(self) -> road_references.ReferencedRoads | None:
         """The roads of the LogicFile, where there is one that can be read."""
         for element in self.elements("LogicFile"):
             name = self.value(element, "filepath")

@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeVar
 from lxml import etree
 
 from schemas.checks import Problem
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.common import packages
 from schemas.common.errors import nearest
 from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType
@@ -30,7 +30,7 @@ class Finding(NamedTuple):
     level: str | None = None
 
 
-Check = Callable[[Document], Iterator[Finding]]
+Check = Callable[[CheckedDocument], Iterator[Finding]]
 
 MAX_FINDINGS = 100
 """Problems reported per rule and file: one wrong habit of an exporter can break a rule ten thousand times."""
@@ -73,7 +73,7 @@ class Rule:
         kinds = self.kinds or (file.kind,)
         return self.standard == file.standard and file.version >= self.since and file.kind in kinds
 
-    def problems(self, document: Document) -> Iterator[Problem]:
+    def problems(self, document: CheckedDocument) -> Iterator[Problem]:
         """Its problems in a document."""
         for number, (element, message, level) in enumerate(self.check(document)):
             if number == MAX_FINDINGS:
@@ -123,7 +123,9 @@ def unknown(what: str, name: str, known: Iterable[str]) -> str:
     return f"there is no {what} {name!r}; {nearest(name, sorted(known))}"
 
 
-def unresolved(document: Document, what: str, known: Iterable[str], *attributes: str, where: str = "") -> Iterator[Finding]:
+def unresolved(
+    document: CheckedDocument, what: str, known: Iterable[str], *attributes: str, where: str = ""
+) -> Iterator[Finding]:
     """A finding for each attribute with one of these names whose value is none of the known names of what it refers to."""
     known = frozenset(known)
     for element, attribute, name in document.values(*attributes):
@@ -131,7 +133,7 @@ def unresolved(document: Document, what: str, known: Iterable[str], *attributes:
             yield Finding(element, f"{attribute}: {unknown(what, name, known)}{where}")
 
 
-def negative(document: Document, attributes: Iterable[tuple[str, str]]) -> Iterator[Finding]:
+def negative(document: CheckedDocument, attributes: Iterable[tuple[str, str]]) -> Iterator[Finding]:
     """A finding for each of these attributes (element name, attribute name) that is a negative number or none at all."""
     for tag, name in attributes:
         for element in document.elements(tag):

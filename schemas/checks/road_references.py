@@ -25,7 +25,7 @@ VARIABLE = "XOSC_ROAD_PATH"
 _SUFFIX = ".xodr"
 
 
-class Lanes(NamedTuple):
+class SectionLanes(NamedTuple):
     """The lane ids of a section, the centre lane among them, from its start on, up to its end if it says so (m)."""
 
     start: float
@@ -34,12 +34,12 @@ class Lanes(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Road:
+class ReferencedRoad:
     """Length in metres, and the lanes from each lane section's start on: the permanent ones, and the temporary ones of 1.9."""
 
     length: float
-    sections: tuple[Lanes, ...]
-    temporary: tuple[Lanes, ...] = ()
+    sections: tuple[SectionLanes, ...]
+    temporary: tuple[SectionLanes, ...] = ()
 
     def lanes(self, s: float, layer: str | None = None) -> frozenset[str]:
         """Lane ids at a road coordinate, the centre lane among them: those in force, or those of the permanent layer."""
@@ -51,7 +51,7 @@ class Road:
         return temporary | {lane for lane in usual if lane.startswith("-") not in sides}
 
 
-def _at(sections: tuple[Lanes, ...], s: float, first: bool = False) -> frozenset[str]:
+def _at(sections: tuple[SectionLanes, ...], s: float, first: bool = False) -> frozenset[str]:
     """The lanes of the section at s; with `first` those of the first one before all of them."""
     index = bisect_right([section.start for section in sections], s) - 1
     if not sections or (index < 0 and not first):
@@ -61,17 +61,17 @@ def _at(sections: tuple[Lanes, ...], s: float, first: bool = False) -> frozenset
 
 
 @dataclass(frozen=True)
-class Roads:
+class ReferencedRoads:
     """The referable parts of a road network."""
 
     path: Path
     geo_reference: bool
-    roads: dict[str, Road] = field(default_factory=dict)
+    roads: dict[str, ReferencedRoad] = field(default_factory=dict)
     signals: frozenset[str] = frozenset()
     controllers: frozenset[str] = frozenset()
 
 
-def read(path: Path) -> Roads:
+def read(path: Path) -> ReferencedRoads:
     """Read a road network; cached until the file changes.
 
     Raises:
@@ -81,7 +81,7 @@ def read(path: Path) -> Roads:
 
 
 @lru_cache(maxsize=64)
-def _read(path: Path, _stamp: Stamp) -> Roads:
+def _read(path: Path, _stamp: Stamp) -> ReferencedRoads:
     root = parse(path).getroot()
     if local_name(root) != "OpenDRIVE":
         raise InvalidFile(f"the root element is <{local_name(root)}>, not OpenDRIVE", path=path)
@@ -89,19 +89,19 @@ def _read(path: Path, _stamp: Stamp) -> Roads:
     signals = {element.get("id") or "" for element in root.iter("{*}signal")}
     controllers = {element.get("id") or "" for element in root.iter("{*}controller")}
     geo_reference = any((element.text or "").strip() for element in root.iter("{*}geoReference"))
-    return Roads(path, geo_reference, roads, frozenset(signals), frozenset(controllers))
+    return ReferencedRoads(path, geo_reference, roads, frozenset(signals), frozenset(controllers))
 
 
-def _road(element: etree._Element) -> Road:
-    layers: dict[bool, list[Lanes]] = {False: [], True: []}
+def _road(element: etree._Element) -> ReferencedRoad:
+    layers: dict[bool, list[SectionLanes]] = {False: [], True: []}
     for lanes in element.iterfind("{*}lanes"):
         for section in lanes.iterfind("{*}laneSection"):
             ids = frozenset(lane.get("id") or "" for lane in section.iterfind("{*}*/{*}lane"))
             start, own = _number(section.get("s")), _number(section.get("length"))
             end = math.inf if math.isnan(own) else start + own
-            layers[lanes.get("layer") == "temporary"].append(Lanes(start, end, ids))
+            layers[lanes.get("layer") == "temporary"].append(SectionLanes(start, end, ids))
     permanent, temporary = (tuple(sorted(found, key=lambda section: section.start)) for found in layers.values())
-    return Road(_number(element.get("length")), permanent, temporary)
+    return ReferencedRoad(_number(element.get("length")), permanent, temporary)
 
 
 def _number(text: str | None) -> float:

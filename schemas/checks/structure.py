@@ -8,7 +8,7 @@ from copy import deepcopy
 from lxml import etree
 
 from schemas.checks import road_elements
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, rule
 from schemas.registry import HEADERS, OPENDRIVE, SCHEMA_DIR, Schema, revision, schema_for
 from schemas.validate import find_violations
@@ -17,7 +17,7 @@ from schemas.xml import local_name
 
 @rule("asam.net:xosc:1.0.0:xml.valid_xml_document", precondition=True)
 @rule("asam.net:xodr:1.0.0:xml.valid_xml_document", precondition=True)
-def file_is_well_formed(document: Document) -> Iterator[Finding]:
+def file_is_well_formed(document: CheckedDocument) -> Iterator[Finding]:
     """The file must be a well-formed XML document, without a document type and not too large.
 
     Nothing is left to find in a document that has been parsed; `schemas.checks.checker` reports the others under this uid.
@@ -27,7 +27,7 @@ def file_is_well_formed(document: Document) -> Iterator[Finding]:
 
 @rule("asam.net:xosc:1.0.0:xml.root_tag_is_openscenario", precondition=True)
 @rule("asam.net:xodr:1.0.0:xml.root_tag_is_opendrive", precondition=True)
-def root_element_names_the_standard(document: Document) -> Iterator[Finding]:
+def root_element_names_the_standard(document: CheckedDocument) -> Iterator[Finding]:
     """The root element must be OpenSCENARIO or OpenDRIVE."""
     if local_name(document.root) != document.standard:
         yield Finding(document.root, f"the root element is {local_name(document.root)}, {document.standard} is expected")
@@ -35,7 +35,7 @@ def root_element_names_the_standard(document: Document) -> Iterator[Finding]:
 
 @rule("asam.net:xosc:1.0.0:xml.fileheader_is_present", precondition=True)
 @rule("asam.net:xodr:1.0.0:xml.fileheader_is_present", precondition=True)
-def header_is_present(document: Document) -> Iterator[Finding]:
+def header_is_present(document: CheckedDocument) -> Iterator[Finding]:
     """The root element must have the header as a child: FileHeader in OpenSCENARIO, header in OpenDRIVE."""
     if local_name(document.root) == document.standard and document.header is None:
         yield Finding(document.root, f"the element {HEADERS[document.standard]} is missing below {document.standard}")
@@ -43,7 +43,7 @@ def header_is_present(document: Document) -> Iterator[Finding]:
 
 @rule("asam.net:xosc:1.0.0:xml.version_is_defined", precondition=True)
 @rule("asam.net:xodr:1.0.0:xml.version_is_defined", precondition=True)
-def header_has_the_version(document: Document) -> Iterator[Finding]:
+def header_has_the_version(document: CheckedDocument) -> Iterator[Finding]:
     """The header must have the attributes revMajor and revMinor, non-negative integers of at most 65535."""
     if document.header is None:
         return
@@ -60,7 +60,7 @@ SCHEMA_UID = "asam.net:xosc:1.0.0:xml.valid_schema"
 
 @rule(SCHEMA_UID)
 @rule("asam.net:xodr:1.0.0:xml.valid_schema")
-def document_is_valid_by_schema(document: Document) -> Iterator[Finding]:
+def document_is_valid_by_schema(document: CheckedDocument) -> Iterator[Finding]:
     """The document must be valid against the XSD of the version that its header names.
 
     Where no XSD of that version is at hand this is a warning: the file may be fine, but nothing has shown it. Of road networks
@@ -96,7 +96,7 @@ def _violations_without_namespaces(tree: etree._ElementTree, schema: Schema) -> 
 
 
 @rule("asam.net:xosc:1.0.0:general.file_ending", level="warning")
-def file_has_the_ending(document: Document) -> Iterator[Finding]:
+def file_has_the_ending(document: CheckedDocument) -> Iterator[Finding]:
     """Scenario descriptions should have the file extension .xosc."""
     if document.path.suffix != ".xosc":
         yield Finding(document.root, f"the file ends in {document.path.suffix!r}, .xosc is expected")
@@ -111,7 +111,7 @@ UNIQUE_NAMES_UID = "asam.net:xosc:1.2.0:reference_control.unique_element_names_o
 
 
 @rule(UNIQUE_NAMES_UID)
-def names_are_unique(document: Document) -> Iterator[Finding]:
+def names_are_unique(document: CheckedDocument) -> Iterator[Finding]:
     """Element names shall be unique among the elements that one element directly encloses."""
     return (Finding(*each) for each in doubled((element, name) for element, _, name in document.values("name")))
 
@@ -128,7 +128,7 @@ def doubled(named: Iterable[tuple[etree._Element, str]]) -> Iterator[tuple[etree
 
 
 @rule("asam.net:xosc:1.0.0:naming.no_double_colon_prefix_in_names")
-def names_have_no_double_colon(document: Document) -> Iterator[Finding]:
+def names_have_no_double_colon(document: CheckedDocument) -> Iterator[Finding]:
     """Names shall not contain `::`, which separates the names in a reference."""
     for element, _, name in document.values("name"):
         if "::" in name and not local_name(element).endswith(("Condition", "StateAction")):

@@ -485,7 +485,7 @@ def digest(content: bytes) -> str:
 _SEAL = b', "digest": "%s"}'
 
 
-class Kept(NamedTuple):
+class JournalRecords(NamedTuple):
     """Records of a file, and the numbers (from 1) of its lines that are damaged."""
 
     records: list[dict[str, Any]]
@@ -509,7 +509,7 @@ class Records:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def read(self) -> Kept:
+    def read(self) -> JournalRecords:
         """The records that are whole, in their order.
 
         Raises:
@@ -518,8 +518,8 @@ class Records:
         try:
             lines = self.path.read_bytes().split(b"\n")
         except FileNotFoundError:
-            return Kept([], [])
-        kept = Kept([], [])
+            return JournalRecords([], [])
+        kept = JournalRecords([], [])
         for number, line in enumerate(lines, 1):
             record = _opened(line)
             if record is not None:

@@ -23,14 +23,14 @@ from xosc.distributions import (
     ParameterValueDistribution,
     Range,
 )
-from xosc.files import Header
+from xosc.files import FileHeader
 
 SIMPLE = SCENARIOS / "simple_cut_in.xosc"
 
 
 def variation(path: Path, *distributions: object) -> Path:
     written = ParameterValueDistribution(str(SIMPLE), Deterministic(distributions))  # type: ignore[arg-type]
-    xosc.write_distribution(written, path, Header("a variation", "tests", datetime(2026, 1, 1)))
+    xosc.write_distribution(written, path, FileHeader("a variation", "tests", datetime(2026, 1, 1)))
     return path
 
 

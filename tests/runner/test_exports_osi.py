@@ -21,7 +21,7 @@ from runner.exports import osi
 from runner.exports.moments import box_centre
 from schemas.common.errors import UsageError
 from schemas.osi_rules import breaches
-from schemas.osi_traces import Frame
+from schemas.osi_traces import TraceMessage
 from tests.runner.files import car, place, scenario, speed_action, story
 from xosc.exports.draft import Folder
 
@@ -57,7 +57,9 @@ def read(path: Path) -> list:
 
 def broken(messages: list[Any]) -> list[str]:
     """Return the breaches of OSI's rules: uid and text."""
-    return [f"{rule.uid}: {text}" for _, rule, text in breaches(Frame(n, each, each) for n, each in enumerate(messages, 1))]
+    return [
+        f"{rule.uid}: {text}" for _, rule, text in breaches(TraceMessage(n, each, each) for n, each in enumerate(messages, 1))
+    ]
 
 
 @pytest.mark.parametrize("suffix", osi.FORMATS)

@@ -20,7 +20,7 @@ from tests.fuzz.kinds import CASE, Input, Kind, own_kinds
 from tests.fuzz.pool import DIED, HUNG, Limits, Result, Runner, Server
 
 CORPUS = Path(__file__).with_name("corpus")
-_SEED, _COUNT = 1, 48
+_SEED, _COUNT = 1, 24
 _PLAYED = """
 import json, sys
 from pathlib import Path

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from xodr.geometry import Arc, Line, ParamPoly3, ReferenceLine, Segment, Spiral, Start, poly3
+from xodr.geometry import Arc, Line, ParamPoly3, PlanElement, ReferenceLine, Spiral, Start, poly3
 
 HERE = Start(10.0, -5.0, 0.7, 100.0)
 
@@ -111,7 +111,7 @@ shapes = st.one_of(
 
 
 @given(shapes, st.floats(1.0, 99.0))
-def test_heading_and_curvature_are_derivatives(shape: Segment, ds: float) -> None:
+def test_heading_and_curvature_are_derivatives(shape: PlanElement, ds: float) -> None:
     x0, y0, h0 = shape.at(ds - 1e-4)
     x1, y1, h1 = shape.at(ds + 1e-4)
     _, _, h = shape.at(ds)

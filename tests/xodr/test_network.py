@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from xodr.geometry import ZERO, Arc, Cubic, Line, ParamPoly3, Profile, ReferenceLine, Segment, Spiral, Start
+from xodr.geometry import ZERO, Arc, Cubic, Line, ParamPoly3, PlanElement, Profile, ReferenceLine, Spiral, Start
 from xodr.lookup.locate import Locator
 from xodr.model import RoadError
 from xodr.reader.roads import read_sections
@@ -31,7 +31,7 @@ pieces = st.one_of(
 )
 
 
-def segment(kind: str, start: Start, one: float, other: float) -> Segment:
+def segment(kind: str, start: Start, one: float, other: float) -> PlanElement:
     """An element of that kind."""
     if kind == "line":
         return Line(start)

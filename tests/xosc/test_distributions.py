@@ -43,11 +43,11 @@ from xosc.distributions import (
 )
 from xosc.distributions import values as shared
 from xosc.document import load
-from xosc.files import Header
+from xosc.files import FileHeader
 from xosc.node import Node
-from xosc.parameters import Assignment, Scope
+from xosc.parameters import Assignment, ParameterScope
 
-FILE_HEADER = Header("a test", "a tester", datetime(2024, 1, 31))
+FILE_HEADER = FileHeader("a test", "a tester", datetime(2024, 1, 31))
 HEADER = '<FileHeader revMajor="1" revMinor="3" date="2024-01-01T00:00:00" description="" author=""/>'
 SCENARIO = f"""<OpenSCENARIO>{HEADER}
 <ParameterDeclarations>
@@ -210,7 +210,7 @@ def test_constraints_hold_by_groups_as_they_do_together(written) -> None:
     for _ in range(300):
         texts = {name: str(draws.randrange(6)) for name in names if draws.random() < 0.7}
         assigned = {name: Assignment(value, UsageError) for name, value in texts.items()}
-        verdicts.append(not list(Scope(declarations, None, assigned).violations()))
+        verdicts.append(not list(ParameterScope(declarations, None, assigned).violations()))
         assert found.admits(texts) == verdicts[-1], texts
     assert {*verdicts} == {True, False}
 

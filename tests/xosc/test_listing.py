@@ -11,7 +11,7 @@ import pytest
 from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.xosc.conftest import Writer
-from xosc.listing import LIBRARY, Declared, listing, to_csv, to_json
+from xosc.listing import LIBRARY, ListedParameter, listing, to_csv, to_json
 from xosc.tags import Tag, properties
 
 PARAMETERS = """
@@ -107,7 +107,7 @@ def test_scenarios_are_chosen_by_class_and_tags(folder: Path) -> None:
     ],
 )
 def test_limits_are_told_in_short(limits: list[tuple[str, str]], allowed: str) -> None:
-    assert Declared("name", "double", "1", (tuple(limits),)).allowed == allowed
+    assert ListedParameter("name", "double", "1", (tuple(limits),)).allowed == allowed
 
 
 def test_json_and_csv_hold_the_same(folder: Path) -> None:

@@ -19,7 +19,7 @@ from schemas.validate import violations
 from xosc import maneuvers as m
 
 VERSIONS = [(1, 0), (1, 1), (1, 2), (1, 3)]
-HEADER = m.Header("a test", "a tester", datetime(2024, 1, 31, 12))
+HEADER = m.FileHeader("a test", "a tester", datetime(2024, 1, 31, 12))
 RAMP = m.Dynamics("sinusoidal", "time", 4)
 
 
@@ -167,7 +167,7 @@ def test_a_written_scenario_resolves_with_its_parameters(tmp_path: Path) -> None
     groups = [[("greaterThan", 0), ("lessOrEqual", "${$Limit}")], [("equalTo", 99)]]
     document = m.scenario(
         tmp_path / "scenario.xosc",
-        m.Header("a test", "a tester", datetime(2024, 1, 31), {"tag": "cut-in"}),
+        m.FileHeader("a test", "a tester", datetime(2024, 1, 31), {"tag": "cut-in"}),
         road="road.xodr",
         entities={"Ego": m.vehicle("car", 4, 2, 1.5), "Other": sg.CatalogReference("vehicles", "van")},
         init={"Ego": [m.speed("$Speed")]},

@@ -28,7 +28,7 @@ TAGS = [
 
 
 def scenario(path: Path, **properties: str) -> xosc.Document:
-    header = m.Header("a test", "a tester", datetime(2000, 1, 1), properties)
+    header = m.FileHeader("a test", "a tester", datetime(2000, 1, 1), properties)
     document = m.scenario(path, header, road="road.xodr", entities={"Ego": m.vehicle("car", 4, 2, 1.5)}, init={})
     xosc.write(document, path)
     return xosc.load(path)

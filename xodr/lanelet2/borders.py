@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from xodr.lanelet2.lanelet import (
-    Frame,
+    CrossLine,
     Lanelet,
-    Neighbour,
+    LaneletNeighbour,
     Points,
     crossing,
     direction,
@@ -26,23 +26,23 @@ from xodr.lanelet2.lanelet import (
     row_of,
     split,
 )
-from xodr.lanelet2.osm import Osm, Relation, Way
+from xodr.lanelet2.osm import Osm, OsmWay, Relation
 
 TOUCHING = 0.1
 """Points that are not farther apart than this are one, m."""
 
 
 @dataclass(frozen=True, eq=False)
-class Bounds:
+class LaneletBounds:
     """The bounds of a lanelet, turned to its direction of travel: ways, ids of nodes, and points."""
 
-    ways: tuple[Way, Way]
+    ways: tuple[OsmWay, OsmWay]
     nodes: tuple[tuple[str, ...], tuple[str, ...]]
     left: Points
     right: Points
 
 
-def bounds_of(osm: Osm, relation: Relation, points: dict[str, tuple[float, float]]) -> Bounds:
+def bounds_of(osm: Osm, relation: Relation, points: dict[str, tuple[float, float]]) -> LaneletBounds:
     """The bounds of a lanelet; points: x and y of each node.
 
     Raises:
@@ -60,10 +60,10 @@ def bounds_of(osm: Osm, relation: Relation, points: dict[str, tuple[float, float
     x, y = np.concatenate([lines[0], lines[1][::-1]]).T
     if np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0.0:  # counterclockwise: seen that way, left would be on the right
         nodes, lines = [way[::-1] for way in nodes], [line[::-1] for line in lines]
-    return Bounds((left, right), (nodes[0], nodes[1]), lines[0], lines[1])
+    return LaneletBounds((left, right), (nodes[0], nodes[1]), lines[0], lines[1])
 
 
-def _bound(osm: Osm, relation: Relation, role: str) -> Way:
+def _bound(osm: Osm, relation: Relation, role: str) -> OsmWay:
     ways = [osm.ways[ref] for ref in relation.refs(role, "way")]
     if not ways:
         raise relation.invalid(f"a lanelet has one way as its {role} bound, this one has none")
@@ -73,7 +73,7 @@ def _bound(osm: Osm, relation: Relation, role: str) -> Way:
     line = _joined([way.nodes for way in ways])
     if line is None:
         raise relation.invalid(f"its {role} bound, ways {' '.join(way.id for way in ways)}, is not one line")
-    return Way(ways[0].id, line, ways[0].tags)
+    return OsmWay(ways[0].id, line, ways[0].tags)
 
 
 def _joined(lines: list[tuple[str, ...]]) -> tuple[str, ...] | None:
@@ -91,7 +91,7 @@ def _joined(lines: list[tuple[str, ...]]) -> tuple[str, ...] | None:
     return whole
 
 
-def linked(lanes: list[Lanelet], bounds: list[Bounds]) -> list[Lanelet]:
+def linked(lanes: list[Lanelet], bounds: list[LaneletBounds]) -> list[Lanelet]:
     """Return the lanes with their successors and right neighbours. Sidewalks are two-way and stay alone."""
     from scipy.spatial import KDTree
 
@@ -109,7 +109,7 @@ def linked(lanes: list[Lanelet], bounds: list[Bounds]) -> list[Lanelet]:
             continue
         after = [lanes[other] for other in sorted(following[index]) if other != index]
         right = beside[bounds[index].nodes[1]]
-        neighbour = Neighbour(right[0], True) if right else None
+        neighbour = LaneletNeighbour(right[0], True) if right else None
         found.append(replace(lane, successors=tuple(one.id for one in after if one.type != "sidewalk"), beside_right=neighbour))
     return found
 
@@ -119,7 +119,7 @@ Nodes = tuple[str, ...]
 
 
 def split_at_joints(
-    lanes: Sequence[Lanelet], bounds: Sequence[Bounds], joined: Collection[str]
+    lanes: Sequence[Lanelet], bounds: Sequence[LaneletBounds], joined: Collection[str]
 ) -> tuple[list[Lanelet], list[str]]:
     """The lanelets (with successors and right neighbours), split where neighbours share a part of a bound with them.
 
@@ -151,7 +151,7 @@ def split_at_joints(
                 notes.append(f"lanelet {name} is split where {other} beside it {'begins' if at else 'ends'}")
                 break
             one, right = (other, name) if side == 0 else (name, other)
-            table[one] = replace(table[one], beside_right=Neighbour(right, True))
+            table[one] = replace(table[one], beside_right=LaneletNeighbour(right, True))
     return list(table.values()), notes
 
 
@@ -207,10 +207,10 @@ def _filled(table: dict[str, Lanelet]) -> list[str]:
             continue
         name = f"{left.id}|{right.id}"
         table[name] = replace(
-            left, id=name, left=left.right, right=right.left, successors=(lanelet.id,), beside_right=Neighbour(right.id, True),
-            left_mark=left.right_mark, right_mark=right.left_mark, lights=(),
+            left, id=name, left=left.right, right=right.left, successors=(lanelet.id,),
+            beside_right=LaneletNeighbour(right.id, True), left_mark=left.right_mark, right_mark=right.left_mark, lights=(),
         )  # fmt: skip
-        table[left.id] = replace(left, beside_right=Neighbour(name, True))
+        table[left.id] = replace(left, beside_right=LaneletNeighbour(name, True))
         notes.append(f"lanelet {lanelet.id} goes on between {left.id} and {right.id}: a lane is added there, {name}")
     return notes
 
@@ -248,7 +248,7 @@ def _led_into(table: dict[str, Lanelet]) -> list[str]:
         line = middle(row[0].left, row[-1].right)
         x, y = (lanelet.left[-1] + lanelet.right[-1]) / 2
         heading = direction(middle(lanelet.left, lanelet.right), True)
-        rest = split(table, row, frame_at(line, crossing(line, Frame(float(x), float(y), heading))[0]))[target.id]
+        rest = split(table, row, frame_at(line, crossing(line, CrossLine(float(x), float(y), heading))[0]))[target.id]
         table[lanelet.id] = replace(lanelet, successors=(rest,))
         notes.append(f"lanelet {lanelet.id} ends upon {target.id}: it leads into that one's second part, {rest}")
     return notes

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from schemas.common.array_types import FloatArray, IntArray
-from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points, lengths, points_at
+from xodr.lanelet2.lanelet import Lanelet, LaneletNeighbour, Points, lengths, points_at
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -111,7 +111,7 @@ class _Lanes:
                     self._bound((number, part), left.get((number, part)), lines, 1.0),
                     self._bound((number, part), right.get((number, part)), lines, -1.0),
                     successors=tuple(self._name(*each) for each in after),
-                    beside_right=Neighbour(self._name(*right[number, part]), True) if (number, part) in right else None,
+                    beside_right=LaneletNeighbour(self._name(*right[number, part]), True) if (number, part) in right else None,
                     type=lane.type,
                     road_type=lane.road_type,
                     speed_limit=lane.speed_limit,

@@ -19,9 +19,9 @@ from xodr.lanelet2.borders import completed
 from xodr.lanelet2.graph import Graph, Layout
 from xodr.lanelet2.junctions import junction_ids, junctions, layout
 from xodr.lanelet2.lanelet import Lanelet, Points, across, lengths, places, points_at
-from xodr.lanelet2.reader import Area, read_lanelets
+from xodr.lanelet2.reader import Crosswalk, read_lanelets
 from xodr.lanelet2.shapes import Borders, Shape, mouths, shape
-from xodr.model import Controller, Corner, RoadLink, RoadObject, Signal
+from xodr.model import Controller, OutlineCorner, RoadLink, RoadObject, Signal
 from xodr.network import RoadNetwork
 from xodr.reader import load
 from xodr.road import Road
@@ -172,7 +172,7 @@ def _cubics(form: Shape, coefficients: np.ndarray) -> tuple[Cubic, ...]:
     return tuple(Cubic(float(s), *map(float, row)) for s, row in zip(form.s, coefficients, strict=True))
 
 
-def with_crosswalks(roads: Sequence[RoadDesign], crosswalks: Sequence[Area]) -> tuple[RoadDesign, ...]:
+def with_crosswalks(roads: Sequence[RoadDesign], crosswalks: Sequence[Crosswalk]) -> tuple[RoadDesign, ...]:
     """The roads with each crosswalk on the one whose piece begins nearest to it. Only its place matters, not its road."""
     poses = [(number, s, pose) for number, road in enumerate(roads) for s, pose in _poses(road)]
     places = np.array([(pose.x, pose.y) for _, _, pose in poses])
@@ -191,10 +191,10 @@ def _poses(road: RoadDesign) -> Iterator[tuple[float, PlanPose]]:
     return zip(accumulate((piece.length for piece in road.plan), initial=0.0), road.poses, strict=True)
 
 
-def _corner(pose: PlanPose, point: Sequence[float]) -> Corner:
+def _corner(pose: PlanPose, point: Sequence[float]) -> OutlineCorner:
     dx, dy = point[0] - pose.x, point[1] - pose.y
     cos, sin = math.cos(pose.heading), math.sin(pose.heading)
-    return Corner(cos * dx + sin * dy, cos * dy - sin * dx, 0.0, 0.0, on_road=False)
+    return OutlineCorner(cos * dx + sin * dy, cos * dy - sin * dx, 0.0, 0.0, on_road=False)
 
 
 # files ------------------------------------------------------------------------------------------
@@ -299,7 +299,7 @@ def write(
     lanelets: Sequence[Lanelet],
     name: str,
     target: str | PathLike[str],
-    crosswalks: Sequence[Area] = (),
+    crosswalks: Sequence[Crosswalk] = (),
     geo: Geo | None = None,
     priorities: Sequence[tuple[str, str]] = (),
 ) -> Conversion:

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from schemas.common.errors import Unsupported, UsageError
-from xodr.lanelet2.lanelet import Lanelet, Neighbour, Points, lengths, middle, resampled
+from xodr.lanelet2.lanelet import Lanelet, LaneletNeighbour, Points, lengths, middle, resampled
 
 APART = 0.5
 """Bounds of neighbours that are farther apart than this [m] are not one border."""
@@ -85,7 +85,7 @@ class Graph:
                 predecessors=(),
                 successors=tuple(self.after[name]),
                 beside_left=None,
-                beside_right=Neighbour(self.right[name], True) if name in self.right else None,
+                beside_right=LaneletNeighbour(self.right[name], True) if name in self.right else None,
             )
             for name, lanelet in self.lanelets.items()
         }

@@ -16,7 +16,7 @@ Points = FloatArray
 """Points of a line, (n, 2), m."""
 
 
-class Neighbour(NamedTuple):
+class LaneletNeighbour(NamedTuple):
     """A lanelet beside another one, and whether it leads the same way."""
 
     id: str
@@ -43,8 +43,8 @@ class Lanelet:
     right: Points
     predecessors: tuple[str, ...] = ()
     successors: tuple[str, ...] = ()
-    beside_left: Neighbour | None = None
-    beside_right: Neighbour | None = None
+    beside_left: LaneletNeighbour | None = None
+    beside_right: LaneletNeighbour | None = None
     type: str = "driving"
     road_type: str = "town"
     speed_limit: float = 50 / 3.6
@@ -63,7 +63,7 @@ _AT_ONCE = 2_000_000
 """Number of pairs of points and stretches per block, to save memory."""
 
 
-class Frame(NamedTuple):
+class CrossLine(NamedTuple):
     """A line across the road: it passes through (x, y) at right angles to the heading."""
 
     x: float
@@ -133,13 +133,13 @@ def direction(line: Points, at_end: bool) -> float:
     return math.atan2(dy, dx)
 
 
-def frame_at(line: Points, s: float) -> Frame:
+def frame_at(line: Points, s: float) -> CrossLine:
     """The line across a line at an arc length, m."""
     before = points_at(line, np.linspace(0.0, s, 65))
-    return Frame(float(before[-1, 0]), float(before[-1, 1]), direction(before, True))
+    return CrossLine(float(before[-1, 0]), float(before[-1, 1]), direction(before, True))
 
 
-def crossing(line: Points, frame: Frame) -> tuple[float, float]:
+def crossing(line: Points, frame: CrossLine) -> tuple[float, float]:
     """Return the arc length (m) at which a line crosses a frame from behind, and the offset (m) to the left of the frame's
     origin.
 
@@ -158,7 +158,7 @@ def crossing(line: Points, frame: Frame) -> tuple[float, float]:
     return float(at[step] + share[best] * (at[step + 1] - at[step])), float(places[best])
 
 
-def between(line: Points, start: Frame, end: Frame) -> Points:
+def between(line: Points, start: CrossLine, end: CrossLine) -> Points:
     """The part of a line between two frames that it crosses."""
     s0, s1 = crossing(line, start)[0], crossing(line, end)[0]
     if s1 <= s0:
@@ -207,7 +207,7 @@ def row_of(table: dict[str, Lanelet], lanelet: Lanelet) -> list[Lanelet]:
     return row
 
 
-def split(table: dict[str, Lanelet], row: Sequence[Lanelet], frame: Frame) -> dict[str, str]:
+def split(table: dict[str, Lanelet], row: Sequence[Lanelet], frame: CrossLine) -> dict[str, str]:
     """Replace lanelets that lie beside each other by their parts before and after a line across them.
 
     The lanelets of the table name their successors and right neighbours only.
@@ -219,7 +219,7 @@ def split(table: dict[str, Lanelet], row: Sequence[Lanelet], frame: Frame) -> di
     for lanelet in row:
         (left, left_rest), (right, right_rest) = (_parts(line, frame) for line in (lanelet.left, lanelet.right))
         name = seconds[lanelet.id]
-        beside = Neighbour(seconds[lanelet.beside_right.id], True) if lanelet.beside_right else None
+        beside = LaneletNeighbour(seconds[lanelet.beside_right.id], True) if lanelet.beside_right else None
         # read anew: it may follow itself, or another one of the row
         table[name] = replace(table[lanelet.id], id=name, left=left_rest, right=right_rest, beside_right=beside)
         table[lanelet.id] = replace(lanelet, left=left, right=right, successors=(name,), lights=())
@@ -231,7 +231,7 @@ def _free(name: str, table: Mapping[str, Lanelet]) -> str:
     return next(free for number in count(2) if (free := f"{whole}/{number}") not in table)
 
 
-def _parts(line: Points, frame: Frame) -> tuple[Points, Points]:
+def _parts(line: Points, frame: CrossLine) -> tuple[Points, Points]:
     """The parts of a line before and after it crosses a frame; near its end where it does not cross it within."""
     s, at = crossing(line, frame)[0], lengths(line)
     s = min(max(s, 0.05 * at[-1]), 0.95 * at[-1])

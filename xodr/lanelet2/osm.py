@@ -21,7 +21,7 @@ Tags = dict[str, str]
 T = TypeVar("T")
 
 
-class Node(NamedTuple):
+class OsmNode(NamedTuple):
     """A point: latitude and longitude [degrees], and coordinates of the map [m] where it has its own; its line in the file."""
 
     place: tuple[float, float] | None
@@ -29,7 +29,7 @@ class Node(NamedTuple):
     line: int | None
 
 
-class Way(NamedTuple):
+class OsmWay(NamedTuple):
     """A line through nodes."""
 
     id: str
@@ -66,8 +66,8 @@ class Relation:
 class Osm(NamedTuple):
     """The content of a file, by id. absent: members of relations that are not in the file, with the relation."""
 
-    nodes: dict[str, Node]
-    ways: dict[str, Way]
+    nodes: dict[str, OsmNode]
+    ways: dict[str, OsmWay]
     relations: dict[str, Relation]
     absent: list[str]
 
@@ -114,7 +114,7 @@ def _put(table: dict[str, T], element: etree._Element, value: T) -> None:
     table[identity] = value
 
 
-def _node(element: etree._Element) -> Node:
+def _node(element: etree._Element) -> OsmNode:
     tags = _tags(element)
     local = _pair(element, tags, "local_x", "local_y")
     place = _pair(element, {name: element.get(name, "") for name in ("lat", "lon")}, "lat", "lon")
@@ -122,7 +122,7 @@ def _node(element: etree._Element) -> Node:
         raise _invalid(element, "a node has lat and lon, or the tags local_x and local_y")
     if place is not None and not (abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0):
         raise _invalid(element, f"lat={place[0]:g}, lon={place[1]:g} is no place on Earth")
-    return Node(place, local, line_of(element))
+    return OsmNode(place, local, line_of(element))
 
 
 def _pair(element: etree._Element, texts: dict[str, str], *names: str) -> tuple[float, float] | None:
@@ -141,9 +141,9 @@ def _pair(element: etree._Element, texts: dict[str, str], *names: str) -> tuple[
     return numbers[0], numbers[1]
 
 
-def _way(element: etree._Element) -> Way:
+def _way(element: etree._Element) -> OsmWay:
     nodes = tuple(_attribute(nd, "ref") for nd in element.iterchildren("nd"))
-    return Way(_attribute(element, "id"), nodes, _tags(element))
+    return OsmWay(_attribute(element, "id"), nodes, _tags(element))
 
 
 def _relation(element: etree._Element) -> Relation:
@@ -195,7 +195,7 @@ LARGEST = 1e7
 """Farthest coordinate that is believed, m."""
 
 
-class Projection:
+class MapProjection:
     """From the nodes of a map to x, y [m].
 
     Args:

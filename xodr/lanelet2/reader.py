@@ -16,9 +16,9 @@ import numpy as np
 
 from schemas.common.errors import InvalidFile
 from xodr.builders.elements import Geo
-from xodr.lanelet2.borders import Bounds, bounds_of, linked, split_at_joints
+from xodr.lanelet2.borders import LaneletBounds, bounds_of, linked, split_at_joints
 from xodr.lanelet2.lanelet import Lanelet, Points
-from xodr.lanelet2.osm import Osm, Projection, Relation, Tags, read
+from xodr.lanelet2.osm import MapProjection, Osm, Relation, Tags, read
 
 CROSSWALK = "crosswalk"
 
@@ -165,7 +165,7 @@ def _limit(rule: Relation) -> float | None:
     return speed(rule, "sign_type", sign.removeprefix("de274-"))
 
 
-class Area(NamedTuple):
+class Crosswalk(NamedTuple):
     """A crosswalk: its outline, (n, 2), m."""
 
     id: str
@@ -181,7 +181,7 @@ class Lanelets(NamedTuple):
     """
 
     lanes: list[Lanelet]
-    crosswalks: list[Area]
+    crosswalks: list[Crosswalk]
     priorities: list[tuple[str, str]]
     geo: Geo | None
     notes: list[str]
@@ -191,7 +191,7 @@ def read_lanelets(path: Path, origin: tuple[float, float] | None) -> Lanelets:
     """Read a map.
 
     Args:
-        origin: latitude and longitude of the origin of the coordinates, see `Projection`.
+        origin: latitude and longitude of the origin of the coordinates, see `MapProjection`.
 
     Raises:
         InvalidFile: malformed, without lanelets, or with a lanelet that has no bounds; names file, line and element.
@@ -199,24 +199,24 @@ def read_lanelets(path: Path, origin: tuple[float, float] | None) -> Lanelets:
     """
     osm = read(path)
     try:
-        return _lanelets(osm, Projection(osm, origin))
+        return _lanelets(osm, MapProjection(osm, origin))
     except InvalidFile as error:
         error.path = error.path or str(path)
         raise
 
 
-def _lanelets(osm: Osm, projection: Projection) -> Lanelets:
+def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
     relations = [relation for relation in osm.relations.values() if relation.tags.get("type") == "lanelet"]
     if not relations:
         raise InvalidFile("there is no lanelet in this map", line=1, element="osm")
     points, rules = projection.points(osm), regulations(osm)
     lanes: list[Lanelet] = []
-    bounds: list[Bounds] = []
-    crosswalks: list[Area] = []
+    bounds: list[LaneletBounds] = []
+    crosswalks: list[Crosswalk] = []
     for relation in relations:
         edges, kind = bounds_of(osm, relation, points), kind_of(relation)
         if kind is not None and kind.type == CROSSWALK:
-            crosswalks.append(Area(relation.id, np.concatenate([edges.left, edges.right[::-1]])))
+            crosswalks.append(Crosswalk(relation.id, np.concatenate([edges.left, edges.right[::-1]])))
         elif kind is not None:
             lanes.append(_lane(relation, kind, edges, rules))
             bounds.append(edges)
@@ -231,7 +231,7 @@ def _lanelets(osm: Osm, projection: Projection) -> Lanelets:
     return Lanelets(lanes, crosswalks, rules.priorities, projection.geo, notes)
 
 
-def _lane(relation: Relation, kind: Kind, bounds: Bounds, rules: Regulations) -> Lanelet:
+def _lane(relation: Relation, kind: Kind, bounds: LaneletBounds, rules: Regulations) -> Lanelet:
     limit = rules.limits.get(relation.id) if speed_limit(relation) is None else None
     left, right = (mark_of(way.tags) for way in bounds.ways)
     return Lanelet(

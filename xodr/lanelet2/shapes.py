@@ -20,7 +20,7 @@ from schemas.common.array_types import FloatArray
 from xodr.builders.elements import CubicPiece, PlanPose
 from xodr.lanelet2.graph import Graph, Joint, Layout
 from xodr.lanelet2.lanelet import (
-    Frame,
+    CrossLine,
     Points,
     across,
     between,
@@ -83,7 +83,7 @@ End = tuple[int, bool]
 """A bundle, and whether its end (True) or its start is meant."""
 
 
-class Edge(NamedTuple):
+class BorderCrossing(NamedTuple):
     """Crossing of a border with a line across the road: offset (m) to the left of its origin, and tangent of the angle."""
 
     t: float
@@ -96,8 +96,8 @@ class Mouth(NamedTuple):
     centre: offset (m) at which the reference line passes, where a linked road has it; None for half-way between the borders.
     """
 
-    frame: Frame
-    edges: tuple[Edge, ...]
+    frame: CrossLine
+    edges: tuple[BorderCrossing, ...]
     centre: float | None = None
 
     @property
@@ -175,27 +175,27 @@ def _owner(layout: Layout, joint: Joint) -> End | None:
     return min(alone, key=lambda end: layout.bundles[end[0]].inside, default=None)
 
 
-def _across(borders: Borders, end: End) -> Frame:
+def _across(borders: Borders, end: End) -> CrossLine:
     """The line across the middle of a bundle's end."""
     line = borders.middle(end[0])
     x, y = line[-1 if end[1] else 0]
-    return Frame(float(x), float(y), direction(line, end[1]))
+    return CrossLine(float(x), float(y), direction(line, end[1]))
 
 
-def _corners(borders: Borders, end: End, frame: Frame) -> Points:
+def _corners(borders: Borders, end: End, frame: CrossLine) -> Points:
     """Return the offset (m) at which the borders of a bundle end (begin) ahead of a line across its end."""
     return frame.local(np.array([border[-1 if end[1] else 0] for border in borders.own(end[0])]))[:, 0]
 
 
-def _free(borders: Borders, end: End) -> Frame:
+def _free(borders: Borders, end: End) -> CrossLine:
     """The line across a bundle's end that no border passes: nothing of a lanelet is lost where no other road goes on."""
     frame = _across(borders, end)
     corners = _corners(borders, end, frame)
     x, y = frame.world(float(corners.max() if end[1] else corners.min()), 0.0)
-    return Frame(x, y, frame.heading)
+    return CrossLine(x, y, frame.heading)
 
 
-def _cut(borders: Borders, end: End) -> Frame:
+def _cut(borders: Borders, end: End) -> CrossLine:
     """The line across a bundle near its end, up to which all its lanes reach."""
     line = borders.middle(end[0])
     corners = _corners(borders, end, _across(borders, end))
@@ -204,28 +204,28 @@ def _cut(borders: Borders, end: End) -> Frame:
     shift = min(shift, _MOST_CUT * total)
     rest = points_at(line, np.linspace(0.0, total - shift, 65) if end[1] else np.linspace(shift, total, 65))
     x, y = rest[-1 if end[1] else 0]
-    return Frame(float(x), float(y), direction(rest, end[1]))
+    return CrossLine(float(x), float(y), direction(rest, end[1]))
 
 
-def _meeting(borders: Borders, joint: Joint) -> Frame:
+def _meeting(borders: Borders, joint: Joint) -> CrossLine:
     """The line half-way between all that end and all that begin."""
     ends = [*((number, True) for number in joint.ending), *((number, False) for number in joint.beginning)]
     frames = [_across(borders, end) for end in ends]
     x, y = np.mean([(frame.x, frame.y) for frame in frames], axis=0)
     heading = math.atan2(sum(math.sin(frame.heading) for frame in frames), sum(math.cos(frame.heading) for frame in frames))
-    return Frame(float(x), float(y), heading)
+    return CrossLine(float(x), float(y), heading)
 
 
 _Lane = tuple[int, int]
 
 
-def _lane_edges(borders: Borders, end: End, frame: Frame) -> dict[_Lane, tuple[Edge, Edge]]:
+def _lane_edges(borders: Borders, end: End, frame: CrossLine) -> dict[_Lane, tuple[BorderCrossing, BorderCrossing]]:
     """The left and right edges of each lane of the owner."""
     edges = [_edge(line, frame, end[1]) for line in borders.own(end[0])]
     return {(end[0], lane): (edges[lane], edges[lane + 1]) for lane in range(len(edges) - 1)}
 
 
-def _shared_edges(borders: Borders, joint: Joint, frame: Frame) -> dict[_Lane, tuple[Edge, Edge]]:
+def _shared_edges(borders: Borders, joint: Joint, frame: CrossLine) -> dict[_Lane, tuple[BorderCrossing, BorderCrossing]]:
     """Return mean edges of the lanes that lead into each other where several roads end and several begin, if at one place."""
     ends = [*((number, True) for number in joint.ending), *((number, False) for number in joint.beginning)]
     own = {(lane, end[1]): pair for end in ends for lane, pair in _lane_edges(borders, end, frame).items()}
@@ -235,32 +235,34 @@ def _shared_edges(borders: Borders, joint: Joint, frame: Frame) -> dict[_Lane, t
     for one, other in pairs:
         both = alike[one] | alike[other]
         alike |= dict.fromkeys(both, both)
-    found: dict[_Lane, tuple[Edge, Edge]] = {}
+    found: dict[_Lane, tuple[BorderCrossing, BorderCrossing]] = {}
     for key, pair in own.items():
         shared = [np.array([own[each][place] for each, place in sorted(alike[key, side])]).mean(axis=0) for side in (0, 1)]
         if all(abs(edge.t - mean[0]) <= _ONE_PLACE for edge, mean in zip(pair, shared, strict=True)):
-            found[key[0]] = Edge(*shared[0].tolist()), Edge(*shared[1].tolist())
+            found[key[0]] = BorderCrossing(*shared[0].tolist()), BorderCrossing(*shared[1].tolist())
     return found
 
 
-def _edges(borders: Borders, end: End, frame: Frame, known: dict[_Lane, tuple[Edge, Edge]]) -> list[Edge]:
+def _edges(
+    borders: Borders, end: End, frame: CrossLine, known: dict[_Lane, tuple[BorderCrossing, BorderCrossing]]
+) -> list[BorderCrossing]:
     """The edges of a bundle on a line across it: those of the lanes that it continues where they are known."""
     found = []
     lines = borders.own(end[0])
     for index, line in enumerate(lines):
         sides = [(known.get((end[0], index - 1)), 1), (known.get((end[0], index)), 0)]
         edges = [pair[side] for pair, side in sides if pair]
-        found.append(Edge(*np.mean(edges, axis=0).tolist()) if edges else _edge(line, frame, end[1]))
+        found.append(BorderCrossing(*np.mean(edges, axis=0).tolist()) if edges else _edge(line, frame, end[1]))
     return found
 
 
-def _edge(line: Points, frame: Frame, at_end: bool) -> Edge:
+def _edge(line: Points, frame: CrossLine, at_end: bool) -> BorderCrossing:
     """Return the crossing of a border, its slope taken from the road's side of the line."""
     longer = prolonged(line)
     s, t = crossing(longer, frame)
     total = lengths(longer)[-1]
     rest = points_at(longer, np.linspace(0.0, s, 257) if at_end else np.linspace(s, total, 257))
-    return Edge(t, math.tan(direction(rest, at_end) - frame.heading))
+    return BorderCrossing(t, math.tan(direction(rest, at_end) - frame.heading))
 
 
 STEP = 0.25

@@ -63,7 +63,7 @@ def place(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None 
     return best.places
 
 
-class Lanes(NamedTuple):
+class LanesUnder(NamedTuple):
     """Lanes of one road under some of n positions: which positions, the lane of each, and its s (m)."""
 
     road: Road
@@ -72,7 +72,7 @@ class Lanes(NamedTuple):
     s: FloatArray
 
 
-def lanes_under(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None) -> Iterator[Lanes]:
+def lanes_under(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None) -> Iterator[LanesUnder]:
     """Every lane under each position: where roads overlap, as in junctions, a position is on several.
 
     Args:
@@ -89,7 +89,7 @@ def lanes_under(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike |
         if users.z is not None:
             on &= np.abs(users.z[rows] - _heights(part.road, s, t)) <= OTHER_LEVEL
         if on.any():
-            yield Lanes(part.road, rows[on], _lanes(part.road, s[on], t[on])[0], s[on])
+            yield LanesUnder(part.road, rows[on], _lanes(part.road, s[on], t[on])[0], s[on])
 
 
 @lru_cache(maxsize=8)

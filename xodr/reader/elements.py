@@ -21,11 +21,11 @@ from xodr.model import (
     BoundarySegment,
     Connection,
     Controller,
-    Corner,
     CrossPath,
     CrossPathEnd,
     Junction,
     LaneRef,
+    OutlineCorner,
     RoadObject,
     Signal,
     SignalReference,
@@ -333,7 +333,7 @@ def _is_corner(element: etree._Element) -> bool:
     return element.tag in ("cornerLocal", "cornerRoad")
 
 
-def _corner(element: etree._Element) -> Corner:
+def _corner(element: etree._Element) -> OutlineCorner:
     on_road = element.tag == "cornerRoad"
     u, v, z = ("s", "t", "dz") if on_road else ("u", "v", "z")
-    return Corner(number(element, u), number(element, v), number(element, z, 0.0), number(element, "height", 0.0), on_road)
+    return OutlineCorner(number(element, u), number(element, v), number(element, z, 0.0), number(element, "height", 0.0), on_road)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from xodr.geometry import ZERO, Arc, Cubic, Line, ParamPoly3, Profile, ReferenceLine, Segment, Spiral, Start, exceeding, poly3
+from xodr.geometry import ZERO, Arc, Cubic, Line, ParamPoly3, PlanElement, Profile, ReferenceLine, Spiral, Start, exceeding, poly3
 from xodr.model import (
     NO_WIDTH,
     PERMANENT,
@@ -24,7 +24,7 @@ from xodr.model import (
     RoadLink,
     RoadMark,
     RoadType,
-    Stretch,
+    TemporaryStretch,
     in_force,
 )
 from xodr.reader.elements import (
@@ -70,7 +70,7 @@ def read_layers(road: etree._Element, length: float) -> Layers:
     return Layers(in_force(permanent, _temporary(layers[TEMPORARY], length)), permanent)
 
 
-def _temporary(lanes: etree._Element, length: float) -> list[Stretch]:
+def _temporary(lanes: etree._Element, length: float) -> list[TemporaryStretch]:
     """Sections of the temporary layer. Each holds for its `length`, or up to the next one of its side."""
     elements = lanes.findall("laneSection")
     starts = ascending(elements, "s")
@@ -84,7 +84,7 @@ def _temporary(lanes: etree._Element, length: float) -> list[Stretch]:
             for side in ("left", "right")
         ]
         if max(ends) > start:
-            found.append(Stretch(_section(element, start, max(ends), offset, TEMPORARY), *ends))
+            found.append(TemporaryStretch(_section(element, start, max(ends), offset, TEMPORARY), *ends))
     return found
 
 
@@ -322,7 +322,7 @@ def _geometry_length(element: etree._Element) -> float:
     return length
 
 
-def _segment(element: etree._Element) -> Segment:
+def _segment(element: etree._Element) -> PlanElement:
     start = Start(number(element, "x"), number(element, "y"), number(element, "hdg"), number(element, "length"))
     shape = next((child for child in element if child.tag in _SHAPES), None)
     if shape is None:
@@ -331,15 +331,15 @@ def _segment(element: etree._Element) -> Segment:
     return _SHAPES[shape.tag](start, shape)
 
 
-def _spiral(start: Start, shape: etree._Element) -> Segment:
+def _spiral(start: Start, shape: etree._Element) -> PlanElement:
     return Spiral(start, number(shape, "curvStart"), number(shape, "curvEnd"))
 
 
-def _poly3(start: Start, shape: etree._Element) -> Segment:
+def _poly3(start: Start, shape: etree._Element) -> PlanElement:
     return poly3(start, [number(shape, name) for name in "abcd"])
 
 
-def _param_poly3(start: Start, shape: etree._Element) -> Segment:
+def _param_poly3(start: Start, shape: etree._Element) -> PlanElement:
     p_range = shape.get("pRange") or "normalized"
     if p_range not in ("arcLength", "normalized"):
         raise invalid(shape, f"pRange={p_range!r} is neither arcLength nor normalized")
@@ -347,7 +347,7 @@ def _param_poly3(start: Start, shape: etree._Element) -> Segment:
     return ParamPoly3(start, u, v, start.length if p_range == "arcLength" else 1.0)
 
 
-_SHAPES: dict[str, Callable[[Start, etree._Element], Segment]] = {
+_SHAPES: dict[str, Callable[[Start, etree._Element], PlanElement]] = {
     "line": lambda start, _: Line(start),
     "arc": lambda start, shape: Arc(start, number(shape, "curvature")),
     "spiral": _spiral,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, rule
 from schemas.common.errors import ToolchainError
 from xodr.network import RoadNetwork
@@ -17,7 +17,7 @@ from xodr.reader.document import cross_path_gaps, linked_roads, load
 from xodr.reader.elements import read_cross_path
 from xodr.road import Road
 from xodr.rules.lanes import DRIVABLE
-from xodr.rules.sections import Meeting, Section, integer, meetings
+from xodr.rules.sections import Section, SectionMeeting, integer, meetings
 
 _GAP = 0.01
 """Largest distance between places that are to be the same, m."""
@@ -25,7 +25,7 @@ _SINCE = (1, 7)
 
 
 @rule("asam.net:xodr:1.7.0:road.geometry.contact_point")
-def linked_roads_touch(document: Document) -> Iterator[Finding]:
+def linked_roads_touch(document: CheckedDocument) -> Iterator[Finding]:
     """The reference lines of roads that are linked without a junction shall touch at the contact points of the links.
 
     The rule is of version 1.7; in older files a gap is a warning.
@@ -37,7 +37,7 @@ def linked_roads_touch(document: Document) -> Iterator[Finding]:
             yield Finding(ends.element, f"a link joins {ends}, {gap:.3g} m apart", level)
 
 
-def _network(document: Document) -> RoadNetwork | None:
+def _network(document: CheckedDocument) -> RoadNetwork | None:
     """The road network; None where it cannot be read, which is said by other rules."""
     try:
         return load(document.path)
@@ -46,7 +46,7 @@ def _network(document: Document) -> RoadNetwork | None:
 
 
 @rule("asam.net:xodr:1.7.0:lane_smoothness.contact_point_no_horizontal_gaps", since=_SINCE)
-def linked_lanes_touch(document: Document) -> Iterator[Finding]:
+def linked_lanes_touch(document: CheckedDocument) -> Iterator[Finding]:
     """Geometries of a road that follow each other, and lanes to drive on that are linked, shall have no gaps between them."""
     network = _network(document)
     if network is None:
@@ -60,7 +60,7 @@ def linked_lanes_touch(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.8.0:junctions.cross_path.lane_linkage", since=(1, 8))
-def cross_paths_reach_their_lanes(document: Document) -> Iterator[Finding]:
+def cross_paths_reach_their_lanes(document: CheckedDocument) -> Iterator[Finding]:
     """Start and end of a cross path's road shall be within the lanes that they are linked to."""
     network = _network(document)
     if network is None:
@@ -96,7 +96,7 @@ class _Borders(NamedTuple):
 _Pair = tuple[etree._Element, etree._Element]
 
 
-def _of_split(meeting: Meeting) -> list[_Pair]:
+def _of_split(meeting: SectionMeeting) -> list[_Pair]:
     """Of lanes here that link several lanes there, all such pairs, as the lanes there see them."""
     by_lane: dict[etree._Element, list[etree._Element]] = {}
     for lane, other, _ in meeting.links:
@@ -104,7 +104,7 @@ def _of_split(meeting: Meeting) -> list[_Pair]:
     return [(other, lane) for lane, others in by_lane.items() if len(others) > 1 for other in others]
 
 
-def _gaps_of_lanes(network: RoadNetwork, meeting: Meeting, split: set[tuple[_Pair, str]]) -> Iterator[Finding]:
+def _gaps_of_lanes(network: RoadNetwork, meeting: SectionMeeting, split: set[tuple[_Pair, str]]) -> Iterator[Finding]:
     linked: dict[etree._Element, list[etree._Element]] = {}
     for lane, other, _ in meeting.links:
         if ((lane, other), meeting.place) not in split:

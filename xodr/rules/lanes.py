@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from lxml import etree
 
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, rule
 from xodr.rules.sections import (
     PERMANENT,
@@ -39,7 +39,7 @@ DRIVABLE = frozenset(
 
 
 @rule("asam.net:xodr:1.7.0:road.lane.level_true_one_side", since=(1, 7))
-def level_holds_to_the_edge(document: Document) -> Iterator[Finding]:
+def level_holds_to_the_edge(document: CheckedDocument) -> Iterator[Finding]:
     """Once a lane is level, the lanes beyond it shall be level, too; the lanes that link each other should be alike."""
     for section in _sections(document):
         for sign in (1, -1):
@@ -55,7 +55,7 @@ def level_holds_to_the_edge(document: Document) -> Iterator[Finding]:
                 yield Finding(lane, message, "warning")
 
 
-def _sections(document: Document) -> Iterator[Section]:
+def _sections(document: CheckedDocument) -> Iterator[Section]:
     for road in document.elements("road"):
         for sections in sections_by_layer(document, road).values():
             yield from sections
@@ -66,7 +66,7 @@ def _level(lane: etree._Element) -> bool:
 
 
 @rule("asam.net:xodr:1.7.0:road.lane.access.no_mix_of_deny_or_allow", since=(1, 7))
-def access_is_allowed_or_denied(document: Document) -> Iterator[Finding]:
+def access_is_allowed_or_denied(document: CheckedDocument) -> Iterator[Finding]:
     """The access elements of a lane at one place must all allow, or all deny."""
     for lane in document.elements("lane"):
         seen: list[tuple[float, str]] = []
@@ -78,7 +78,7 @@ def access_is_allowed_or_denied(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.4.0:road.lane.border.overlap_with_inner_lanes")
-def borders_stay_outside(document: Document) -> Iterator[Finding]:
+def borders_stay_outside(document: CheckedDocument) -> Iterator[Finding]:
     """The border of a lane must not lie inside the border of the next lane towards the centre."""
     for section in _sections(document):
         for sign in (1, -1):
@@ -102,7 +102,7 @@ def _sampled(near: list[Record], far: list[Record], length: float) -> Iterator[t
 
 
 @rule("asam.net:xodr:1.4.0:road.lane.link.lanes_across_lane_sections", since=(1, 4))
-def links_are_declared_by_both_lanes(document: Document) -> Iterator[Finding]:
+def links_are_declared_by_both_lanes(document: CheckedDocument) -> Iterator[Finding]:
     """A lane that goes on over lane sections or roads must be linked in both directions."""
     for meeting in meetings(document):
         if meeting.place == "junction" or (meeting.place == "road" and _of_junction(meeting.here, meeting.there)):
@@ -121,18 +121,18 @@ def _of_junction(*sections: Section) -> bool:
 
 
 @rule("asam.net:xodr:1.7.0:road.lane.link.zero_width_at_start", since=(1, 7))
-def a_lane_that_opens_has_no_predecessor(document: Document) -> Iterator[Finding]:
+def a_lane_that_opens_has_no_predecessor(document: CheckedDocument) -> Iterator[Finding]:
     """Lanes that have a width of zero at the beginning of the lane section shall have no predecessor."""
     yield from _linked_without_width(document, True)
 
 
 @rule("asam.net:xodr:1.7.0:road.lane.link.zero_width_at_end", since=(1, 7))
-def a_lane_that_closes_has_no_successor(document: Document) -> Iterator[Finding]:
+def a_lane_that_closes_has_no_successor(document: CheckedDocument) -> Iterator[Finding]:
     """Lanes that have a width of zero at the end of the lane section shall have no successor."""
     yield from _linked_without_width(document, False)
 
 
-def _linked_without_width(document: Document, at_start: bool) -> Iterator[Finding]:
+def _linked_without_width(document: CheckedDocument, at_start: bool) -> Iterator[Finding]:
     name, end = ("predecessor", "beginning") if at_start else ("successor", "end")
     for section in _sections(document):
         for lane in section.lanes.values():
@@ -142,7 +142,7 @@ def _linked_without_width(document: Document, at_start: bool) -> Iterator[Findin
 
 
 @rule("asam.net:xodr:1.4.0:road.lane.link.new_lane_appear")
-def only_the_continuing_lane_is_linked(document: Document) -> Iterator[Finding]:
+def only_the_continuing_lane_is_linked(document: CheckedDocument) -> Iterator[Finding]:
     """If a new lane appears beside, only the continuing lane shall be connected to the original lane, not the appearing one."""
     for meeting in meetings(document):
         for lane, other, link in meeting.links:
@@ -155,7 +155,7 @@ def only_the_continuing_lane_is_linked(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.9.0:road.lane.layer.layer_limits")
-def layers_are_few(document: Document) -> Iterator[Finding]:
+def layers_are_few(document: CheckedDocument) -> Iterator[Finding]:
     """Each road shall have exactly one permanent and up to one temporary lane layer."""
     for road in document.elements("road"):
         seen: set[str] = set()
@@ -169,7 +169,7 @@ def layers_are_few(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.9.0:road.lane.layer.layer_mandatory_permanent", since=(1, 9))
-def permanent_lanes_are_everywhere(document: Document) -> Iterator[Finding]:
+def permanent_lanes_are_everywhere(document: CheckedDocument) -> Iterator[Finding]:
     """There shall be at least one lane in the permanent layer at each s of the road."""
     for road in document.elements("road"):
         for section in sections_by_layer(document, road).get(PERMANENT, []):
@@ -180,7 +180,7 @@ def permanent_lanes_are_everywhere(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.9.0:road.lane.layer.center_lane_permanent", since=(1, 9))
-def permanent_sections_have_a_centre(document: Document) -> Iterator[Finding]:
+def permanent_sections_have_a_centre(document: CheckedDocument) -> Iterator[Finding]:
     """Each lane section in the permanent layer shall have a centre lane."""
     for section in _sections(document):
         if section.layer == PERMANENT and section.element.find("{*}center/{*}lane") is None:
@@ -188,7 +188,7 @@ def permanent_sections_have_a_centre(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.9.0:road.lane.layer.length_only_temporary", since=(1, 9))
-def permanent_sections_have_no_length(document: Document) -> Iterator[Finding]:
+def permanent_sections_have_no_length(document: CheckedDocument) -> Iterator[Finding]:
     """Lane sections in the permanent layer shall not have a length of their own."""
     for section in _sections(document):
         if section.layer == PERMANENT and section.element.get("length") is not None:
@@ -196,7 +196,7 @@ def permanent_sections_have_no_length(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.9.0:road.lane.layer.lane_phys_attr_temporary", since=(1, 9))
-def temporary_lanes_have_no_surface(document: Document) -> Iterator[Finding]:
+def temporary_lanes_have_no_surface(document: CheckedDocument) -> Iterator[Finding]:
     """Temporary lanes shall have no height and no material: the permanent layer has them."""
     for section in _sections(document):
         for lane in section.lanes.values() if section.layer == TEMPORARY else ():
@@ -205,7 +205,7 @@ def temporary_lanes_have_no_surface(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.9.0:road.lane_section.lanesec_length_limit_road", since=(1, 9))
-def sections_end_on_the_road(document: Document) -> Iterator[Finding]:
+def sections_end_on_the_road(document: CheckedDocument) -> Iterator[Finding]:
     """A lane section with a length shall not extend beyond the end of the road."""
     for road in document.elements("road"):
         total = document.number(road, "length")
@@ -216,7 +216,7 @@ def sections_end_on_the_road(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.9.0:road.lane_section.new_lanesec_link_temp_to_perm", since=(1, 9))
-def linked_layers_share_a_border(document: Document) -> Iterator[Finding]:
+def linked_layers_share_a_border(document: CheckedDocument) -> Iterator[Finding]:
     """If lanes of both layers are linked, a lane section of the other layer shall begin or end at that place."""
     for road in document.elements("road"):
         layers, length = sections_by_layer(document, road), document.number(road, "length") or 0.0
@@ -234,7 +234,7 @@ def linked_layers_share_a_border(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.9.0:road.lane.link.temporary_layer_section_link_permanent", since=(1, 9))
-def temporary_lanes_can_be_entered_and_left(document: Document) -> Iterator[Finding]:
+def temporary_lanes_can_be_entered_and_left(document: CheckedDocument) -> Iterator[Finding]:
     """Temporary drivable lanes that begin or end on a road shall be linked with permanent lanes."""
     for road in document.elements("road"):
         length = document.number(road, "length") or 0.0
@@ -252,7 +252,7 @@ def temporary_lanes_can_be_entered_and_left(document: Document) -> Iterator[Find
 
 
 @rule("asam.net:xodr:1.9.0:road.lane.layer.lane_group_width_temporary", level="warning", since=(1, 9))
-def temporary_lanes_lie_on_the_road(document: Document) -> Iterator[Finding]:
+def temporary_lanes_lie_on_the_road(document: CheckedDocument) -> Iterator[Finding]:
     """The lanes of the temporary layer shall not extend beyond those of the permanent layer."""
     for road in document.elements("road"):
         layers = sections_by_layer(document, road)
@@ -275,7 +275,7 @@ _BEYOND = 0.01
 """By how much temporary lanes may reach beyond permanent ones, m: the numbers in files are rounded."""
 
 
-def _edge(document: Document, road: etree._Element, section: Section, s: float, sign: int) -> float:
+def _edge(document: CheckedDocument, road: etree._Element, section: Section, s: float, sign: int) -> float:
     """t of the outer edge of a side of a lane section."""
     centre, ds = _offset(document, section, s), s - section.start
     t = centre
@@ -285,7 +285,7 @@ def _edge(document: Document, road: etree._Element, section: Section, s: float, 
     return t
 
 
-def _offset(document: Document, section: Section, s: float) -> float:
+def _offset(document: CheckedDocument, section: Section, s: float) -> float:
     lanes = section.element.getparent()
     offsets = lanes.findall("{*}laneOffset") if lanes is not None else []
     holding = [offset for offset in offsets if (document.number(offset, "s") or 0.0) <= s]
@@ -299,7 +299,7 @@ def _offset(document: Document, section: Section, s: float) -> float:
 
 
 @rule("asam.net:xodr:1.4.0:junctions.connection.connect_road_no_incoming_road")
-def connecting_roads_are_not_incoming(document: Document) -> Iterator[Finding]:
+def connecting_roads_are_not_incoming(document: CheckedDocument) -> Iterator[Finding]:
     """Connecting roads shall not be incoming roads."""
     roads = _roads(document)
     for _, connection in _connections(document):
@@ -308,17 +308,17 @@ def connecting_roads_are_not_incoming(document: Document) -> Iterator[Finding]:
             yield Finding(connection, f"incomingRoad={incoming.get('id')!r} is a connecting road of a junction")
 
 
-def _roads(document: Document) -> dict[str, etree._Element]:
+def _roads(document: CheckedDocument) -> dict[str, etree._Element]:
     return {road.get("id") or "": road for road in document.elements("road")}
 
 
-def _connections(document: Document) -> Iterator[tuple[etree._Element, etree._Element]]:
+def _connections(document: CheckedDocument) -> Iterator[tuple[etree._Element, etree._Element]]:
     for junction in document.elements("junction"):
         yield from ((junction, connection) for connection in connections(junction))
 
 
 @rule("asam.net:xodr:1.7.0:junctions.connection.one_connection_element", since=(1, 7))
-def connecting_roads_have_one_connection(document: Document) -> Iterator[Finding]:
+def connecting_roads_have_one_connection(document: CheckedDocument) -> Iterator[Finding]:
     """In version 1.7, each connecting road shall have exactly one connection."""
     if document.type.version > (1, 7):
         return
@@ -331,7 +331,7 @@ def connecting_roads_have_one_connection(document: Document) -> Iterator[Finding
 
 
 @rule("asam.net:xodr:1.8.0:junctions.connection.one_link_to_incoming", since=(1, 8))
-def connections_lead_into_the_junction(document: Document) -> Iterator[Finding]:
+def connections_lead_into_the_junction(document: CheckedDocument) -> Iterator[Finding]:
     """A connecting road shall have one connection for each incoming road, with lane links in the direction of traffic only."""
     seen: set[tuple[str | None, str]] = set()
     for _, connection in _connections(document):
@@ -361,18 +361,18 @@ def _ways(lane: etree._Element) -> set[int]:
 
 
 @rule("asam.net:xodr:1.7.0:junctions.connection.start_along_linkage", since=(1, 7))
-def connections_enter_at_the_start(document: Document) -> Iterator[Finding]:
+def connections_enter_at_the_start(document: CheckedDocument) -> Iterator[Finding]:
     """contactPoint="start" of a connection means that the incoming road is the predecessor of the connecting road."""
     yield from _entered(document, "start", "predecessor")
 
 
 @rule("asam.net:xodr:1.7.0:junctions.connection.end_opposite_linkage", since=(1, 7))
-def connections_enter_at_the_end(document: Document) -> Iterator[Finding]:
+def connections_enter_at_the_end(document: CheckedDocument) -> Iterator[Finding]:
     """contactPoint="end" of a connection means that the incoming road is the successor of the connecting road."""
     yield from _entered(document, "end", "successor")
 
 
-def _entered(document: Document, contact: str, name: str) -> Iterator[Finding]:
+def _entered(document: CheckedDocument, contact: str, name: str) -> Iterator[Finding]:
     roads = _roads(document)
     for _, connection in _connections(document):
         road = roads.get(connection.get("connectingRoad") or "")
@@ -388,7 +388,7 @@ def _entered(document: Document, contact: str, name: str) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.4.0:road.linkage.is_junction_needed")
-def ambiguous_links_need_a_junction(document: Document) -> Iterator[Finding]:
+def ambiguous_links_need_a_junction(document: CheckedDocument) -> Iterator[Finding]:
     """Two roads must not link the same end of a road: where it goes on is ambiguous without a junction."""
     seen: set[tuple[str, str]] = set()
     for road in document.elements("road"):

@@ -8,13 +8,13 @@ from itertools import pairwise
 
 from lxml import etree
 
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, rule, unknown
 from xodr.rules.sections import PERMANENT, SAME_BORDER, Section, layer_of, sections_by_layer, single_sided
 
 
 @rule("asam.net:xodr:1.4.0:ids.id_unique_in_class")
-def ids_are_unique(document: Document) -> Iterator[Finding]:
+def ids_are_unique(document: CheckedDocument) -> Iterator[Finding]:
     """The ids of roads, of junctions, of controllers and of signals must each be unique."""
     for tag in ("road", "junction", "controller", "signal"):
         seen: set[str] = set()
@@ -28,7 +28,7 @@ def ids_are_unique(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xodr:1.4.0:road.linkage.linked_elements_exist")
-def linked_roads_exist(document: Document) -> Iterator[Finding]:
+def linked_roads_exist(document: CheckedDocument) -> Iterator[Finding]:
     """Links of roads and connections of junctions must name roads and junctions of the file."""
     known = {tag: {element.get("id") or "" for element in document.elements(tag)} for tag in ("road", "junction")}
     for road in document.elements("road"):
@@ -49,7 +49,7 @@ def _unknown(element: etree._Element, attribute: str, kind: str, known: set[str]
 
 
 @rule("xosc.toolchain:xodr:1.4.0:road.lane.link.linked_lanes_exist")
-def linked_lanes_exist(document: Document) -> Iterator[Finding]:
+def linked_lanes_exist(document: CheckedDocument) -> Iterator[Finding]:
     """Within a road, the predecessor and successor of a lane must be lanes of the neighbouring lane section of their layer."""
     for road in document.elements("road"):
         layers = sections_by_layer(document, road)
@@ -72,7 +72,7 @@ _TOLERANCE = 0.01
 
 
 @rule("xosc.toolchain:xodr:1.4.0:road.geometry.reference_line_is_complete")
-def reference_line_is_complete(document: Document) -> Iterator[Finding]:
+def reference_line_is_complete(document: CheckedDocument) -> Iterator[Finding]:
     """A road must have geometries of positive length that follow each other from s=0 to the road's length."""
     for road in document.elements("road"):
         geometries = road.findall("{*}planView/{*}geometry")
@@ -99,7 +99,7 @@ _SIDES = {"left": 1, "center": 0, "right": -1}
 
 
 @rule("xosc.toolchain:xodr:1.4.0:road.lane.lane_sections_are_whole")
-def lane_sections_are_whole(document: Document) -> Iterator[Finding]:
+def lane_sections_are_whole(document: CheckedDocument) -> Iterator[Finding]:
     """A road must have lane sections with ascending s, each with a centre lane and lanes numbered without gaps from it."""
     for road in document.elements("road"):
         if road.find("{*}lanes/{*}laneSection") is None:
@@ -118,7 +118,7 @@ def lane_sections_are_whole(document: Document) -> Iterator[Finding]:
                     yield from _numbering(document, section, side)
 
 
-def _numbering(document: Document, section: etree._Element, side: str) -> Iterator[Finding]:
+def _numbering(document: CheckedDocument, section: etree._Element, side: str) -> Iterator[Finding]:
     sign, lanes = _SIDES[side], section.findall(f"{{*}}{side}/{{*}}lane")
     ids = [number for lane in lanes if (number := document.number(lane, "id")) is not None]
     if sign == 0:
@@ -140,7 +140,7 @@ _OF_LANES = {"{*}width": ("sOffset",), "{*}border": ("sOffset",), "{*}speed": ("
 
 
 @rule("xosc.toolchain:xodr:1.4.0:road.records_ascend")
-def records_ascend(document: Document) -> Iterator[Finding]:
+def records_ascend(document: CheckedDocument) -> Iterator[Finding]:
     """The records of roads and lanes (geometry, elevation, shape, width, …) must ascend, one at a place."""
     for tag, records in (("road", _OF_ROADS), ("lanes", {"{*}laneOffset": ("s",)}), ("lane", _OF_LANES)):
         for element in document.elements(tag):
@@ -148,7 +148,7 @@ def records_ascend(document: Document) -> Iterator[Finding]:
                 yield from _ascending(document, element.findall(path), names)
 
 
-def _ascending(document: Document, records: list[etree._Element], names: tuple[str, ...]) -> Iterator[Finding]:
+def _ascending(document: CheckedDocument, records: list[etree._Element], names: tuple[str, ...]) -> Iterator[Finding]:
     for before, after in pairwise(records):
         first, second = ([document.number(record, name) for name in names] for record in (before, after))
         start, here = ([number for number in place if number is not None] for place in (first, second))
@@ -187,7 +187,7 @@ _NUMBERS = {
 
 
 @rule("xosc.toolchain:xodr:1.4.0:numbers_are_plausible")
-def numbers_are_plausible(document: Document) -> Iterator[Finding]:
+def numbers_are_plausible(document: CheckedDocument) -> Iterator[Finding]:
     """Lengths, places and coefficients must be numbers up to 1e12; exporters write others for stretches of some micrometres."""
     for tag, names in _NUMBERS.items():
         for element in document.elements(tag):
@@ -204,7 +204,7 @@ _STEPS = 200
 
 
 @rule("asam.net:xodr:1.4.0:road.geometry.elem_asc_order")
-def geometries_ascend(document: Document) -> Iterator[Finding]:
+def geometries_ascend(document: CheckedDocument) -> Iterator[Finding]:
     """The geometries of a road shall be defined in ascending order of s."""
     for plan in document.elements("planView"):
         for before, after in pairwise(plan.findall("{*}geometry")):
@@ -214,18 +214,18 @@ def geometries_ascend(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xodr:1.7.0:road.geometry.parampoly3.length_match", level="warning", since=(1, 7))
-def normalized_curves_have_their_length(document: Document) -> Iterator[Finding]:
+def normalized_curves_have_their_length(document: CheckedDocument) -> Iterator[Finding]:
     """The length of a paramPoly3 with pRange="normalized" should be that of its geometry."""
     yield from _curves_of_other_length(document, "normalized")
 
 
 @rule("asam.net:xodr:1.7.0:road.geometry.parampoly3.arclength_range", since=(1, 7))
-def curves_by_length_have_their_length(document: Document) -> Iterator[Finding]:
+def curves_by_length_have_their_length(document: CheckedDocument) -> Iterator[Finding]:
     """The parameter of a paramPoly3 with pRange="arcLength" is its length: the curve must be as long as its geometry."""
     yield from _curves_of_other_length(document, "arcLength")
 
 
-def _curves_of_other_length(document: Document, p_range: str) -> Iterator[Finding]:
+def _curves_of_other_length(document: CheckedDocument, p_range: str) -> Iterator[Finding]:
     for curve in document.elements("paramPoly3"):
         geometry = curve.getparent()
         length = document.number(geometry, "length") if geometry is not None else None
@@ -236,7 +236,7 @@ def _curves_of_other_length(document: Document, p_range: str) -> Iterator[Findin
             yield Finding(geometry, f"length={length:g}, but the curve is {found:.4f} m long")
 
 
-def _curve_length(document: Document, curve: etree._Element, end: float) -> float | None:
+def _curve_length(document: CheckedDocument, curve: etree._Element, end: float) -> float | None:
     """Length of a parametric cubic from 0 to `end`, m, by Simpson's rule."""
     numbers = [document.number(curve, letter + axis) for axis in "UV" for letter in "bcd"]
     if None in numbers:
@@ -250,7 +250,7 @@ def _curve_length(document: Document, curve: etree._Element, end: float) -> floa
 
 
 @rule("asam.net:xodr:1.7.0:road.geometry.paramPoly3.valid_parameters", since=(1, 7))
-def curves_start_along_their_heading(document: Document) -> Iterator[Finding]:
+def curves_start_along_their_heading(document: CheckedDocument) -> Iterator[Finding]:
     """A paramPoly3 shall start at the place and in the direction of its geometry: aU=aV=bV=0 and bU>0."""
     for curve in document.elements("paramPoly3"):
         values = {name: document.number(curve, name) or 0.0 for name in ("aU", "aV", "bV", "bU")}
@@ -270,7 +270,7 @@ _REPEATED = {
 
 
 @rule("asam.net:xodr:1.7.0:performance.avoid_redundant_info", level="warning", since=(1, 7))
-def records_say_something_new(document: Document) -> Iterator[Finding]:
+def records_say_something_new(document: CheckedDocument) -> Iterator[Finding]:
     """A record that goes on with the polynomial of the one before it, or a line that goes on straight, should be left out."""
     for tag, paths in _REPEATED.items():
         for element in document.elements(tag):
@@ -286,7 +286,7 @@ def records_say_something_new(document: Document) -> Iterator[Finding]:
                 yield Finding(after, "the line goes on straight from the one before it")
 
 
-def _same_polynomial(document: Document, before: etree._Element, after: etree._Element) -> bool:
+def _same_polynomial(document: CheckedDocument, before: etree._Element, after: etree._Element) -> bool:
     """Whether two records are one function of s."""
     name = "sOffset" if "sOffset" in after.attrib else "s"
     first, second = ([document.number(record, each) for each in (name, *"abcd")] for record in (before, after))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 
 PERMANENT, TEMPORARY = "permanent", "temporary"
 SAME_BORDER = 1e-3
@@ -55,7 +55,7 @@ def single_sided(section: etree._Element) -> bool:
     return section.get("singleSide") in ("true", "1")
 
 
-def sections_by_layer(document: Document, road: etree._Element) -> dict[str, list[Section]]:
+def sections_by_layer(document: CheckedDocument, road: etree._Element) -> dict[str, list[Section]]:
     """The lane sections of a road by layer, with the s at which they end: at the next one of their side, or before."""
     length, found = document.number(road, "length"), dict[str, list[Section]]()
     for lanes in road.iterfind("{*}lanes"):
@@ -89,7 +89,7 @@ class Record(NamedTuple):
         return a + x * (b + x * (c + x * d))
 
 
-def records(document: Document, lane: etree._Element, tag: str) -> list[Record]:
+def records(document: CheckedDocument, lane: etree._Element, tag: str) -> list[Record]:
     """The width or border records of a lane that can be read."""
     found = []
     for element in lane.iterfind(f"{{*}}{tag}"):
@@ -105,12 +105,12 @@ def at(found: Sequence[Record], ds: float) -> float | None:
     return holding[-1](ds) if holding else None
 
 
-def width_at(document: Document, section: Section, lane: etree._Element, at_start: bool) -> float | None:
+def width_at(document: CheckedDocument, section: Section, lane: etree._Element, at_start: bool) -> float | None:
     """Width of a lane at an end of its section, m; None where it has no widths."""
     return at(records(document, lane, "width"), 0.0 if at_start else section.end - section.start)
 
 
-class Meeting(NamedTuple):
+class SectionMeeting(NamedTuple):
     """Two ends of lane sections that touch: of one road, of linked roads ("road") or of a connection in a junction.
 
     place: "section", "road" or "junction". here_start, there_start: whether the sections touch with their start.
@@ -125,7 +125,7 @@ class Meeting(NamedTuple):
     links: list[tuple[etree._Element, etree._Element, etree._Element]]
 
 
-def meetings(document: Document) -> Iterator[Meeting]:
+def meetings(document: CheckedDocument) -> Iterator[SectionMeeting]:
     """Every place where lane sections meet, once from each side that declares links."""
     roads = {road.get("id") or "": road for road in document.elements("road")}
     layers = {name: sections_by_layer(document, road) for name, road in roads.items()}
@@ -155,7 +155,7 @@ def connected_road(connection: etree._Element) -> str:
     return connection.get("linkedRoad") or connection.get("connectingRoad") or ""
 
 
-def _within(layers: dict[str, list[Section]]) -> Iterator[Meeting]:
+def _within(layers: dict[str, list[Section]]) -> Iterator[SectionMeeting]:
     every = sorted((section for sections in layers.values() for section in sections), key=lambda section: section.start)
     starts = [section.start for section in every]
     for before in every:
@@ -168,7 +168,7 @@ def _within(layers: dict[str, list[Section]]) -> Iterator[Meeting]:
 _End = tuple[dict[str, list[Section]], bool]
 
 
-def _ends(place: str, one: _End, other: _End) -> Iterator[Meeting]:
+def _ends(place: str, one: _End, other: _End) -> Iterator[SectionMeeting]:
     for here in _at_end(*one):
         for there in _at_end(*other):
             yield _meeting(place, here, one[1], there, other[1])
@@ -183,7 +183,7 @@ def _at_end(layers: dict[str, list[Section]], at_start: bool) -> Iterator[Sectio
             yield section
 
 
-def _meeting(place: str, here: Section, here_start: bool, there: Section, there_start: bool) -> Meeting:
+def _meeting(place: str, here: Section, here_start: bool, there: Section, there_start: bool) -> SectionMeeting:
     direction, known = "predecessor" if here_start else "successor", there.lanes
     links = [
         (lane, known[number], link)
@@ -191,7 +191,7 @@ def _meeting(place: str, here: Section, here_start: bool, there: Section, there_
         for link in lane.iterfind(f"{{*}}link/{{*}}{direction}")
         if (number := integer(link, "id")) in known and number is not None and (link.get("layer") or PERMANENT) == there.layer
     ]
-    return Meeting(place, here, here_start, there, there_start, links)
+    return SectionMeeting(place, here, here_start, there, there_start, links)
 
 
 def _connected(
@@ -199,7 +199,7 @@ def _connected(
     connection: etree._Element,
     roads: dict[str, etree._Element],
     layers: dict[str, dict[str, list[Section]]],
-) -> Iterator[Meeting]:
+) -> Iterator[SectionMeeting]:
     incoming, onward = connection.get("incomingRoad") or "", connected_road(connection)
     contact, here_start = connection.get("contactPoint"), touches_with_start(roads.get(incoming), junction)
     if incoming not in roads or onward not in roads or contact not in ("start", "end") or here_start is None:
@@ -212,7 +212,7 @@ def _connected(
                 lane, target = one.lanes.get(integer(link, "from") or 0), other.lanes.get(integer(link, "to") or 0)
                 if named and lane is not None and target is not None:
                     links.append((lane, target, link))
-            yield Meeting("junction", one, here_start, other, contact == "start", links)
+            yield SectionMeeting("junction", one, here_start, other, contact == "start", links)
 
 
 def touches_with_start(road: etree._Element | None, junction: etree._Element) -> bool | None:

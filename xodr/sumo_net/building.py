@@ -27,7 +27,7 @@ from schemas.xml import parse
 from xodr.network import RoadNetwork
 from xodr.reader import load
 from xodr.sumo_net.net import SignalLink, SumoNet, Track, text
-from xodr.sumo_net.plain import Place, PlainNetwork, plain_network
+from xodr.sumo_net.plain import PlainNetwork, SumoLane, plain_network
 
 _log = logging.getLogger(__name__)
 
@@ -146,7 +146,7 @@ def _digest(data: bytes) -> str:
 
 WIDEST = 1000.0
 """m of width that lanes of SUMO's networks have at most: wider than any apron."""
-_Connections = dict[tuple[Place, Place], etree._Element]
+_Connections = dict[tuple[SumoLane, SumoLane], etree._Element]
 
 
 def convert(roads: RoadNetwork | None) -> tuple[bytes, dict[str, Any]]:
@@ -188,7 +188,7 @@ def _check_widths(plain: PlainNetwork) -> None:
 def _connections(network: etree._Element) -> _Connections:
     """netconvert's connections from lane to lane, those inside junctions included."""
     return {
-        (Place(c.get("from", ""), int(c.get("fromLane", 0))), Place(c.get("to", ""), int(c.get("toLane", 0)))): c
+        (SumoLane(c.get("from", ""), int(c.get("fromLane", 0))), SumoLane(c.get("to", ""), int(c.get("toLane", 0)))): c
         for c in network.iter("connection")
     }
 

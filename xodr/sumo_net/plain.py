@@ -116,7 +116,7 @@ NARROW = 0.1
 _DOCK_DISTANCE, _DOCK_LENGTH = 2000.0, 1000.0
 
 
-class Place(NamedTuple):
+class SumoLane(NamedTuple):
     """A lane of an edge, counted from 0."""
 
     edge: str
@@ -136,8 +136,8 @@ class PlainNetwork:
     edges: etree._Element = field(default_factory=lambda: etree.Element("edges"))
     connections: etree._Element = field(default_factory=lambda: etree.Element("connections"))
     lanes: dict[str, Track] = field(default_factory=dict)
-    inside: dict[tuple[Place, Place], tuple[Track, ...]] = field(default_factory=dict)
-    signals: dict[tuple[Place, Place], tuple[str, ...]] = field(default_factory=dict)
+    inside: dict[tuple[SumoLane, SumoLane], tuple[Track, ...]] = field(default_factory=dict)
+    signals: dict[tuple[SumoLane, SumoLane], tuple[str, ...]] = field(default_factory=dict)
     outlines: dict[str, list[Point]] = field(default_factory=dict)
 
 
@@ -168,7 +168,7 @@ class _Piece(NamedTuple):
         return (self.start + self.end) / 2
 
 
-_Row = dict[int, Place]
+_Row = dict[int, SumoLane]
 """Positions of a piece's lanes in SUMO."""
 
 
@@ -191,9 +191,9 @@ class _Writer:
         self.roads = [road for road in network.roads.values() if road.id not in inner]
         self.nodes = Nodes(self.roads, self.connections)
         self.lights = lights(network)
-        self.mouths: dict[LaneLink, Place] = {}
+        self.mouths: dict[LaneLink, SumoLane] = {}
         self.end_nodes: dict[str, str] = {}
-        self.shapes: dict[tuple[Place, Place], list[Point]] = {}
+        self.shapes: dict[tuple[SumoLane, SumoLane], list[Point]] = {}
         x, y = nowhere
         self.nowhere = text([(x, y), (x + 1.0, y), (x + 1.0, y + 1.0)])
 
@@ -256,7 +256,7 @@ class _Writer:
             _add_lane(element, index, road, lane, piece, text(centre_line(road, lane, start, end)))
             self.plain.lanes[f"{edge}_{index}"] = Track(road.id, lane.id, start, end)
         self.end_nodes[edge] = nodes[1]
-        return {lane.id: Place(edge, index) for index, lane in enumerate(lanes)}
+        return {lane.id: SumoLane(edge, index) for index, lane in enumerate(lanes)}
 
     def _from_the_kerb(self, road: Road, piece: _Piece, direction: int) -> list[Lane]:
         """The lanes of one direction, in SUMO's order."""

@@ -24,7 +24,7 @@ from schemas.values import meant, quoted, type_named
 from xosc.distributions.stochastic import Stochastic
 from xosc.distributions.values import Range, UserDefinedDistribution, element, finite, located, text
 from xosc.document import Document, write
-from xosc.files import Header, new_document
+from xosc.files import FileHeader, new_document
 from xosc.node import Node
 from xosc.rules.values import DECLARED_TYPE_UID
 from xosc.versions import Version
@@ -277,7 +277,7 @@ class ParameterValueDistribution:
 
 
 def write_distribution(
-    distribution: ParameterValueDistribution, path: str | os.PathLike[str], header: Header, version: Version = (1, 3)
+    distribution: ParameterValueDistribution, path: str | os.PathLike[str], header: FileHeader, version: Version = (1, 3)
 ) -> None:
     """Write a distribution as a file.
 

@@ -25,7 +25,7 @@ from xosc.distributions.deterministic import Deterministic, ParameterValueDistri
 from xosc.distributions.values import text
 from xosc.document import Document, load
 from xosc.node import Node
-from xosc.parameters import Assignment, Scope
+from xosc.parameters import Assignment, ParameterScope
 
 MAX_REJECTIONS = 10_000
 """So many samples in a row outside the constraints end the search for one inside."""
@@ -129,7 +129,7 @@ class ParameterSpace:
         """Whether values, in their order, keep the constraints of a group; None where the default counts."""
         group = self._constrained[number]
         assigned = {name: self._assigned(name, value) for name, value in zip(group, values, strict=True) if value is not None}
-        return next(Scope(group.values(), None, assigned).violations(), None) is None
+        return next(ParameterScope(group.values(), None, assigned).violations(), None) is None
 
     def _assignment(self, index: int, seed: float | None) -> dict[str, str]:
         if self.distribution is None:
@@ -257,7 +257,7 @@ def _types(declarations: dict[str, Node]) -> dict[str, str]:
     """The type of each parameter; where it is an expression, that of the parameters' defaults."""
     types = {name: declaration.get("parameterType") for name, declaration in declarations.items()}
     if any("$" in kind for kind in types.values()):
-        return {name: parameter.type for name, parameter in Scope(declarations.values()).own.items()}
+        return {name: parameter.type for name, parameter in ParameterScope(declarations.values()).own.items()}
     return types
 
 

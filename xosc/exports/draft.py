@@ -16,7 +16,7 @@ from schemas.common.remarks import Remark, Remarks
 from schemas.common.storage import keep, read_bytes
 from xosc.distributions.space import Selection
 from xosc.document import Document
-from xosc.exports.starts import Geometry
+from xosc.exports.starts import RoadGeometry
 from xosc.node import Node
 from xosc.road_files import RoadFile, find_roads, logic_file
 
@@ -106,7 +106,7 @@ def roads_in(*folders: str | PathLike[str]) -> Roads:
     return roads
 
 
-Locate = Callable[[Document], Geometry]
+Locate = Callable[[Document], RoadGeometry]
 """Puts a worked-out scenario on its roads; errors as in a run."""
 
 

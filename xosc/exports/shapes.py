@@ -15,7 +15,7 @@ from lxml import etree
 
 from xosc.document import Document
 from xosc.exports.omissions import leave_out
-from xosc.exports.starts import Geometry, Place, Start, State, actors
+from xosc.exports.starts import InitialState, RoadGeometry, State, Vertex, actors
 from xosc.names import meant
 from xosc.node import Node
 
@@ -25,7 +25,7 @@ _NEAR = 1e-3
 """m below which a height is that of a flat road."""
 
 
-def in_world(document: Document, geometry: Geometry, chosen: Callable[[Node], bool]) -> Iterator[str]:
+def in_world(document: Document, geometry: RoadGeometry, chosen: Callable[[Node], bool]) -> Iterator[str]:
     """Say positions, where they are fixed, by WorldPosition; a remark for each kind with the first place.
 
     Args:
@@ -46,7 +46,7 @@ def in_world(document: Document, geometry: Geometry, chosen: Callable[[Node], bo
 
 
 def polylines(
-    document: Document, geometry: Geometry, shapes: Collection[str], *, offsets: bool, during: State | None
+    document: Document, geometry: RoadGeometry, shapes: Collection[str], *, offsets: bool, during: State | None
 ) -> Iterator[str]:
     """Say trajectories, where they are fixed, by polylines; a remark for each kind with the first place.
 
@@ -76,8 +76,8 @@ def polylines(
 
 
 def _places(
-    action: Node, trajectory: Node, skip: float, geometry: Geometry, during: State | None
-) -> tuple[Sequence[Place] | None, Callable[[Place], etree._Element]]:
+    action: Node, trajectory: Node, skip: float, geometry: RoadGeometry, during: State | None
+) -> tuple[Sequence[Vertex] | None, Callable[[Vertex], etree._Element]]:
     """The places of a trajectory, and how to say each; None where they are not known."""
     fixed, doing = geometry.track(trajectory, skip), actors(action)
     if fixed is not None or len(doing) != 1:
@@ -90,15 +90,15 @@ def _places(
     return geometry.track(trajectory, skip, doing[0], start.pose), world_position
 
 
-def first_position(start: Start) -> etree._Element:
+def first_position(start: InitialState) -> etree._Element:
     """The position with which an entity starts: on its lane where it is in its middle, else in the world."""
     assert start.pose is not None
     if start.centred and start.road is not None:
         return etree.Element("LanePosition", roadId=start.road, laneId=str(start.lane), s=repr(start.s))
-    return world_position(Place(*start.pose))
+    return world_position(Vertex(*start.pose))
 
 
-def world_position(place: Place) -> etree._Element:
+def world_position(place: Vertex) -> etree._Element:
     """The element WorldPosition of a place; without z where that is the road's, at 0."""
     element = etree.Element("WorldPosition", x=repr(place.x), y=repr(place.y))
     if abs(place.z) > _NEAR:
@@ -108,11 +108,11 @@ def world_position(place: Place) -> etree._Element:
     return element
 
 
-def _beside(entity: str, place: Place) -> etree._Element:
+def _beside(entity: str, place: Vertex) -> etree._Element:
     return etree.Element("RelativeObjectPosition", entityRef=entity, dx=repr(place.x), dy=repr(place.y))
 
 
-def polyline(places: Sequence[Place], made: Callable[[Place], etree._Element] = world_position) -> etree._Element:
+def polyline(places: Sequence[Vertex], made: Callable[[Vertex], etree._Element] = world_position) -> etree._Element:
     """The element Polyline of places, the position of each by `made`."""
     element = etree.Element("Polyline")
     for place in places:
@@ -181,14 +181,14 @@ def _holds(condition: Node, scenario: Node) -> bool | None:
     return None
 
 
-def first_distances(document: Document, known: Mapping[str, Start]) -> Iterator[str]:
+def first_distances(document: Document, known: Mapping[str, InitialState]) -> Iterator[str]:
     """Say distances that Init sets at once by the first positions and speeds that come of them; a remark for each.
 
     Args:
         known: initial states of all entities, poses included.
     """
     for private in document.node.need("Storyboard", "Init").iter("Private"):
-        start = known.get(private.get("entityRef"), Start())
+        start = known.get(private.get("entityRef"), InitialState())
         holders = [teleport.need("Position") for teleport in private.iter("TeleportAction")]
         for action in list(private.iter("LongitudinalDistanceAction")):
             if start.pose is None or not holders or not _at_once(action):
@@ -206,7 +206,7 @@ _ENDED = ("endTransition", "completeState")
 _UNKNOWN = "the version has no steady states, and where the master is when this one begins is known only when it runs"
 
 
-def earlier(document: Document, geometry: Geometry) -> Iterator[str]:
+def earlier(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     """Move targets back by steady states and tolerances, which are left out, in place; a remark for each action.
 
     Raises:
@@ -250,7 +250,7 @@ def _wait(action: Node, time: float, scenario: Node) -> None:
             condition.element.set("delay", repr(condition.float("delay", 0.0) + time))
 
 
-def _held(action: Node, steady: Node, geometry: Geometry) -> tuple[float, float]:
+def _held(action: Node, steady: Node, geometry: RoadGeometry) -> tuple[float, float]:
     """For how far (m) and how long (s) the final speed is held."""
     final = action.need("FinalSpeed").only()
     speed, relation = final.float("value"), final.get("speedTargetValueType", "")
@@ -267,13 +267,13 @@ def _held(action: Node, steady: Node, geometry: Geometry) -> tuple[float, float]
     return distance, distance / speed if distance else 0.0
 
 
-def _speed(action: Node, geometry: Geometry) -> float | None:
+def _speed(action: Node, geometry: RoadGeometry) -> float | None:
     """The master's speed (m/s) when the action begins."""
     master = geometry.during(action, action.get("masterEntityRef"))
     return master.speed if master is not None else None
 
 
-def _back(position: Node, distance: float, geometry: Geometry) -> None:
+def _back(position: Node, distance: float, geometry: RoadGeometry) -> None:
     """Move a position a distance (m) back on its trajectory, its route or its lane."""
     if not distance:
         return

@@ -16,7 +16,7 @@ from xosc.exports.concrete import concrete, concrete_scenarios, copied, in_versi
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.references import catalog_name, take_catalogs, take_roads
 from xosc.exports.shapes import earlier, first_distances, in_world, polylines, to_init
-from xosc.exports.starts import Geometry
+from xosc.exports.starts import RoadGeometry
 from xosc.versions import Version
 
 TARGETS = {
@@ -104,7 +104,7 @@ def add_worked_out(document: Document, version: Version | None, draft: Draft, na
         add(located, version, draft, name)
 
 
-def _located(document: Document, geometry: Geometry, version: Version) -> Iterator[str]:
+def _located(document: Document, geometry: RoadGeometry, version: Version) -> Iterator[str]:
     """Change what needs the roads to be said in a version, in place; remarks."""
     if version < (1, 4):
         yield from in_world(document, geometry, lambda position: position.has("layer"))

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 from xosc.node import Node
 
 
-class Start(NamedTuple):
+class InitialState(NamedTuple):
     """Initial state of an entity.
 
     road, lane, s (m): None, 0 and 0 where its position does not name them. speed: m/s; None where none is set.
@@ -27,14 +27,14 @@ class Start(NamedTuple):
     centred: bool = False
 
 
-def starts(scenario: Node) -> dict[str, Start]:
+def starts(scenario: Node) -> dict[str, InitialState]:
     """Return the initial states of the entities by name.
 
     Args:
         scenario: root of a document whose attributes are literals.
     """
     privates = {node.get("entityRef"): node for node in scenario.need("Storyboard", "Init").iter("Private")}
-    return {name: Start(*_lane(name, privates, ()), _speed(node)) for name, node in privates.items()}
+    return {name: InitialState(*_lane(name, privates, ()), _speed(node)) for name, node in privates.items()}
 
 
 def _lane(name: str, privates: dict[str, Node], inside: tuple[str, ...]) -> tuple[str | None, int, float]:
@@ -72,25 +72,25 @@ def actors(action: Node) -> list[str]:
     )
 
 
-State = Callable[[Node, str], Start | None]
+State = Callable[[Node, str], InitialState | None]
 """Function that returns the known state of an entity at the start of an action, by the action and the entity's name."""
 
 
-def as_started(scenario: Node, known: Mapping[str, Start]) -> State:
+def as_started(scenario: Node, known: Mapping[str, InitialState]) -> State:
     """Return certain states: the initial one, if no earlier action can have changed it."""
 
-    def state(action: Node, entity: str) -> Start | None:
+    def state(action: Node, entity: str) -> InitialState | None:
         holder = next(each.tag for each in action.element.iterancestors() if each.tag in ("LateralAction", "LongitudinalAction"))
         return known.get(entity) if first(action, str(holder), scenario) else None
 
     return state
 
 
-def as_told(scenario: Node, known: Mapping[str, Start]) -> State:
+def as_told(scenario: Node, known: Mapping[str, InitialState]) -> State:
     """Return expected states: lane and speed that the preceding actions in the file set."""
     stories = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(*_DEMANDS)]
 
-    def state(action: Node, entity: str) -> Start | None:
+    def state(action: Node, entity: str) -> InitialState | None:
         now = known.get(entity)
         for each in stories:
             if each.element is action.element or now is None:
@@ -102,7 +102,7 @@ def as_told(scenario: Node, known: Mapping[str, Start]) -> State:
     return state
 
 
-def as_expected(scenario: Node, known: Mapping[str, Start], during: State) -> State:
+def as_expected(scenario: Node, known: Mapping[str, InitialState], during: State) -> State:
     """Return expected states; lane or speed that they leave open are taken from a run.
 
     Args:
@@ -110,7 +110,7 @@ def as_expected(scenario: Node, known: Mapping[str, Start], during: State) -> St
     """
     told = as_told(scenario, known)
 
-    def state(action: Node, entity: str) -> Start | None:
+    def state(action: Node, entity: str) -> InitialState | None:
         now = told(action, entity)
         if now is not None and now.road is not None and now.speed is not None:
             return now
@@ -135,8 +135,8 @@ def target_speed(action: Node, state: State) -> float | None:
     return other.speed * value if target.get("speedTargetValueType") == "factor" else other.speed + value
 
 
-def _after(action: Node, entity: str, now: Start, state: State) -> Start:
-    """Return the state of an entity after an action; unknown values are those of an empty `Start`."""
+def _after(action: Node, entity: str, now: InitialState, state: State) -> InitialState:
+    """Return the state of an entity after an action; unknown values are those of an empty `InitialState`."""
     if action.tag == "SpeedAction":
         return now._replace(speed=target_speed(action, state))
     if action.tag == "LaneChangeAction":
@@ -147,7 +147,7 @@ def _after(action: Node, entity: str, now: Start, state: State) -> Start:
         if target.get("entityRef") == entity:
             return now._replace(lane=beside(now.lane, facing * target.int("value")))
         return now._replace(road=None)
-    return Start() if action.tag in ("TeleportAction", "FollowTrajectoryAction") else now._replace(speed=None)
+    return InitialState() if action.tag in ("TeleportAction", "FollowTrajectoryAction") else now._replace(speed=None)
 
 
 def first(action: Node, tag: str, scenario: Node) -> bool:
@@ -156,7 +156,7 @@ def first(action: Node, tag: str, scenario: Node) -> bool:
     return sum(set(actors(each)) & set(actors(action)) != set() for each in story) <= 1
 
 
-class Place(NamedTuple):
+class Vertex(NamedTuple):
     """A pose in the world (m, rad), and the time (s) of a vertex that has one. h: None where it is that of the way."""
 
     x: float
@@ -170,10 +170,10 @@ Pose = tuple[float, float, float, float]
 """x, y, z (m) and heading (rad)."""
 
 
-class Geometry(Protocol):
+class RoadGeometry(Protocol):
     """A scenario on its roads."""
 
-    def starts(self) -> Mapping[str, Start]:
+    def starts(self) -> Mapping[str, InitialState]:
         """Return the initial states of the entities present at the start, by name."""
         ...
 
@@ -185,11 +185,11 @@ class Geometry(Protocol):
         """When (s) the step is over in which an element first ends in that run; None where it doesn't, or others end it."""
         ...
 
-    def driven(self, entity: str, begin: float, end: float) -> Sequence[Place]:
+    def driven(self, entity: str, begin: float, end: float) -> Sequence[Vertex]:
         """Return the positions of an entity at each step of that run between two times (s); times start at the first step."""
         ...
 
-    def during(self, action: Node, entity: str) -> Start | None:
+    def during(self, action: Node, entity: str) -> InitialState | None:
         """Return the state of an entity at the start of a story's action; None if the action never starts or the entity is
         absent.
 
@@ -197,7 +197,7 @@ class Geometry(Protocol):
         """
         ...
 
-    def put(self, action: Node, entity: str) -> Place | None:
+    def put(self, action: Node, entity: str) -> Vertex | None:
         """Return the position to which an action teleports an entity in that run; None if the action never starts."""
         ...
 
@@ -209,13 +209,13 @@ class Geometry(Protocol):
         """
         ...
 
-    def place(self, position: Node) -> Place | None:
+    def place(self, position: Node) -> Vertex | None:
         """Return the place of an element Position; None if it depends on the run."""
         ...
 
     def track(
         self, trajectory: Node, skip: float = 0.0, actor: str | None = None, pose: Pose = (0.0, 0.0, 0.0, 0.0)
-    ) -> Sequence[Place] | None:
+    ) -> Sequence[Vertex] | None:
         """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on what happens.
 
         Args:
@@ -224,7 +224,7 @@ class Geometry(Protocol):
         """
         ...
 
-    def way(self, action: Node, entity: str) -> Sequence[Place]:
+    def way(self, action: Node, entity: str) -> Sequence[Vertex]:
         """The way along lanes that a routing action leads an entity from its start; empty where it takes that way anyway.
 
         Raises:

@@ -17,7 +17,7 @@ from schemas.expressions import ExpressionError
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load
 from xosc.node import Node
-from xosc.parameters import Scope
+from xosc.parameters import ParameterScope
 from xosc.tags import Tag, Value, tags_of
 
 LIBRARY = Path(__file__).parents[1] / "library"
@@ -30,7 +30,7 @@ _SIGNS = {
 
 
 @dataclass(frozen=True)
-class Declared:
+class ListedParameter:
     """A parameter as it is declared.
 
     Attributes:
@@ -71,7 +71,7 @@ class Listed:
     description: str
     road: str
     tags: Mapping[str, Value]
-    parameters: tuple[Declared, ...]
+    parameters: tuple[ListedParameter, ...]
     variations: list[Variation] = field(default_factory=list)
 
     @property
@@ -90,7 +90,7 @@ class Listed:
 
 
 @dataclass(frozen=True)
-class Catalogue:
+class ListedCatalogue:
     """A catalogue: its name, what it holds (`Vehicle`, …) and the names of its entries."""
 
     path: Path
@@ -104,7 +104,7 @@ class Listing:
     """Scenarios and catalogues, in the order of their files."""
 
     scenarios: list[Listed]
-    catalogues: list[Catalogue]
+    catalogues: list[ListedCatalogue]
 
     def chosen(self, label: str | None, tags: Iterable[Tag]) -> list[Listed]:
         """The scenarios of a class that have all of these tags.
@@ -137,7 +137,7 @@ def listing(paths: Iterable[str], tell: Callable[[ToolchainError], None] | None 
         InvalidFile, Unsupported: a file can't be read, or is no OpenSCENARIO file of a known version.
     """
     scenarios: dict[str, Listed] = {}
-    variations, catalogues = list[Document](), list[Catalogue]()
+    variations, catalogues = list[Document](), list[ListedCatalogue]()
 
     @limited()
     def add(path: Path) -> None:
@@ -194,24 +194,24 @@ def _road(file: Node | None, declared: list[Node]) -> str:
     if file is None:
         return ""
     try:
-        path = Scope(declared).literal(file.get("filepath"))
+        path = ParameterScope(declared).literal(file.get("filepath"))
     except ExpressionError as error:
         raise file.invalid(f"filepath: {error.message}") from None
     return PurePosixPath(path.replace("\\", "/")).stem
 
 
-def _declared(node: Node) -> Declared:
+def _declared(node: Node) -> ListedParameter:
     groups = [
         tuple((each.get("rule"), each.get("value")) for each in group.children("ValueConstraint"))
         for group in node.children("ConstraintGroup")
     ]
-    return Declared(node.get("name"), node.get("parameterType"), node.get("value"), tuple(groups))
+    return ListedParameter(node.get("name"), node.get("parameterType"), node.get("value"), tuple(groups))
 
 
-def _catalogue(document: Document) -> Catalogue:
+def _catalogue(document: Document) -> ListedCatalogue:
     catalog = document.node.need("Catalog")
     entries = catalog.children()
-    return Catalogue(
+    return ListedCatalogue(
         document.path, catalog.get("name", ""), entries[0].tag if entries else "", tuple(each.get("name", "") for each in entries)
     )
 
@@ -330,7 +330,7 @@ def _details(listed: Listed) -> list[str]:
     return [*map(_parameter_text, listed.parameters), *variations, *_tag_texts(listed.tags)]
 
 
-def _parameter_text(parameter: Declared) -> str:
+def _parameter_text(parameter: ListedParameter) -> str:
     allowed = parameter.allowed
     return f"{parameter.name} = {parameter.value}" + (f" in {allowed}" if allowed else "")
 
@@ -339,6 +339,6 @@ def _tag_texts(tags: Mapping[str, Any]) -> list[str]:
     return [name if value is True else f"{name}={value}" for name, value in tags.items()]
 
 
-def _parameter(parameter: Declared) -> dict[str, Any]:
+def _parameter(parameter: ListedParameter) -> dict[str, Any]:
     limits = [[{"rule": rule, "value": value} for rule, value in group] for group in parameter.limits]
     return {"name": parameter.name, "type": parameter.type, "value": parameter.value, "limits": limits}

@@ -4,7 +4,7 @@ They return scenariogeneration's objects (`Any`: it carries no types), so that w
 `scenario` and `catalog` make documents of them, valid by the official XSD of the version asked for.
 """
 
-from xosc.files import Header
+from xosc.files import FileHeader
 from xosc.maneuvers.actions import (
     STEP,
     Condition,
@@ -47,8 +47,8 @@ __all__ = [
     "Condition",
     "Conditions",
     "Dynamics",
+    "FileHeader",
     "Form",
-    "Header",
     "Number",
     "Reaction",
     "add_entity",

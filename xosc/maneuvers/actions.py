@@ -10,7 +10,7 @@ import numpy as np
 from scenariogeneration import xosc as sg
 
 from schemas.common.errors import UsageError
-from xosc.maneuvers.entities import Number, Polyline, declarations, enum_value, number
+from xosc.maneuvers.entities import Number, PolylineTrajectory, declarations, enum_value, number
 
 
 @dataclass(frozen=True)
@@ -319,7 +319,9 @@ def trajectory(
         raise UsageError(f"the trajectory {name!r} needs arrays of one length, of two points at least")
     if (np.diff(time) < 0.0).any():
         raise UsageError(f"the times of the trajectory {name!r} must not go back")
-    return Polyline(name, {key: column for key, column in zip("txyzh", (time, x, y, z, h), strict=True) if column is not None})
+    return PolylineTrajectory(
+        name, {key: column for key, column in zip("txyzh", (time, x, y, z, h), strict=True) if column is not None}
+    )
 
 
 def follow_trajectory(path: Any, following_mode: str = "position", offset: Number = 0.0, domain: str = "relative") -> Any:

@@ -54,7 +54,7 @@ _BETWEEN = re.compile(r">\n *<")
 ESCAPED = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
 
-class Polyline(sg.Trajectory):
+class PolylineTrajectory(sg.Trajectory):
     """A `Trajectory` with one vertex a row of columns t, x, y and perhaps z and h, kept as its text, as it stands in a catalogue.
 
     Three objects a vertex would take most of the time of writing recorded motion.
@@ -94,7 +94,7 @@ def rendered(built: Any) -> etree._Element:
 
     The version that scenariogeneration writes is a global of the process: it is set here only, and put back.
     """
-    if isinstance(built, Polyline):
+    if isinstance(built, PolylineTrajectory):
         return etree.fromstring(built.dense)
     before = sg.VersionBase.version_major, sg.VersionBase.version_minor
     sg.VersionBase().setVersion(1, 3)

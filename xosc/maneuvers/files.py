@@ -15,9 +15,9 @@ from scenariogeneration import xosc as sg
 
 from schemas.common.errors import UsageError
 from xosc.document import Document, to_bytes
-from xosc.files import Header, new_document
+from xosc.files import FileHeader, new_document
 from xosc.maneuvers.actions import Conditions, trigger
-from xosc.maneuvers.entities import ESCAPED, Number, Polyline, declarations, number, rendered
+from xosc.maneuvers.entities import ESCAPED, Number, PolylineTrajectory, declarations, number, rendered
 from xosc.versions import Version
 
 CATALOG_KINDS = ("Vehicle", "Pedestrian", "MiscObject", "Controller", "Environment", "Maneuver", "Trajectory", "Route")
@@ -26,7 +26,7 @@ CATALOG_KINDS = ("Vehicle", "Pedestrian", "MiscObject", "Controller", "Environme
 
 def scenario(
     path: str | os.PathLike[str],
-    header: Header,
+    header: FileHeader,
     *,
     road: str | None,
     entities: Mapping[str, Any],
@@ -71,7 +71,7 @@ def scenario(
 
 
 def catalog(
-    path: str | os.PathLike[str], header: Header, name: str, entries: Sequence[Any], version: Version = (1, 3)
+    path: str | os.PathLike[str], header: FileHeader, name: str, entries: Sequence[Any], version: Version = (1, 3)
 ) -> Document:
     """A catalogue document.
 
@@ -96,7 +96,7 @@ def catalog(
     return new_document(path, header, [element], version)
 
 
-def trajectory_catalog(header: Header, entries: Sequence[Polyline], version: Version = (1, 3)) -> bytes:
+def trajectory_catalog(header: FileHeader, entries: Sequence[PolylineTrajectory], version: Version = (1, 3)) -> bytes:
     """The content of a file with a catalogue of polylines, which takes a tenth of the time of making its document.
 
     The document of one entry with two vertices gives what is around the entries, valid by the XSD of the version; an entry is
@@ -110,9 +110,9 @@ def trajectory_catalog(header: Header, entries: Sequence[Polyline], version: Ver
 
 
 @lru_cache(maxsize=32)
-def _around_trajectories(header: Header, version: Version) -> tuple[str, str]:
+def _around_trajectories(header: FileHeader, version: Version) -> tuple[str, str]:
     """Return the text before and after the entries of a catalogue of polylines."""
-    few = Polyline("few", dict.fromkeys("txy", (0.0, 1.0)))
+    few = PolylineTrajectory("few", dict.fromkeys("txy", (0.0, 1.0)))
     text = to_bytes(catalog("", header, "TrajectoryCatalog", [few], version)).decode()
     before, after = re.split(r" *<Trajectory .*</Trajectory>\n", text, maxsplit=1, flags=re.DOTALL)
     return before, after

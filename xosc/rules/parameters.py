@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lxml import etree
 
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, negative, on_cycles, rule, unknown, unresolved
 from schemas.common.errors import InvalidFile
 from schemas.expressions import ExpressionError, references
@@ -16,7 +16,7 @@ DECLARED_NAME_UID = "xosc.toolchain:xosc:1.0.0:parameters.declared_name_is_a_nam
 
 
 @rule(DECLARED_NAME_UID, kinds=("scenario", "catalog"))
-def declared_name_is_a_name(document: Document) -> Iterator[Finding]:
+def declared_name_is_a_name(document: CheckedDocument) -> Iterator[Finding]:
     """A declared parameter, variable or monitor must be named without `$`, which marks references."""
     for element in document.elements("ParameterDeclaration", "VariableDeclaration", "MonitorDeclaration"):
         name = element.get("name") or ""
@@ -28,7 +28,7 @@ UNIQUE_DECLARATIONS_UID = "xosc.toolchain:xosc:1.0.0:parameters.declarations_are
 
 
 @rule(UNIQUE_DECLARATIONS_UID, kinds=("scenario", "catalog"))
-def declarations_are_unique(document: Document) -> Iterator[Finding]:
+def declarations_are_unique(document: CheckedDocument) -> Iterator[Finding]:
     """A parameter, variable or monitor must not be declared twice and differently in the same place."""
     for declarations in document.elements("ParameterDeclarations", "VariableDeclarations", "MonitorDeclarations"):
         first: dict[str, etree._Element] = {}
@@ -40,14 +40,14 @@ def declarations_are_unique(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.0.0:parameters.no_cyclic_definitions", kinds=("scenario", "catalog"))
-def definitions_are_not_cyclic(document: Document) -> Iterator[Finding]:
+def definitions_are_not_cyclic(document: CheckedDocument) -> Iterator[Finding]:
     """The default value of a parameter must not depend on the parameter itself, directly or through others."""
     uses = {declaration: _parameters_in(document, declaration) for declaration in document.elements("ParameterDeclaration")}
     for declaration in on_cycles(uses):
         yield Finding(declaration, f"the value {declaration.get('value')!r} of {declaration.get('name')} depends on itself")
 
 
-def _parameters_in(document: Document, declaration: etree._Element) -> list[etree._Element]:
+def _parameters_in(document: CheckedDocument, declaration: etree._Element) -> list[etree._Element]:
     try:
         names = references(declaration.get("value") or "")
     except ExpressionError:
@@ -56,7 +56,7 @@ def _parameters_in(document: Document, declaration: etree._Element) -> list[etre
 
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_parameter_reference", kinds=("scenario",))
-def parameter_reference_is_declared(document: Document) -> Iterator[Finding]:
+def parameter_reference_is_declared(document: CheckedDocument) -> Iterator[Finding]:
     """The parameterRef of a condition or an action must name a parameter declared for the whole scenario."""
     for tag in ("ParameterCondition", "ParameterAction"):
         for element in document.elements(tag):
@@ -66,13 +66,13 @@ def parameter_reference_is_declared(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xosc:1.1.0:parameters.parameter_declaration_parameter_scope", kinds=("scenario",))
-def used_parameter_is_in_scope(document: Document) -> Iterator[Finding]:
+def used_parameter_is_in_scope(document: CheckedDocument) -> Iterator[Finding]:
     """A parameter may be used only within the element that declares it."""
     return _undeclared(document)
 
 
 @rule("asam.net:xosc:1.2.0:parameters.valid_parameter_declaration_in_catalogs", kinds=("catalog",))
-def parameter_of_catalog_entry_has_a_default(document: Document) -> Iterator[Finding]:
+def parameter_of_catalog_entry_has_a_default(document: CheckedDocument) -> Iterator[Finding]:
     """A parameter used in a catalogue entry shall be declared in that entry, with a default value."""
     yield from _undeclared(document)
     for element, attribute, name in _used(document):
@@ -81,7 +81,7 @@ def parameter_of_catalog_entry_has_a_default(document: Document) -> Iterator[Fin
             yield Finding(element, f"{attribute}: the parameter {name!r} is declared without a default value")
 
 
-def _undeclared(document: Document) -> Iterator[Finding]:
+def _undeclared(document: CheckedDocument) -> Iterator[Finding]:
     """A finding for each parameter that an attribute uses and no declaration in scope declares."""
     for element, attribute, name in _used(document):
         if document.declaration(element, name) is None:
@@ -89,7 +89,7 @@ def _undeclared(document: Document) -> Iterator[Finding]:
             yield Finding(element, f"{attribute}={element.get(attribute)!r}: {unknown('parameter', name, known)} in scope here")
 
 
-def _used(document: Document) -> Iterator[tuple[etree._Element, str, str]]:
+def _used(document: CheckedDocument) -> Iterator[tuple[etree._Element, str, str]]:
     """Each parameter that an attribute uses: the element, the attribute, the parameter's name."""
     for element, attribute, text in document.parametrised():
         if attribute == "parameterRef":  # names a parameter, as files of version 1.0 write it
@@ -102,14 +102,14 @@ def _used(document: Document) -> Iterator[tuple[etree._Element, str, str]]:
 
 
 @rule("asam.net:xosc:1.2.0:reference_control.resolvable_variable_reference", kinds=("scenario",), since=(1, 2))
-def variable_reference_is_declared(document: Document) -> Iterator[Finding]:
+def variable_reference_is_declared(document: CheckedDocument) -> Iterator[Finding]:
     """A variableRef must name something that the scenario declares."""
     declared = document.names("VariableDeclaration"), document.names("ParameterDeclaration")
     return unresolved(document, "variable", frozenset().union(*declared), "variableRef")
 
 
 @rule("xosc.toolchain:xosc:1.2.0:reference_control.variable_is_no_parameter", kinds=("scenario",), since=(1, 2))
-def variable_is_no_parameter(document: Document) -> Iterator[Finding]:
+def variable_is_no_parameter(document: CheckedDocument) -> Iterator[Finding]:
     """A variableRef must not name a parameter: parameters keep their values while a scenario runs."""
     parameters = frozenset(document.names("ParameterDeclaration")) - frozenset(document.names("VariableDeclaration"))
     for element, attribute, name in document.values("variableRef"):
@@ -118,13 +118,13 @@ def variable_is_no_parameter(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.3.0:reference_control.resolvable_monitor_reference", kinds=("scenario",), since=(1, 3))
-def monitor_reference_is_declared(document: Document) -> Iterator[Finding]:
+def monitor_reference_is_declared(document: CheckedDocument) -> Iterator[Finding]:
     """A monitorRef must name a MonitorDeclaration of the scenario."""
     return unresolved(document, "monitor", document.names("MonitorDeclaration"), "monitorRef")
 
 
 @rule("xosc.toolchain:xosc:1.1.0:reference_control.distributed_parameter_is_declared", kinds=("distribution",), since=(1, 1))
-def distributed_parameter_is_declared(document: Document) -> Iterator[Finding]:
+def distributed_parameter_is_declared(document: CheckedDocument) -> Iterator[Finding]:
     """A parameter of a ParameterValueDistribution must be declared by the scenario that it is for."""
     scenario = scenario_of(document)
     if scenario is None:
@@ -135,7 +135,7 @@ def distributed_parameter_is_declared(document: Document) -> Iterator[Finding]:
             yield Finding(element, f"{attribute}: {unknown('parameter', name, declared)} in the scenario")
 
 
-def scenario_of(document: Document) -> etree._Element | None:
+def scenario_of(document: CheckedDocument) -> etree._Element | None:
     """The root of the scenario that a distribution is for; None where it can't be read."""
     for element in document.elements("ScenarioFile"):
         name = document.value(element, "filepath")
@@ -156,7 +156,7 @@ _WEIGHTS = (
 
 
 @rule("xosc.toolchain:xosc:1.1.0:data_type.distributions_are_well_formed", kinds=("distribution",), since=(1, 1))
-def ranges_and_weights_are_well_formed(document: Document) -> Iterator[Finding]:
+def ranges_and_weights_are_well_formed(document: CheckedDocument) -> Iterator[Finding]:
     """Limits of ranges must ascend, step widths be positive, and weights, variances and expected counts not negative."""
     for element in document.elements("Range"):
         lower, upper = document.number(element, "lowerLimit"), document.number(element, "upperLimit")

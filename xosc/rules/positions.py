@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, rule, unresolved
 from schemas.xml import local_name
 
@@ -12,7 +12,7 @@ _ROAD_POSITIONS = ("LanePosition", "RoadPosition", "RelativeLanePosition", "Rela
 
 
 @rule("asam.net:xosc:1.0.0:scenario_logic.invalid_elements_if_no_road_network", kinds=("scenario",))
-def road_position_has_a_road_network(document: Document) -> Iterator[Finding]:
+def road_position_has_a_road_network(document: CheckedDocument) -> Iterator[Finding]:
     """Positions in road or lane coordinates need a road network (LogicFile)."""
     if document.elements("LogicFile"):
         return
@@ -21,7 +21,7 @@ def road_position_has_a_road_network(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xosc:1.1.0:positioning.geodetic_datum_defined", kinds=("scenario",), since=(1, 1))
-def geo_position_has_a_geo_reference(document: Document) -> Iterator[Finding]:
+def geo_position_has_a_geo_reference(document: CheckedDocument) -> Iterator[Finding]:
     """A GeoPosition needs a road network with a geoReference."""
     network = document.road_network
     if network is None or network.geo_reference:
@@ -31,7 +31,7 @@ def geo_position_has_a_geo_reference(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.road_exists_in_road_network", kinds=("scenario",))
-def road_exists(document: Document) -> Iterator[Finding]:
+def road_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A roadId must be the id of a road in the road network."""
     network = document.road_network
     return unresolved(document, "road", network.roads, "roadId", where=f" in {network.path.name}") if network else iter(())
@@ -43,7 +43,7 @@ _TOLERANCE = 0.01
 
 
 @rule(ROAD_LENGTH_UID, kinds=("scenario",))
-def position_is_on_the_road(document: Document) -> Iterator[Finding]:
+def position_is_on_the_road(document: CheckedDocument) -> Iterator[Finding]:
     """The s coordinate of a position must be between 0 and the length of the road."""
     network = document.road_network
     for element in document.elements("LanePosition", "RoadPosition") if network else ():
@@ -57,7 +57,7 @@ LANE_UID = "xosc.toolchain:xosc:1.0.0:reference_control.lane_exists_on_road"
 
 
 @rule(LANE_UID, kinds=("scenario",))
-def lane_exists(document: Document) -> Iterator[Finding]:
+def lane_exists(document: CheckedDocument) -> Iterator[Finding]:
     """The laneId of a LanePosition must be a lane of the road at that s coordinate; expressions may write it as -2.0.
 
     Where roads have temporary lanes it is one of these, unless the position names the permanent layer.
@@ -87,7 +87,7 @@ LANE_DISTANCE_UID = "xosc.toolchain:xosc:1.1.0:positioning.relative_lane_positio
 
 
 @rule(LANE_DISTANCE_UID, kinds=("scenario", "catalog"), since=(1, 1))
-def relative_lane_position_has_one_distance(document: Document) -> Iterator[Finding]:
+def relative_lane_position_has_one_distance(document: CheckedDocument) -> Iterator[Finding]:
     """A RelativeLanePosition must have one of the attributes ds and dsLane, and only one."""
     for element in document.elements("RelativeLanePosition"):
         given = [name for name in ("ds", "dsLane") if element.get(name) is not None]
@@ -106,7 +106,7 @@ _TIMES = {
 
 
 @rule(TIMING_UID)
-def trajectory_has_times(document: Document) -> Iterator[Finding]:
+def trajectory_has_times(document: CheckedDocument) -> Iterator[Finding]:
     """A trajectory that is followed with a timing reference shall have a time at each vertex, control point and clothoid."""
     for action in document.elements("FollowTrajectoryAction"):
         if action.find("TimeReference/Timing") is None:
@@ -119,7 +119,7 @@ def trajectory_has_times(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.4.0:routing.motion_is_not_empty")
-def motion_is_not_empty(document: Document) -> Iterator[Finding]:
+def motion_is_not_empty(document: CheckedDocument) -> Iterator[Finding]:
     """A Motion shall give a speed or an acceleration."""
     for element in document.elements("Motion", "MotionStart", "MotionEnd"):
         if not element.attrib:
@@ -127,7 +127,7 @@ def motion_is_not_empty(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.0.0:routing.nurbs_knots_fit_order")
-def nurbs_knots_fit_order(document: Document) -> Iterator[Finding]:
+def nurbs_knots_fit_order(document: CheckedDocument) -> Iterator[Finding]:
     """A Nurbs must have at least as many control points as its order, and one knot for each point and each order, ascending."""
     for element in document.elements("Nurbs"):
         order = document.number(element, "order")

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from lxml import etree
 
 from schemas.catalogs import DIRECTORIES, ENTRIES, REFERENCES, NoEntry, locate
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, negative, on_cycles, rule, unknown, unresolved
 from schemas.common.policy import current
 from schemas.common.storage import in_any_case
@@ -16,7 +16,7 @@ from schemas.xml import local_name
 
 
 @rule("asam.net:xosc:1.2.0:reference_control.resolvable_entity_references", kinds=("scenario",))
-def entity_exists(document: Document) -> Iterator[Finding]:
+def entity_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A reference to an entity must name a ScenarioObject or an EntitySelection of the scenario."""
     entities = document.names("ScenarioObject", "EntitySelection")
     return unresolved(document, "entity", entities, "entityRef", "masterEntityRef", "trailerRef")
@@ -28,7 +28,7 @@ _HOLDERS = {"ObjectController", "AssignControllerAction"}
 
 
 @rule(CONTROLLER_UID, kinds=("scenario",))
-def controller_exists(document: Document) -> Iterator[Finding]:
+def controller_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A controllerRef must name a controller that an entity has or is assigned, itself or by a catalogue entry."""
     controllers = document.names("ObjectController", "Controller") | {
         entry
@@ -41,18 +41,18 @@ def controller_exists(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xosc:1.2.0:reference_control.uniquely_resolvable_entity_references", level="warning", since=(1, 2))
-def catalog_entries_have_own_names(document: Document) -> Iterator[Finding]:
+def catalog_entries_have_own_names(document: CheckedDocument) -> Iterator[Finding]:
     """Entries of a catalogue shall have names of their own, or references to them are ambiguous."""
     return _ambiguous(document, "Catalog")
 
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.entities_have_names_of_their_own", kinds=("scenario",))
-def entities_have_own_names(document: Document) -> Iterator[Finding]:
+def entities_have_own_names(document: CheckedDocument) -> Iterator[Finding]:
     """Entities shall have names of their own, or references to them are ambiguous."""
     return _ambiguous(document, "Entities")
 
 
-def _ambiguous(document: Document, holder: str) -> Iterator[Finding]:
+def _ambiguous(document: CheckedDocument, holder: str) -> Iterator[Finding]:
     seen: set[str] = set()
     for parent in document.elements(holder):
         for element in parent.iterchildren(etree.Element):
@@ -64,7 +64,7 @@ def _ambiguous(document: Document, holder: str) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.no_cyclic_entity_selections", kinds=("scenario",))
-def selections_are_not_cyclic(document: Document) -> Iterator[Finding]:
+def selections_are_not_cyclic(document: CheckedDocument) -> Iterator[Finding]:
     """An EntitySelection must not be a member of itself, directly or through other selections."""
     selections = {selection.get("name") or "": selection for selection in document.elements("EntitySelection")}
     members = {
@@ -82,7 +82,7 @@ _TRAILERS = ("TrailerRef", "ConnectTrailerAction")
 
 
 @rule(ENTITY_POSITION_UID, level="warning", kinds=("scenario",))
-def entity_gets_a_position(document: Document) -> Iterator[Finding]:
+def entity_gets_a_position(document: CheckedDocument) -> Iterator[Finding]:
     """An entity should be put somewhere by an action: without one it never appears.
 
     Which entities trigger an event is known in a run only, so a scenario that selects these as actors is not looked at, nor one
@@ -99,7 +99,7 @@ def entity_gets_a_position(document: Document) -> Iterator[Finding]:
             yield Finding(entity, f"no action gives the entity {name!r} a position: it never appears")
 
 
-def _placed(document: Document) -> Iterator[str | None]:
+def _placed(document: CheckedDocument) -> Iterator[str | None]:
     """Names of the entities that actions put somewhere, and of trailers."""
     for private in document.elements("Private"):
         if _places(document, private):
@@ -114,7 +114,7 @@ def _placed(document: Document) -> Iterator[str | None]:
         yield document.value(trailer, "trailerRef") or document.value(trailer, "entityRef")
 
 
-def _places(document: Document, element: etree._Element) -> bool:
+def _places(document: CheckedDocument, element: etree._Element) -> bool:
     """Whether an element, or a maneuver of a catalogue in it, has an action that puts an entity somewhere."""
     entries = [document.resolvable_entry(reference) for reference in element.iterchildren("CatalogReference")]
     inside = [element, *(entry.element for entry in entries if entry is not None)]
@@ -125,7 +125,7 @@ ACTORS_UID = "asam.net:xosc:1.2.0:reference_control.valid_actor_reference_in_pri
 
 
 @rule(ACTORS_UID, kinds=("scenario",))
-def private_actions_have_actors(document: Document) -> Iterator[Finding]:
+def private_actions_have_actors(document: CheckedDocument) -> Iterator[Finding]:
     """A ManeuverGroup with private actions must have actors, named or selected as the triggering entities."""
     for group in document.elements("ManeuverGroup"):
         actors = group.find("Actors")
@@ -149,7 +149,7 @@ KEPT_LANE_OFFSET_UID = "xosc.toolchain:xosc:1.0.0:actions.kept_lane_offset_is_fr
 
 
 @rule(KEPT_LANE_OFFSET_UID, kinds=("scenario",))
-def kept_lane_offset_is_from_another_entity(document: Document) -> Iterator[Finding]:
+def kept_lane_offset_is_from_another_entity(document: CheckedDocument) -> Iterator[Finding]:
     """A continuous LaneOffsetAction must not keep an offset from its own actor's: that would run away."""
     for action in document.elements("LaneOffsetAction"):
         target = action.find("LaneOffsetTarget/RelativeTargetLaneOffset")
@@ -160,7 +160,7 @@ def kept_lane_offset_is_from_another_entity(document: Document) -> Iterator[Find
             yield Finding(target, f"{name!r} can't keep an offset from its own lane offset")
 
 
-def _actors(document: Document, action: etree._Element) -> set[str | None]:
+def _actors(document: CheckedDocument, action: etree._Element) -> set[str | None]:
     """Names of the entities that a private action is for."""
     for above in action.iterancestors("Private", "ManeuverGroup"):
         return {document.value(actor, "entityRef") for actor in (above, *above.iterfind("Actors/EntityRef"))}
@@ -174,19 +174,19 @@ SIGNAL_UID = "asam.net:xosc:1.0.0:reference_control.traffic_signal_state_referen
 
 
 @rule(SIGNAL_UID, kinds=("scenario",))
-def signal_exists(document: Document) -> Iterator[Finding]:
+def signal_exists(document: CheckedDocument) -> Iterator[Finding]:
     """The signals of a TrafficSignalState and of a TrafficSignalCondition must exist in the road network."""
     yield from _unknown_signals(document, "TrafficSignalState", "trafficSignalId")
     yield from _unknown_signals(document, "TrafficSignalCondition", "name")
 
 
 @rule("asam.net:xosc:1.2.0:reference_control.resolvable_signal_id_in_traffic_signal_state_action", kinds=("scenario",))
-def signal_of_action_exists(document: Document) -> Iterator[Finding]:
+def signal_of_action_exists(document: CheckedDocument) -> Iterator[Finding]:
     """The name of a TrafficSignalStateAction must be the id of a signal in the road network."""
     yield from _unknown_signals(document, "TrafficSignalStateAction", "name")
 
 
-def _unknown_signals(document: Document, tag: str, attribute: str) -> Iterator[Finding]:
+def _unknown_signals(document: CheckedDocument, tag: str, attribute: str) -> Iterator[Finding]:
     network = document.road_network
     for element in document.elements(tag) if network else ():
         name = document.value(element, attribute)
@@ -198,14 +198,14 @@ def _unknown_signals(document: Document, tag: str, attribute: str) -> Iterator[F
     "asam.net:xosc:1.2.0:reference_control.resolvable_traffic_signal_controller_by_traffic_signal_controller_ref",
     kinds=("scenario",),
 )
-def signal_controller_exists(document: Document) -> Iterator[Finding]:
+def signal_controller_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A trafficSignalControllerRef must name a TrafficSignalController of the scenario's RoadNetwork."""
     controllers = document.names("TrafficSignalController")
     return unresolved(document, "traffic signal controller", controllers, "trafficSignalControllerRef")
 
 
 @rule("asam.net:xosc:1.0.0:reference_control.traffic_signal_controller_references", kinds=("scenario",))
-def signal_controllers_refer_to_others(document: Document) -> Iterator[Finding]:
+def signal_controllers_refer_to_others(document: CheckedDocument) -> Iterator[Finding]:
     """The reference of a TrafficSignalController shall name another TrafficSignalController, and not lead back to itself."""
     controllers = {document.value(each, "name"): each for each in document.elements("TrafficSignalController")}
     references = {name: document.value(each, "reference") for name, each in controllers.items()}
@@ -218,7 +218,7 @@ def signal_controllers_refer_to_others(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_phase_reference", kinds=("scenario",))
-def phase_exists(document: Document) -> Iterator[Finding]:
+def phase_exists(document: CheckedDocument) -> Iterator[Finding]:
     """The phase of an action or a condition on a traffic signal controller must be one of that controller's phases."""
     phases = {
         document.value(controller, "name"): {document.value(phase, "name") or "" for phase in controller.iter("Phase")}
@@ -231,7 +231,7 @@ def phase_exists(document: Document) -> Iterator[Finding]:
 
 
 @rule("asam.net:xosc:1.2.0:data_type.positive_duration_in_phase")
-def phase_duration_is_not_negative(document: Document) -> Iterator[Finding]:
+def phase_duration_is_not_negative(document: CheckedDocument) -> Iterator[Finding]:
     """The duration of a Phase of a TrafficSignalController shall be non-negative."""
     return negative(document, [("Phase", "duration")])
 
@@ -240,7 +240,7 @@ def phase_duration_is_not_negative(document: Document) -> Iterator[Finding]:
 
 
 @rule(DIRECTORIES, level="warning", kinds=("scenario",))
-def catalog_directory_exists(document: Document) -> Iterator[Finding]:
+def catalog_directory_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A catalogue location must name an existing folder, relative to the scenario.
 
     A warning: templates list locations that they do not use, and libraries that have been moved are found by their name.
@@ -259,7 +259,7 @@ def catalog_directory_exists(document: Document) -> Iterator[Finding]:
 
 
 @rule(ENTRIES, kinds=("scenario",))
-def catalog_entry_exists(document: Document) -> Iterator[Finding]:
+def catalog_entry_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A CatalogReference must name an entry of a catalogue in one of the catalogue locations.
 
     Where a catalogue location is not there the entry may be in it, and this is a warning.
@@ -276,7 +276,7 @@ def catalog_entry_exists(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.0.0:parameters.assigned_parameter_is_declared", kinds=("scenario",))
-def assigned_parameter_is_declared(document: Document) -> Iterator[Finding]:
+def assigned_parameter_is_declared(document: CheckedDocument) -> Iterator[Finding]:
     """A ParameterAssignment of a CatalogReference must name a parameter that the catalogue entry declares."""
     for reference in document.elements(*REFERENCES):
         entry = document.resolvable_entry(reference)
@@ -292,7 +292,7 @@ _LEVELS = {"LogicFile": "error", "ScenarioFile": "error", "SceneGraphFile": "war
 
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference")
-def referred_file_exists(document: Document) -> Iterator[Finding]:
+def referred_file_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A file that is referred to must exist, relative to the referring file; a road network may be in a folder asked for.
 
     Models for graphics and animations are only warned about, since a run can do without them; so are absolute paths, which
@@ -312,5 +312,5 @@ def referred_file_exists(document: Document) -> Iterator[Finding]:
                 yield Finding(element, f"{tag}: there is no file {name!r}{place}{spelt}", "warning" if absolute else level)
 
 
-def _exists(document: Document, tag: str, name: str) -> bool:
+def _exists(document: CheckedDocument, tag: str, name: str) -> bool:
     return document.road_file(name) is not None if tag == "LogicFile" else document.has_file(name)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lxml import etree
 
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, rule, unknown
 from schemas.xml import local_name
 from xosc.rules.values import satisfies
@@ -35,7 +35,7 @@ CHOICES = (
 
 
 @rule(EMPTY_ELEMENTS_UID)
-def elements_are_not_empty(document: Document) -> Iterator[Finding]:
+def elements_are_not_empty(document: CheckedDocument) -> Iterator[Finding]:
     """A story, act, maneuver group, maneuver, event, action, condition group or collision condition must not be empty.
 
     A maneuver group without maneuvers is information: the XSD allows it, as the XSDs before 1.3 allow an action without content.
@@ -68,7 +68,7 @@ _WATCHED_TAGS = set(_WATCHED.values())
 
 
 @rule("asam.net:xosc:1.2.0:reference_control.resolvable_storyboard_element_reference", kinds=("scenario",))
-def watched_element_exists(document: Document) -> Iterator[Finding]:
+def watched_element_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A storyboardElementRef must name exactly one element of the given type, enclosing ones before it (`act::event`)."""
     known: dict[str, list[tuple[str, ...]]] = {tag: [] for tag in _WATCHED_TAGS}
     for storyboard in document.elements("Storyboard"):
@@ -89,7 +89,7 @@ def watched_element_exists(document: Document) -> Iterator[Finding]:
 
 
 def _walk(
-    document: Document, source: Document, parent: etree._Element, chain: tuple[str, ...]
+    document: CheckedDocument, source: CheckedDocument, parent: etree._Element, chain: tuple[str, ...]
 ) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Element name and chain of names of the storyboard elements below one, those from catalogues included."""
     for child in parent.iterchildren(etree.Element):
@@ -103,7 +103,7 @@ def _walk(
 
 
 def _named(
-    document: Document, source: Document, element: etree._Element, chain: tuple[str, ...]
+    document: CheckedDocument, source: CheckedDocument, element: etree._Element, chain: tuple[str, ...]
 ) -> Iterator[tuple[str, tuple[str, ...]]]:
     own = (*chain, source.value(element, "name") or "")
     yield local_name(element), own
@@ -122,7 +122,7 @@ _EDGES = ("rising", "falling", "risingOrFalling")
 
 
 @rule("xosc.toolchain:xosc:1.0.0:scenario_logic.condition_is_not_constant", level="warning", kinds=("scenario",))
-def condition_is_not_constant(document: Document) -> Iterator[Finding]:
+def condition_is_not_constant(document: CheckedDocument) -> Iterator[Finding]:
     """A condition should be able to become true, and must not be constant where it waits for an edge.
 
     Parameters count with their default values; that one is false by default is for the record, since it may be varied.
@@ -138,7 +138,7 @@ def condition_is_not_constant(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.0.0:scenario_logic.start_trigger_is_not_empty", level="info", kinds=("scenario",))
-def start_trigger_is_not_empty(document: Document) -> Iterator[Finding]:
+def start_trigger_is_not_empty(document: CheckedDocument) -> Iterator[Finding]:
     """A start trigger should have a condition: the standard gives an empty one no meaning (7.6.1).
 
     The runner takes it as if it was absent.
@@ -148,7 +148,7 @@ def start_trigger_is_not_empty(document: Document) -> Iterator[Finding]:
             yield Finding(trigger, "the start trigger has no condition, so its element starts at once; leave it out to say so")
 
 
-def _constant(document: Document, element: etree._Element) -> tuple[bool, str] | None:
+def _constant(document: CheckedDocument, element: etree._Element) -> tuple[bool, str] | None:
     """Return the constant value of a condition and the reason; None if the value can change."""
     if local_name(element) == "ParameterCondition":
         return _parameter_condition(document, element)
@@ -165,7 +165,7 @@ def _constant(document: Document, element: etree._Element) -> tuple[bool, str] |
     return None
 
 
-def _parameter_condition(document: Document, element: etree._Element) -> tuple[bool, str] | None:
+def _parameter_condition(document: CheckedDocument, element: etree._Element) -> tuple[bool, str] | None:
     """Parameters change only by a ParameterAction (of OpenSCENARIO 1.0 to 1.2)."""
     name = (document.value(element, "parameterRef") or "").removeprefix("$")
     declaration = document.declaration(document.root, name)

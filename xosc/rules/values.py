@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lxml import etree
 
-from schemas.checks.document import Document
+from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, negative, rule
 from schemas.expressions import FIRST_VERSION, FUNCTIONS, ExpressionError, evaluate, functions, is_expression, references
 from schemas.values import TYPES, holds, typed
@@ -15,7 +15,7 @@ from xosc.rules.parameters import scenario_of
 
 
 @rule("asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference", kinds=("scenario", "catalog"))
-def default_is_of_the_declared_type(document: Document) -> Iterator[Finding]:
+def default_is_of_the_declared_type(document: CheckedDocument) -> Iterator[Finding]:
     """The value of a ParameterDeclaration or VariableDeclaration must be of the declared type.
 
     A warning in a catalogue, where it matters only if the entry is used with its default.
@@ -40,7 +40,7 @@ _REFERENCES = {"Parameter": "parameterRef", "Variable": "variableRef"}
 
 
 @rule(DECLARED_TYPE_UID, kinds=("scenario", "distribution"))
-def value_is_of_the_declared_type(document: Document) -> Iterator[Finding]:
+def value_is_of_the_declared_type(document: CheckedDocument) -> Iterator[Finding]:
     """A value that a parameter or variable is compared with, or set to, must be of its declared type."""
     yield from _distributed(document)
     for family, attribute in _REFERENCES.items():
@@ -59,7 +59,7 @@ def value_is_of_the_declared_type(document: Document) -> Iterator[Finding]:
                 yield Finding(element, f"{name}: the value is not of type {kind}: {error}")
 
 
-def _uses(document: Document, family: str) -> Iterator[tuple[etree._Element, etree._Element]]:
+def _uses(document: CheckedDocument, family: str) -> Iterator[tuple[etree._Element, etree._Element]]:
     """Elements with a value, and those that name what it is for."""
     for condition in document.elements(f"{family}Condition"):
         yield condition, condition
@@ -69,7 +69,7 @@ def _uses(document: Document, family: str) -> Iterator[tuple[etree._Element, etr
             yield action, holder
 
 
-def _distributed(document: Document) -> Iterator[Finding]:
+def _distributed(document: CheckedDocument) -> Iterator[Finding]:
     """Values that a distribution lists for parameters of its scenario."""
     scenario = scenario_of(document) if document.type.kind == "distribution" else None
     declared = scenario.iterfind("ParameterDeclarations/ParameterDeclaration") if scenario is not None else ()
@@ -86,7 +86,7 @@ def _distributed(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.1.0:parameters.default_value_obeys_constraints", kinds=("scenario", "catalog"), since=(1, 1))
-def default_obeys_constraints(document: Document) -> Iterator[Finding]:
+def default_obeys_constraints(document: CheckedDocument) -> Iterator[Finding]:
     """The default value of a parameter must satisfy all constraints of at least one of its constraint groups."""
     for declaration in document.elements("ParameterDeclaration"):
         groups = declaration.findall("ConstraintGroup")
@@ -104,7 +104,7 @@ def default_obeys_constraints(document: Document) -> Iterator[Finding]:
             yield Finding(declaration, f"{name}: the default value {value!r} is not {reasons}")
 
 
-def _is_typed(document: Document, declaration: etree._Element, value: str) -> bool:
+def _is_typed(document: CheckedDocument, declaration: etree._Element, value: str) -> bool:
     """Whether the value is of the declared type, which is the business of another rule."""
     try:
         typed(document.type_of(declaration), value)
@@ -113,7 +113,7 @@ def _is_typed(document: Document, declaration: etree._Element, value: str) -> bo
     return True
 
 
-def _broken(document: Document, declaration: etree._Element, value: str, group: etree._Element) -> str | None:
+def _broken(document: CheckedDocument, declaration: etree._Element, value: str, group: etree._Element) -> str | None:
     """The first constraint of a group that a value breaks, in words; None where it satisfies all that can be decided.
 
     Raises:
@@ -126,7 +126,7 @@ def _broken(document: Document, declaration: etree._Element, value: str, group: 
     return None
 
 
-def satisfies(document: Document, declaration: etree._Element, value: str, rule_name: str, limit: str) -> bool:
+def satisfies(document: CheckedDocument, declaration: etree._Element, value: str, rule_name: str, limit: str) -> bool:
     """Whether a value of a declared parameter compares to a limit as a rule of the standard says.
 
     Raises:
@@ -137,7 +137,7 @@ def satisfies(document: Document, declaration: etree._Element, value: str, rule_
 
 
 @rule("asam.net:xosc:1.2.0:data_type.allowed_operators", kinds=("scenario", "catalog"))
-def expression_has_allowed_operators(document: Document) -> Iterator[Finding]:
+def expression_has_allowed_operators(document: CheckedDocument) -> Iterator[Finding]:
     """Expressions must be well-formed and use only the operators and functions that the file's version of the standard has.
 
     OpenSCENARIO 1.0 has no expressions. Functions that came later than the file's version are warnings: tools know them.
@@ -160,7 +160,7 @@ def expression_has_allowed_operators(document: Document) -> Iterator[Finding]:
 
 
 @rule("xosc.toolchain:xosc:1.1.0:expressions.expression_has_a_value", kinds=("scenario", "catalog"), since=(1, 1))
-def expression_has_a_value(document: Document) -> Iterator[Finding]:
+def expression_has_a_value(document: CheckedDocument) -> Iterator[Finding]:
     """An expression must have a value with the parameters' defaults: no division by zero, no text in a sum, no overflow.
 
     Malformed expressions, undeclared parameters and defaults of the wrong type are the business of other rules.
@@ -178,7 +178,7 @@ def expression_has_a_value(document: Document) -> Iterator[Finding]:
             yield Finding(element, f"{attribute}: {error.message}")
 
 
-def _has_value(document: Document, element: etree._Element, name: str) -> bool:
+def _has_value(document: CheckedDocument, element: etree._Element, name: str) -> bool:
     try:
         document.lookup(element)(name)
     except KeyError:
@@ -204,7 +204,7 @@ _DURATIONS = (
 
 
 @rule(NOT_NEGATIVE_UID)
-def durations_are_not_negative(document: Document) -> Iterator[Finding]:
+def durations_are_not_negative(document: CheckedDocument) -> Iterator[Finding]:
     """Durations, time gaps, delays and radii must be non-negative."""
     return negative(document, _DURATIONS)
 
@@ -218,25 +218,25 @@ _DISTANCES = (
 
 
 @rule("asam.net:xosc:1.1.0:data_type.distances_are_not_negative", since=(1, 1))
-def distances_are_not_negative(document: Document) -> Iterator[Finding]:
+def distances_are_not_negative(document: CheckedDocument) -> Iterator[Finding]:
     """Distances of actions and conditions shall be non-negative; directions are said by other attributes."""
     return negative(document, _DISTANCES)
 
 
 @rule("asam.net:xosc:1.0.0:data_type.condition_delay_not_negative")
-def condition_delay_is_not_negative(document: Document) -> Iterator[Finding]:
+def condition_delay_is_not_negative(document: CheckedDocument) -> Iterator[Finding]:
     """The delay of a Condition shall be non-negative."""
     return negative(document, [("Condition", "delay")])
 
 
 @rule("asam.net:xosc:1.2.0:data_type.non_negative_transition_time_in_light_state_action", since=(1, 2))
-def light_transition_time_is_not_negative(document: Document) -> Iterator[Finding]:
+def light_transition_time_is_not_negative(document: CheckedDocument) -> Iterator[Finding]:
     """The transitionTime of a LightStateAction shall be non-negative."""
     return negative(document, [("LightStateAction", "transitionTime")])
 
 
 @rule("xosc.toolchain:xosc:1.0.0:data_type.transition_value_is_not_negative", level="warning")
-def transition_value_is_not_negative(document: Document) -> Iterator[Finding]:
+def transition_value_is_not_negative(document: CheckedDocument) -> Iterator[Finding]:
     """The value of TransitionDynamics, a time, a distance or a rate by its dimension, must be non-negative.
 
     A warning: players commonly take the magnitude of a negative rate.

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from generation.loop.findings import Against, EdgeCase, LoopResult, Ran, Round, Run, Searched
+from generation.loop.findings import Against, EdgeCase, LoopResult, Ran, Round, Searched, ShownRun
 from generation.loop.loop import CATALOGUE, RECOGNISED, chosen
 from generation.pages import PARTS_CSS, PARTS_JS
 from generation.report.regression import Fate
@@ -163,7 +163,7 @@ def _against(found: Against | None) -> Json | None:
     return {"folder": found.folder, "sut": found.sut, "counts": {fate: found.counts[fate] for fate in Fate}, "compared": compared}
 
 
-def _run(run: Run, name: str) -> Json:
+def _run(run: ShownRun, name: str) -> Json:
     """The run of a scenario of the user's."""
     measures = {key: run.measures.get(key) for key in _MEASURES}
     outcome = {"name": run.name, "state": run.state, "status": run.status, "message": run.message, "end": run.end}

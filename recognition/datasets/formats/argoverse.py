@@ -255,9 +255,9 @@ def _road(path: Path, site: str, _recording: Recording, folder: Path) -> SiteRoa
     Raises:
         InvalidFile: the map has no lane segments, or malformed ones.
     """
-    from xodr.lanelet2 import Lanelet, Neighbour
+    from xodr.lanelet2 import Lanelet, LaneletNeighbour
     from xodr.lanelet2.lanelet import lengths
-    from xodr.lanelet2.reader import Area
+    from xodr.lanelet2.reader import Crosswalk
 
     if not path.is_file():
         raise InvalidFile("this map is not there, so the roads are unknown; --road names another one", path=path)
@@ -272,11 +272,11 @@ def _road(path: Path, site: str, _recording: Recording, folder: Path) -> SiteRoa
         raise InvalidFile("no lane segment has a length", path=path, element="lane_segments")
     chords = {name: sum(line[-1] - line[0] for line in bounds[name]) for name in known}
 
-    def beside(name: str, side: str) -> Neighbour | None:
+    def beside(name: str, side: str) -> LaneletNeighbour | None:
         other = segments[name].get(f"{side}_neighbor_id")
         if other is None or str(other) not in known:
             return None
-        return Neighbour(str(other), bool(chords[name] @ chords[str(other)] > 0.0))
+        return LaneletNeighbour(str(other), bool(chords[name] @ chords[str(other)] > 0.0))
 
     def links(name: str, key: str) -> tuple[str, ...]:
         refs = value(segments[name], key, list, path, f"lane segment {name}")
@@ -291,7 +291,7 @@ def _road(path: Path, site: str, _recording: Recording, folder: Path) -> SiteRoa
         for name, one in segments.items() if name in known
     ]  # fmt: skip
     crosswalks = [
-        Area(name, np.concatenate([points(one, "edge1", path, name), points(one, "edge2", path, name)[::-1]]))
+        Crosswalk(name, np.concatenate([points(one, "edge1", path, name), points(one, "edge2", path, name)[::-1]]))
         for name, one in named(document, "pedestrian_crossings", path, "map of Argoverse 2", optional=True).items()
     ]
     notes = [

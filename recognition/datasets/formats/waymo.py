@@ -214,7 +214,7 @@ def _road(path: Path, _recording: Recording, folder: Path) -> SiteRoad:
     """
     from xodr.lanelet2.centre_lines import CentreLine, lanelets_of
     from xodr.lanelet2.lanelet import lengths
-    from xodr.lanelet2.reader import Area
+    from xodr.lanelet2.reader import Crosswalk
 
     document = read_object(path)
     lit = {*_lit_lanes(document, path)}
@@ -224,7 +224,7 @@ def _road(path: Path, _recording: Recording, folder: Path) -> SiteRoad:
         if kind in _EDGES:
             edges.append(points(one, "geometry", path, element))
         elif kind == "crosswalk":
-            crosswalks.append(Area(name, points(one, "geometry", path, element)))
+            crosswalks.append(Crosswalk(name, points(one, "geometry", path, element)))
         elif kind == "lane":
             line, number = points(one, "geometry", path, element), one.get("map_element_id")
             if number not in _LANE_TYPES:

@@ -20,7 +20,7 @@ from xodr.model import NO_WIDTH, PERMANENT, TEMPORARY, RoadMark
 if TYPE_CHECKING:
     from runner.recording import LogEntry
     from xodr.geometry import Profile
-    from xodr.model import Corner, Junction, LaneSection, RoadObject, Structure
+    from xodr.model import Junction, LaneSection, OutlineCorner, RoadObject, Structure
     from xodr.network import RoadNetwork
     from xodr.road import Road
 
@@ -345,7 +345,7 @@ def _blocks(road: Road, thing: RoadObject, usual: float) -> list[Block]:
     return [Block(_placed(road, thing, points), height)]
 
 
-def _outline(road: Road, thing: RoadObject, corners: tuple[Corner, ...]) -> Line:
+def _outline(road: Road, thing: RoadObject, corners: tuple[OutlineCorner, ...]) -> Line:
     points = np.array([(corner.u, corner.v, corner.z) for corner in corners])
     if not corners[0].on_road:
         return _placed(road, thing, points)

@@ -23,7 +23,7 @@ from xosc import maneuvers
 from xosc.document import Document
 from xosc.exports import standard
 from xosc.exports.draft import DEFAULTS, Draft, Folder
-from xosc.maneuvers import Header
+from xosc.maneuvers import FileHeader
 from xosc.maneuvers.entities import Number
 
 LOGICAL = "cut_in_highway"
@@ -71,7 +71,9 @@ def _document(path: Path, space: Space, setting: Setting) -> Document:
     stop = [[maneuvers.collision(EGO, _ACTOR)], [maneuvers.simulation_time(f"${TIME}", "greaterOrEqual")]]
     return maneuvers.scenario(
         path,
-        Header("A vehicle cuts in from the left in front of the ego along a trajectory, on a straight motorway", AUTHOR, _DATE),
+        FileHeader(
+            "A vehicle cuts in from the left in front of the ego along a trajectory, on a straight motorway", AUTHOR, _DATE
+        ),
         road=f"../../xodr/library/{_PLACE.file}.xodr",
         entities={name: maneuvers.reference("vehicle_catalog", "car") for name in (EGO, _ACTOR)},
         init={

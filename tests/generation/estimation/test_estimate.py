@@ -84,7 +84,7 @@ def searched(seed: int) -> Known:
 
 
 def test_runs_of_before_make_the_proposal_without_a_twin() -> None:
-    found = [estimate(PRIOR, failing, failing, searched(seed), None, EstimateSettings(300, seed)) for seed in range(4)]
+    found = [estimate(PRIOR, failing, failing, searched(seed), None, EstimateSettings(300, seed)) for seed in range(2)]
     chances = [each.probabilities[FAILURE] for each in found]
     assert all(each.interval[0] <= TRUTH <= each.interval[1] for each in chances)
     assert np.mean([each.variation for each in chances]) < 0.15

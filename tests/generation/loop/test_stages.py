@@ -14,19 +14,19 @@ from generation.loop.findings import (
     CarefulDriver,
     CaseVerdict,
     Checked,
+    DensitySource,
     EdgeCase,
     Finding,
     Labelled,
     LabelledScenario,
     LoopResult,
     Measured,
-    Prior,
     Ran,
-    Range,
     Recognised,
     Refused,
-    Run,
     Searched,
+    SearchRange,
+    ShownRun,
     Stage,
     closing,
     summary,
@@ -36,14 +36,16 @@ from schemas.common.errors import UsageError
 
 COUNT = Stage("count")
 CASE = EdgeCase("a.xosc", None, {"Gap": 5.0}, CaseVerdict.COLLISION, CarefulDriver.AVOIDS, -1.5, 0.25)
-RUN = Run("a", "failed", "completed", "collision with Lead at 2.00 s", 3.0, {"min_ttc": None}, "round_1/runs/a/replay.html#t=1")
+RUN = ShownRun(
+    "a", "failed", "completed", "collision with Lead at 2.00 s", 3.0, {"min_ttc": None}, "round_1/runs/a/replay.html#t=1"
+)
 FINDINGS: list[tuple[Finding, str]] = [
     (Recognised(classes={"highway cut in": 2}, states={"known": 2}), "2 scenarios recognised: 2 known"),
     (Measured(kinds={"cut_in": 3}, failures={"b": "no such file"}), "manoeuvres measured: 3 cut_in"),
     (
         Searched(
-            round=1, target="cut_in", title="highway cut in", scenario="cut_in_highway", prior=Prior(40, own=True),
-            parameters=[Range("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20, failed_runs=1, run_error="no lane",
+            round=1, target="cut_in", title="highway cut in", scenario="cut_in_highway", prior=DensitySource(40, own=True),
+            parameters=[SearchRange("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20, failed_runs=1, run_error="no lane",
             collisions=5, distinct=4, new=3, cases=[CASE], failed=[[5.0]], real=[[4.0]], tried=[[5.0]],
         ),
         "highway cut in: 20 runs (1 with errors or inconclusive, mostly: no lane), "
@@ -51,7 +53,7 @@ FINDINGS: list[tuple[Finding, str]] = [
         "case written; density of 40 manoeuvres of these recordings",
     ),
     (
-        Searched(round=1, target="x", title="x", scenario="x", prior=Prior(40, own=False), error="no box"),
+        Searched(round=1, target="x", title="x", scenario="x", prior=DensitySource(40, own=False), error="no box"),
         "x was not searched: no box",
     ),
     (Ran(files={"a.xosc": [RUN]}), "1 run: 0 passed, 1 failed, 0 inconclusive, 0 with errors"),

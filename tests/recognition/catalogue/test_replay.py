@@ -22,7 +22,7 @@ from tests.recognition import motorway
 from xosc import maneuvers
 from xosc.versions import Version
 
-HEADER = maneuvers.Header("a test", "a tester", datetime(2000, 1, 1))
+HEADER = maneuvers.FileHeader("a test", "a tester", datetime(2000, 1, 1))
 
 
 @pytest.fixture(scope="module")

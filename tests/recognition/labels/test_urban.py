@@ -12,7 +12,7 @@ from recognition.sites import Role, Site
 from runner.recording import Track
 from tests.recognition.driving import STEP, ahead, labels, of, sideways, site, track
 from xodr.builders import RoadMap, sharp_curve
-from xodr.lanelet2 import Lanelet, Neighbour, build
+from xodr.lanelet2 import Lanelet, LaneletNeighbour, build
 
 SECONDS = 10.0
 
@@ -118,7 +118,7 @@ def test_a_lane_change_beside_a_side_street_counts(tmp_path: Path) -> None:
     lanelets = [
         Lanelet(
             name, *(np.array([(start, y), (end, y)]) for y in (top, top - 3.5)), successors=after,
-            beside_right=Neighbour(right, True) if right else None,
+            beside_right=LaneletNeighbour(right, True) if right else None,
         )
         for name, start, end, top, right, after in (
             ("a", 0.0, 120.0, 1.75, "b", ("c",)), ("b", 0.0, 120.0, -1.75, "", ("d", "off")),
@@ -137,7 +137,7 @@ def test_a_way_into_another_lane_of_the_same_road_is_not_crossed(tmp_path: Path)
     rows = [
         Lanelet(
             name, *(np.array([(start, y), (end, y)]) for y in (top, top - 3.5)), successors=after,
-            beside_right=Neighbour(right, True) if right else None,
+            beside_right=LaneletNeighbour(right, True) if right else None,
         )
         for name, start, end, top, right, after in (
             ("a", 0.0, 100.0, 1.75, "b", ("c",)), ("b", 0.0, 100.0, -1.75, "", ("d",)),

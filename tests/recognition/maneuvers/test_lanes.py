@@ -27,7 +27,7 @@ from schemas.common.errors import InvalidFile, Unsupported
 from tests.recognition import motorway as m
 from xosc import maneuvers
 
-HEADER = maneuvers.Header("a test", "a tester", datetime(2000, 1, 1))
+HEADER = maneuvers.FileHeader("a test", "a tester", datetime(2000, 1, 1))
 AT = Span(5.0, 6.0, 7.0)
 
 

@@ -26,7 +26,7 @@ from tests.recognition.driving import STEP, route, site, track
 from xodr.builders import four_way_intersection
 from xosc import maneuvers
 
-HEADER = maneuvers.Header("a test", "a tester", datetime(2000, 1, 1))
+HEADER = maneuvers.FileHeader("a test", "a tester", datetime(2000, 1, 1))
 INSIDE = 6.25
 """When a car that begins 50 m before the junction at 8 m/s enters it, s."""
 WAYS = {"left": ("1", "103"), "oncoming": ("3", "107"), "from the left": ("4", "111"), "behind": ("1", "102")}

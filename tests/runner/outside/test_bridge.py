@@ -22,7 +22,7 @@ from runner.sut.bridge import Bridge, answer_of
 from runner.sut.commanded import Scripted
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.osi_rules import breaches
-from schemas.osi_traces import Frame
+from schemas.osi_traces import TraceMessage
 from tests.commands import Command
 from tests.conformance.support import at, track
 from tests.runner.files import distribution, scenario
@@ -124,7 +124,7 @@ def test_messages_are_ground_truth(tmp_path: Path, port: int) -> None:
     with client(port, braking) as seen:
         result = runner.run(scenario(tmp_path, stop=1.0), world="kinematic", sut=Bridge(port))
     messages = [truth for _, truth in seen[1:]]
-    assert list(breaches([Frame(1, messages[0], messages[0])])) == []
+    assert list(breaches([TraceMessage(1, messages[0], messages[0])])) == []
     assert not messages[1].lane
     for message, exported in zip(messages, ground_truths(result), strict=False):
         assert message.timestamp == exported.timestamp

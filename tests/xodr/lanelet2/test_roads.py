@@ -18,7 +18,7 @@ import xodr
 from schemas.common.errors import UsageError
 from tests.xodr.lanelet2.lanelet_maps import WIDTH, LaneletMap, fork, four_way, merge, ring, straight, turn, two_lanes
 from xodr import sumo_net
-from xodr.lanelet2 import Conversion, Lanelet, Neighbour, build, convert
+from xodr.lanelet2 import Conversion, Lanelet, LaneletNeighbour, build, convert
 from xodr.lanelet2.conversion import deviation
 from xodr.lanelet2.reader import read_lanelets
 
@@ -201,8 +201,8 @@ def test_lanes_that_do_not_end_abreast_go_on_where_each_ends(tmp_path: Path) -> 
 def test_lanelets_need_no_file() -> None:
     left, middle, right = (np.array(straight((0.0, 0.0), (40.0, 0.0), t)) for t in (3.0, 0.0, -3.0))
     lanelets = [
-        Lanelet("a", left, middle, beside_right=Neighbour("b", True)),
-        Lanelet("b", middle, right, beside_left=Neighbour("a", True), type="biking", speed_limit=5.0),
+        Lanelet("a", left, middle, beside_right=LaneletNeighbour("b", True)),
+        Lanelet("b", middle, right, beside_left=LaneletNeighbour("a", True), type="biking", speed_limit=5.0),
     ]
     built = build(lanelets, "by hand")
     assert built.lanelets == {"a": ("1", -1), "b": ("1", -2)}
@@ -211,7 +211,7 @@ def test_lanelets_need_no_file() -> None:
 
 def test_declared_neighbours_that_are_apart_are_two_roads() -> None:
     left, right = (np.array(straight((0.0, 0.0), (40.0, 0.0), t)) for t in (3.0, 0.0))
-    lanelets = [Lanelet("a", left, right, beside_right=Neighbour("b", True)), Lanelet("b", right - (0, 2), right - (0, 5))]
+    lanelets = [Lanelet("a", left, right, beside_right=LaneletNeighbour("b", True)), Lanelet("b", right - (0, 2), right - (0, 5))]
     built = build(lanelets, "apart")
     assert len(built.map.roads) == 2
     assert "a and b" in built.notes[0]
@@ -238,7 +238,10 @@ def test_curves_keep_their_borders(
     ends = (0.0, 0.0, headings[0]), (length, 0.0, headings[1])
     lines = [np.array(turn(*ends, (lanes / 2 - index) * width, int(length))) for index in range(lanes + 1)]
     assume(min(np.hypot(*np.diff(line, axis=0).T).min() for line in lines) > 0.3)  # else too sharp for a road of that width
-    row = [Lanelet(f"{n}", lines[n], lines[n + 1], beside_left=Neighbour(f"{n - 1}", True) if n else None) for n in range(lanes)]
+    row = [
+        Lanelet(f"{n}", lines[n], lines[n + 1], beside_left=LaneletNeighbour(f"{n - 1}", True) if n else None)
+        for n in range(lanes)
+    ]
     built = build(row, "curve")
     assert built.lanelets == {f"{number}": ("1", -number - 1) for number in range(lanes)}
     network = xodr.load(built.map.write(tmp_path_factory.getbasetemp() / "curve.xodr"))
@@ -319,7 +322,7 @@ def test_lanes_meet_where_several_end_and_several_begin(tmp_path: Path) -> None:
 
 def test_a_road_whose_second_lane_ends_leads_on_from_its_reference_line(tmp_path: Path) -> None:
     lanelets = [
-        _strip("a", (0.0, 0.0), (50.0, 0.0), beside_right=Neighbour("b", True), successors=("c",)),
+        _strip("a", (0.0, 0.0), (50.0, 0.0), beside_right=LaneletNeighbour("b", True), successors=("c",)),
         _strip("b", (0.0, -3.5), (50.0, -3.5)),
         _strip("c", (50.0, 0.0), (120.0, 0.0)),
     ]

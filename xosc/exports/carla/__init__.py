@@ -18,7 +18,7 @@ from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.omissions import leave_out, omit, refuse, remarks
 from xosc.exports.references import take_roads
 from xosc.exports.shapes import earlier, in_world, polylines, to_init
-from xosc.exports.starts import Geometry, Start, as_expected, as_started, starts
+from xosc.exports.starts import InitialState, RoadGeometry, as_expected, as_started, starts
 from xosc.node import Node
 
 TARGETS = {"carla": "the part of 1.0 that CARLA's scenario_runner reads"}
@@ -64,7 +64,7 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
     return draft.write()
 
 
-def prepare(scenario: Document, geometry: Geometry, draft: Draft) -> Mapping[str, Start]:
+def prepare(scenario: Document, geometry: RoadGeometry, draft: Draft) -> Mapping[str, InitialState]:
     """Say what scenario_runner has no word for by what the roads make of it, in place; the initial states of all entities.
 
     Raises:

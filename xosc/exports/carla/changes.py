@@ -24,7 +24,7 @@ from xosc.carla import FLAG
 from xosc.document import Document
 from xosc.exports.carla.ways import follow_on
 from xosc.exports.omissions import Rule, leave_out
-from xosc.exports.starts import Geometry, Start, State, actors, beside, target_speed
+from xosc.exports.starts import InitialState, RoadGeometry, State, actors, beside, target_speed
 from xosc.names import EGO_NAME
 from xosc.node import TO_RIGHT, Node
 from xosc.road_files import RoadFile
@@ -168,7 +168,7 @@ def _within(position: Node, length: float | None) -> Iterator[str]:
 _UNKNOWN = "scenario_runner's value is to the right of the traffic, and which side that is is known only when it runs"
 
 
-def change_sides(scenario: Node, known: Mapping[str, Start]) -> None:
+def change_sides(scenario: Node, known: Mapping[str, InitialState]) -> None:
     """Change signs and attributes, in place.
 
     Args:
@@ -198,7 +198,7 @@ def _negate(node: Node, name: str) -> None:
         node.element.set(name, repr(-node.float(name)))
 
 
-def _faces_s(target: Node, known: Mapping[str, Start]) -> bool:
+def _faces_s(target: Node, known: Mapping[str, InitialState]) -> bool:
     """Whether the entities of an action drive on lanes towards +s, as far as where they start says it."""
     sides = {known[name].lane < 0 for name in actors(target) if name in known and known[name].road is not None}
     if len(sides) != 1:
@@ -225,7 +225,7 @@ _SLOPES = {"linear": 1.0, "sinusoidal": math.pi / 2, "cubic": 1.5}
 _Elements = list[etree._Element]
 
 
-def change(document: Document, known: Mapping[str, Start], state: State, network: Path | None) -> list[str]:
+def change(document: Document, known: Mapping[str, InitialState], state: State, network: Path | None) -> list[str]:
     """Make all changes; remarks on those that are approximations.
 
     Args:
@@ -258,10 +258,10 @@ def change(document: Document, known: Mapping[str, Start], state: State, network
     return [remark for remark in remarks if remark]
 
 
-def _on_lane(position: Node, known: Mapping[str, Start], roads: _Elements) -> None:
+def _on_lane(position: Node, known: Mapping[str, InitialState], roads: _Elements) -> None:
     """The lane that a first position comes to: scenario_runner measures ds with the traffic, the standard with the road."""
     private = next((each for each in position.element.iterancestors() if each.tag == "Private"), None)
-    start = known[private.get("entityRef", "")] if private is not None else Start()
+    start = known[private.get("entityRef", "")] if private is not None else InitialState()
     lengths = {road.get("id"): float(road.get("length", "0")) for road in roads}
     if start.road is None or not 0.0 <= start.s <= lengths.get(start.road, 0.0):
         raise position.unsupported("scenario_runner measures ds with the traffic of a lane, and here that is not known")
@@ -280,7 +280,7 @@ def _speed(action: Node, state: State) -> str:
     dynamics = action.need("SpeedActionDynamics")
     if dynamics.get("dynamicsDimension") != "rate" or dynamics.get("dynamicsShape") == "step":
         return ""
-    speeds = {(state(action, name) or Start()).speed for name in actors(action)}
+    speeds = {(state(action, name) or InitialState()).speed for name in actors(action)}
     speed = next(iter(speeds)) if len(speeds) == 1 else None
     rate, target = abs(dynamics.float("value")), target_speed(action, state)
     if target is None or speed is None or (not rate and not math.isclose(target, speed)):
@@ -331,7 +331,7 @@ def _hero(document: Document) -> str:
     return ""
 
 
-def change_lanes(document: Document, state: State, network: Path | None, geometry: Geometry | None) -> Iterator[str]:
+def change_lanes(document: Document, state: State, network: Path | None, geometry: RoadGeometry | None) -> Iterator[str]:
     """Make the changes, in place; remarks on those that are approximations.
 
     Args:
@@ -352,13 +352,13 @@ def change_lanes(document: Document, state: State, network: Path | None, geometr
             yield follow_on(action, document.node, geometry, error)
 
 
-def _change(action: Node, scenario: Node, state: State, left_hand: bool, geometry: Geometry | None) -> Iterator[str]:
+def _change(action: Node, scenario: Node, state: State, left_hand: bool, geometry: RoadGeometry | None) -> Iterator[str]:
     doing = actors(action)
     if len(doing) != 1:
         raise action.unsupported("scenario_runner changes lanes of one entity, which Init places")
     if abs(action.float("targetLaneOffset", 0.0)) > ASIDE:
         raise action.unsupported("scenario_runner has no offset here")
-    now, target = state(action, doing[0]) or Start(), action.need("LaneChangeTarget").only()
+    now, target = state(action, doing[0]) or InitialState(), action.need("LaneChangeTarget").only()
     steps = target.int("value")
     if target.get("entityRef", None) != doing[0]:
         steps = _steps(target, now, state(action, target.get("entityRef", "")), left_hand)
@@ -371,7 +371,7 @@ def _change(action: Node, scenario: Node, state: State, left_hand: bool, geometr
     target.element.attrib.update({"entityRef": doing[0], "value": str(steps)})
 
 
-def _steps(target: Node, now: Start, other: Start | None, left_hand: bool) -> int:
+def _steps(target: Node, now: InitialState, other: InitialState | None, left_hand: bool) -> int:
     """Return the number of lanes to its own left that an entity on a known lane changes."""
     unknown = "scenario_runner counts lanes from the actor's own, which is known only when it runs"
     if now.road is None or (target.tag != "AbsoluteTargetLane" and (other is None or other.road != now.road)):
@@ -386,7 +386,7 @@ def _steps(target: Node, now: Start, other: Start | None, left_hand: bool) -> in
     return facing * (lane - now.lane)
 
 
-def _over_distance(action: Node, actor: str, now: Start, geometry: Geometry | None) -> Iterator[str]:
+def _over_distance(action: Node, actor: str, now: InitialState, geometry: RoadGeometry | None) -> Iterator[str]:
     """A time as the distance that the speed makes of it, a rate as the one that the change takes in a run."""
     dynamics = action.need("LaneChangeActionDynamics")
     dimension, value = dynamics.get("dynamicsDimension"), dynamics.float("value")
@@ -407,7 +407,7 @@ def _over_distance(action: Node, actor: str, now: Start, geometry: Geometry | No
     dynamics.element.attrib.update({"dynamicsDimension": "distance", "value": repr(distance)})
 
 
-def _driven(action: Node, actor: str, geometry: Geometry) -> float:
+def _driven(action: Node, actor: str, geometry: RoadGeometry) -> float:
     """Return the distance (m) along the road that the actor drives in a run after an action ends; 0 if it stands."""
     begin, end = geometry.begins(action), geometry.ends(action)
     places = geometry.driven(actor, begin, end) if begin is not None and end is not None else []

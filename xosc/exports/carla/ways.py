@@ -22,7 +22,7 @@ from xosc.carla import is_for_carla
 from xosc.document import Document
 from xosc.exports.omissions import leave_out
 from xosc.exports.shapes import first_distances, first_position, polyline, starts_at_once, world_position
-from xosc.exports.starts import Geometry, Place, Start, actors
+from xosc.exports.starts import InitialState, RoadGeometry, Vertex, actors
 from xosc.names import EGO_NAME, meant
 from xosc.node import Node
 
@@ -35,7 +35,7 @@ _READ = ("TeleportAction", "LaneOffsetAction", "LateralDistanceAction", "AssignC
 _WRAPPERS = ("LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction")
 
 
-def begin(document: Document, known: Mapping[str, Start]) -> Iterator[str]:
+def begin(document: Document, known: Mapping[str, InitialState]) -> Iterator[str]:
     """Change the Init of a worked-out scenario, in place; remarks.
 
     Args:
@@ -52,7 +52,7 @@ def begin(document: Document, known: Mapping[str, Start]) -> Iterator[str]:
                 _remove(private)
 
 
-def _place(private: Node, start: Start) -> Iterator[str]:
+def _place(private: Node, start: InitialState) -> Iterator[str]:
     """The first position: on the lane where it is in its middle, else in the world."""
     holders = [action.need("Position") for action in private.iter("TeleportAction")]
     if not holders:
@@ -68,7 +68,7 @@ def _place(private: Node, start: Start) -> Iterator[str]:
     holders[-1].element.replace(position.element, first_position(start))
 
 
-def _teleport(start: Start) -> etree._Element:
+def _teleport(start: InitialState) -> etree._Element:
     action = etree.Element("PrivateAction")
     etree.SubElement(etree.SubElement(action, "TeleportAction"), "Position").append(first_position(start))
     return action
@@ -79,7 +79,7 @@ def _is_plain(position: Node) -> bool:
     return on_lane or position.tag == "WorldPosition"
 
 
-def _rest(private: Node, start: Start, scenario: Node) -> Iterator[str]:
+def _rest(private: Node, start: InitialState, scenario: Node) -> Iterator[str]:
     """All other actions: speeds that are set at once become absolute, what scenario_runner does not read here goes on later."""
     for holder in private.children("PrivateAction"):
         action = _inside(holder)
@@ -92,7 +92,7 @@ def _rest(private: Node, start: Start, scenario: Node) -> Iterator[str]:
             yield f"{action.where}: {action.tag}: it is done by a story at the beginning, scenario_runner has it in stories only"
 
 
-def _speed(holder: Node, action: Node, start: Start, scenario: Node) -> Iterator[str]:
+def _speed(holder: Node, action: Node, start: InitialState, scenario: Node) -> Iterator[str]:
     target, speed = action.need("SpeedActionTarget").only(), start.speed or 0.0
     step = action.need("SpeedActionDynamics").get("dynamicsShape") == "step"
     if step and not target.bool("continuous", False) and speed >= 0.0:
@@ -163,7 +163,7 @@ def _remove(node: Node) -> None:
 _WAITS = "scenario_runner waits for the delay first, and looks at the condition then"
 
 
-def no_delays(document: Document, geometry: Geometry | None) -> Iterator[str]:
+def no_delays(document: Document, geometry: RoadGeometry | None) -> Iterator[str]:
     """Say delays by times, in place; remarks on those that a run gives.
 
     Raises:
@@ -181,7 +181,7 @@ def no_delays(document: Document, geometry: Geometry | None) -> Iterator[str]:
         condition.element.set("delay", "0")
 
 
-def _as_run(condition: Node, scenario: Node, geometry: Geometry | None) -> str:
+def _as_run(condition: Node, scenario: Node, geometry: RoadGeometry | None) -> str:
     """The time at which what the condition alone starts begins in a run, where the condition is not about the ego."""
     around = list(condition.element.iterancestors("StartTrigger", "Event", "Act"))
     if geometry is None or not around or around[0].tag != "StartTrigger":
@@ -208,7 +208,7 @@ _OVERRIDES = {
 }  # fmt: skip
 
 
-def follow(places: Sequence[Place], *, timed: bool) -> etree._Element:
+def follow(places: Sequence[Vertex], *, timed: bool) -> etree._Element:
     """An element RoutingAction that follows a trajectory; with times, if they count, from its start."""
     routing = etree.Element("RoutingAction")
     action = etree.SubElement(routing, "FollowTrajectoryAction")
@@ -284,7 +284,7 @@ _JUMP = 2.0
 """Ratio of a displacement to the next one above which it counts as a teleport."""
 
 
-def trajectories(document: Document, geometry: Geometry) -> Iterator[str]:
+def trajectories(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     """Say trajectories that depend on what happens, or begin inside, by the way that their actor takes, in place; remarks."""
     relative = () if is_for_carla(document.node) else _MOVING
     for action in list(document.node.iter("FollowTrajectoryAction")):
@@ -294,7 +294,7 @@ def trajectories(document: Document, geometry: Geometry) -> Iterator[str]:
             yield from _as_driven(action, geometry, timed=timing is not None)
 
 
-def profiles(document: Document, geometry: Geometry) -> Iterator[str]:
+def profiles(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     """Replace speed profiles independent of other entities by timed trajectories, if nothing else moves the actor; remarks."""
     stories = document.node.need("Storyboard").children("Story")
     for action in [each for story in stories for each in story.iter("SpeedProfileAction")]:
@@ -305,7 +305,7 @@ def profiles(document: Document, geometry: Geometry) -> Iterator[str]:
             yield from _as_driven(action, geometry, timed=True)
 
 
-def kept_distances(document: Document, geometry: Geometry) -> Iterator[str]:
+def kept_distances(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     """Say distances that 1.0 has no word for, kept among others than the ego, by ways and times, in place; remarks."""
     scenario = document.node
     for action in [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(_DISTANCE)]:
@@ -319,20 +319,20 @@ def kept_distances(document: Document, geometry: Geometry) -> Iterator[str]:
         yield from _written(action, doing[0], geometry.driven(doing[0], begin, until), timed=True)
 
 
-def _begin(action: Node, geometry: Geometry) -> float | None:
+def _begin(action: Node, geometry: RoadGeometry) -> float | None:
     """When (s) an action begins in a run; None where it doesn't."""
     first = starts_with_scenario(action) or any(True for _ in action.element.iterancestors("Init"))
     return 0.0 if first else geometry.begins(action)
 
 
-def _led(entity: str, since: float, scenario: Node, geometry: Geometry, kinds: Sequence[str]) -> float:
+def _led(entity: str, since: float, scenario: Node, geometry: RoadGeometry, kinds: Sequence[str]) -> float:
     """When (s), after a time, the next of some kinds of actions leads an entity in a run; infinity where none does."""
     others = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(*kinds)]
     later = (geometry.begins(each) for each in others if entity in actors(each))
     return min((time for time in later if time is not None and time > since), default=math.inf)
 
 
-def _as_driven(action: Node, geometry: Geometry, *, timed: bool) -> Iterator[str]:
+def _as_driven(action: Node, geometry: RoadGeometry, *, timed: bool) -> Iterator[str]:
     """Say an action of one actor by its way from the action's begin to its end, where it begins in a run; the remark."""
     begin, end, doing = geometry.begins(action), geometry.ends(action), actors(action)
     if begin is None or len(doing) != 1:
@@ -340,7 +340,7 @@ def _as_driven(action: Node, geometry: Geometry, *, timed: bool) -> Iterator[str
     yield from _written(action, doing[0], geometry.driven(doing[0], begin, end if end is not None else math.inf), timed=timed)
 
 
-def _written(action: Node, entity: str, driven: Sequence[Place], *, timed: bool) -> Iterator[str]:
+def _written(action: Node, entity: str, driven: Sequence[Vertex], *, timed: bool) -> Iterator[str]:
     """Say an action by the way of its actor, where there is one; the remark."""
     places, where = _from_its_start(driven), action.where
     if len(places) > 1:
@@ -348,7 +348,7 @@ def _written(action: Node, entity: str, driven: Sequence[Place], *, timed: bool)
         yield f"{where}: {action.tag}: written as the way that {entity} takes in a run without a system under test"
 
 
-def teleports(document: Document, geometry: Geometry) -> Iterator[str]:
+def teleports(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     """Say positions to which stories put an actor, and which depend on what happens, by where they are, in place; remarks."""
     if is_for_carla(document.node):
         return
@@ -361,7 +361,7 @@ def teleports(document: Document, geometry: Geometry) -> Iterator[str]:
                 yield f"{position.where}: {position.tag}: written as the place where it is in a run without a system under test"
 
 
-def follow_on(action: Node, scenario: Node, geometry: Geometry, refusal: Unsupported) -> str:
+def follow_on(action: Node, scenario: Node, geometry: RoadGeometry, refusal: Unsupported) -> str:
     """Say a lateral action or a route by the way that its actor takes from there until another action leads it; the remark.
 
     Raises:
@@ -382,12 +382,12 @@ def follow_on(action: Node, scenario: Node, geometry: Geometry, refusal: Unsuppo
     )
 
 
-def _from_its_start(places: Sequence[Place]) -> Sequence[Place]:
+def _from_its_start(places: Sequence[Vertex]) -> Sequence[Vertex]:
     """Return the path of an entity teleported onto a trajectory; it begins one step's distance before the next place."""
     if len(places) < 3 or math.dist(places[0][:3], places[1][:3]) < _JUMP * math.dist(places[1][:3], places[2][:3]) + _APART:
         return places
     x, y, z = (2.0 * a - b for a, b in zip(places[1][:3], places[2][:3], strict=True))
-    return [Place(x, y, z, None, places[0].time), *places[1:]]
+    return [Vertex(x, y, z, None, places[0].time), *places[1:]]
 
 
 def _is_awaited(action: Node, scenario: Node) -> bool:
@@ -397,7 +397,7 @@ def _is_awaited(action: Node, scenario: Node) -> bool:
     return any(each.element in around for state in states for each in meant(state, scenario))
 
 
-def _apart(places: Sequence[Place]) -> list[Place]:
+def _apart(places: Sequence[Vertex]) -> list[Vertex]:
     """Places at some distance from each other, the last one among them."""
     chosen = list(places[:1])
     for place in places[1:]:
@@ -408,7 +408,7 @@ def _apart(places: Sequence[Place]) -> list[Place]:
     return [place._replace(time=0.0) for place in chosen]
 
 
-def _replace(action: Node, places: Sequence[Place], *, timed: bool) -> None:
+def _replace(action: Node, places: Sequence[Vertex], *, timed: bool) -> None:
     holder = next(action.element.iterancestors(*_KINDS))
     parent = holder.getparent()
     assert parent is not None, "it is part of a PrivateAction"
@@ -419,7 +419,7 @@ ROUTES = ("AssignRouteAction", "AcquirePositionAction")
 _STOPS = "scenario_runner stops at routes"
 
 
-def routes(document: Document, geometry: Geometry) -> Iterator[str]:
+def routes(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     """Make trajectories of routes, in place; remarks.
 
     Raises:
@@ -441,7 +441,7 @@ def _is_left_aside(action: Node, scenario: Node) -> bool:
     return any(doing & set(actors(each)) and not _is_first(each) for each in scenario.iter("LateralAction"))
 
 
-def _from_the_beginning(action: Node, scenario: Node, geometry: Geometry) -> str:
+def _from_the_beginning(action: Node, scenario: Node, geometry: RoadGeometry) -> str:
     """Make a trajectory of a route that leads its actors from the beginning on; the remark."""
     ways = {entity: places for entity in actors(action) if (places := geometry.way(action, entity))}
     for entity in ways:
@@ -472,7 +472,7 @@ def _is_first(action: Node) -> bool:
     return any(each.tag == "Init" for each in action.element.iterancestors())
 
 
-def _following(places: Sequence[Place]) -> etree._Element:
+def _following(places: Sequence[Vertex]) -> etree._Element:
     """An action that follows a trajectory without times."""
     action = etree.Element("PrivateAction")
     action.append(follow(places, timed=False))

@@ -173,7 +173,7 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
         InvalidFile: it has no lanelets, or malformed ones.
     """
     from xodr.lanelet2 import Lanelet as Built
-    from xodr.lanelet2 import Neighbour as Beside
+    from xodr.lanelet2 import LaneletNeighbour as Beside
     from xodr.lanelet2 import build
 
     found = lanelets(root)
