@@ -135,19 +135,26 @@ def test_places_beside_others_for_carla_are_those_of_a_run(position: str, tmp_pa
     assert stops_at(xosc.load(copy).root) == [] and distance(path, copy) < 0.01
 
 
-@pytest.mark.parametrize("target", ["1.0", "carla"])
-def test_a_headway_ahead_is_one_along_the_route(target: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("target", "system", "told"),
+    [
+        ("1.0", "entity", "a distance ahead is written as one along the route"),
+        ("carla", "entity", "a distance ahead is written as one along the route"),
+        ("1.0", "lane", "a distance along the road or lane is written as one along the route"),
+    ],
+)
+def test_a_headway_ahead_is_one_along_the_route(target: str, system: str, told: str, tmp_path: Path) -> None:
     path = scenario(tmp_path, stories=story("Lead", [(1.0, speed_action(5))]), stop=6.0)
     text, time = path.read_text(encoding="utf-8"), '<SimulationTimeCondition value="1.0" rule="greaterOrEqual"/>'
     headway = (
         '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/></TriggeringEntities>'
-        '<EntityCondition><TimeHeadwayCondition entityRef="Lead" value="1.5" freespace="false" coordinateSystem="entity" '
-        'relativeDistanceType="longitudinal" rule="lessThan"/></EntityCondition></ByEntityCondition>'
+        '<EntityCondition><TimeHeadwayCondition entityRef="Lead" value="1.5" freespace="false" '
+        f'coordinateSystem="{system}" relativeDistanceType="longitudinal" rule="lessThan"/></EntityCondition></ByEntityCondition>'
     )
     assert time in text
     path.write_text(text.replace(f"<ByValueCondition>{time}</ByValueCondition>", headway), encoding="utf-8")
     copy, remarks = exported(path, target, tmp_path / "out")
-    assert any("a distance ahead is written as one along the route" in remark for remark in remarks)
+    assert any(told in remark for remark in remarks)
     assert distance(path, copy) < 1e-6
 
 

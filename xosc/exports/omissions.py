@@ -251,7 +251,7 @@ def _along_route(condition: etree._Element) -> None:
 
 _NOT_SHOWN = "this version does not have it, and no motion depends on it"
 _COUNTED = "TimeOfDayCondition"
-_ALONG = "[@coordinateSystem='road' and @relativeDistanceType='longitudinal']"
+_ALONG = "[(@coordinateSystem='road' or @coordinateSystem='lane') and @relativeDistanceType='longitudinal']"
 _AHEAD = "[(@coordinateSystem='entity' or not(@coordinateSystem)) and @relativeDistanceType='longitudinal']"
 
 _MOTION = " | ".join(
@@ -343,7 +343,7 @@ OMISSIONS: tuple[Omission, ...] = (
     ),
     Omission(
         (1, 1), " | ".join(f"//{tag}Condition{_ALONG}" for tag in ("TimeHeadway", "TimeToCollision", "Distance")),
-        _along_route, "a distance along the road is written as one along the route",
+        _along_route, "a distance along the road or lane is written as one along the route",
     ),
     Omission(
         (1, 1), f"//TimeHeadwayCondition{_AHEAD}", _along_route, "a distance ahead is written as one along the route",
