@@ -31,7 +31,7 @@ ENTRY_POINTS = ("__init__", "__main__", "cli")
 SHARED_NAMES = frozenset(
     """
     Block Comparison Condition Conflict Contact Control Criterion Crossing Drive Driver Encounter Entity Entry
-    Episode Estimate Event Exposure Finding Flow Frames Guide ImpactSpeed Kind Known Labelled Lane LaneMotion
+    Episode Estimate Event Exposure Finding Flow Frames ImpactSpeed Kind Known Labelled Lane LaneMotion
     Lanelet Limits Maneuver Measure Moment Motion Pairs Parameter Part Participant Piece Policy Pose Problem Profile
     Reading Region Relations Replay Report Reward Role Row Rule Scenario Scene Schedule Shape Site Smoothed Stage
     Steps Table Target Track Tried Unit Vehicle View Written

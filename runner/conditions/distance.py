@@ -13,7 +13,7 @@ from runner.conditions.comparison import TOLERANCE, Comparison
 from runner.contracts.element import EntityCondition, NearCondition
 from runner.contracts.registry import condition
 from runner.participants.entity import Entity
-from runner.spacing import closing, distances
+from runner.spacing import distances
 from runner.spacing.displacement import Separation
 from schemas.common.errors import InvalidFile
 from xosc.node import Node
@@ -73,8 +73,8 @@ class Measure(NamedTuple):
     def closing(self, run: Instant, a: Entity, b: Entity | Placement) -> float | None:
         """Speed at which the distance shrinks, m/s, in the same coordinate system and dimension."""
         if self.kind == "euclidean":
-            return closing.euclidean(a, b, self.freespace)
-        rate = closing.longitudinal if self.kind == "longitudinal" else closing.lateral
+            return distances.closing_euclidean(a, b, self.freespace)
+        rate = distances.closing_longitudinal if self.kind == "longitudinal" else distances.closing_lateral
         return rate(run.roads, a, b, self.system, self.routing)
 
     def named(self, what: str) -> str:

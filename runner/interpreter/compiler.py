@@ -15,9 +15,17 @@ from runner.contracts import registry
 from runner.contracts.element import Action, ByEntityCondition, Condition, PrivateAction
 from runner.criteria.criterion import Criterion, declared
 from runner.interpreter.departures import absence
-from runner.interpreter.storyboard.checks import check_actors, placeable
 from runner.interpreter.storyboard.elements import ActionElement
-from runner.interpreter.storyboard.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
+from runner.interpreter.storyboard.storyboard import (
+    Act,
+    Event,
+    Maneuver,
+    ManeuverGroup,
+    Story,
+    Storyboard,
+    check_actors,
+    placeable,
+)
 from runner.interpreter.storyboard.triggers import OneShotCondition, TimedCondition, Trigger
 from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities

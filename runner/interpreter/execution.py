@@ -15,11 +15,11 @@ from runner.interpreter.departures import Departures, absences, egoless, jolts, 
 from runner.interpreter.drivers import cruise_speed, driver_of, find_ego, is_finite, observe
 from runner.interpreter.result import RunResult
 from runner.interpreter.simulation import Simulation
-from runner.interpreter.storyboard.checks import idleness
 from runner.interpreter.verdict import (
     apply_limits,
     at_beginning,
     criteria_remarks,
+    idleness,
     judge,
     of_run,
     red_light_remarks,

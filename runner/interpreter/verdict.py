@@ -12,13 +12,13 @@ import numpy as np
 from runner.actions.values import ModifyAction, SetAction
 from runner.conditions.by_value import ParameterCondition, SimulationTimeCondition, StoryboardElementStateCondition
 from runner.contracts.element import PrivateAction
-from runner.contracts.run import ElementState, Transition
+from runner.contracts.run import ElementState, Instant, Transition
 from runner.criteria.criterion import Criterion, CriterionResult, judge_criteria, kinds, light_states
 from runner.interpreter.departures import egoless
 from runner.interpreter.drivers import SystemDriver, is_called_ego
 from runner.interpreter.result import Cause, Verdict
 from runner.interpreter.storyboard.elements import ActionElement
-from runner.interpreter.storyboard.storyboard import Act, Event
+from runner.interpreter.storyboard.storyboard import Act, Event, Storyboard
 from runner.measures.measure import Facts
 
 if TYPE_CHECKING:
@@ -99,6 +99,26 @@ def of_run(
         yield Cause("stopped-at-once", f"the run ended at {sim.time:.2f} s, by the end of all stories: no action started")
     elif _out_of_time(sim):
         yield from (Cause("unfinished", text) for text in (*_left_out(sim), *_endless(sim, ego)))
+
+
+def idleness(board: Storyboard, end: Instant) -> Iterator[str]:
+    """One sentence on each reason for which elements can't start any more.
+
+    Args:
+        board: the storyboard as the run has left it.
+        end: the last instant.
+    """
+    waiting: dict[str, list[Act | Event]] = {}
+    elements: list[Act | Event] = [*board.acts, *(event for act in board.acts for event in act.events)]
+    for element in elements:
+        if Transition.START in element.first:
+            continue
+        reason = element.trigger.missed(end) if element.trigger is not None else ""
+        if reason:
+            waiting.setdefault(reason, []).append(element)
+    for reason, (first, *others) in waiting.items():
+        more = f" (and {len(others)} more)" if others else ""
+        yield f"{first.kind} {first.name!r}{more} can't start: {reason} was true too early, and does not rise again"
 
 
 def untested_remarks(sim: Simulation) -> Iterator[str]:

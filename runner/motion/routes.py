@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from runner.contracts.element import Position
 
@@ -102,26 +102,6 @@ def _beginning(network: RoadNetwork, leg: Leg) -> RoadPoint:
     lanes = road.lane_ids(leg.enter)
     along = [lane for lane in lanes if (road.direction(lane, leg.enter) > 0) == leg.forward]
     return road.lane_point(leg.enter, min(along or lanes, key=abs))
-
-
-class Guide(Protocol):
-    """Guide of an entity at junctions (`Entity.route`)."""
-
-    def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
-        """The way on at the end of a road: one of the lanes reached; None to stop there."""
-        ...
-
-    def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
-        """Whether one of the lanes reached at a road's end goes on along the way that is followed."""
-        ...
-
-    def enter(self, road_id: str, forward: bool) -> None:
-        """The entity has come to a road, moving towards its +s or not."""
-        ...
-
-    def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
-        """Distance (m, in s) along the route from one point to another, negative backwards; None where it says nothing."""
-        ...
 
 
 class AssignedRoute:

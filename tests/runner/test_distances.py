@@ -15,8 +15,16 @@ from runner.motion.placement import Placement
 from runner.participants.boxes import box_corners
 from runner.participants.declaration import BoundingBox
 from runner.participants.entity import Entity
-from runner.spacing import closing
-from runner.spacing.distances import bearing, euclidean, footprint, lateral, longitudinal
+from runner.spacing.distances import (
+    bearing,
+    closing_euclidean,
+    closing_lateral,
+    closing_longitudinal,
+    euclidean,
+    footprint,
+    lateral,
+    longitudinal,
+)
 from tests.runner.scene import CAR, drive, put, put_free, scene, vehicle
 
 SIDES = [("straight", -1), ("straight", 1), ("straight_lht", 1), ("straight_lht", -1)]
@@ -180,16 +188,16 @@ def test_closing_speed_is_the_rate_at_which_the_distance_shrinks(kind: str, syst
     ego, other = put(sim, "Ego", -2, 60.0, speed=20.0), put(sim, "Other", -1, 100.0, speed=-5.0)
     other.vx, other.vy = other.vx + 1.0, other.vy + 2.0
     if kind == "euclidean":
-        found: float | None = closing.euclidean(ego, other, False)
+        found: float | None = closing_euclidean(ego, other, False)
     else:
-        found = (closing.longitudinal if kind == "longitudinal" else closing.lateral)(sim.roads, ego, other, system, "undefined")
+        found = (closing_longitudinal if kind == "longitudinal" else closing_lateral)(sim.roads, ego, other, system, "undefined")
     assert found == pytest.approx(_rate(sim, ego, other, kind, system, False), rel=1e-3, abs=1e-3)
 
 
 def test_boxes_close_with_the_speed_of_their_nearest_points() -> None:
     sim = scene("Ego", "Other", road=None)
     ego, other = put_free(sim, "Ego", 0.0, 0.0, speed=10.0), put_free(sim, "Other", 30.0, 1.0, speed=2.0)
-    assert closing.euclidean(ego, other, True) == pytest.approx(8.0, rel=1e-6)
+    assert closing_euclidean(ego, other, True) == pytest.approx(8.0, rel=1e-6)
 
 
 def test_a_box_without_length_is_a_point() -> None:
@@ -208,4 +216,4 @@ def test_trajectory_freespace_takes_the_box_along_the_tangent() -> None:
     assert lateral(sim.roads, ego, other, "trajectory", True) == pytest.approx(1.0)
     drive(ego, 20.0)
     drive(other, 5.0)
-    assert closing.longitudinal(sim.roads, ego, other, "trajectory", "undefined") == pytest.approx(15.0)
+    assert closing_longitudinal(sim.roads, ego, other, "trajectory", "undefined") == pytest.approx(15.0)
