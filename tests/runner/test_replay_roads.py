@@ -133,7 +133,7 @@ def test_a_cross_path_is_a_crosswalk_and_the_boundary_of_its_junction_a_closed_l
     edges = marks(network, EVERYWHERE)[Marks("unmarked", "standard", 0.12)]
     (boundary,) = [Polygon(line[:, :2]) for line in edges if np.array_equal(line[0], line[-1])]
     assert boundary.equals(Polygon([(40, -5.5), (60, -5.5), (60, 5.5), (40, 5.5)]))
-    assert boundary.exterior.is_ccw
+    assert boundary.exterior.is_ccw and boundary.exterior.length == pytest.approx(62.0)
 
 
 def test_temporary_marks_are_yellow_and_lie_above_the_permanent_ones(tmp_path: Path) -> None:
