@@ -15,8 +15,7 @@ from runner.contracts.run import ElementState, StoryboardElement, Transition
 from runner.surroundings import read_date
 from schemas.values import Value, number
 from schemas.values import holds as compare
-from xosc.names import names_of, nearest
-from xosc.node import Node
+from xosc.node import Node, names_of, nearest
 from xosc.parameters import typed_value
 from xosc.rules.values import DECLARED_TYPE_UID
 

@@ -21,7 +21,7 @@ from runner.motion.routes import AssignedRoute, Route
 from runner.motion.trajectories import Track, Trajectory
 from runner.participants.scenario_objects import read_entities
 from xosc.exports.starts import InitialState, Pose, Vertex
-from xosc.names import STORYBOARD
+from xosc.node import STORYBOARD
 from xosc.resolve import resolve
 
 if TYPE_CHECKING:

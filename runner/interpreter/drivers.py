@@ -32,7 +32,7 @@ from runner.sut import System, system_name
 from runner.sut.base import PEDAL, Control, Observation, Pose, SystemUnderTest, WorldDriven, seen
 from runner.worlds.base import DriverRequest
 from schemas.common.errors import ToolchainError, UsageError, blame
-from xosc.names import EGO_NAME
+from xosc.node import EGO_NAME
 
 if TYPE_CHECKING:
     from runner.contracts.run import Run

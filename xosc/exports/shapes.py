@@ -16,8 +16,7 @@ from lxml import etree
 from xosc.document import Document
 from xosc.exports.omissions import leave_out
 from xosc.exports.starts import InitialState, RoadGeometry, State, Vertex, actors
-from xosc.names import meant
-from xosc.node import Node
+from xosc.node import Node, meant
 
 HOLDERS = ("Position", "TargetPosition", "TargetPositionMaster")
 """Elements that hold one position."""

@@ -25,8 +25,7 @@ from xosc.document import Document
 from xosc.exports.carla.ways import follow_on
 from xosc.exports.omissions import Rule, leave_out
 from xosc.exports.starts import InitialState, RoadGeometry, State, actors, beside, target_speed
-from xosc.names import EGO_NAME
-from xosc.node import TO_RIGHT, Node
+from xosc.node import EGO_NAME, TO_RIGHT, Node
 from xosc.road_files import RoadFile
 
 # what scenario_runner 0.9.16 stops at, leaves out, reads otherwise or accepts -------------------

@@ -23,8 +23,7 @@ from xosc.document import Document
 from xosc.exports.omissions import leave_out
 from xosc.exports.shapes import first_distances, first_position, polyline, starts_at_once, world_position
 from xosc.exports.starts import InitialState, RoadGeometry, Vertex, actors
-from xosc.names import EGO_NAME, meant
-from xosc.node import Node
+from xosc.node import EGO_NAME, Node, meant
 
 # the beginning of a scenario --------------------------------------------------------------------
 
