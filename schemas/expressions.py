@@ -96,7 +96,7 @@ def literal(value: Value) -> str:
 
 
 def finite(value: Number, operator: str) -> Number:
-    """Integers beyond those that a double holds exactly become doubles, which bounds their size."""
+    """Integers that a double does not hold exactly become doubles, which bounds their size."""
     if isinstance(value, int):
         return value if -EXACT_INTEGERS < value < EXACT_INTEGERS else float(value)
     if not -LARGEST <= value <= LARGEST:

@@ -189,7 +189,7 @@ def _message(kind: str) -> Any:
 
 
 def _recognised(bodies: Iterable[bytes], path: Path) -> str:
-    """The message type of an `.osi` trace: the one that knows most of its first messages' bytes; the file does not say."""
+    """Message type of an `.osi` trace, which the file does not state: the type that parses most bytes of the first messages."""
     first = [body for _, body in zip(range(_TRIED), bodies, strict=False)]
     total = sum(map(len, first))
     if not total:

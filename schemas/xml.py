@@ -60,7 +60,7 @@ def parse(path: str | PathLike[str], remarks: list[Remark] | None = None) -> etr
 
 
 def rule_of(path: Path) -> str:
-    """The rule that a file breaks which is no sound XML: that of OpenDRIVE or of OpenSCENARIO, by the ending of its name."""
+    """Rule on sound XML, of OpenDRIVE or of OpenSCENARIO by the suffix of the file."""
     return _WELL_FORMED.format("xodr" if path.suffix.lower() == ".xodr" else "xosc")
 
 

@@ -197,7 +197,7 @@ class ParamPoly3:
         return (dx * (2.0 * g + 6.0 * p * i) - dy * (2.0 * c + 6.0 * p * d)) / speed**3 if speed > 1e-9 else 0.0
 
     def knots(self) -> list[float]:
-        """Evenly spaced, as many as the arc-length table needed: it is denser where the curve bends."""
+        """Evenly spaced; the number is that of the arc-length table, which is denser where the curve bends."""
         count = _pieces(max(len(self._ss) - 1, self.length / 20.0))
         return [self.length * index / count for index in range(count + 1)]
 

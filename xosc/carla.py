@@ -31,7 +31,7 @@ CRITERION_PREFIX = "criteria_"
 
 
 def is_criterion(condition: Node) -> bool:
-    """Whether a Condition of a StopTrigger is no condition but a criterion: by its name, and a ParameterCondition inside it."""
+    """Whether a Condition of a StopTrigger is a criterion, by its name and a ParameterCondition inside."""
     named = condition.get("name", "").startswith(CRITERION_PREFIX)
     return named and condition.find("ByValueCondition", "ParameterCondition") is not None
 

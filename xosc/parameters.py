@@ -271,7 +271,7 @@ def _by_name(declarations: Iterable[Node]) -> dict[str, Node]:
 
 
 def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
-    """Names so that each comes after those that its value refers to."""
+    """Names in an order in which each value refers to earlier names only."""
     if not any(source.symbolic and "$" in source.text for source in sources.values()):
         return list(sources)
     sorter: TopologicalSorter[str] = TopologicalSorter()

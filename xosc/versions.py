@@ -396,7 +396,7 @@ EARLIER_CATEGORY = {
     "standupScooter": "bicycle", "micromobilityDevice": "bicycle", "wheelchair": "bicycle",
     "landVehicle": "car", "other": "car", "aircraft": "car", "watercraft": "car",
 }  # fmt: skip
-"""Nearest vehicle category of the versions before 1.4, by those that 1.4 brought; the first is its new name."""
+"""Nearest vehicle category before 1.4 by category of 1.4; the first is its new name."""
 
 _OFF_ROADS = ("aircraft", "watercraft")
 

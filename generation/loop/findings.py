@@ -1,4 +1,4 @@
-"""Findings of the stages of a loop, and the lines that tell them."""
+"""Findings of the stages of a loop, and their lines of text."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ class Ran(Finding):
     """Runs by the scenario or variation file that they are of, relative to the output folder where it is there.
 
     Args:
-        sampled: how many parameter sets those variation files have of which only a sample was run.
+        sampled: number of parameter sets of variation files that were run in part.
         crashed: how many runs an internal error, or a failure of the system under test, ended.
     """
 

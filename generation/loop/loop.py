@@ -246,7 +246,7 @@ class _Loop:
 
 
 def chosen(rows: Iterable[dict[str, Any]], most: int) -> list[dict[str, Any]]:
-    """So many rows of each class, from those that the model is surest of to those that it is least sure of, evenly."""
+    """A number of rows of each class, spread evenly over the certainty of the model."""
     classes: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
         classes.setdefault(row["class"], []).append(row)

@@ -256,7 +256,7 @@ def compare(
 ) -> Against:
     """Replay the failures of an earlier loop, and say which failures are new.
 
-    Targets of which only one of the loops has a search are compared too: those failures are new, or nothing is known of them.
+    Targets that only one of the loops has searched are compared too: their failures are new or unknown.
 
     Args:
         targets: of this loop. found: their searches.

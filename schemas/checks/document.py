@@ -1,4 +1,4 @@
-"""The document as rules see it: indexed elements, parameters resolved as far as can be said without running."""
+"""Document of a check: indexed elements, parameters resolved as far as is possible without a run."""
 
 from __future__ import annotations
 

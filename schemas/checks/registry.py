@@ -119,7 +119,7 @@ def all_rules() -> tuple[Rule, ...]:
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:
-    """There is no such thing; the nearest name, or all that there are."""
+    """Message for an unknown name, with the nearest known one, or all known ones."""
     return f"there is no {what} {name!r}; {nearest(name, sorted(known))}"
 
 

@@ -117,7 +117,7 @@ def names_are_unique(document: CheckedDocument) -> Iterator[Finding]:
 
 
 def doubled(named: Iterable[tuple[etree._Element, str]]) -> Iterator[tuple[etree._Element, str]]:
-    """Of elements with their names, those that have the name of an earlier one in the same element, and what is wrong."""
+    """Elements that repeat the name of an earlier sibling, each with the fault."""
     seen: dict[tuple[etree._Element, str], etree._Element] = {}
     for element, name in named:
         parent = element.getparent()

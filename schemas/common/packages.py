@@ -225,7 +225,7 @@ def _is_working_folder(entry: str) -> bool:
 
 
 class _WorkingFolder:
-    """Finds modules in a folder, for the import of those that were asked for and for imports by what came from it.
+    """Finds modules in a folder, for imports of chosen modules and for imports by modules of the folder.
 
     A meta path finder (`importlib.abc.MetaPathFinder`); the last one, so that what is installed comes first.
     """

@@ -105,7 +105,7 @@ class Remarks:
         self.note(*remarks)
 
     def note(self, *remarks: Remark) -> None:
-        """Add remarks on what is no fault of a file but not done here; strict loading accepts them."""
+        """Add remarks on valid contents that are not executed; strict loading accepts them."""
         self._found.update(dict.fromkeys(remarks))
 
     @property

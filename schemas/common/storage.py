@@ -280,7 +280,7 @@ LOCK = ".lock"
 DRAFT = ".draft-"
 """Beginning of the names of files and folders that are being written; a killed process leaves them."""
 Stamp = tuple[int, int]
-"""Modification time in nanoseconds and size in bytes: together they tell whether a file has changed."""
+"""Modification time in nanoseconds and size in bytes; a file has changed if either differs."""
 
 
 def stamp(path: str | PathLike[str]) -> Stamp:
@@ -478,7 +478,7 @@ def _sync(path: Path) -> None:
 
 
 def digest(content: bytes) -> str:
-    """A short name for some content, to tell files apart."""
+    """Short name of a content, which differs for other content."""
     return hashlib.blake2b(content, digest_size=6).hexdigest()
 
 

@@ -97,7 +97,7 @@ class Traveller:
     def _next_road(self, here: RoadPoint, section: LaneSection, forward: bool, choose: Choose) -> tuple[LaneLink, float] | None:
         """The way on from a road's end, and the offset [m] there, before the turn of a road laid the other way round.
 
-        From a lane that leads nowhere, as one that has narrowed to nothing, the nearest lane of its side that does leads on.
+        A lane without a successor, such as one narrowed to nothing, continues in the nearest lane of its side that has one.
         """
         lane_id, offset = here.lane_id, here.offset
         links = self._reached(here, lane_id, forward)
@@ -138,7 +138,7 @@ class Traveller:
             index, lane_id, _ = _next_section(road, index, lane_id, 0.0, forward)
 
     def straightest(self, _point: RoadPoint, _forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
-        """The way on that turns least; of ways that turn equally the left one, and of those that turn to one side the first."""
+        """The link that turns least; of equal turns the left one, and of several to one side the first."""
         return min(links, key=self.turn) if links else None
 
     def turn(self, link: LaneLink) -> tuple[float, bool]:

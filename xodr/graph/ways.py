@@ -46,7 +46,7 @@ class Step(NamedTuple):
 
 
 Cost = tuple[float, float]
-"""Cost of a stretch of road: the quantity to minimise, and a second one that decides between equals."""
+"""Cost of a stretch of road: the quantity to minimise, and a second one for ties."""
 
 Price = Callable[[Road, float], Cost]
 """Cost of travelling a length [m] on a road."""

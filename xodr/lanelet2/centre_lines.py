@@ -212,7 +212,7 @@ class _Lanes:
         return {number: sorted(cuts[number]) for number in range(len(self._lanes))}
 
     def _right(self, runs: Sequence[_Run], ends: list[list[float]]) -> dict[tuple[int, int], tuple[int, int]]:
-        """The part of a lane on the right of each part: one that begins and ends beside it."""
+        """Part of a lane to the right of each part, with the same beginning and end."""
         found: dict[tuple[int, int], tuple[int, int]] = {}
         taken: set[tuple[int, int | None]] = set()
         for run in runs:

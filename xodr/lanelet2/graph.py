@@ -53,7 +53,7 @@ class Graph:
         return self.order[name]
 
     def _right_neighbours(self) -> dict[str, str]:
-        """The lanelet to the right of each one that leads the same way and shares the bound between them."""
+        """Right neighbour of each lanelet, with the same direction and a shared bound."""
         pairs: dict[str, str] = {}
         for lanelet in self.lanelets.values():
             if lanelet.beside_right and lanelet.beside_right.same_direction:
@@ -167,7 +167,7 @@ class Joint:
 
     @property
     def plain(self) -> bool:
-        """Whether one bundle continues in one other."""
+        """Whether a bundle continues in a single other bundle."""
         return len(self.ending) == 1 and len(self.beginning) == 1 and self.ending != self.beginning
 
 

@@ -48,7 +48,7 @@ def layout(graph: Graph) -> tuple[Graph, Layout]:
 
 
 def _inside(graph: Graph, rows: Layout) -> tuple[set[int], dict[int, bool]]:
-    """The rows that are inside as a whole, and those of which a part is, with whether that is the part at their end."""
+    """Rows inside as a whole, and rows inside in part, each with whether the part is at its end."""
     siblings: dict[tuple[int, bool], tuple[int, ...]] = {}
     for joint in rows.joints:
         for side, other, at_end in ((joint.beginning, joint.ending, False), (joint.ending, joint.beginning, True)):
@@ -97,7 +97,7 @@ def _crosses(graph: Graph, rows: Layout, number: int) -> bool:
 def _splits_and_merges(rows: Layout, number: int) -> bool:
     """Whether a single lane begins at a split and ends at a merge with others, as in a roundabout.
 
-    A lane that splits off another one and comes back to it widens a road, and is no inside of a junction.
+    A lane that splits off another lane and merges with it again widens a road and is outside of junctions.
     """
     start, end = rows.joint(number, False), rows.joint(number, True)
     if start is None or end is None or len(rows.bundles[number].lanes) > 1:
@@ -196,7 +196,7 @@ def _grouped(count: int, pairs: list[tuple[int, int]]) -> list[int]:
 def junctions(plan: Layout, ids: list[int], priorities: Sequence[tuple[str, str]]) -> tuple[Junction, ...]:
     """The junctions, with the ids that `junction_ids` gave. Road ids are the numbers of the bundles plus 1.
 
-    priorities: pairs of lanelets of which the first goes before the second.
+    priorities: pairs of lanelets (with right of way, waiting).
     """
     groups: dict[int, list[Joint]] = defaultdict(list)
     for joint, identity in zip(plan.joints, ids, strict=True):
@@ -213,7 +213,7 @@ def junctions(plan: Layout, ids: list[int], priorities: Sequence[tuple[str, str]
 
 
 def _through(plan: Layout, name: str) -> list[int]:
-    """The connecting roads that a lanelet is part of, else those that it leads to."""
+    """Connecting roads that contain a lanelet, else connecting roads after it."""
     parts = [plan.places[part] for part in parts_of(name, plan.places)]
     inside = [number for number, _ in parts if plan.bundles[number].inside]
     if inside:

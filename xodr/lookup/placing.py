@@ -113,7 +113,7 @@ def _given(values: ArrayLike | None) -> FloatArray | None:
 
 
 class _Best:
-    """The best place found so far for each position; `rank` has its gap and its mismatches, of which less is better."""
+    """Best place so far of each position; `rank` is its gap and its mismatches, less is better."""
 
     def __init__(self, count: int) -> None:
         self.rank = np.full((4, count), np.inf)

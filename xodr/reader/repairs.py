@@ -230,7 +230,7 @@ _OF_ROADS = {
 _OF_LAYERS = {"laneOffset": ("s",), "laneSection": ("s",)}
 _OF_LANES = {"width": ("sOffset",), "border": ("sOffset",), "speed": ("sOffset",)}
 _UNIQUE = frozenset({"elevation", "superelevation", "laneOffset", "shape", "width", "border"})
-"""Records of which only one can hold at a place."""
+"""Records that exclude each other at a place."""
 
 
 def _repair_order(root: etree._Element) -> Iterator[Repair]:
@@ -387,7 +387,7 @@ _LINKED = "xosc.toolchain:xodr:1.4.0:road.linkage.linked_elements_exist"
 
 
 def _repair_links(root: etree._Element) -> Iterator[Repair]:
-    """Leave out links and connections that lead nowhere; complete those that do not say where they lead."""
+    """Remove links and connections without a target; complete links without a contact point."""
     known = {kind: {element.get("id") for element in root.iterfind(kind)} for kind in ("road", "junction")}
     for road in root.iterfind("road"):
         for link in road.findall("link/*"):

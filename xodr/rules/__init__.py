@@ -1,1 +1,1 @@
-"""Rules of `xosc-check` for OpenDRIVE by family, those that take the exact geometry of roads among them."""
+"""Rules of `xosc-check` for OpenDRIVE by family, with those on the exact geometry of roads."""

@@ -56,7 +56,7 @@ class DistributionSet:
             return cls(tuple(child.get("value") for child in node.children("Element")))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         return element("DistributionSet", *(element("Element", value=value) for value in self.values))
 
 
@@ -101,7 +101,7 @@ class DistributionRange:
             return cls(Range.read(node.need("Range")), node.finite("stepWidth"))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         return element("DistributionRange", self.range.write(), stepWidth=text(self.step_width))
 
 
@@ -142,7 +142,7 @@ class DeterministicSingleParameterDistribution:
         return created
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         return element("DeterministicSingleParameterDistribution", self.distribution.write(), parameterName=self.parameter_name)
 
 
@@ -179,7 +179,7 @@ class DeterministicMultiParameterDistribution:
             return cls(tuple(_value_set(child) for child in node.need("ValueSetDistribution").children("ParameterValueSet")))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         sets = (
             element("ParameterValueSet", *(element("ParameterAssignment", parameterRef=n, value=v) for n, v in value_set.items()))
             for value_set in self.value_sets
@@ -229,7 +229,7 @@ class Deterministic:
         return cls(tuple(_KINDS[child.tag].read(child) for child in node.children()))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         return element("Deterministic", *(distribution.write() for distribution in self.distributions))
 
 
@@ -270,7 +270,7 @@ class ParameterValueDistribution:
             raise definition.invalid(error.message) from None
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         return element(
             "ParameterValueDistribution", element("ScenarioFile", filepath=self.scenario_file), self.definition.write()
         )

@@ -78,7 +78,7 @@ class NormalDistribution:
             return cls(node.finite("expectedValue"), node.finite("variance"), _optional_range(node))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         moments = {"expectedValue": text(self.expected_value), "variance": text(self.variance)}
         return element(type(self).__name__, *_written(self.range), **moments)
 
@@ -124,7 +124,7 @@ class UniformDistribution:
         return cls(Range.read(node.need("Range")))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         return element("UniformDistribution", self.range.write())
 
 
@@ -176,7 +176,7 @@ class PoissonDistribution:
             return cls(node.finite("expectedValue"), _optional_range(node))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         return element("PoissonDistribution", *_written(self.range), expectedValue=text(self.expected_value))
 
 
@@ -209,7 +209,7 @@ class Histogram:
             return cls(tuple(HistogramBin(Range.read(n.need("Range")), n.finite("weight")) for n in node.children("Bin")))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         return element("Histogram", *(element("Bin", each.range.write(), weight=text(each.weight)) for each in self.bins))
 
 
@@ -297,7 +297,7 @@ class StochasticDistribution:
         return cls(node.get("parameterName"), _KINDS[child.tag].read(child))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         return element("StochasticDistribution", self.distribution.write(), parameterName=self.parameter_name)
 
 
@@ -338,7 +338,7 @@ class Stochastic:
             return cls(node.int("numberOfTestRuns"), distributions, node.finite("randomSeed", None))
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         written = element("Stochastic", *(distribution.write() for distribution in self.distributions))
         written.set("numberOfTestRuns", str(self.number_of_test_runs))
         if self.random_seed is not None:

@@ -41,7 +41,7 @@ class Range:
             return cls(node.finite("lowerLimit"), node.finite("upperLimit"))
 
     def write(self) -> etree._Element:
-        """As a `Range` element."""
+        """The `Range` element."""
         return element("Range", lowerLimit=text(self.lower_limit), upperLimit=text(self.upper_limit))
 
 
@@ -141,7 +141,7 @@ class UserDefinedDistribution:
         return created
 
     def write(self) -> etree._Element:
-        """As its element."""
+        """The element of the distribution."""
         created = element("UserDefinedDistribution", type=self.type)
         created.text = self.content
         return created

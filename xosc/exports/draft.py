@@ -26,7 +26,7 @@ from xosc.road_files import RoadFile, find_roads, logic_file
 class Folder:
     """An output folder.
 
-    A file that is there already stays as it is: writing the same content again is no matter, other content is refused.
+    A file with the same content is kept, one with other content is refused.
 
     Args:
         path: the folder; it is made when the first file is written.
@@ -191,7 +191,7 @@ class Draft:
         self._remarks.update(dict.fromkeys(map(str, remarks)))
 
     def write(self, *also: str) -> Sequence[str]:
-        """Write the files, of which nothing is refused any more.
+        """Write the files, after all checks.
 
         Args:
             also: remarks that come first.

@@ -34,7 +34,7 @@ _TOWS_NOTHING = "not(//TrailerAction) and not(//Trailer)"
 
 
 class Omission(NamedTuple):
-    """A change of the elements at a place, for versions before the one that brought what stands there."""
+    """Change of the elements at a place, for versions before those elements."""
 
     before: Version
     where: str

@@ -143,7 +143,7 @@ def take_catalogs(document: Document, draft: Draft, convert: Convert) -> None:
 
 
 def _literal(node: Node, attribute: str) -> Path:
-    """The path that an attribute names; `$(…)`, as ROS has it, is no parameter."""
+    """Path of an attribute; `$(…)` of ROS is not a parameter."""
     if "$" in node.get(attribute).replace("$(", ""):
         raise node.unsupported(
             f"{attribute}={node.get(attribute)!r} is the value of a parameter, and files are taken along by name"

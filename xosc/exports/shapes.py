@@ -123,7 +123,7 @@ def polyline(places: Sequence[Vertex], made: Callable[[Vertex], etree._Element] 
 
 
 def to_init(document: Document) -> Iterator[str]:
-    """Have Init set distances that stories set at once at time 0, leave out those that are never set, in place; remarks."""
+    """Move distances that stories set at time 0 into Init and remove those that are never set, in place; remarks."""
     scenario = document.node
     privates = {node.get("entityRef"): node for node in scenario.need("Storyboard", "Init").iter("Private")}
     for story in scenario.need("Storyboard").children("Story"):

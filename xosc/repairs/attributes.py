@@ -45,7 +45,7 @@ def keep_last_declarations(root: Node, version: tuple[int, int]) -> Iterator[Rem
 
 
 def tell_repeated_names(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Tell of elements with the name of one beside them: all are read, and references to the name are ambiguous."""
+    """Report siblings with the same name: all are read, and references to the name are ambiguous."""
     elements = (each for each in root.element.iter(etree.Element) if "$" not in each.get("name", "$"))
     for element, message in doubled((each, each.get("name", "")) for each in elements):
         yield Node(element, root.path).remark(UNIQUE_NAMES_UID, f"{message}; both are read")

@@ -1,4 +1,4 @@
-"""Repairs of elements: those that are doubled, misspelt, in another order or missing; and what is left that breaks the schema."""
+"""Repairs of elements: doubled, misspelt, in another order or missing; and the violations of the schema that are left."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def move_content(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
 
 
 def correct_element_names(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
-    """Give elements the name of one that is not there, where theirs is nearly that, or that of its type."""
+    """Rename elements whose name is nearly that of an allowed element that is absent, or is the name of its type."""
     declared, known = children(version), names(children)
     for node in list(root.iter()):
         siblings = declared.get(node.tag, {})
@@ -186,7 +186,7 @@ _BOXES = {
     "pedestrian": (0.0, 0.5, 0.6, 1.8),
     "wheelchair": (0.3, 1.1, 0.7, 1.4),
 }
-"""x of the centre in front of the rear axle, length, width and height (m) of those that are common in Europe, by category."""
+"""x of the centre from the rear axle, length, width and height (m) of common European vehicles, by category."""
 
 
 def add_missing_boxes(root: Node, version: tuple[int, int]) -> Iterator[Remark]:

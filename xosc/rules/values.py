@@ -60,7 +60,7 @@ def value_is_of_the_declared_type(document: CheckedDocument) -> Iterator[Finding
 
 
 def _uses(document: CheckedDocument, family: str) -> Iterator[tuple[etree._Element, etree._Element]]:
-    """Elements with a value, and those that name what it is for."""
+    """Elements with a value, and the elements that name its subject."""
     for condition in document.elements(f"{family}Condition"):
         yield condition, condition
     for action in document.elements("SetAction"):

@@ -198,7 +198,7 @@ def _negate(node: Node, name: str) -> None:
 
 
 def _faces_s(target: Node, known: Mapping[str, InitialState]) -> bool:
-    """Whether the entities of an action drive on lanes towards +s, as far as where they start says it."""
+    """Whether the entities of an action drive towards +s, by the lanes that they start on."""
     sides = {known[name].lane < 0 for name in actors(target) if name in known and known[name].road is not None}
     if len(sides) != 1:
         raise target.unsupported(_UNKNOWN)
@@ -275,7 +275,7 @@ def _roads(network: Path | None) -> _Elements:
 
 
 def _speed(action: Node, state: State) -> str:
-    """A rate as the time that it takes: scenario_runner reads every number that is no distance as a time."""
+    """Time of a change with a rate: scenario_runner reads each number that is not a distance as a time."""
     dynamics = action.need("SpeedActionDynamics")
     if dynamics.get("dynamicsDimension") != "rate" or dynamics.get("dynamicsShape") == "step":
         return ""
@@ -386,7 +386,7 @@ def _steps(target: Node, now: InitialState, other: InitialState | None, left_han
 
 
 def _over_distance(action: Node, actor: str, now: InitialState, geometry: RoadGeometry | None) -> Iterator[str]:
-    """A time as the distance that the speed makes of it, a rate as the one that the change takes in a run."""
+    """Distance of a change: of a time by the speed, of a rate by a run."""
     dynamics = action.need("LaneChangeActionDynamics")
     dimension, value = dynamics.get("dynamicsDimension"), dynamics.float("value")
     if dimension == "distance":
