@@ -35,16 +35,20 @@ PLANS: Mapping[str, Sequence[Plan]] = {
         Plan("ellipsoid", 2, 4e-3, False),
         Plan("slab", 5, 1e-2, True),
         Plan("interaction", 1, 1e-3, True),
+        Plan("shell", 1, 1e-3, True),
+        Plan("timing", 1, 4e-3, False),
     ),
     "reported": (
         Plan("corner", 1, 1e-3, True),
         Plan("ridge", 2, 4e-3, True),
         Plan("ring", 5, 1e-2, False),
         Plan("history", 1, 3e-3, False),
+        Plan("cone", 2, 2e-3, True),
+        Plan("tail", 1, 1e-3, True),
     ),
 }
 """Plans of each generator"""
-FIRST_SEED = {"development": 1000, "reported": 9000}
+FIRST_SEED = {"development": 1000, "reported": 9100}
 MARKS = (100, 300, 1000)
 """Numbers of runs after which a search is judged"""
 WITHIN = (0.05, 0.1)

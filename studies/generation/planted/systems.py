@@ -5,8 +5,8 @@ Outside its regions the driver is perfect, or a reference driver. With a gradien
 announces a failure.
 
 The development generator plants boxes, ellipsoids, slabs, shells at the edge of the foreseeable, interactions of two parameters,
-and sleep at certain times of the scene. The reported one plants corners, curved bands, hollow shells, and sleep that depends on
-how long a danger has lasted.
+and sleep at certain times of the scene. The reported one plants corners, curved bands, hollow shells, cones, tails beyond a plane, and
+sleep that depends on how long a danger has lasted.
 """
 
 from __future__ import annotations
@@ -243,6 +243,25 @@ def _ring(place: Place) -> Score:
     return lambda theta, _: np.abs(np.sqrt(np.square(place.off(theta)[:, place.columns]).mean(axis=1)) - place.drawn)
 
 
+def _cone(place: Place) -> Score:
+    """About a direction from the density's middle: from the likely outwards."""
+    middle = place.frame.coordinates(place.middle)[0] / place.scales
+    away = middle / np.linalg.norm(middle)
+
+    def score(theta: FloatArray, _: Outcomes) -> FloatArray:
+        rows = place.frame.coordinates(theta) / place.scales
+        found: FloatArray = 1.0 - rows @ away / np.maximum(np.linalg.norm(rows, axis=1), 1e-9)
+        return found
+
+    return score
+
+
+def _tail(place: Place) -> Score:
+    """Beyond a plane, away from the density's middle: a sum of some parameters."""
+    away = np.where(place.frame.coordinates(place.middle)[0, place.columns] >= 0.0, 1.0, -1.0)
+    return lambda theta, _: -(place.off(theta)[:, place.columns] @ away)
+
+
 def _history(place: Place) -> Score:
     """Sleep once a danger has lasted for some share of the scene, at contacts about a time."""
     middle = place.undriven
@@ -266,10 +285,12 @@ DEVELOPMENT: Mapping[str, Callable[[Place], Score]] = {
     "timing": _timing,
 }
 REPORTED: Mapping[str, Callable[[Place], Score]] = {
+    "cone": _cone,
     "corner": _corner,
     "history": _history,
     "ridge": _ridge,
     "ring": _ring,
+    "tail": _tail,
 }
 SHAPES = {**DEVELOPMENT, **REPORTED}
 
