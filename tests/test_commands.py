@@ -106,7 +106,7 @@ class Broken:
 """
 RUNS = [["xosc-run", "--world", "kinematic"], ["xosc-export", "--world", "kinematic", "--to", "parquet", "--out", "out"]]
 SEARCHES = [
-    ["xosc-generate", "--budget", "2", "--free", "Gap=40..60", "--method", "random", "--out", "out"],
+    ["xosc-generate", "--budget", "2", "--free", "Gap=40..60", "--method", "draws", "--out", "out"],
     ["xosc-loop", "--labels", "rules", "--out", "out"],
 ]
 

@@ -15,7 +15,7 @@ from generation.estimation.probability import Control, Driving, Probability, Rat
 from generation.outcomes.judges import Drivers, survivors
 from generation.outcomes.outcomes import Evaluate, Outcomes, joined
 from generation.search.problem import Plays
-from generation.search.screen import differences
+from generation.search.surrogate import differences
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.packages import optional
 from schemas.common.text import many

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from generation.search.policy import Edits, single
+from generation.search.methods.mcsg import Edits, single
 from generation.search.problem import Problem
 
 

@@ -22,7 +22,7 @@ from runner.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported, UsageError
 from schemas.common.text import many
-from studies.generation.failures.problem import Posed
+from studies.generation.problem import Posed
 from xosc.exports.draft import Folder
 from xosc.exports.standard import export
 

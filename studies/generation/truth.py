@@ -9,7 +9,7 @@ import numpy as np
 from generation.density.gate import Share
 from generation.density.prior import Prior
 from generation.estimation.estimate import Known
-from generation.search.methods.quality import quality
+from generation.search.methods.cover import cover
 from generation.search.problem import Plays, Problem
 
 _SEED = 1_000_000
@@ -24,5 +24,5 @@ def crude(prior: Prior, twin: Plays, draws: int) -> Share:
 def searched(problem: Problem, budget: int, seed: int) -> Known:
     """The runs of a search on the twin as if it were SUMO, with nothing to screen what is run."""
     assert problem.twin is not None
-    found = quality(replace(problem, evaluate=problem.twin, twin=None), budget, seed)
+    found = cover(replace(problem, evaluate=problem.twin, twin=None), budget, seed)
     return Known(found.theta, found.outcomes.collision)

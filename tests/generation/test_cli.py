@@ -136,7 +136,7 @@ def test_the_same_call_gives_the_same_bytes(old: Path, tmp_path: Path, monkeypat
         ((str(SCENARIOS / "cut_in_highway_variation.xosc"),), 2, "search cut_in_highway.xosc itself"),
         ((str(SCENARIOS), "--kind", "cut_in"), 2, "for single scenarios"),
         ((str(Path(__file__).parent),), 2, "no scenario with parameters to search"),
-        ((CUT_IN, "--method", "no-maneuver"), 2, "methods: cover, conscend, kde, mcsg, mcsg-published, quality, random"),
+        ((CUT_IN, "--method", "no-maneuver"), 2, "methods: cover, draws, mcsg, mcsg-published"),
     ],
 )
 def test_wrong_use_is_one_line_and_an_exit_code(

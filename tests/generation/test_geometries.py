@@ -17,7 +17,7 @@ from xosc.tags import read
 
 QUICK = (
     "--method",
-    "conscend",
+    "draws",
     "--violations",
     "--budget",
     "8",

@@ -101,7 +101,7 @@ def test_a_search_ends_with_its_time_and_goes_on_in_the_next_call(tmp_path: Path
 
 def test_failures_outside_the_operational_domain_are_no_edge_cases(tmp_path: Path) -> None:
     run = RunSettings(sut="cas:brake=2", timestep=0.1, world="kinematic")
-    settings = replace(QUICK, method="kde", budget=120, run=run)
+    settings = replace(QUICK, method="draws", budget=120, run=run)
     free = generate(CUT_IN, TRAFFIC, tmp_path / "a", settings)
     limited = generate(CUT_IN, TRAFFIC, tmp_path / "b", replace(settings, domain=("Ego_Speed_mps=0..30",)))
     speed = free.space.names.index("Ego_Speed_mps")

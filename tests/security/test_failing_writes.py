@@ -25,7 +25,7 @@ from tests.runner.files import scenario
 
 QUICK = ("--world", "kinematic", "--sut", "none")
 RUN = ["xosc-run", "in/scenario.xosc", *QUICK, "--out", "out", "--resume"]
-SEARCH = ("--method", "random", "--budget", "2")
+SEARCH = ("--method", "draws", "--budget", "2")
 CALLS: dict[str, list[str]] = {
     "run": [*RUN, "--junit", "out/junit.xml", "--replay"],
     "run, with pictures": [*RUN, "--plot"],

@@ -84,7 +84,7 @@ REFUSING = {
     "export": ("xosc-export", "scenario.xosc", "--to", "1.3", "--out", "out"),
     "export of a run": ("xosc-export", "scenario.xosc", "--to", "parquet", "--out", "out", "--world", "kinematic"),
     "generate": (
-        "xosc-generate", "scenario.xosc", "--out", "out", "--method", "kde", "--budget", "1", "--density", "uniform",
+        "xosc-generate", "scenario.xosc", "--out", "out", "--method", "draws", "--budget", "1", "--density", "uniform",
         "--free", "Gap=20..70",
     ),
 }  # fmt: skip
@@ -348,7 +348,7 @@ def test_every_command_ends_work_that_takes_too_long(
 
 def test_a_search_spends_no_more_runs_than_allowed(contributed: Path, command: Command) -> None:
     scenario(contributed, stop=0.1)
-    call = [*REFUSING["generate"][:4], "--method", "random", "--density", "uniform", "--free", "Gap=20..70", "--quiet"]
+    call = [*REFUSING["generate"][:4], "--method", "draws", "--density", "uniform", "--free", "Gap=20..70", "--quiet"]
     answer = command(*call, "--max-runs", "3", "--world", "kinematic")
     assert answer.code == 1 and "--max-runs 3 leaves 3 of 3000 runs to the search" in answer.err
     refused = command(*call, "--max-runs", "600", "--estimate")

@@ -210,11 +210,11 @@ CALLS = {
     "dry run": ("xosc-run", "scenario.xosc", "--dry-run"),
     "export of a run": ("xosc-export", "scenario.xosc", "--to", "parquet", "--out", "out", "--world", "kinematic"),
     "generate": (
-        "xosc-generate", str(SCENARIOS / "cut_in_highway.xosc"), "--out", "out", "--method", "kde", "--budget", "1",
+        "xosc-generate", str(SCENARIOS / "cut_in_highway.xosc"), "--out", "out", "--method", "draws", "--budget", "1",
         "--density", "gaussian", "--jobs", "1", "--pin", "CutIn_Gap_m=100",
     ),
     "loop": ("xosc-loop", "files", "--out", "out", "--labels", "rules", "--budget", "1", "--rounds", "1", "--jobs", "1",
-             "--method", "kde"),
+             "--method", "draws"),
 }  # fmt: skip
 """All commands that take --sut"""
 

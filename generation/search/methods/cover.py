@@ -11,26 +11,28 @@ greedy choice of what covers most).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.spatial.distance import cdist
 
 from generation.density.prior import Prior
 from generation.outcomes.judges import survivors
-from generation.search.emitters import Frame
-from generation.search.problem import Calls, History, Plays, Problem
-from generation.search.screen import Surrogate
+from generation.search.problem import BATCH, Calls, History, Plays, Problem
 from generation.search.space import apart, distinctive
+from generation.search.surrogate import Forest, Frame, GaussianProcess
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import UsageError
 
 METHODS = {
     "cover": {
         "title": "**coverage**",
-        "meaning": "40 % of the runs are draws, the others cover the probability that is expected to fail",
+        "meaning": "draws of the density, and runs that cover what is expected to fail and ask where failures begin",
         "realistic": True,
-    }
+    },
+    "draws": {"title": "draws of the density", "meaning": "draws of the density alone", "realistic": True},
 }
 
 
@@ -64,15 +66,35 @@ class CoverSettings:
     unpreventable: float = 0.2
 
 
+def draws(problem: Problem, budget: int, seed: int) -> History:
+    """Draws of the density.
+
+    Raises:
+        UsageError: the problem has no prior.
+    """
+    prior, calls, generator = _prior_of(problem), Calls(problem, budget), np.random.default_rng(seed)
+    while calls.left:
+        calls(prior.sample(min(BATCH, calls.left), generator))
+    return calls.history
+
+
 def cover(problem: Problem, budget: int, seed: int, settings: CoverSettings = CoverSettings()) -> History:
     """Spend the budget.
 
     Raises:
         UsageError: the problem has no prior.
     """
+    return _Search(problem, _prior_of(problem), budget, seed, settings).run()
+
+
+def _prior_of(problem: Problem) -> Prior:
     if problem.prior is None:
         raise UsageError("this search needs a prior of what is foreseeable")
-    return _Search(problem, problem.prior, budget, seed, settings).run()
+    return problem.prior
+
+
+Predict = Callable[[FloatArray], FloatArray]
+"""Predicted failure (n,) of points (n, d), from 0 to 1"""
 
 
 class _Search:
@@ -80,7 +102,6 @@ class _Search:
 
     def __init__(self, problem: Problem, prior: Prior, budget: int, seed: int, settings: CoverSettings) -> None:
         self._calls, self._prior, self._space, self._settings = Calls(problem, budget), prior, problem.space, settings
-        self._twin, self._surrogate = problem.twin, Surrogate()
         self._generator = np.random.default_rng(seed)
         self._frame, self._told = Frame.of(problem.space, prior, self._generator), distinctive(problem.space)
         self._reach = float(np.sqrt(self._told.sum()))
@@ -88,8 +109,18 @@ class _Search:
         self._batch = max(least, round(share * budget))
         self._theta = np.empty((0, len(problem.space.parameters)))
         self._failures = self._theta if problem.found is None else problem.found
+        self._forest, self._process = Forest(), GaussianProcess(_HELD)
+        self._twin = problem.twin
         self._traffic = prior.sample(settings.drawn if self._twin is None else settings.played, self._generator)
-        self._chance = None if self._twin is None else self._verdicts(self._traffic, self._twin)
+        self._chance: FloatArray | None = None
+        self._emitters: list[Predict] = [
+            lambda theta: self._forest.failing(self._unit(theta)),
+            lambda theta: self._process.failing(self._frame.coordinates(theta)),
+        ]
+        if self._twin is not None:
+            verdicts = partial(self._verdicts, self._twin)
+            chance = verdicts(self._traffic)
+            self._traffic, self._chance, self._emitters = self._traffic[chance > 0.0], chance[chance > 0.0], [verdicts]
 
     def run(self) -> History:
         """Search."""
@@ -108,30 +139,31 @@ class _Search:
         self._theta = np.concatenate([self._theta, found.theta])
         self._failures = np.concatenate([self._failures, found.theta[found.outcomes.collision & found.outcomes.executed]])
         if self._twin is None:
-            self._surrogate.learn(self._unit(found.theta), found.outcomes)
+            self._forest.learn(self._unit(found.theta), found.outcomes)
+            self._process.learn(self._frame.coordinates(found.theta), found.outcomes)
 
     def _guided(self, n: int) -> FloatArray:
-        """The points (n, d), or fewer, that together are expected to reveal most."""
-        theta = self._candidates()
+        """Points (n, d), or fewer: each emitter chooses its part of them among what those before it have left."""
+        theta, parts = self._candidates(), list[FloatArray]()
         theta = theta[self._prior.foreseeable(theta)]
-        theta = theta[apart(self._unit(theta), self._unit(self._theta), self._settings.least)]
-        if self._twin is None:
-            worth, chance = (self._surrogate.predicted(self._unit(each)) for each in (theta, self._traffic))
-            traffic = self._unit(self._traffic)
-        else:
-            assert self._chance is not None
-            worth, failing = self._verdicts(theta, self._twin), self._chance > 0.0
-            chance, traffic = self._chance[failing], self._unit(self._traffic[failing])
+        theta = self._unlike(theta, self._theta)
+        for left, emitter in zip(range(len(self._emitters), 0, -1), self._emitters, strict=True):
+            parts.append(self._covering(theta, emitter, (n - sum(map(len, parts))) // left))
+            theta = self._unlike(theta, parts[-1])
+        return np.concatenate(parts)
+
+    def _covering(self, theta: FloatArray, emitter: Predict, n: int) -> FloatArray:
+        """The points (n, d), or fewer, among candidates that together are expected to reveal most."""
+        worth, traffic = emitter(theta), self._unit(self._traffic)
         theta, worth = theta[worth > 0.0], worth[worth > 0.0]
+        chance = emitter(self._traffic) if self._chance is None else self._chance
         left = np.where(apart(traffic, self._unit(self._failures), self._settings.radius), chance, 0.0)
         return theta[self._most(self._unit(theta), worth, traffic, left, n)]
 
     def _candidates(self) -> FloatArray:
         """Draws of the density, and steps from failures that are known or that the twin has (m, d)."""
         drawn = self._prior.sample(self._settings.drawn, self._generator)
-        parents = self._failures
-        if self._chance is not None:
-            parents = np.concatenate([parents, self._traffic[self._chance > 0.0]])
+        parents = self._failures if self._chance is None else np.concatenate([self._failures, self._traffic])
         if not len(parents):
             return drawn
         start = self._frame.coordinates(parents[self._generator.integers(len(parents), size=self._settings.stepped)])
@@ -154,7 +186,7 @@ class _Search:
             left = left * (1.0 - near[best] * min(worth[best], _SURE))
         return np.array(chosen, np.int64)
 
-    def _verdicts(self, theta: FloatArray, twin: Plays) -> FloatArray:
+    def _verdicts(self, twin: Plays, theta: FloatArray) -> FloatArray:
         """Failures (n,) on the twin at points (n, d): 1 where a careful driver prevents them, less where none does."""
         outcomes = twin(theta)
         failing = outcomes.collision & outcomes.executed
@@ -162,10 +194,16 @@ class _Search:
         worth[failing] += (1.0 - self._settings.unpreventable) * survivors(theta[failing], twin)
         return worth
 
+    def _unlike(self, theta: FloatArray, others: FloatArray) -> FloatArray:
+        """Those of points (n, d) that keep the least distance from others."""
+        return theta[apart(self._unit(theta), self._unit(others), self._settings.least)]
+
     def _unit(self, theta: FloatArray) -> FloatArray:
         return self._space.unit(theta)[:, self._told]
 
 
+_HELD = 600
+"""Runs that the Gaussian process holds: a round's cost does not grow with the runs"""
 _ALONE = 1e-9
 """Counts for a candidate whose surroundings are covered: the likeliest failure is chosen where nothing is left to cover"""
 _SURE = 0.9

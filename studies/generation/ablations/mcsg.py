@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.outcomes.outcomes import Outcomes
-from generation.search.methods.mcsg import RealStarts, mcsg
-from generation.search.policy import McsgSettings, single
+from generation.search.methods.mcsg import McsgSettings, RealStarts, mcsg, single
 from generation.search.problem import COLLISION, RISK, SAFE, History, Problem
 from schemas.common.array_types import FloatArray
 from studies.generation.strategies import GeneticSettings, evolve, rewarded

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from generation.search.methods.mcsg import RealStarts, mcsg
-from generation.search.policy import McsgSettings, single
+from generation.search.methods.mcsg import McsgSettings, RealStarts, mcsg, single
 from generation.search.problem import History, Problem
 from studies.generation.strategies import rewarded
 

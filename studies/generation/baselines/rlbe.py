@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.distributions import Normal
 
-from generation.search.policy import Edits, single
+from generation.search.methods.mcsg import Edits, single
 from generation.search.problem import Calls, History, Problem
 from recognition.training.data import seeded
 from studies.generation.strategies import perceptron

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.outcomes.outcomes import Outcomes
-from generation.search.emitters import Frame
 from generation.search.problem import Calls, History, Problem
-from generation.search.screen import nearness
+from generation.search.surrogate import Frame, scores
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 
@@ -53,20 +51,16 @@ def subset(problem: Problem, budget: int, seed: int, settings: SubsetSettings = 
     return calls.history
 
 
-def _scores(outcomes: Outcomes) -> FloatArray:
-    return np.where(outcomes.executed & outcomes.collision, 1.0, nearness(outcomes))
-
-
 def _simulation(calls: Calls, frame: Frame, settings: SubsetSettings, generator: np.random.Generator) -> None:
     found = calls(frame.prior.sample(settings.level, generator))
-    theta, scores, step = found.theta, _scores(found.outcomes), settings.step
+    theta, values, step = found.theta, scores(found.outcomes), settings.step
     for _ in range(settings.levels):
         if not calls.left:
             return
-        limit = float(np.quantile(scores, 1.0 - settings.kept))
+        limit = float(np.quantile(values, 1.0 - settings.kept))
         failing = limit >= 1.0
-        chosen = np.argsort(-scores, kind="stable")[: round(settings.kept * len(scores))]
-        theta, scores, step = _chains(calls, frame, (theta[chosen], scores[chosen]), limit, step, settings, generator)
+        chosen = np.argsort(-values, kind="stable")[: round(settings.kept * len(values))]
+        theta, values, step = _chains(calls, frame, (theta[chosen], values[chosen]), limit, step, settings, generator)
         if failing:
             return
 
@@ -81,8 +75,8 @@ def _chains(
     generator: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray, float]:
     """All states of chains by Metropolis among points with a score of the limit or more, their scores, and the next step size."""
-    theta, scores = start
-    thetas, every = [theta], [scores]
+    theta, values = start
+    thetas, every = [theta], [values]
     for _ in range(max(round(1.0 / settings.kept) - 1, 1)):
         here = frame.coordinates(theta)
         proposed = frame.points(here + generator.normal(0.0, step, here.shape))
@@ -90,13 +84,13 @@ def _chains(
         tried = np.flatnonzero(np.log(generator.random(len(theta))) < ratio)
         found = calls(proposed[tried])
         tried = tried[: len(found.theta)]
-        reached = _scores(found.outcomes)
+        reached = scores(found.outcomes)
         moved = reached >= limit
-        theta, scores = theta.copy(), scores.copy()
-        theta[tried[moved]], scores[tried[moved]] = found.theta[moved], reached[moved]
+        theta, values = theta.copy(), values.copy()
+        theta[tried[moved]], values[tried[moved]] = found.theta[moved], reached[moved]
         step *= float(np.exp(moved.sum() / len(theta) - settings.accepted))
         thetas.append(theta)
-        every.append(scores)
+        every.append(values)
         if not calls.left:
             break
     return np.concatenate(thetas), np.concatenate(every), step

@@ -37,8 +37,8 @@ def command(
     from schemas.common.errors import UsageError
     from schemas.common.storage import Records
     from studies.generation.coverage import coverage, markdown
-    from studies.generation.failures.problem import posed
     from studies.generation.planted.systems import Plan, Pool, plant
+    from studies.generation.problem import posed
 
     names = systems or [*_SYSTEMS, _PLANTED]
     with interruptible(NAME, "the same command continues"), posed(scenario, "none", 1) as posing:

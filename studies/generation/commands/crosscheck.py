@@ -31,7 +31,7 @@ def command(
     from generation.density.prior import RecordedPrior
     from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
     from studies.generation.crosscheck import openturns, subset_simulation
-    from studies.generation.failures.problem import posed
+    from studies.generation.problem import posed
     from studies.generation.truth import crude
 
     openturns()  # before anything is played

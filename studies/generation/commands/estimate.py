@@ -34,7 +34,7 @@ def command(
 ) -> None:
     """Repeat the estimate with the twin in the place of SUMO, without control, and compare it with crude Monte Carlo there."""
     from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
-    from studies.generation.failures.problem import posed
+    from studies.generation.problem import posed
     from studies.generation.truth import crude, searched
 
     with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as posing:

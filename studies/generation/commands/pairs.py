@@ -13,6 +13,8 @@ from runner.settings import DEFAULT_SYSTEM
 from schemas.common.command_line import Jobs, Verbose, Version, interruptible
 
 NAME = "python -m studies.generation pairs"
+_FIRST = 100
+"""First seed: those below are for development"""
 
 
 def command(
@@ -21,10 +23,6 @@ def command(
     budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs on SUMO of each search.")] = 1000,
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of reported seeds.")] = 1,
     both: Annotated[bool, typer.Option("--both", help="Search for those alone that need both.")] = False,
-    first: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Draws of the density that the twin plays to begin with.  [default: 2048]"),
-    ] = None,
     recorded: Recorded = None,
     jobs: Jobs = 2,
     _verbose: Verbose = False,
@@ -33,17 +31,15 @@ def command(
     """Search for failures with two adversaries, and run them again with each alone: what needs both, no single one reaches."""
     from tempfile import TemporaryDirectory
 
-    from generation.search.methods.quality import QualitySettings, quality
-    from studies.generation.commands.failures import REPORTED
-    from studies.generation.failures.problem import posed
+    from generation.search.methods.cover import cover
     from studies.generation.pairs import acting_alone, coordinated, needed
+    from studies.generation.problem import posed
 
-    settings = QualitySettings() if first is None else QualitySettings(first=first)
     with interruptible(NAME):
         for scenario in scenarios:
             with posed(scenario, sut, jobs, recorded) as problem, TemporaryDirectory() as scratch:
                 alone = acting_alone(scenario, Path(scratch))
                 sought = coordinated(problem, alone, sut) if both else problem
-                for seed in range(REPORTED, REPORTED + seeds):
-                    found = needed(alone, quality(sought.problem, budget, seed, settings), problem, sut, jobs)
+                for seed in range(_FIRST, _FIRST + seeds):
+                    found = needed(alone, cover(sought.problem, budget, seed), problem, sut, jobs)
                     print(f"{scenario.stem}, {sut}, seed {seed}: {found}", flush=True)

@@ -33,9 +33,9 @@ def command(
 
     from schemas.common.errors import UsageError
     from schemas.common.storage import Records
-    from studies.generation.failures.problem import posed
     from studies.generation.planted.study import FIRST_SEED, PLANS, ROWS, Benchmark, statements, table
     from studies.generation.planted.systems import PERFECT, Pool
+    from studies.generation.problem import posed
 
     if generator not in PLANS:
         raise UsageError(f"there is no generator {generator!r}; generators: {', '.join(PLANS)}")

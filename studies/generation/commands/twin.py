@@ -32,8 +32,8 @@ def command(
     _version: Version = False,
 ) -> None:
     """Compare verdicts of the twin with those of SUMO, for the system under test and all reference drivers."""
-    from studies.generation.failures.agreement import measured
-    from studies.generation.failures.problem import posed
+    from studies.generation.agreement import measured
+    from studies.generation.problem import posed
 
     with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as problem:
         for each in measured(problem, draws, finds, seed):

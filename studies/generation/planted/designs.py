@@ -7,18 +7,9 @@ from scipy.spatial.distance import cdist
 from scipy.stats import norm, qmc
 
 from generation.density.prior import Prior
-from generation.search.emitters import Frame
-from generation.search.problem import BATCH, Calls, History, Problem
+from generation.search.problem import Calls, History, Problem
+from generation.search.surrogate import Frame
 from schemas.common.array_types import FloatArray, IntArray
-
-
-def draws(problem: Problem, budget: int, seed: int) -> History:
-    """Draws of the density."""
-    assert problem.prior is not None
-    calls, generator = Calls(problem, budget), np.random.default_rng(seed)
-    while calls.left:
-        calls(problem.prior.sample(min(BATCH, calls.left), generator))
-    return calls.history
 
 
 def cells(problem: Problem, budget: int, seed: int) -> History:

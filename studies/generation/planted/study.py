@@ -15,9 +15,8 @@ from scipy.spatial.distance import cdist
 
 from generation.density.gate import NEAR, Statement
 from generation.pipeline import drawn_of
-from generation.search.methods.cover import cover
+from generation.search.methods.cover import cover, draws
 from generation.search.methods.mcsg import mcsg
-from generation.search.methods.quality import quality
 from generation.search.problem import History, Plays, Problem, Search
 from generation.search.space import Space, distinctive
 from schemas.common.array_types import FloatArray
@@ -25,7 +24,7 @@ from schemas.common.storage import Records
 from studies.generation.baselines.cma_es import cma_es
 from studies.generation.baselines.level_sets import level_sets
 from studies.generation.baselines.subset import subset
-from studies.generation.planted.designs import cells, draws, maximin, sobol
+from studies.generation.planted.designs import cells, maximin, sobol
 from studies.generation.planted.systems import UNDRIVEN, Plan, Planted, Pool, plant
 from studies.generation.planted.together import Work, together
 
@@ -59,14 +58,13 @@ ROWS: Mapping[str, Search] = {
     "sobol": sobol,
     "maximin": maximin,
     "cover": cover,
-    "quality": quality,
     "mcsg": mcsg,
     "cma-es": cma_es,
     "level-sets": level_sets,
     "subset": subset,
 }
 """Methods by name, the one that the others must not stay behind first"""
-_ALONE = frozenset({"quality", "mcsg"})
+_ALONE = frozenset({"mcsg"})
 """Methods that draw from a generator of the whole process: no other search may work beside them"""
 OURS = "cover"
 """The method that the others are compared with"""

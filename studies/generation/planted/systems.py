@@ -5,8 +5,8 @@ Outside its regions the driver is perfect, or a reference driver. With a gradien
 announces a failure.
 
 The development generator plants boxes, ellipsoids, slabs, shells at the edge of the foreseeable, interactions of two parameters,
-and sleep at certain times of the scene. The reported one plants corners, curved bands, hollow shells, cones, tails beyond a plane, and
-sleep that depends on how long a danger has lasted.
+and sleep at certain times of the scene. The reported one plants corners, curved bands, hollow shells, cones, tails beyond a
+plane, and sleep that depends on how long a danger has lasted.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ import numpy as np
 
 from generation.density.prior import Prior
 from generation.outcomes.outcomes import Outcomes, joined
-from generation.search.emitters import Frame
 from generation.search.problem import Plays
 from generation.search.space import Space
+from generation.search.surrogate import Frame
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 Score = Callable[[FloatArray, Outcomes], FloatArray]

@@ -21,7 +21,7 @@ def test_a_search_writes_how_often_the_system_fails(tmp_path: Path) -> None:
     space = Space.of(CUT_IN)
     rows = space.draw(200, np.random.default_rng(2))
     run = RunSettings(timestep=0.1)
-    settings = SearchSettings(run, "random", 60, density="gaussian", processes=1, estimate=True)
+    settings = SearchSettings(run, "draws", 60, density="gaussian", processes=1, estimate=True)
     found = generate(CUT_IN, lambda space: Recorded(rows, np.array(["a", "b"] * 100)), tmp_path, settings)
     assert found.estimate is not None
     written = json.loads((tmp_path / "cut_in_highway_estimate.json").read_text())

@@ -33,7 +33,7 @@ NAMES = "cut_in_highway", "cut_out_highway"
 
 def looped(folder: Path, out: Path, sut: str, against: Path | None = None, seed: int = 0) -> LoopResult:
     settings = LoopSettings(
-        RunSettings(timestep=0.1, sut=sut, world="kinematic"), None, rounds=1, budget=30, most=3, shown=1, method="kde",
+        RunSettings(timestep=0.1, sut=sut, world="kinematic"), None, rounds=1, budget=30, most=3, shown=1, method="draws",
         processes=1, seed=seed, ask=Ask(density="gaussian"), against=against,
     )  # fmt: skip
     found = run_loop(folder, out, settings, BAR, lambda *_: None)

@@ -26,7 +26,15 @@ from xosc.exports import standard
 from xosc.exports.draft import Folder
 
 SETTINGS = LoopSettings(
-    RunSettings(timestep=0.1), None, rounds=2, budget=12, most=2, shown=2, method="kde", processes=1, ask=Ask(density="gaussian")
+    RunSettings(timestep=0.1),
+    None,
+    rounds=2,
+    budget=12,
+    most=2,
+    shown=2,
+    method="draws",
+    processes=1,
+    ask=Ask(density="gaussian"),
 )
 BAR = partial(progress_bar, quiet=True)
 

@@ -20,7 +20,7 @@ from tests.runner.batch.test_inputs import SYSTEM
 from xosc.exports import standard
 from xosc.exports.draft import Folder
 
-SETTINGS = LoopSettings(model=None, rounds=1, budget=6, most=1, method="random", processes=1, ask=Ask(density="uniform"))
+SETTINGS = LoopSettings(model=None, rounds=1, budget=6, most=1, method="draws", processes=1, ask=Ask(density="uniform"))
 
 
 def go(folder: Path, out: Path, settings: LoopSettings = SETTINGS) -> list[str]:

@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from generation.density.models.mixtures import Gaussian
 from generation.outcomes.outcomes import Outcomes
 from generation.search.environment import ScenarioEnv
-from generation.search.methods.mcsg import mcsg
-from generation.search.policy import Bins, Edits, McsgSettings, Policy, coordinated, single
+from generation.search.methods.mcsg import Bins, Edits, McsgSettings, Policy, coordinated, mcsg, single
 from generation.search.problem import Calls, History, Memory, Problem, Realism, Reward, additive
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter

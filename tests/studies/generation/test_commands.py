@@ -39,8 +39,7 @@ def test_help_lists_every_experiment(monkeypatch: pytest.MonkeyPatch, capsys: py
     assert call(monkeypatch, "--help") == 0
     text = capsys.readouterr().out
     assert all(
-        name in text
-        for name in ("methods", "failures", "tune", "ablation", "twin", "systems", "densities", "reconstruction", "rounds")
+        name in text for name in ("methods", "planted", "coverage", "twin", "systems", "densities", "reconstruction", "rounds")
     )
 
 
@@ -82,7 +81,7 @@ def test_units_of_recordings_are_reconstructed_and_kept(
     [
         (
             ("methods", CUT_IN, "--out", "{out}", "--methods", "magic"),
-            "methods: cover, conscend, kde, mcsg, mcsg-published, quality, random",
+            "methods: cover, draws, mcsg, mcsg-published",
         ),
         (("systems", "{out}"), "neither a comparison of methods nor edge cases"),
         (("densities", CUT_IN, "--density", "spline"), "densities: kde"),
@@ -101,42 +100,6 @@ def test_wrong_use_is_one_line(
     said = capsys.readouterr().err
     assert reason in said
     assert "Traceback" not in said
-
-
-def test_failures_are_counted_on_sumo_and_never_twice(
-    tmp_path: Path, units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    quick = ("--methods", "kde", "--seeds", 1, "--budget", 6, "--recorded", units, "--jobs", 1, "--out", tmp_path)
-    assert call(monkeypatch, "failures", CUT_IN, *quick) == 0
-    first = capsys.readouterr().out
-    assert "| cut_in_highway | cas | kde | 1 | 6 |" in first
-    assert "cut_in_highway, cas, kde, seed 100" in first
-    assert call(monkeypatch, "failures", CUT_IN, *quick) == 0
-    assert "seed 100" not in capsys.readouterr().out
-    assert call(monkeypatch, "failures", CUT_IN, *quick[:4], "--budget", 7, *quick[6:]) == 2
-    assert "another budget" in capsys.readouterr().err
-
-
-def test_emitters_of_an_ablation_are_chosen_by_name(
-    units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    quick = ("--seeds", 1, "--proposals", 100, "--recorded", units)
-    assert call(monkeypatch, "ablation", CUT_IN, "--emitters", "prior+line", *quick) == 0
-    said = capsys.readouterr().out
-    assert "| prior, line | 1 |" in said
-    assert "stages" not in said
-    assert call(monkeypatch, "ablation", CUT_IN, "--emitters", "prior+lane", *quick) == 2
-    assert "no emitter 'lane'; emitters: evolution, line, policy, prior" in capsys.readouterr().err
-
-
-def test_failures_are_searched_on_sumo_alone_without_a_twin(
-    tmp_path: Path, units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    alone = ("--without-twin", "--extras", 100, "--methods", "quality", "--seeds", 1, "--budget", 6, "--recorded", units)
-    assert call(monkeypatch, "failures", CUT_IN, *alone, "--jobs", 1, "--out", tmp_path) == 0
-    assert "| cut_in_highway | cas | quality | 1 | 6 | 0 |" in capsys.readouterr().out
-    assert call(monkeypatch, "failures", CUT_IN, *alone, "--on-twin", "--out", tmp_path) == 2
-    assert "exclude each other" in capsys.readouterr().err
 
 
 def test_the_twin_is_measured_against_sumo(

@@ -11,9 +11,9 @@ import pytest
 from generation.logical.library import SCENARIOS
 from generation.outcomes.outcomes import Outcomes
 from generation.recorded import of_recordings, of_samples
-from generation.search.emitters import Frame
 from generation.search.problem import History, Problem, Realism, Reward, Search
 from generation.search.space import Space
+from generation.search.surrogate import Frame
 from generation.twin.episodes import Twin
 from schemas.common.storage import Records
 from studies.generation.baselines.level_sets import level_sets

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.stats import binomtest
 
 from generation.outcomes.judges import REFERENCES
-from generation.search.methods.quality import QualitySettings, quality
+from generation.search.methods.cover import cover
 from generation.search.problem import BATCH, Problem
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
-from studies.generation.failures.problem import Posed
+from studies.generation.problem import Posed
 
 CONFIDENCE = 0.95
 
@@ -66,7 +66,8 @@ def _finds(problem: Problem, most: int, seed: int) -> FloatArray:
     if not most:
         return np.empty((0, len(problem.space.parameters)))
     alone = Problem(problem.space, problem.twin, problem.reward, problem.real, None, problem.prior, problem.twin)
-    return quality(alone, max(most, BATCH), seed, QualitySettings()).theta[:most]
+    found = cover(alone, max(2 * most, BATCH), seed)
+    return found.theta[found.outcomes.collision & found.outcomes.executed][:most]
 
 
 def _compared(posed: Posed, problem: Problem, name: str, theta: FloatArray, system: str | None) -> Agreement:

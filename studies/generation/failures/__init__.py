@@ -1,1 +1,0 @@
-"""Number of distinct, foreseeable and preventable failures of a method, and the value of the twin."""
