@@ -66,7 +66,6 @@ _EXTRAS = {
     "threadpoolctl": "recognition",
     "torch": "recognition",
     "zstandard": "osi",
-    "ribs": "search",
     "cma": "study",
     "greenlet": "study",
     "optuna": "study",

@@ -1,9 +1,10 @@
-"""Coverage search: 40 % of the runs are draws of the density, the others cover the probability that is expected to fail.
+"""Coverage search: a quarter of the runs are draws of the density, the others cover the probability that is expected to fail.
 
 A guided run is chosen by what it is expected to reveal: its own predicted failure, times the predicted failures among draws of
 the density around it that are near no known failure. What is covered counts no more, so that no finding starves another one,
-and what traffic does more often counts more. Without a twin the prediction is that of a forest grown on the runs, in which near
-misses have a small share. With a twin it is its verdict, less where no careful driver prevents the failure.
+and what traffic does more often counts more. Without a twin two models predict, each for half of the guided runs, so that what
+one cannot see does not starve the other: a forest, in which near misses have a small share, and a Gaussian process, which also
+expects failures where no run was. With a twin it is its verdict, less where no careful driver prevents the failure.
 
 G. L. Nemhauser, L. A. Wolsey, M. L. Fisher, An analysis of approximations for maximizing submodular set functions, 1978 (the
 greedy choice of what covers most).
@@ -56,7 +57,7 @@ class CoverSettings:
 
     batch: tuple[int, float] = 40, 0.02
     first: int = 60
-    explored: float = 0.4
+    explored: float = 0.25
     radius: float = 0.08
     least: float = 0.03
     drawn: int = 1200

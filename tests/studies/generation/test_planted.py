@@ -11,6 +11,7 @@ import pytest
 from generation.logical.library import SCENARIOS
 from generation.outcomes.outcomes import Outcomes
 from generation.recorded import of_recordings, of_samples
+from generation.search.methods.cover import draws
 from generation.search.problem import History, Problem, Realism, Reward, Search
 from generation.search.space import Space
 from generation.search.surrogate import Frame
@@ -18,7 +19,7 @@ from generation.twin.episodes import Twin
 from schemas.common.storage import Records
 from studies.generation.baselines.level_sets import level_sets
 from studies.generation.baselines.subset import subset
-from studies.generation.planted.designs import cells, draws, maximin, sobol, stratified
+from studies.generation.planted.designs import cells, maximin, sobol, stratified
 from studies.generation.planted.study import (
     OURS,
     PLANS,
