@@ -104,13 +104,14 @@ def xosc_generate(
 
 
 def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings, against: Path | None) -> Iterator[Search]:
-    from generation.declared import asked_of
+    from generation.declared import asked_of, with_literals
     from generation.recorded import of_catalogue
 
     if not source.exists():
         raise InvalidFile("no such file or folder", path=source)
     if not source.is_dir():
-        asked = asked_of(ask, source)
+        ask, scenario = with_literals(ask, source, out / "source")
+        asked = asked_of(ask, scenario)
         what = replace(settings, pinned=asked.pinned, free=asked.free, marginals=asked.marginals, default=asked.default)
         yield Search(asked.scenario, asked.recorded, out, what, against)
         return

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from lxml import etree
+
 import xosc
-from generation.density.marginals import Marginal, marginal, uniform
+from generation.density.marginals import Choices, Marginal, marginal, uniform
 from generation.density.models import UNIFORM
 from generation.density.roles import EGO, ROLES, Role
 from generation.recorded import Recorded, kind_of, of_recordings, of_samples, of_statements
@@ -16,6 +21,10 @@ from generation.search.space import Space
 from generation.settings import Ask
 from schemas.common.errors import UsageError, nearest
 from xosc.distributions import DeterministicMultiParameterDistribution, ParameterSpace
+from xosc.exports import standard
+from xosc.exports.concrete import copied
+from xosc.exports.draft import Draft, ExportSettings, Folder
+from xosc.node import Node
 
 
 class NothingToVary(UsageError):
@@ -62,7 +71,9 @@ def varied(path: Path) -> Varied | None:
         return None
     for each in space.distribution.definition.distributions:
         if isinstance(each, DeterministicMultiParameterDistribution):
-            raise NothingToVary("sets of values that belong together have no density", space.scenario, path)
+            name, choices = _sets(each.value_sets, space.scenario, path)
+            found.marginals[name] = choices
+            continue
         try:
             of = marginal(each.distribution)
         except UsageError as error:
@@ -72,6 +83,24 @@ def varied(path: Path) -> Varied | None:
         else:
             found.marginals[each.parameter_name] = of
     return found
+
+
+def _sets(sets: Sequence[Mapping[str, str]], scenario: Path, path: Path) -> tuple[str, Choices]:
+    """Sets of values as the values of one parameter, a number that is another one in each set; the others follow it.
+
+    Raises:
+        NothingToVary: there is one set alone, or no such parameter.
+    """
+    for name in sets[0]:
+        try:
+            values = [float(each[name]) for each in sets]
+        except (KeyError, ValueError):
+            continue
+        if len(values) > 1 and len(set(values)) == len(values) and np.isfinite(values).all():
+            rest = [{other: text for other, text in each.items() if other != name} for each in sets]
+            follows = dict(sorted(zip(values, rest, strict=True), key=lambda each: each[0]))
+            return name, Choices(tuple(follows), (1.0,) * len(values), follows if any(rest) else {})
+    raise NothingToVary("no number tells its sets of values apart", scenario, path)
 
 
 def scenario_of(path: Path) -> Path:
@@ -109,6 +138,58 @@ def freed(texts: Iterable[str]) -> tuple[tuple[str, ...], dict[str, Marginal]]:
         except (ValueError, UsageError):
             raise UsageError(f"--free {text!r}: NAME or NAME=LOW..HIGH is expected, as Ego_Speed_mps=10..40") from None
     return tuple(names), ranges
+
+
+def with_literals(ask: Ask, path: Path, folder: Path) -> tuple[Ask, Path]:
+    """Declare literals of a scenario that are to be searched as parameters, in a copy with all that it refers to.
+
+    A literal is LINE@ATTRIBUTE of the file, as in `--free 87@value=10..40`.
+
+    Returns:
+        what is asked for by the names of the parameters, and the copy; both as they are without literals.
+
+    Raises:
+        UsageError: it is none of a scenario, or no number. NotWritten: the folder has another scenario of that name.
+    """
+    literals = [text for text in ask.free if _LITERAL.match(text)]
+    if not literals:
+        return ask, path
+    document = copied(xosc.load(path))
+    if document.kind != "scenario":
+        raise UsageError(f"--free {literals[0]}: literals are those of a scenario", path=path)
+    declared = document.node.find("ParameterDeclarations")
+    holder = declared.element if declared is not None else document.root.makeelement("ParameterDeclarations", {}, None)
+    if declared is None:
+        document.node.need("FileHeader").element.addnext(holder)
+    free = [text for text in ask.free if text not in literals]
+    for text in literals:
+        where, _, limits = text.partition("=")
+        name, value = _declared(document.node, where, path)
+        etree.SubElement(holder, "ParameterDeclaration", name=name, parameterType="double", value=value)
+        free.append(f"{name}={limits}")
+    draft = Draft(Folder(folder), ExportSettings())
+    standard.add(document, None, draft)
+    draft.write()
+    return replace(ask, free=free), folder / f"{path.stem}.xosc"
+
+
+_LITERAL = re.compile(r"\d+@\w")
+
+
+def _declared(root: Node, where: str, path: Path) -> tuple[str, str]:
+    """Put a reference in the place of a literal; the name of its parameter, and its value."""
+    line, _, attribute = where.partition("@")
+    found = [each for each in root.iter() if each.line == int(line) and each.has(attribute)]
+    if len(found) != 1:
+        raise UsageError(f"--free {where}: {len(found) or 'no'} elements of this line have the attribute {attribute}", path=path)
+    value = found[0].get(attribute)
+    try:
+        float(value)
+    except ValueError:
+        raise UsageError(f"--free {where}: {attribute} is {value!r}, not a number", path=path) from None
+    name = f"{found[0].tag}_{attribute}_{line}"
+    found[0].element.set(attribute, f"${name}")
+    return name, value
 
 
 def mapped(texts: Iterable[str]) -> dict[str, Role]:

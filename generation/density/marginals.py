@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, singledispatch
 from typing import Any, Protocol
 
@@ -43,6 +43,10 @@ class Marginal(Protocol):
     def choices(self) -> tuple[float, ...]:
         """The only values."""
 
+    @property
+    def follows(self) -> Mapping[float, Mapping[str, str]]:
+        """Values of other parameters by name that belong to each of the only values."""
+
     def log_density(self, values: FloatArray) -> FloatArray:
         """log p of values (n,), −∞ outside; of choices, that of the nearest one."""
 
@@ -62,6 +66,7 @@ class Steps:
     edges: tuple[float, ...]
     weights: tuple[float, ...] = (1.0,)
     choices: tuple[float, ...] = ()
+    follows: Mapping[float, Mapping[str, str]] = field(default_factory=dict)
 
     @property
     def low(self) -> float:
@@ -101,6 +106,7 @@ class Continuous:
     low: float
     high: float
     choices: tuple[float, ...] = ()
+    follows: Mapping[float, Mapping[str, str]] = field(default_factory=dict)
 
     def log_density(self, values: FloatArray) -> FloatArray:
         """log p of values (n,)."""
@@ -120,6 +126,7 @@ class Choices:
 
     choices: tuple[float, ...]
     weights: tuple[float, ...]
+    follows: Mapping[float, Mapping[str, str]] = field(default_factory=dict)
 
     @property
     def low(self) -> float:

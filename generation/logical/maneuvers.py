@@ -31,7 +31,7 @@ class Maneuver:
         leader: vehicle ahead of the ego at the start.
         ego_lane, leader_lane: "left" or "right" of the geometry's lanes, where the ego and the leader are at the beginning.
         change: lanes to the left that the actor changes: +1, −1, or 0 for none.
-        kind: of recorded units that are such manoeuvres (`recognition.maneuvers.units.KINDS`).
+        kind: of recorded units that are such manoeuvres (`recognition.maneuvers.parameters.KINDS`).
         geometries: where it makes sense.
         label, urban_label: the class of it for the ego on motorways, and elsewhere; None where it is none of the 17.
         braking: limits of the speeds at and after the end, m/s, where the actor slows down whatever the road.

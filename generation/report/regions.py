@@ -17,7 +17,7 @@ from generation.report.counterexamples import Measure
 from generation.search.space import distinctive
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
-_LINKED = 0.15
+LINKED = 0.15
 """Distance in the unit cube, root mean square, up to which failures are of one region"""
 _MOST, _GROUPED = 6, 2000
 """Regions that are listed, and failures that are grouped, evenly chosen where there are more"""
@@ -101,7 +101,7 @@ def regions(generated: Generated, measures: Sequence[Measure]) -> list[FailureRe
     failing = failing[np.linspace(0, len(failing) - 1, min(len(failing), _GROUPED)).astype(int)]
     space, columns = generated.space, distinctive(generated.space)
     unit, rows = space.unit(theta)[:, columns], np.stack([each.values for each in measures], axis=1)
-    labels = grouped(unit[failing], _LINKED)
+    labels = grouped(unit[failing], LINKED)
     cases = generated.cases.take(generated.cases.outcomes.collision)
     found = []
     for label in np.unique(labels):

@@ -11,9 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from generation.density.gate import NEAR
 from generation.outcomes.judges import COLLISION
 from generation.outcomes.outcomes import Episode, Outcomes, Simulator
 from generation.pipeline import Generated, estimate_file, evaluator_of, summary_file, system_digest
+from generation.report.regions import LINKED, grouped
 from generation.search.space import Space, apart, distinctive
 from generation.settings import SearchSettings
 from runner.settings import RunSettings
@@ -37,6 +39,15 @@ class Fate(StrEnum):
     NEW = "new"
     MISSED = "missed-before"
     UNLIKE = "unlike"
+
+
+class Shift(StrEnum):
+    """What became of a region of failures between two versions."""
+
+    GONE = "gone"
+    NEW = "new"
+    MOVED = "moved"
+    REMAINS = "remain"
 
 
 _ALWAYS = (Fate.FIXED, Fate.STILL_THERE, Fate.NEW)
@@ -119,12 +130,14 @@ class Regression:
         before: the other version.
         replayed: what came of its failures with this one (n,). fates: what became of them (n,).
         found: fates of the points (m,) of this version: `NEW`, `MISSED` or `UNLIKE` for failures unlike all of before, else None.
+        regions: number of regions of failures by what became of them.
     """
 
     before: Before
     replayed: Outcomes
     fates: Sequence[Fate]
     found: Sequence[Fate | None]
+    regions: Counter[Shift]
 
     @property
     def counts(self) -> Fates:
@@ -132,7 +145,8 @@ class Regression:
         return Fates([*self.fates, *(fate for fate in self.found if fate is not None)])
 
     def __str__(self) -> str:
-        return f"against {self.before.sut or 'the system'} in {self.before.folder}: {self.counts}"
+        regions = ", ".join(f"{self.regions[shift]} {shift}" for shift in Shift)
+        return f"against {self.before.sut or 'the system'} in {self.before.folder}: {self.counts}; regions: {regions}"
 
 
 def regression(before: Before, scenario: Path, tried: Tried, settings: SearchSettings) -> Regression:
@@ -161,7 +175,41 @@ def regression(before: Before, scenario: Path, tried: Tried, settings: SearchSet
         Fate.UNKNOWN if not executed else Fate.STILL_THERE if collided or near else Fate.FIXED
         for executed, collided, near in zip(replayed.executed, replayed.collision, alike, strict=True)
     ]
-    return Regression(before, replayed, fates, _found(before, scenario, tried, tried.failing & far.all(axis=0), settings))
+    found = _found(before, scenario, tried, tried.failing & far.all(axis=0), settings)
+    return Regression(before, replayed, fates, found, _regions(before, tried, fates))
+
+
+def _regions(before: Before, tried: Tried, fates: Sequence[Fate]) -> Counter[Shift]:
+    """Regions of the failures of both versions together: groups by distance, as `generation.report.regions` has them.
+
+    A region is gone where all its failures of before are fixed and none is found now. It has moved where none of them is left as
+    it was, or where the middle of what fails now is `NEAR` or more from the middle of what failed before.
+    """
+    space, columns = tried.space, distinctive(tried.space)
+    rows = [row for row, values in enumerate(before.values) if _alike(space, values)]
+    then = np.array([[float(before.values[row][name]) for name in space.names] for row in rows]).reshape(-1, len(space.names))
+    remains = np.array([fates[row] is not Fate.FIXED for row in rows], bool)
+    unit = space.unit(np.concatenate([then, tried.theta[tried.failing]]))[:, columns]
+    labels, found = grouped(unit, LINKED), Counter[Shift]()
+    for label in np.unique(labels):
+        of = labels == label
+        old, new = of[: len(then)], of[len(then) :]
+        left = unit[: len(then)][old & remains]
+        now = np.concatenate([left, unit[len(then) :][new]])
+        if not old.any():
+            found[Shift.NEW] += 1
+        elif not len(now):
+            found[Shift.GONE] += 1
+        else:
+            way = now.mean(axis=0) - unit[: len(then)][old].mean(axis=0)
+            moved = not len(left) or float(np.sqrt(np.square(way).mean())) >= NEAR
+            found[Shift.MOVED if moved else Shift.REMAINS] += 1
+    return found
+
+
+def _alike(space: Space, values: Mapping[str, str]) -> bool:
+    """Whether values of before have what is pinned now."""
+    return all(values.get(name, value) == value for name, value in space.pinned.items())
 
 
 def _found(before: Before, scenario: Path, tried: Tried, unlike: BoolArray, settings: SearchSettings) -> list[Fate | None]:
@@ -190,7 +238,7 @@ def _far(tried: Tried, before: Before, least: float) -> BoolArray:
     space, columns = tried.space, distinctive(tried.space)
     found = np.ones((len(before.values), len(tried.theta)), bool)
     for row, values in enumerate(before.values):
-        if all(values.get(name, value) == value for name, value in space.pinned.items()):
+        if _alike(space, values):
             point: FloatArray = np.array([[float(values[name]) for name in space.names]])
             found[row] = apart(space.unit(tried.theta)[:, columns], space.unit(point)[:, columns], least)
     return found

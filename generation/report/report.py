@@ -31,7 +31,7 @@ from generation.report.counterexamples import (
     unit_of,
 )
 from generation.report.regions import FailureRegion, regions
-from generation.report.regression import Fate, Regression
+from generation.report.regression import Fate, Regression, Shift
 from generation.settings import SearchSettings
 from generation.variations import Written
 from runner.replay.page import page, write_page
@@ -381,6 +381,7 @@ def _against(report: Report, out: Path) -> Json | None:
         "sut": before.sut,
         "folder": before.folder.name,
         "counts": {fate: found.counts[fate] for fate in Fate},
+        "regions": {shift: found.regions[shift] for shift in Shift},
         "chance": None if chance is None else _rounded([chance["value"], *chance["interval"]]),
         "failures": failures,
         "names": list(report.generated.space.names),

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
 from types import MappingProxyType
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -26,6 +26,9 @@ from schemas.common.errors import UsageError, nearest
 from xosc.node import Node
 from xosc.parameters import Assignment, ParameterScope
 
+if TYPE_CHECKING:
+    from generation.density.marginals import Marginal
+
 DIGITS = 6
 """Decimal digits of values in files."""
 _STEP = 10.0**-DIGITS
@@ -33,22 +36,6 @@ _WHOLE = ("integer", "int", "unsignedInt", "unsignedShort")
 """Types of whole numbers."""
 _LISTED = 6
 """Parameters that a message names at most"""
-
-
-class Interval(Protocol):
-    """Limits of a parameter, and the only values that it takes; none where it takes all between."""
-
-    @property
-    def low(self) -> float:
-        """Least value."""
-
-    @property
-    def high(self) -> float:
-        """Greatest value."""
-
-    @property
-    def choices(self) -> tuple[float, ...]:
-        """The only values, ascending."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +47,14 @@ class Space:
         pinned: what else the scenario declares as literals, with the values that hold in all runs: they decide as much as the
             searched ones do, and belong beside every result.
         choices: the only values of some parameters, ascending: points between stand for the nearest one.
+        follows: of some of these, values of other parameters that belong to each value.
         constraints: whether values by name keep the scenario's constraints; None where the box says it all.
     """
 
     parameters: tuple[Parameter, ...]
     pinned: Mapping[str, str] = field(default_factory=dict)
     choices: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    follows: Mapping[str, Mapping[float, Mapping[str, str]]] = field(default_factory=dict)
     constraints: Callable[[Mapping[str, str]], bool] | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -103,7 +92,10 @@ class Space:
         """A point (d,) as the scenario's parameters take it, rounded to `DIGITS`."""
         if len(row) != len(self.parameters):
             raise UsageError(f"{len(row)} values for {len(self.parameters)} parameters")
-        return {name: self._text(name, float(value)) for name, value in zip(self.names, row, strict=True)}
+        found = {name: self._text(name, float(value)) for name, value in zip(self.names, row, strict=True)}
+        for name, follows in self.follows.items():
+            found.update(follows[float(found[name])])
+        return found
 
     def _text(self, name: str, value: float) -> str:
         if name not in self.choices:
@@ -129,7 +121,7 @@ class Space:
         pinned: Mapping[str, str] | None = None,
         free: Sequence[str] = (),
         ego: str = "Ego",
-        ranges: Mapping[str, Interval] = MappingProxyType({}),
+        ranges: Mapping[str, Marginal] = MappingProxyType({}),
         default: bool = True,
     ) -> Space:
         """The space of a logical scenario: its double parameters that have a lower and an upper limit.
@@ -173,11 +165,17 @@ class Space:
             instead = f"give limits, as {free_option(left)}" if left else "every number that it declares is pinned"
             raise UsageError(f"no parameter with a lower and an upper limit is left to search: {instead}", path=scenario)
         literals = {name: scope.own[name].text for name, each in declared.items() if "$" not in each.get("value")}
-        rest = {name: value for name, value in (literals | pinned).items() if name not in searched}
+        follows = {name: ranges[name].follows for name in searched if name in ranges and ranges[name].follows}
+        following = {name: first for first, values in follows.items() for each in values.values() for name in each}
+        for name, first in following.items():
+            if name not in declared or name in pinned or name in chosen:
+                reason = "is searched or pinned itself" if name in declared else "is not declared"
+                raise UsageError(f"the parameter {name} belongs to the values of {first}, and {reason}", path=scenario)
+        rest = {name: value for name, value in (literals | pinned).items() if name not in searched and name not in following}
         sides = (_of_range(name, ranges[name]) if name in ranges else _parameter(declared[name], scope) for name in searched)
         choices = {name: _choices(ranges[name], scope.own[name].type) for name in searched if name in ranges}
         admits = partial(_admits, list(declared.values())) if ranges else None
-        return cls(tuple(sides), rest, {name: each for name, each in choices.items() if each}, admits)
+        return cls(tuple(sides), rest, {name: each for name, each in choices.items() if each}, follows, admits)
 
 
 def numbers(scenario: str | PathLike[str]) -> dict[str, str]:
@@ -189,7 +187,10 @@ def numbers(scenario: str | PathLike[str]) -> dict[str, str]:
     declared = _declarations(xosc.load(scenario).node)
     found = {each.get("name"): each.get("value") for each in declared if each.get("parameterType") in ("double", *_WHOLE)}
     if not found:
-        raise UsageError("it declares no parameter that is a number: there is nothing to search", path=scenario)
+        raise UsageError(
+            "it declares no parameter that is a number: --free LINE@ATTRIBUTE=LOW..HIGH searches a literal, as 87@value=10..40",
+            path=scenario,
+        )
     return found
 
 
@@ -225,11 +226,11 @@ def _obstacle(name: str, pinned: bool, bounded: bool, ranged: bool, scope: Param
     return f"is of the type {kind}, not a number; --pin {name}=VALUE gives it one value"
 
 
-def _of_range(name: str, limits: Interval) -> Parameter:
+def _of_range(name: str, limits: Marginal) -> Parameter:
     return Parameter(name, limits.low, limits.high, name.rpartition("_")[2] if "_" in name else "", "")
 
 
-def _choices(limits: Interval, kind: str) -> Sequence[float]:
+def _choices(limits: Marginal, kind: str) -> Sequence[float]:
     """The values of a range that its parameter can have; none where it can have all."""
     if limits.choices or kind == "double":
         return limits.choices

@@ -73,9 +73,9 @@ def scores(outcomes: Outcomes) -> FloatArray:
 
 
 _TREES = 100
-FEW = 60
+_FEW = 60
 """Runs from which failures are predicted"""
-ROUND = 20
+_ROUND = 20
 """Runs after which the forest is grown anew"""
 _NEAR = 0.1
 """Weight of the nearest miss relative to a failure: it leads to the first failures, and matters little afterwards"""
@@ -105,9 +105,9 @@ class Forest:
 
     def failing(self, x: FloatArray) -> FloatArray:
         """Predicted failure (n,) at points (n, k), from 0 to 1; 0 while there are few runs."""
-        if len(self) < FEW or not len(x):
+        if len(self) < _FEW or not len(x):
             return np.zeros(len(x))
-        if self._forest is None or len(self) >= self._grown + ROUND:
+        if self._forest is None or len(self) >= self._grown + _ROUND:
             self._grow()
         found: FloatArray = self._forest.predict(differences(x))
         return found

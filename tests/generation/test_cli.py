@@ -14,7 +14,7 @@ from runner.sut import Control, Observation, Participant
 from schemas.common.storage import alone
 
 CUT_IN = str(SCENARIOS / "cut_in_highway.xosc")
-QUICK = ("--method", "kde", "--budget", "15", "--density", "gaussian", "--jobs", "1")
+QUICK = ("--method", "draws", "--budget", "15", "--density", "gaussian", "--jobs", "1")
 
 
 def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
@@ -40,7 +40,7 @@ def test_a_scenario_becomes_edge_cases(
     pinned = ("--pin", "Ego_Speed_mps=36", "--most", 3, "--violations", "--concrete")
     assert call(monkeypatch, CUT_IN, "--out", tmp_path / "out", *QUICK, *pinned) == 0
     told = capsys.readouterr().out
-    assert "kde against cas, seed 0, with Ego_Speed_mps=36" in told
+    assert "draws against cas, seed 0, with Ego_Speed_mps=36" in told
     assert "7 unguided draws of the density: " in told and "8 sought runs: " in told
     assert "with 95 % confidence failures that were not found have a probability below 0.35" in told
     numbers = json.loads((tmp_path / "out" / "cut_in_highway_search.json").read_text())

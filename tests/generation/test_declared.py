@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.declared import asked_of, freed, mapped
+from generation.declared import asked_of, freed, mapped, with_literals
 from generation.logical.library import SCENARIOS
 from generation.search.space import Space
 from generation.settings import Ask
+from schemas import check
 from schemas.common.errors import UsageError
 from xosc.distributions import (
     Deterministic,
@@ -51,10 +52,57 @@ def test_a_variation_file_says_what_is_searched_and_what_is_pinned(tmp_path: Pat
     assert (dict(pinned.pinned), list(pinned.marginals)) == ({"CutIn_Gap_m": "9"}, ["CutIn_Speed_mps"])
 
 
-def test_sets_of_values_have_no_density(tmp_path: Path) -> None:
-    sets = DeterministicMultiParameterDistribution(({"CutIn_Gap_m": "9"}, {"CutIn_Gap_m": "8"}))
-    with pytest.raises(UsageError, match="belong together"):
+def test_sets_of_values_are_searched_as_sets(tmp_path: Path) -> None:
+    """The first number that differs in all sets is searched, what belongs to its values follows."""
+    rows = [
+        {"CutIn_LaneChangeTime_s": "3", "CutIn_Gap_m": gap, "CutIn_Speed_mps": speed}
+        for gap, speed in (("9.5", "20"), ("8", "25"))
+    ]
+    path = variation(tmp_path / "variation.xosc", DeterministicMultiParameterDistribution(tuple(rows)))
+    asked = asked_of(Ask(), path)
+    space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+    assert (space.names, space.low.tolist(), space.high.tolist()) == (("CutIn_Gap_m",), [8.0], [9.5])
+    assert not set(rows[0]) & set(space.pinned)
+    assert [space.values([gap]) for gap in (9.1, 8.2)] == rows
+    drawn = asked.recorded(space).prior(space, "mixture").sample(50, np.random.default_rng(0))
+    assert set(drawn[:, 0].tolist()) == {8.0, 9.5}
+    with pytest.raises(
+        UsageError, match="CutIn_Speed_mps belongs to the values of CutIn_Gap_m, and is searched or pinned itself"
+    ):
+        Space.of(asked.scenario, {"CutIn_Speed_mps": "20"}, ranges=asked.marginals, default=False)
+
+
+def test_sets_of_values_that_no_number_tells_apart_are_refused(tmp_path: Path) -> None:
+    sets = DeterministicMultiParameterDistribution(({"CutIn_Gap_m": "9"}, {"CutIn_Gap_m": "9"}))
+    with pytest.raises(UsageError, match="no number tells its sets of values apart: search simple_cut_in"):
         asked_of(Ask(), variation(tmp_path / "variation.xosc", sets))
+
+
+def test_a_literal_becomes_a_parameter_of_a_copy_that_stands_by_itself(tmp_path: Path) -> None:
+    line = next(number for number, text in enumerate(SIMPLE.read_text().splitlines(), 1) if 'dynamicsShape="step"' in text)
+    free = [f"{line}@value=0..2", "CutIn_Gap_m=6..30"]
+    ask, copy = with_literals(Ask(free=free), SIMPLE, tmp_path / "source")
+    name = f"SpeedActionDynamics_value_{line}"
+    assert list(ask.free) == ["CutIn_Gap_m=6..30", f"{name}=0..2"]
+    asked = asked_of(ask, copy)
+    space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+    assert set(space.names) == {name, "CutIn_Gap_m"}
+    assert f'value="${name}"' in copy.read_text() and name not in SIMPLE.read_text()
+    assert check(copy) == []
+    assert with_literals(Ask(free=["CutIn_Gap_m=6..30"]), SIMPLE, tmp_path / "none")[1] == SIMPLE
+
+
+@pytest.mark.parametrize(
+    ("literal", "reason"),
+    [
+        ("1@value=0..2", "no elements of this line have the attribute value"),
+        ("2@author=0..2", "author is 'xosc-toolchain', not a number"),
+    ],
+)
+def test_what_is_no_literal_number_is_refused_by_line(literal: str, reason: str, tmp_path: Path) -> None:
+    header = next(number for number, text in enumerate(SIMPLE.read_text().splitlines(), 1) if "<FileHeader" in text)
+    with pytest.raises(UsageError, match=reason):
+        with_literals(Ask(free=[literal.replace("2@author", f"{header}@author")]), SIMPLE, tmp_path)
 
 
 def test_parameters_are_mapped_to_roles_with_a_factor() -> None:

@@ -19,7 +19,7 @@ from runner.settings import RunSettings
 from schemas.common.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
-QUICK = SearchSettings(method="random", budget=60, density="gaussian", processes=1, run=RunSettings(timestep=0.1))
+QUICK = SearchSettings(method="draws", budget=60, density="gaussian", processes=1, run=RunSettings(timestep=0.1))
 
 
 TRAFFIC = partial(of_samples, of_recordings(None, "cut_in"))

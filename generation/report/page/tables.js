@@ -193,6 +193,9 @@ function against() {
   const counts = Object.entries(FATES)
     .filter(([fate]) => ["fixed", "still-there", "new"].includes(fate) || found.counts[fate])
     .flatMap(([fate, [kind, text]]) => [badge(kind, `${found.counts[fate]} ${text}`), " "]);
+  const regions = Object.entries(found.regions)
+    .map(([shift, number]) => `${number} ${shift}`)
+    .join(", ");
   const columns = [
     ["failure of before", "number"],
     ["now", null],
@@ -217,6 +220,7 @@ function against() {
   return panel(
     `Against ${found.sut || "another version"} (${found.folder})`,
     el("p", null, ...counts),
+    note(`Regions of failures: ${regions}.`),
     change,
     note(
       "Failures of before are replayed on this version. One is fixed where it is survived and nothing found now is like it; " +

@@ -196,7 +196,7 @@ class _Search:
         return worth
 
     def _unlike(self, theta: FloatArray, others: FloatArray) -> FloatArray:
-        """Those of points (n, d) that keep the least distance from others."""
+        """Return the points (n, d) that keep the least distance from others."""
         return theta[apart(self._unit(theta), self._unit(others), self._settings.least)]
 
     def _unit(self, theta: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from generation.density.gate import NEAR, Statement
+from generation.outcomes.outcomes import Outcomes
 from generation.pipeline import drawn_of
 from generation.search.methods.cover import cover, draws
 from generation.search.methods.mcsg import mcsg
@@ -58,12 +59,15 @@ ROWS: Mapping[str, Search] = {
     "sobol": sobol,
     "maximin": maximin,
     "cover": cover,
+    "cover-twin": cover,
     "mcsg": mcsg,
     "cma-es": cma_es,
     "level-sets": level_sets,
     "subset": subset,
 }
 """Methods by name, the one that the others must not stay behind first"""
+_TWIN = "cover-twin"
+"""The method that has a twin of the planted system, which plays the reference drivers too"""
 _ALONE = frozenset({"mcsg"})
 """Methods that draw from a generator of the whole process: no other search may work beside them"""
 OURS = "cover"
@@ -222,7 +226,12 @@ class Benchmark(NamedTuple):
 
     def _work(self, planted: Planted, name: str, seed: int) -> Work[tuple[History, float]]:
         def work(plays: Plays) -> tuple[History, float]:
-            posed = replace(self.problem, evaluate=replace(planted, twin=plays), twin=None)
+            system = replace(planted, twin=plays)
+
+            def twin(theta: FloatArray, sut: str | None = None) -> Outcomes:
+                return system(theta) if sut is None else plays(theta, sut)
+
+            posed = replace(self.problem, evaluate=system, twin=twin if name == _TWIN else None)
             start = time.thread_time()
             return ROWS[name](posed, self.budget, seed), time.thread_time() - start
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from generation.report.regression import Before, Fate, Tried, regression
+from generation.report.regression import Before, Fate, Shift, Tried, _regions, regression
 from schemas.common.errors import UsageError
 from tests.generation.report.searches import CUT_IN, EASY, HARD, SPACE, WEAK, searched, settings, written
 
@@ -28,7 +28,7 @@ def test_failures_are_fixed_or_still_there(before: Before) -> None:
     assert list(found.fates) == [Fate.STILL_THERE, Fate.FIXED]
     assert list(found.found) == [None], "the failure that was known is not new"
     assert found.counts.fails(Fate.STILL_THERE) and not found.counts.fails(Fate.NEW)
-    assert str(found).endswith(": 1 fixed, 1 still-there, 0 new")
+    assert ": 1 fixed, 1 still-there, 0 new; regions: " in str(found)
 
 
 OTHER = [60.0, 12.0, 1.0, 12.0, 3.0, 12.0, 8.0, 38.0]
@@ -39,7 +39,7 @@ def test_a_failure_that_the_former_version_has_too_is_not_new(before: Before) ->
     found = regression(before, CUT_IN, Tried.of(searched(OLD, np.array([OTHER]))), settings(OLD))
     assert list(found.found) == [Fate.MISSED]
     assert not found.counts.fails(Fate.NEW)
-    assert str(found).endswith("0 new, 1 missed-before")
+    assert "0 new, 1 missed-before; regions: " in str(found)
 
 
 def test_a_failure_that_the_former_version_survives_is_new(tmp_path: Path) -> None:
@@ -59,6 +59,18 @@ def test_without_the_former_version_a_failure_is_unlike_and_no_alarm(before: Bef
 def test_a_failure_that_is_survived_is_not_fixed_where_its_neighbour_fails(before: Before) -> None:
     found = regression(before, CUT_IN, Tried.of(searched(OLD, np.array([WEAK]) + 0.01)), settings(NEW))
     assert found.fates[1] is Fate.STILL_THERE
+
+
+def test_regions_are_gone_new_moved_or_remain() -> None:
+    """Two groups before: one is fixed, of the other one failures are left; a third one is found now."""
+    middle = SPACE.unit((SPACE.low + SPACE.high)[None] / 2)[0]
+    gone, left, new = (SPACE.scaled(middle * share) for share in (0.2, 1.0, 1.8))
+    texts = [SPACE.values(row) for row in (gone, left, left + 0.01)]
+    before, fates = Before(Path(), OLD, texts), [Fate.FIXED, Fate.STILL_THERE, Fate.FIXED]
+    tried = Tried(SPACE, np.array([new, left + 0.02]), np.ones(2, bool))
+    assert _regions(before, tried, fates) == {Shift.GONE: 1, Shift.NEW: 1, Shift.REMAINS: 1}
+    aside = Tried(SPACE, np.array([SPACE.scaled(middle * 1.12)]), np.ones(1, bool))
+    assert _regions(before, aside, [Fate.FIXED] * 3) == {Shift.GONE: 1, Shift.MOVED: 1}
 
 
 def test_runs_that_fail_are_not_good_news(before: Before) -> None:
