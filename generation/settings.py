@@ -138,7 +138,7 @@ class Ask:
     )
     free: Sequence[str] = option(
         (),
-        "Search a parameter besides the default ones, between these limits (repeatable).",
+        "Search a parameter besides the default ones, or a literal, as 87@value=10..40, between these limits (repeatable).",
         "--free",
         metavar="NAME[=LOW..HIGH]",
     )

@@ -47,6 +47,7 @@ class FailureRegion(NamedTuple):
         failures: number of failing runs. drawn: unguided draws that fail within `NEAR` of one of them.
         severity: mean impact speed, m/s. edge_cases: number of foreseeable and preventable failures among the cases.
         typical, likeliest: rows of the executed runs: the failure nearest to the others, and that of the greatest density.
+        survived: number of the edge cases that each reference driver survives.
     """
 
     bounds: Sequence[Bound]
@@ -58,6 +59,7 @@ class FailureRegion(NamedTuple):
     edge_cases: int
     typical: int
     likeliest: int
+    survived: Mapping[str, int]
 
     def rule(self, measures: Sequence[Measure]) -> str:
         """The rule in words."""
@@ -80,6 +82,7 @@ class FailureRegion(NamedTuple):
             "rule": self.rule(measures), "precision": round(self.precision, 3), "recall": round(self.recall, 3),
             "failures": self.failures, "draws": self.drawn.runs, "failing_draws": self.drawn.collisions, "probability": chance,
             "interval": [low, high], "severity": round(self.severity, 2), "edge_cases": self.edge_cases,
+            "survived": dict(self.survived),
             **{
                 name: {each.name: value for each, value in zip(measures, values, strict=True)}
                 for name, values in members.items()
@@ -111,10 +114,11 @@ def regions(generated: Generated, measures: Sequence[Measure]) -> list[FailureRe
         bounds, precision, recall = _rule(rows, of)
         typical = group[int(np.argmin(np.square(unit[group] - unit[group].mean(axis=0)).sum(axis=1)))]
         likeliest = group[int(np.argmax(generated.prior.log_density(theta[group])))]
-        edge_cases = int(_near(space.unit(cases.theta)[:, columns], unit[group]).sum())
+        near = _near(space.unit(cases.theta)[:, columns], unit[group])
+        survived = {name: int((each.survived & near).sum()) for name, each in cases.drivers.items()}
         severity, drawn = float(outcomes.impact_speed[group].mean()), _share(generated, columns, unit[group])
         of_rule = (bounds, precision, recall, len(group))
-        found.append(FailureRegion(*of_rule, drawn, severity, edge_cases, int(typical), int(likeliest)))
+        found.append(FailureRegion(*of_rule, drawn, severity, int(near.sum()), int(typical), int(likeliest), survived))
     return sorted(found, key=lambda each: each.importance, reverse=True)[:_MOST]
 
 

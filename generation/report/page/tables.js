@@ -57,6 +57,7 @@ function regions() {
     ...units.map(each => [each, "number"]),
     ["mean impact (m/s)", "number"],
     ["edge cases", "number"],
+    ["survived by", null],
     ["typical member", null],
     ["likeliest member", null],
   ];
@@ -84,6 +85,13 @@ function regions() {
       ...units.map(unit => cell(spanned(each.rates[unit]))),
       cell(figure(each.severity, 3)),
       cell(String(each.edge_cases)),
+      cell(
+        Object.entries(each.survived)
+          .filter(([, number]) => number)
+          .map(([name, number]) => `${name} ${number}`)
+          .join(", "),
+        null,
+      ),
       member(each, "typical"),
       member(each, "likeliest"),
     ),

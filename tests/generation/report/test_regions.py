@@ -10,7 +10,7 @@ import pytest
 from generation.outcomes.outcomes import Episodes, Outcomes
 from generation.report.counterexamples import Measure
 from generation.report.regions import FailureRegion, grouped, regions
-from tests.generation.report.searches import EASY, HARD, SPACE, searched
+from tests.generation.report.searches import EASY, HARD, SPACE, WEAK, searched
 
 GAP, SPEED = (SPACE.names.index(name) for name in ("CutIn_Gap_m", "Ego_Speed_mps"))
 
@@ -48,6 +48,17 @@ def test_probable_and_severe_regions_come_first(found: tuple[list[FailureRegion]
     written = fast.as_json(measures, {"typical": [1.0, 2.0], "likeliest": [3.0, 4.0]})
     assert written["typical"] == {"gap": 1.0, "speed": 2.0} and written["likeliest"] == {"gap": 3.0, "speed": 4.0}
     assert written["interval"] == [low, high]
+
+
+def test_a_region_tells_which_reference_drivers_survive_its_edge_cases() -> None:
+    generated = searched("cas:brake=2", np.array([HARD, WEAK]))
+    measures = [Measure("gap", "m", generated.episodes.theta[generated.episodes.outcomes.executed, GAP])]
+    found = regions(generated, measures)
+    cases = generated.cases
+    assert sum(each.edge_cases for each in found) == len(cases) > 0
+    for name, each in cases.drivers.items():
+        assert sum(of.survived[name] for of in found) == int(each.survived.sum())
+    assert any(of.survived["fsm"] for of in found)
 
 
 def test_without_failures_there_are_no_regions() -> None:
