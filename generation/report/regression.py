@@ -42,7 +42,7 @@ class Fate(StrEnum):
 
 
 class Shift(StrEnum):
-    """What became of a region of failures between two versions."""
+    """Change of a region of failures between two versions."""
 
     GONE = "gone"
     NEW = "new"
