@@ -149,19 +149,11 @@ class GaussianProcess:
 
     def failing(self, rows: FloatArray) -> FloatArray:
         """Probability (m,) of a failure at rows (m, k)."""
-        mean, deviation = self._predicted(rows)
-        return np.asarray(ndtr((mean - _BORDER) / deviation))
+        mean, deviation = self.predicted(rows)
+        return np.asarray(ndtr((mean - BORDER) / deviation))
 
-    def unsure(self, rows: FloatArray) -> FloatArray:
-        """Straddle (m,) at rows (m, k): 1.96 standard deviations less the distance of the mean from the border of failure.
-
-        B. Bryan et al., Active learning for identifying function threshold boundaries, 2005.
-        """
-        mean, deviation = self._predicted(rows)
-        return np.asarray(_NORMAL * deviation - np.abs(mean - _BORDER))
-
-    def _predicted(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Means and standard deviations (m,) at rows (m, k)."""
+    def predicted(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Means and standard deviations (m,) of the score at rows (m, k)."""
         x, lower, weights, mean = self._known = self._known or self._conditioned()
         between = self._kernel(x, rows)
         explained = np.square(solve_triangular(lower, between, lower=True)).sum(axis=0)
@@ -188,8 +180,8 @@ class GaussianProcess:
 
 _LEAST = 1e-8
 """Least variance"""
-_NORMAL, _BORDER = 1.96, 0.5
-"""Standard deviations of a 95 % interval, and score at the border of failure"""
+BORDER = 0.5
+"""Score at the border of failure"""
 _FITTED = 250
 """Runs that the lengths of a process are fitted on at most"""
 

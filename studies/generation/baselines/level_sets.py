@@ -11,7 +11,7 @@ import numpy as np
 
 from generation.search.problem import Calls, History, Problem
 from generation.search.space import diverse
-from generation.search.surrogate import Frame, GaussianProcess
+from generation.search.surrogate import BORDER, Frame, GaussianProcess
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 
@@ -64,9 +64,14 @@ def level_sets(problem: Problem, budget: int, seed: int, settings: LevelSettings
             theta = _candidates(frame, failures, settings, generator)
             theta = theta[prior.foreseeable(theta)]
             rows = frame.coordinates(theta)
-            order = np.argsort(-process.unsure(rows), kind="stable")
+            order = np.argsort(-_straddle(*process.predicted(rows)), kind="stable")
             theta = theta[order[diverse(rows[order], settings.least, settings.batch)]]
     return calls.history
+
+
+def _straddle(mean: FloatArray, deviation: FloatArray) -> FloatArray:
+    """Half of the 95 % interval (m,) of a score less its distance from the border of failure."""
+    return np.asarray(1.96 * deviation - np.abs(mean - BORDER))
 
 
 def _candidates(frame: Frame, failures: FloatArray, settings: LevelSettings, generator: np.random.Generator) -> FloatArray:
