@@ -13,6 +13,7 @@ from generation.recorded import of_recordings, of_samples
 from generation.search.methods.cover import CoverSettings, _Search, cover
 from generation.search.problem import Problem, Realism, Reward
 from generation.search.space import Space
+from generation.search.surrogate import Forest, GaussianProcess
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import UsageError
 
@@ -56,6 +57,14 @@ def test_each_finding_is_covered_though_another_fails_more_often(posed: Problem)
     found = cover(posed, 300, 1)
     for region in (near, fast):
         assert region(found.theta).sum() > 1.5 * region(drawn).sum() > 0.0
+
+
+@pytest.mark.parametrize("blind", [Forest, GaussianProcess])
+def test_what_one_model_cannot_see_the_other_one_finds(blind: type, posed: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert posed.prior is not None
+    monkeypatch.setattr(blind, "failing", lambda self, x: np.zeros(len(x)))
+    found = cover(posed, 160, 1).outcomes.collision.sum()
+    assert found > 1.25 * fails(posed.prior.sample(160, np.random.default_rng(1))).collision.sum()
 
 
 def test_a_guided_run_counts_no_more_where_another_one_is(posed: Problem) -> None:
