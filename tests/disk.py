@@ -17,7 +17,9 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-OPERATIONS = ("fsync", "write", "rename", "replace", "mkdir", "unlink", "rmdir")
+from schemas.common.storage import LOCK
+
+OPERATIONS = ("fsync", "write", "sendfile", "rename", "replace", "mkdir", "unlink", "rmdir")
 
 
 @contextmanager
@@ -27,12 +29,12 @@ def watched(
     """Call `before` and `after` around each operation by which something below a folder is written.
 
     What `before` raises stands for the failure of the operation. A file that could not be written to is left empty, as a full
-    disk leaves it. Operations of other programs, and of libraries that open files by themselves, are not seen.
+    disk leaves it. Operations of other processes, and of libraries that open files by themselves, are not seen.
     """
 
     def wrapped(name: str, real: Callable[..., Any], concerns: Callable[..., bool]) -> Callable[..., Any]:
         def operation(*arguments: Any, **options: Any) -> Any:
-            if not concerns(*arguments, **options):
+            if os.getpid() != process or not concerns(*arguments, **options):
                 return real(*arguments, **options)
             try:
                 before(name)
@@ -61,7 +63,7 @@ def watched(
             return lambda path, *_, **__: inside(path) and os.path.lexists(path)
         return inside
 
-    real_open = io.open
+    real_open, process = io.open, os.getpid()
     with pytest.MonkeyPatch.context() as patch:
         for name in OPERATIONS:
             patch.setattr(os, name, wrapped(name, getattr(os, name), concerned(name)))
@@ -101,10 +103,64 @@ class Failure:
             raise self.error
 
 
+class Disk:
+    """What of a folder is on the disk: contents of files as they were last synced, and of folders their names.
+
+    What is there at the beginning is on the disk.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._files: dict[int, bytes] = {}
+        self._folders: dict[int, dict[str, tuple[int, bool]]] = {}
+        for path in (root, *root.rglob("*")) if any(root.iterdir()) else ():
+            self._note(path)
+
+    def after(self, name: str, file: Any) -> None:
+        """Take note of an operation that is done; to be given to `watched`."""
+        if name == "fsync":
+            self._note(Path(os.readlink(f"/proc/self/fd/{file}")))
+
+    def pictures(self, target: Path) -> dict[str, Path]:
+        """Make folders of what would be left if the machine went down now, or the process was killed, by the kind of loss.
+
+        Of a machine only what was synced is left, or names without contents that were not synced.
+        """
+        target.mkdir()
+        kinds = {kind: target / kind for kind in ("synced", "names", "killed")}
+        self._restore(self.root.stat().st_ino, kinds["synced"])
+        self._with_names(kinds["names"], everything=False)
+        self._with_names(kinds["killed"], everything=True)
+        return kinds
+
+    def _note(self, path: Path) -> None:
+        if path.is_dir():
+            self._folders[path.stat().st_ino] = {each.name: (each.stat().st_ino, each.is_dir()) for each in path.iterdir()}
+        else:
+            self._files[path.stat().st_ino] = path.read_bytes()
+
+    def _restore(self, folder: int, target: Path) -> None:
+        target.mkdir()
+        for name, (inode, is_folder) in self._folders.get(folder, {}).items():
+            if is_folder:
+                self._restore(inode, target / name)
+            else:
+                (target / name).write_bytes(self._files.get(inode, b""))
+
+    def _with_names(self, target: Path, everything: bool) -> None:
+        target.mkdir()
+        for path in sorted(self.root.rglob("*")):
+            copy = target / path.relative_to(self.root)
+            if path.is_dir():
+                copy.mkdir()
+            else:
+                copy.write_bytes(path.read_bytes() if everything else self._files.get(path.stat().st_ino, b""))
+
+
 def files(folder: Path) -> dict[str, bytes]:
     """All files below a folder by name, without locks."""
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != ".lock"
+        if path.is_file() and path.name != LOCK
     }

@@ -12,6 +12,7 @@ import pytest
 
 from schemas.common.errors import exit_codes
 from schemas.common.packages import version
+from schemas.common.storage import DRAFT
 from tests.commands import SCRIPTS, Command
 from tests.runner.files import scenario
 from xosc.listing import LIBRARY
@@ -192,3 +193,10 @@ def test_output_that_is_no_longer_read_is_exit_code_141(name: str, tmp_path: Pat
     answer = subprocess.run([program, "--help"], cwd=tmp_path, stdout=writing, stderr=subprocess.PIPE, timeout=120)
     os.close(writing)
     assert (answer.returncode, answer.stderr) == (141, b"")
+
+
+def test_a_draft_that_a_killed_command_has_left_is_no_scenario(command: Command, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stop=0.1)
+    path.with_name(f"{DRAFT}0123abcd.xosc").write_text("<OpenSCE")
+    answer = command("xosc-check", tmp_path)
+    assert (answer.code, answer.out.splitlines()[-1].partition(",")[0]) == (0, "2 files checked")

@@ -86,7 +86,8 @@ def _asked(
     """Answer of an index to a question, in a format."""
     from xosc.listing import of_rows, questions
 
-    index, shown = questions.read_index(path), ["file", "class"]
+    index = questions.read_index(path)
+    shown = [name for name in ("file", "class") if name in index.table.column_names]
     table = questions.similar(index, like) if like is not None else index.table
     if where is not None:
         question = questions.condition(where, table.schema)

@@ -29,7 +29,7 @@ from runner.recording import Recording, Track
 from schemas.common.errors import InvalidFile, NotWritten, ToolchainError, Unsupported, UsageError
 from schemas.common.packages import version
 from schemas.common.policy import limited
-from schemas.common.storage import Records, Stamp, digest, drafted, stamp, sync, writing
+from schemas.common.storage import Records, Stamp, digest, drafted, stamp, writing
 from xodr.network import RoadNetwork
 from xodr.reader import load
 
@@ -80,7 +80,6 @@ class RecordingStore:
             columns = self._path(source, "arrow")
             with drafted(columns) as draft:
                 feather.write_feather(table, str(draft), compression="uncompressed")
-                sync([draft])
             self._records(source).replace([about | {"report": asdict(report), "columns": _digest(columns)}])
 
     def get(self, source: Source) -> Kept:

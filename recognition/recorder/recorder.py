@@ -20,7 +20,7 @@ from recognition.recorder.sites import SITES, Site, View, family
 from recognition.recorder.traffic import Vehicle, departures, parked
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import limited
-from schemas.common.storage import DRAFT, writing
+from schemas.common.storage import DRAFT, sync, writing
 from xodr.reader import load
 from xodr.sumo_net import SumoNet, build
 
@@ -128,6 +128,7 @@ def _drafted(tasks: Sequence[_Task], out: Path) -> Iterator[list[_Task]]:
                 if site.layout == "INTERACTION":
                     site.road_map().write(hidden / folder.name / f"{site.name}.xodr")
             yield [replace(task, folder=hidden / task.folder.name) for task in tasks]
+            sync(sorted(hidden.rglob("*")))  # contents before names: a power cut leaves no file in part
             for folder in sites:
                 if folder.is_dir():
                     folder.rmdir()  # empty; Windows renames to no folder that is there

@@ -78,11 +78,16 @@ def egoless(entities: Iterable[Entity], system: str, contacts: Sequence[tuple[fl
         system: name of the system under test that was asked for, `none` for none.
         contacts: time (s) and names of the entities, in order.
     """
-    vehicles = [entity.name for entity in entities if entity.declared.kind == "vehicle"]
+    there = list(entities)
+    if not there:
+        return ("the scenario has no participants: nothing happens in it",)
+    vehicles = [entity.name for entity in there if entity.declared.kind == "vehicle"]
     effects = [f"{system} drives nobody"] if system != "none" else []
     effects += [f"{first} touches {second} at {time:.2f} s, which fails nothing" for time, first, second in contacts[:1]]
-    if not vehicles or not effects:
+    if not effects:
         return ()
+    if not vehicles:
+        return (f"the scenario has no vehicle: {', and '.join(effects)}",)
     return (f"no vehicle is known to be the ego: {', and '.join(effects)}; --ego {vehicles[0]} would make it that",)
 
 

@@ -79,7 +79,7 @@ def driver_of(scenario: Scenario, ego: Entity, system: System, timestep: float, 
         raise failed(system, error, 0.0) from error
     handed_over = ego.name not in scenario.activated
     if isinstance(system, WorldDriven):
-        return WorldDriver(handed_over, _scripted_at_start(scenario, ego))
+        return WorldDriver(handed_over, scripted_at_start(scenario, ego))
     return SystemDriver(system, handed_over, cruise_speed(scenario, ego))
 
 
@@ -92,10 +92,10 @@ def cruise_speed(scenario: Scenario, ego: Entity) -> float | None:
         if actor is ego and isinstance(action, AssignControllerAction)
     ]
     external = any(module_of(each) == EXTERNAL for each in (*assigned, *ego.declared.controllers.values()))
-    return CRUISE if external and not _scripted_at_start(scenario, ego) else None
+    return CRUISE if external and not scripted_at_start(scenario, ego) else None
 
 
-def _scripted_at_start(scenario: Scenario, ego: Entity) -> bool:
+def scripted_at_start(scenario: Scenario, ego: Entity) -> bool:
     """Whether an initial action says how fast the ego is."""
     elements = [element for actor, element in scenario.storyboard.init if actor is ego]
     private = [action for element in elements for action in element.actions if isinstance(action, PrivateAction)]

@@ -14,8 +14,8 @@ from runner.conditions.by_value import ParameterCondition, SimulationTimeConditi
 from runner.contracts.element import PrivateAction
 from runner.contracts.run import ElementState, Instant, Transition
 from runner.criteria.criterion import Criterion, CriterionResult, judge_criteria, kinds, light_states
-from runner.interpreter.departures import egoless
-from runner.interpreter.drivers import SystemDriver, is_called_ego
+from runner.interpreter.departures import egoless, standstill
+from runner.interpreter.drivers import SystemDriver, is_called_ego, scripted_at_start
 from runner.interpreter.result import Cause, Verdict
 from runner.interpreter.storyboard.elements import ActionElement
 from runner.interpreter.storyboard.storyboard import Act, Event, Storyboard
@@ -41,7 +41,8 @@ CAUSES: Mapping[str, str] = {
     "no-actor": "private actions of a maneuver group have no actor",
     "misplaced": "a position is beyond the end of its road by more than 10 m: the end was taken",
     "absent": "a participant that the storyboard refers to has no action that places it",
-    "no-ego": "the system under test drives no vehicle: the scenario has no ego",
+    "no-ego": "the system under test drives no vehicle: the scenario has no ego; or it has no participants at all",
+    "standing": "nothing sets the ego in motion, neither the scenario, which gives it no speed, nor the system under test",
     "empty": "an action of the storyboard is empty: what a participant was to do is not known",
     "stopped-at-once": "the stop trigger was true at time 0, or the stories ended without an action",
     "no-event": "no event of the storyboard started",
@@ -77,7 +78,7 @@ def at_beginning(
     """
     yield from of_remarks((*scenario.remarks, *sim.remarks.found))
     yield from (Cause("parameters", str(violation)) for violation in scenario.violations)
-    if ego is None and system != "none":
+    if ego is None and (system != "none" or not sim.entities):
         yield from (Cause("no-ego", text) for text in egoless(sim.entities.values(), system))
     trigger = sim.storyboard.stop_trigger
     if sim.finished and sim.step_index == 0:
@@ -92,6 +93,8 @@ def of_run(
 ) -> Iterator[Cause]:
     """All causes of a run that has ended; arguments as in `at_beginning`."""
     yield from at_beginning(scenario, sim, recording, departures, ego, system)
+    if ego is not None and system != "none" and not scripted_at_start(scenario, ego):
+        yield from (Cause("standing", text) for text in standstill(recording.tracks.get(ego.name), system))
     awaited = [event for event in _events(sim) if Transition.START not in event.first]
     if awaited and _first_event(sim) == math.inf:
         yield Cause("no-event", f"{awaited[0].where}: no event has started: {_idle(awaited, sim)}")

@@ -25,7 +25,7 @@ from schemas.common.errors import ToolchainError, UsageError, describe
 from schemas.common.options import CATALOG_PATH, ROAD_PATH, resign, sections
 from schemas.common.packages import leave_working_folder_out, missing, version
 from schemas.common.policy import UNTRUSTED, Policy, in_force, of_command
-from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
+from schemas.common.storage import DRAFT, cache_folder, drafted, own_cache, search_path, writing
 from schemas.common.text import of_service, one_line
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -425,6 +425,9 @@ def _expand(argument: str) -> list[Path]:
 
 
 def files_in(path: Path) -> list[Path]:
-    """The scenario and road files in a folder and below it, sorted; a file itself, if it is one."""
-    candidates = sorted(path.rglob("*")) if path.is_dir() else [path]
+    """The scenario and road files in a folder and below it, sorted; a file itself, if it is one.
+
+    Drafts that a killed command has left in the folder are none.
+    """
+    candidates = sorted(each for each in path.rglob("*") if not each.name.startswith(DRAFT)) if path.is_dir() else [path]
     return [candidate for candidate in candidates if candidate.suffix.lower() in SUFFIXES and candidate.is_file()]

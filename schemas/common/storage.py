@@ -417,8 +417,6 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
         try:
             with drafted(path) as draft:
                 draft.write_bytes(content)
-                if durable:
-                    sync([draft])
         except PermissionError:  # Windows replaces no file that is open: another writer of the same content was first
             if not path.is_file() or path.read_bytes() != content:
                 raise
@@ -431,7 +429,8 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
 def drafted(path: Path) -> Iterator[Path]:
     """A path to write a file to, beside the one that it becomes at the end; after an error neither is there.
 
-    Devices and pipes have nothing to be replaced: they are written directly.
+    The content is on the disk before the name is: a power cut leaves no file that is empty or in part. Devices and pipes have
+    nothing to be replaced: they are written directly.
 
     Raises:
         OSError: the file can't be put in its place.
@@ -442,6 +441,7 @@ def drafted(path: Path) -> Iterator[Path]:
     draft = path.with_name(f"{DRAFT}{secrets.token_hex(4)}{path.suffix}")  # what tempfile makes is for its owner's eyes only
     try:
         yield draft
+        _sync(draft)
         draft.replace(path)
     finally:
         with suppress(OSError):

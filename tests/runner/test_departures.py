@@ -62,6 +62,19 @@ def test_an_ego_that_nothing_sets_in_motion_is_a_remark(tmp_path: Path, sut: str
     assert runner.run(path, world="kinematic", sut=sut).remarks == (f"Ego stands during the whole run: {reason}",)
 
 
+def test_a_run_in_which_nobody_moves_the_ego_or_nobody_is_there_tests_nothing(tmp_path: Path) -> None:
+    def causes(name: str, entities: list[str], init: str, sut: str) -> list[str]:
+        path = scenario(tmp_path / name, entities=entities, init=init, stories=" ", stop=0.2)
+        return [cause.name for cause in runner.run(path, world="kinematic", sut=sut).verdict.causes]
+
+    standing = place("Ego", 100, 0)
+    unsaid = standing[: standing.index("<PrivateAction><LongitudinalAction")] + "</Private>"
+    assert causes("unsaid", [car("Ego")], unsaid, "cas") == ["standing"]
+    assert causes("unsaid_none", [car("Ego")], unsaid, "none") == []
+    assert causes("said", [car("Ego")], standing, "cas") == []
+    assert causes("empty", [" "], " ", "none") == causes("empty_cas", [" "], " ", "cas") == ["no-ego"]
+
+
 @pytest.mark.parametrize(
     ("sut", "gap", "said"),
     [

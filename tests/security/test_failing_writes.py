@@ -18,8 +18,9 @@ import pytest
 
 from recognition.encoder.config import PRESETS, Preset, Schedule, TokenArchitecture
 from recognition.trfe.storage import load
+from schemas.common.storage import DRAFT
 from tests.commands import SCRIPTS, Answer, Command
-from tests.disk import Failure, files, watched
+from tests.disk import Disk, Failure, files, watched
 from tests.recognition.training.test_command import windows
 from tests.runner.files import scenario
 
@@ -155,6 +156,52 @@ def test_an_operation_that_fails(call: str, fresh: Callable[[str], Path], comman
         check(answer, str(failure.error.strerror), files(out), expected)
         assert command(*CALLS[call]).code == usual.code, failure.name
         assert files(out) == expected, failure.name
+
+
+@pytest.mark.every
+@pytest.mark.parametrize("call", CALLS)
+def test_every_operation_fails_or_is_the_last(call: str, fresh: Callable[[str], Path], command: Command, tmp_path: Path) -> None:
+    """All operations, none left out; and before each the machine goes down, or the process is killed, and the call is repeated.
+
+    Not in the suite: `pytest -m every --basetemp /dev/shm/every tests/security`, where numbers of files are not used twice.
+    """
+    out = fresh(call)
+    disk, pictures = Disk(out), list[tuple[str, dict[str, Path]]]()
+    (shots := tmp_path / "pictures").mkdir()
+
+    def before(name: str) -> None:
+        pictures.append((name, disk.pictures(shots / str(len(pictures)))))
+
+    with watched(out, before, disk.after):
+        usual = command(*CALLS[call])
+    expected, wrong, seen = files(out), list[str](), list[dict[str, bytes]]()
+
+    def left(folder: Path) -> dict[str, bytes]:
+        return {name: content for name, content in files(folder).items() if DRAFT not in name}  # hidden: no command reads them
+
+    for place in range(len(pictures)):
+        out, failure = fresh(call), Failure(place)
+        with watched(out, failure):
+            answer = command(*CALLS[call])
+        if failure.name in ("unlink", "rmdir"):  # what was to be removed stays, which harms nothing
+            continue
+        assert failure.error is not None
+        check(answer, str(failure.error.strerror), files(out), expected)
+        if command(*CALLS[call]).code != usual.code or files(out) != expected:
+            wrong.append(f"repeated after {place} {failure.name} failed")
+    for place, (name, kinds) in enumerate(pictures):
+        for kind, shot in kinds.items():
+            if (picture := left(shot)) in seen:
+                continue
+            seen.append(picture)
+            shutil.rmtree(out)
+            shutil.copytree(shot, out)
+            answer = command(*CALLS[call])
+            if left(out) != expected or (answer.code != usual.code and picture != expected):  # all is there: some overwrite none
+                odd = [each for each in expected if files(out).get(each) != expected[each]]
+                wrong.append(f"{kind} before {place} {name}: {answer}, {odd}")
+    print(f"{call}: {len(pictures)} operations, {len(seen)} states after a loss")
+    assert wrong == []
 
 
 @contextmanager

@@ -151,3 +151,8 @@ def test_questions_need_an_index_and_one_catalogue(command: Command, tmp_path: P
     lacking = command("xosc-list", tmp_path, "--distinct")
     assert lacking.code == 2 and "index.parquet" in lacking.err
     assert command("xosc-list", "--where", "gap < 3").code == 2
+
+
+def test_an_index_without_classes_answers_too(command: Command, tmp_path: Path) -> None:
+    pq.write_table(pa.table({"file": ["a.xosc"]}), tmp_path / "index.parquet")
+    assert command("xosc-list", tmp_path, "--where", "file = 'a.xosc'") == (0, "file\na.xosc\n1 scenario\n", "")

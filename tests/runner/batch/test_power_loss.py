@@ -19,7 +19,7 @@ from runner.batch.jobs import jobs_of
 from runner.batch.journal import finished
 from runner.settings import RunSettings
 from schemas.common.errors import UsageError
-from tests.disk import Failure, files, watched
+from tests.disk import Disk, Failure, files, watched
 from tests.runner.files import distribution, scenario
 
 QUICK = RunSettings(sut="none", world="kinematic")
@@ -44,45 +44,6 @@ def batch(variation: Path, out: Path) -> None:
         list(run_batch(jobs_of([variation], {}, True), QUICK, out=out, resume=True, tell=lambda line: None))
 
 
-class Disk:
-    """What of a folder is on the disk: contents of files as they were last synced, and of folders their names."""
-
-    def __init__(self, root: Path) -> None:
-        self.root = root
-        self._files: dict[int, bytes] = {}
-        self._folders: dict[int, dict[str, tuple[int, bool]]] = {}
-
-    def synced(self, file: int) -> None:
-        """Take note of a file or folder that is open and was synced."""
-        path = Path(os.readlink(f"/proc/self/fd/{file}"))
-        if path.is_dir():
-            self._folders[path.stat().st_ino] = {each.name: (each.stat().st_ino, each.is_dir()) for each in path.iterdir()}
-        else:
-            self._files[path.stat().st_ino] = path.read_bytes()
-
-    def after_power_loss(self, target: Path) -> None:
-        """Make a folder of what is left where nothing survives but what was synced."""
-        self._restore(self.root.stat().st_ino, target)
-
-    def _restore(self, folder: int, target: Path) -> None:
-        target.mkdir()
-        for name, (inode, is_folder) in self._folders.get(folder, {}).items():
-            if is_folder:
-                self._restore(inode, target / name)
-            else:
-                (target / name).write_bytes(self._files.get(inode, b""))
-
-    def with_names(self, target: Path, everything: bool) -> None:
-        """Make a folder of what is left where all names survive, and the contents that were synced, or all."""
-        target.mkdir()
-        for path in sorted(self.root.rglob("*")):
-            copy = target / path.relative_to(self.root)
-            if path.is_dir():
-                copy.mkdir()
-            else:
-                copy.write_bytes(path.read_bytes() if everything else self._files.get(path.stat().st_ino, b""))
-
-
 def test_a_power_cut_at_any_operation_loses_no_run_that_is_entered(tmp_path: Path, variation: Path) -> None:
     batch(variation, tmp_path / "plain")
     expected = files(tmp_path / "plain")
@@ -91,14 +52,9 @@ def test_a_power_cut_at_any_operation_loses_no_run_that_is_entered(tmp_path: Pat
     disk, pictures = Disk(out), []
 
     def before(name: str) -> None:
-        number = len(pictures)
-        kinds = {kind: tmp_path / f"{kind}{number}" for kind in ("synced", "names", "killed")}
-        disk.after_power_loss(kinds["synced"])
-        disk.with_names(kinds["names"], everything=False)
-        disk.with_names(kinds["killed"], everything=True)
-        pictures.append((name, kinds))
+        pictures.append((name, disk.pictures(tmp_path / f"{len(pictures)}")))
 
-    with watched(out, before, lambda name, file: disk.synced(file) if name == "fsync" else None):
+    with watched(out, before, disk.after):
         batch(variation, out)
     assert files(out) == expected
     assert {name for name, _ in pictures} >= {"fsync", "write", "rename", "replace", "mkdir", "open", "table"}
