@@ -2,12 +2,14 @@
 
     python -m benchmarks.judging find RECORDINGS... --out FINDINGS [--model DIR]
     python -m benchmarks.judging draw FINDINGS RECORDINGS... --out DIR --keys DIR [--findings 90] [--vehicles 25] [--seed 0]
+        [--singled-out]
     python -m benchmarks.judging report KEY ANSWERS...
 
 `find` writes what the rules and a model find. `draw` draws findings (DIR/precision), and vehicles with stretches of their tracks
-(DIR/recall). Each folder gets a page with films and keys that writes the answers (`index.html`), a picture and a text for each
-item, and a table to fill in (`answers.csv`). The sources of the findings are in the folder of keys only. `report` compares the
-answers of any number of reviewers with a key.
+(DIR/recall); with `--singled-out`, stretches in which a vehicle turns, shifts, brakes, meets or crosses another one. Each folder
+gets a page with films and keys that writes the answers (`index.html`), a picture and a text for each item, and a table to fill in
+(`answers.csv`). The sources of the findings are in the folder of keys only. `report` compares the answers of any number of
+reviewers with a key.
 """
 
 from __future__ import annotations
@@ -39,6 +41,7 @@ def main() -> None:
     drawing.add_argument("--findings", type=int, default=90)
     drawing.add_argument("--vehicles", type=int, default=25)
     drawing.add_argument("--seed", type=int, default=0)
+    drawing.add_argument("--singled-out", action="store_true", help="draw vehicles by moments that plain kinematics single out")
     reporting = commands.add_parser("report")
     reporting.add_argument("key", type=Path)
     reporting.add_argument("answers", nargs="+", type=Path, help="answers of one reviewer each")
@@ -52,7 +55,7 @@ def main() -> None:
             found, library = read_findings(options.found), Library(options.recordings)
             findings = draw_findings(found, options.findings, options.seed)
             write_items(findings, library, options.out / "precision", options.keys / "precision.json")
-            vehicles = draw_vehicles(found, library, options.vehicles, options.seed)
+            vehicles = draw_vehicles(found, library, options.vehicles, options.seed, options.singled_out)
             write_items(vehicles, library, options.out / "recall", options.keys / "recall.json")
     except ToolchainError as error:
         raise SystemExit(str(error)) from None

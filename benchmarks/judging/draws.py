@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.judging.kinematics import REASONS, instants
 from recognition import datasets
 from recognition.catalogue import detect
 from recognition.catalogue.detect import KNOWN, Detection, joined
@@ -21,7 +24,7 @@ from recognition.labels import Label, Rules
 from recognition.labels.scene import EGOS
 from recognition.sites import site_of
 from recognition.sites.lanes import place
-from runner.recording import Recording
+from runner.recording import Recording, Track
 from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.common.storage import read_object
 from xodr.network import RoadNetwork
@@ -30,10 +33,10 @@ RULES, MODEL, BOTH, BASELINE = "rules", "model", "both", "baseline"
 CLASSES = tuple(label.title for label in Label if label is not Label.UNKNOWN)
 SAME = 2.0
 """Time (s) around a finding within which another one of the same class and vehicle is the same event"""
-STRETCH = 20.0
-"""Longest stretch (s) of a vehicle's track that a reviewer looks at"""
-_DRIVES = 10.0
-"""Least extent (m) of a stretch in which a vehicle drives"""
+STRETCH, AROUND = 20.0, 10.0
+"""Longest stretch (s) of a vehicle's track that a reviewer looks at; the same around a moment that kinematics single out"""
+_DRIVES, _LEAST = 10.0, 3.0
+"""Least extent (m) and length (s) of a stretch in which a vehicle drives"""
 _HELD, _TURN_TIME = 1.0, 6.0
 """Time (s) for which the baseline wants a lane held; time within which a heading changes in a turn"""
 
@@ -176,23 +179,38 @@ def _shares(sizes: Sequence[int], number: int) -> list[int]:
     return counts
 
 
-def draw_vehicles(everything: Sequence[Finding], library: Library, number: int, seed: int) -> list[Item]:
-    """Draw vehicles that drive, in turn from each set of recordings, and a stretch of each track."""
+def draw_vehicles(
+    everything: Sequence[Finding], library: Library, number: int, seed: int, singled_out: bool = False
+) -> list[Item]:
+    """Draw vehicles that drive, in turn from each set of recordings, and a stretch of each track.
+
+    Args:
+        singled_out: draw only stretches around moments that plain kinematics single out (`kinematics.instants`), as many of
+            each reason as there are.
+    """
     generator = np.random.default_rng(seed)
     sets: dict[str, list[Source]] = {}
     for name, source in library.sources:
         sets.setdefault(name, []).append(source)
     waiting = {name: [of[index] for index in generator.permutation(len(of)).tolist()] for name, of in sorted(sets.items())}
     items: list[Item] = []
+    used: Counter[str] = Counter()
     while len(items) < number and any(waiting.values()):
         for of in filter(None, waiting.values()):
             source = of.pop(0)
+            if not library.readable(source.name):
+                continue
             taken = {(one.recording, one.vehicle) for one in items}
             stretches = [
-                one for one in _stretches(source.name, library.recording(source.name), generator) if (one[0], one[1]) not in taken
+                one
+                for one in _stretches(source.name, library.recording(source.name), generator, singled_out)
+                if (one.recording, one.vehicle) not in taken
             ]
             if stretches and len(items) < number:
-                recording, vehicle, start, end = stretches[int(generator.integers(len(stretches)))]
+                rarest = min((one.reason for one in stretches), key=lambda reason: (used[reason], REASONS.index(reason)))
+                stretches = [one for one in stretches if one.reason == rarest]
+                recording, vehicle, start, end, _ = stretches[int(generator.integers(len(stretches)))]
+                used[rarest] += 1
                 own = (one for one in everything if (one.recording, one.vehicle) == (recording, vehicle))
                 inside = tuple(one for one in own if one.end > start and one.start < end)
                 plain = baseline(library, recording, source.site, vehicle, start, end)
@@ -230,17 +248,36 @@ def baseline(library: Library, recording: str, site: str, vehicle: str, start: f
     return [Finding(recording, site, vehicle, None, title, at, at - 0.75, at + 0.75, BASELINE) for title, at in found]
 
 
-def _stretches(name: str, recording: Recording, generator: np.random.Generator) -> list[tuple[str, str, float, float]]:
-    """Recording, name and a stretch of the track of each vehicle that drives."""
-    found = []
-    for track in recording.tracks.values():
-        time = track.columns["time"]
-        start = float(generator.uniform(time[0], max(time[-1] - STRETCH, time[0])))
-        rows = (time >= start) & (time <= start + STRETCH)
-        extent = math.hypot(*(float(np.ptp(track.columns[axis][rows])) for axis in "xy"))
-        if track.category in EGOS and extent >= _DRIVES and np.ptp(time[rows]) >= 3.0:
-            found.append((name, track.name, start, float(time[rows][-1])))
-    return found
+class _Stretch(NamedTuple):
+    """A part of a vehicle's track (s), and why it was chosen."""
+
+    recording: str
+    vehicle: str
+    start: float
+    end: float
+    reason: str
+
+
+def _stretches(name: str, recording: Recording, generator: np.random.Generator, singled_out: bool) -> list[_Stretch]:
+    """Stretches of the tracks of vehicles that drive: one of each at random, or one around each moment singled out."""
+    drivers = [track for track in recording.tracks.values() if track.category in EGOS]
+    chosen: list[_Stretch] = []
+    found = instants(recording, [track.name for track in drivers]) if singled_out else {}
+    for track in drivers:
+        first, last = float(track.columns["time"][0]), float(track.columns["time"][-1])
+        if singled_out:
+            starts = [(max(one.time - 0.5 * AROUND, first), AROUND, one.reason) for one in found[track.name]]
+        else:
+            starts = [(float(generator.uniform(first, max(last - STRETCH, first))), STRETCH, REASONS[0])]
+        chosen += [_Stretch(name, track.name, start, min(start + long, last), why) for start, long, why in starts]
+    return [one for one in chosen if _drives(recording.tracks[one.vehicle], one)]
+
+
+def _drives(track: Track, stretch: _Stretch) -> bool:
+    time = track.columns["time"]
+    rows = (time >= stretch.start) & (time <= stretch.end)
+    extent = math.hypot(*(float(np.ptp(track.columns[axis][rows])) for axis in "xy"))
+    return extent >= _DRIVES and float(np.ptp(time[rows])) >= _LEAST
 
 
 class Library:
@@ -255,6 +292,15 @@ class Library:
         self._of = {source.name: source for _, source in self.sources}
         self._recordings: dict[str, Recording] = {}
         self._networks: dict[str, RoadNetwork] = {}
+
+    def readable(self, name: str) -> bool:
+        """Whether a recording and its roads can be read; one that can't is named on stderr."""
+        try:
+            self.network(name)
+        except ToolchainError as error:
+            print(f"left out: {error}", file=sys.stderr)
+            return False
+        return True
 
     def recording(self, name: str) -> Recording:
         """Return a recording by its name."""
