@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.judging.kinematics import REASONS, instants
+from benchmarks.judging.kinematics import REASONS, Instant, instants
 from recognition import datasets
 from recognition.catalogue import detect
 from recognition.catalogue.detect import KNOWN, Detection, joined
@@ -203,7 +203,7 @@ def draw_vehicles(
             taken = {(one.recording, one.vehicle) for one in items}
             stretches = [
                 one
-                for one in _stretches(source.name, library.recording(source.name), generator, singled_out)
+                for one in _stretches(source.name, library, generator, singled_out)
                 if (one.recording, one.vehicle) not in taken
             ]
             if stretches and len(items) < number:
@@ -258,11 +258,11 @@ class _Stretch(NamedTuple):
     reason: str
 
 
-def _stretches(name: str, recording: Recording, generator: np.random.Generator, singled_out: bool) -> list[_Stretch]:
+def _stretches(name: str, library: Library, generator: np.random.Generator, singled_out: bool) -> list[_Stretch]:
     """Stretches of the tracks of vehicles that drive: one of each at random, or one around each moment singled out."""
+    recording, chosen = library.recording(name), list[_Stretch]()
     drivers = [track for track in recording.tracks.values() if track.category in EGOS]
-    chosen: list[_Stretch] = []
-    found = instants(recording, [track.name for track in drivers]) if singled_out else {}
+    found = library.instants(name) if singled_out else {}
     for track in drivers:
         first, last = float(track.columns["time"][0]), float(track.columns["time"][-1])
         if singled_out:
@@ -292,6 +292,7 @@ class Library:
         self._of = {source.name: source for _, source in self.sources}
         self._recordings: dict[str, Recording] = {}
         self._networks: dict[str, RoadNetwork] = {}
+        self._instants: dict[str, dict[str, list[Instant]]] = {}
 
     def readable(self, name: str) -> bool:
         """Whether a recording and its roads can be read; one that can't is named on stderr."""
@@ -307,6 +308,12 @@ class Library:
         if name not in self._recordings:
             self._recordings[name] = self._of[name].load()
         return self._recordings[name]
+
+    def instants(self, name: str) -> dict[str, list[Instant]]:
+        """Return the moments that plain kinematics single out, by vehicle."""
+        if name not in self._instants:
+            self._instants[name] = instants(self.recording(name))
+        return self._instants[name]
 
     def network(self, name: str) -> RoadNetwork:
         """Return the roads of a recording by its name."""

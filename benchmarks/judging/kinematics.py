@@ -6,7 +6,7 @@ stretches in which something happens, so that reviewers label events instead of 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -50,18 +50,18 @@ class _Way(NamedTuple):
     acceleration: FloatArray
 
 
-def instants(recording: Recording, names: Sequence[str]) -> dict[str, list[Instant]]:
-    """Return the moments of each named vehicle: at most one of each reason, the strongest or first one.
+def instants(recording: Recording) -> dict[str, list[Instant]]:
+    """Return the moments of each vehicle by name: at most one of each reason, the strongest or first one.
 
     - *turns*: the heading changes by 30 degrees or more within 5 s.
     - *shifts*: 2 m or more to the side within 5 s, the heading as before.
     - *brakes*: 2.5 m/s² or more.
-    - *meets*, *parts*: a box comes from the side to within 30 m ahead, or goes to the side from there, while the heading is steady.
+    - *meets*, *parts*: another vehicle comes from the side to within 30 m ahead, or leaves sideways, at a steady heading.
     - *crosses*: another vehicle passes a place of its way within 4 s, at an angle of 30 to 150 degrees.
     """
     step = recording.timestep
     ways = {name: _way(track, step) for name, track in recording.tracks.items() if track.kind == "vehicle"}
-    return {name: [*_own(ways[name], step), *_with_others(name, ways, step)] for name in names if name in ways}
+    return {name: [*_own(way, step), *_with_others(name, ways, step)] for name, way in ways.items()}
 
 
 def _way(track: Track, step: float) -> _Way:

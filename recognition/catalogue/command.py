@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,52 +13,76 @@ import typer
 
 from schemas.common.command_line import Jobs, Quiet, Verbose, Version, interruptible, out_folder, progress_bar, protected, say
 from schemas.common.errors import UsageError
+from schemas.common.options import option, with_settings
 
 if TYPE_CHECKING:
     from recognition.catalogue.pipeline import Recogniser, Summary
-    from recognition.catalogue.recordings import CatalogueSettings
     from xosc.versions import Version as Standard
 
 NAME = "xosc-recognize"
 
-Labels = Annotated[
-    Literal["auto", "model", "rules"],
-    typer.Option(
-        help="Who sorts: the model where it states good enough figures for sites not seen, else the rules, with its labels beside"
-        " theirs (auto); the model in any case; or the rules, without a model."
-    ),
-]
-Model = Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")]
-Ray = Annotated[
-    str | None,
-    typer.Option(metavar="ADDRESS", help="Read and write on this Ray cluster; 'local' starts one of --jobs processes here."),
-]
-Road = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="The OpenDRIVE file of all recordings.  [default: what each has, names, or has beside it]"),
-]
-Signalised = Annotated[bool, typer.Option("--signalised", help="Let the rules count junctions with traffic lights as well.")]
+
+@dataclass(frozen=True)
+class Sorting:
+    """Sorting of recordings into classes: options of `catalogue` and `label`.
+
+    Attributes:
+        labels: auto, model or rules.
+        model: folder of the model; None for the one shipped.
+        signalised: whether rules count junctions with traffic lights.
+    """
+
+    labels: str = option(
+        "auto",
+        "Who sorts: the model where it states good enough figures for sites not seen, else the rules, with its labels beside"
+        " theirs (auto); the model in any case; or the rules, without a model.",
+        type=Literal["auto", "model", "rules"],
+    )
+    model: Path | None = option(None, "Model to label by.  [default: the one shipped]", metavar="DIR")
+    signalised: bool = option(False, "Let the rules count junctions with traffic lights as well.", "--signalised")
+
+
+@dataclass(frozen=True)
+class Form:
+    """Roads and version of what is written: options of `catalogue` and `replay`.
+
+    Attributes:
+        road: the OpenDRIVE file of all recordings; None for what they have.
+        standard: version of OpenSCENARIO.
+    """
+
+    road: Path | None = option(
+        None, "The OpenDRIVE file of all recordings.  [default: what each has, names, or has beside it]", metavar="FILE"
+    )
+    standard: str = option("1.3", "Version of OpenSCENARIO.", type=Literal["1.0", "1.1", "1.2", "1.3"])
+
+    @property
+    def version(self) -> Standard:
+        """Version of OpenSCENARIO as numbers."""
+        major, minor = map(int, self.standard.split("."))
+        return major, minor
 
 
 @protected("max_runs")
+@with_settings
 def catalogue(
     paths: Annotated[list[Path], typer.Argument(metavar="PATH...", help="Recordings: files, or folders with all below them.")],
     out: Annotated[Path, out_folder("Folder of the catalogue.")],
+    form: Form,
+    sorting: Sorting,
     scenes: Annotated[Literal["events", "vehicles"], typer.Option(help="What a scenario is made for.")] = "events",
-    road: Road = None,
-    labels: Labels = "auto",
-    model: Model = None,
     keep_model: Annotated[
         Path | None, out_folder("Folder for the model as it is afterwards, to label more recordings by.")
     ] = None,
-    signalised: Signalised = False,
     discover: Annotated[
         bool,
         typer.Option("--discover", help="Also write scenarios that the model does not know, or of discovered classes."),
     ] = False,
     jobs: Jobs = 1,
-    ray: Ray = None,
-    standard: Annotated[Literal["1.0", "1.1", "1.2", "1.3"], typer.Option(help="Version of OpenSCENARIO.")] = "1.3",
+    ray: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Read and write on this Ray cluster; 'local' starts one of --jobs processes here."),
+    ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")] = False,
     quiet: Quiet = False,
     _version: Version = False,
@@ -71,9 +95,13 @@ def catalogue(
     for any number of processes, and after an interruption the same command reads only recordings that were not read yet.
     """
     from recognition.catalogue.pipeline import ByRules, Workers, build
+    from recognition.catalogue.recordings import CatalogueSettings
+    from recognition.catalogue.write import CatalogueConfig
+    from recognition.labels import Rules
 
-    settings, (made, note) = _settings(scenes, signalised, standard), _recogniser(labels, model, discover)
-    settings = replace(settings, road=road)
+    config, rules = CatalogueConfig(version=form.version), Rules(signalised=sorting.signalised)
+    settings = CatalogueSettings(scenes, form.road, rules, config=config)
+    made, note = _recogniser(sorting, discover)
     if discover and made is ByRules:
         raise UsageError("--discover is for a model that labels; rules discover nothing")
     if keep_model and made is ByRules:
@@ -95,17 +123,17 @@ def catalogue(
 
 
 @protected("max_runs")
+@with_settings
 def replay(
     path: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording: a file, or a folder with one.")],
     out: Annotated[Path, typer.Option(metavar="FILE", help="Scenario to write, .xosc; its road goes beside it.")],
+    form: Form,
     ego: Annotated[
         str | None,
         typer.Option(
             metavar="NAME", help="Participant that becomes the ego.  [default: the recording's, or the one there for longest]"
         ),
     ] = None,
-    road: Road = None,
-    standard: Annotated[Literal["1.0", "1.1", "1.2", "1.3"], typer.Option(help="Version of OpenSCENARIO.")] = "1.3",
     _verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
@@ -119,8 +147,7 @@ def replay(
     if out.suffix != ".xosc":
         raise UsageError("a scenario ends in .xosc", path=out)
     with interruptible(NAME):
-        major, minor = map(int, standard.split("."))
-        made = write_replay(path, out, ego=ego, road=road, version=(major, minor))
+        made = write_replay(path, out, ego=ego, road=form.road, version=form.version)
     if not quiet:
         for remark in made.remarks:
             say(f"{NAME}: remark: {remark}", to=sys.stderr)
@@ -129,11 +156,10 @@ def replay(
 
 
 @protected("max_runs")
+@with_settings
 def label(
     folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="Results of xosc-run --out.")],
-    labels: Labels = "auto",
-    model: Model = None,
-    signalised: Signalised = False,
+    sorting: Sorting,
     in_place: Annotated[bool, typer.Option("--in-place", help="Write the tags into the scenarios themselves.")] = False,
     _verbose: Verbose = False,
     quiet: Quiet = False,
@@ -144,8 +170,10 @@ def label(
     Beside each scenario come an annotated copy and OpenLABEL tags; labels.json beside the results lists what was found when.
     """
     from recognition.catalogue.pipeline import label_runs
+    from recognition.catalogue.recordings import CatalogueSettings
+    from recognition.labels import Rules
 
-    settings, (recogniser, note) = _settings("events", signalised, "1.3"), _recogniser(labels, model)
+    settings, (recogniser, note) = CatalogueSettings(rules=Rules(signalised=sorting.signalised)), _recogniser(sorting)
     with interruptible(NAME):
         labelled = label_runs(folder, settings, recogniser(), partial(progress_bar, quiet=quiet), in_place=in_place)
         _print_note(note, quiet)
@@ -160,34 +188,24 @@ def label(
             say(f"{NAME}: {path} was edited since it was written, it is left as it is", to=sys.stderr)
 
 
-def _settings(scenes: str, signalised: bool, standard: str) -> CatalogueSettings:
-    from recognition.catalogue.recordings import CatalogueSettings
-    from recognition.catalogue.write import CatalogueConfig
-    from recognition.labels import Rules
-
-    major, minor = map(int, standard.split("."))
-    version: Standard = (major, minor)
-    return CatalogueSettings(scenes=scenes, rules=Rules(signalised=signalised), config=CatalogueConfig(version=version))
-
-
-def _recogniser(labels: str, model: Path | None, discover: bool = False) -> tuple[Callable[[], Recogniser], str]:
+def _recogniser(sorting: Sorting, discover: bool = False) -> tuple[Callable[[], Recogniser], str]:
     """Recogniser factory, and the reason if it is not the model by default."""
     from recognition.catalogue.detect import MODEL, RULES
     from recognition.catalogue.pipeline import SHIPPED, ByRules
 
-    if labels == "rules" and model is not None:
+    if sorting.labels == "rules" and sorting.model is not None:
         raise UsageError("--model and --labels rules exclude each other")
-    folder = model or SHIPPED
-    if labels == "rules":
+    folder = sorting.model or SHIPPED
+    if sorting.labels == "rules":
         return ByRules, ""
-    if labels == "auto" and model is None and not folder.is_dir():
+    if sorting.labels == "auto" and sorting.model is None and not folder.is_dir():
         return ByRules, "no model is shipped: the rules label alone"
     if not folder.is_dir():
         raise UsageError("there is no model in this folder; --labels rules needs none", path=folder)
     from recognition.catalogue.model import objection, unseen_sites  # needs the extra, which rules do not
 
     why = objection(unseen_sites(folder))
-    sorts = labels == "model" or why is None
+    sorts = sorting.labels == "model" or why is None
     return partial(
         _by_model, folder, sorts, discover
     ), f"scenarios are sorted by the {MODEL if sorts else RULES}: {why}" if why else ""

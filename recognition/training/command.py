@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from recognition.training import Unit
+from recognition.training import TrainingSettings
 from schemas.common.command_line import Verbose, Version, interruptible, out_folder, protected
 from schemas.common.errors import UsageError
+from schemas.common.options import with_settings
 from schemas.common.storage import keep
 from schemas.common.text import markdown
 
@@ -27,63 +28,12 @@ if TYPE_CHECKING:
 
 
 @protected("max_runs")
+@with_settings
 @interruptible("xosc-recognize train")
 def train(
     path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
     out: Annotated[Path, out_folder("Folder of the model.")],
-    cache: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder that keeps windows made of recordings.  [default: DIR/windows]")
-    ] = None,
-    events_per_class: Annotated[int, typer.Option(min=20, metavar="N", help="Most windows of each class.")] = 2600,
-    of_each: Annotated[
-        int, typer.Option("--per-recording", min=1, metavar="N", help="Most windows of each class from one recording.")
-    ] = 60,
-    preset: Annotated[
-        str, typer.Option(help="What the encoder reads, its size and training: tokens, or of grids cpu or full.")
-    ] = "tokens",
-    encoders: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="A model whose encoders are taken.  [default: they are trained]"),
-    ] = None,
-    pretrain_on: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="DIR",
-            help="Recordings of real traffic, say, on which the encoder is pretrained beside the windows, without their labels"
-            " (repeatable).",
-        ),
-    ] = None,
-    develop: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="DIR",
-            help="Recordings of other sites, by which δ is chosen (at most a tenth of events there is unknown), and the share of"
-            " votes that each class needs, so that windows in which nothing happens get none (repeatable).",
-        ),
-    ] = None,
-    unseen: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="DIR", help="Recordings of other sites, on which the model is measured for its card (repeatable)."),
-    ] = None,
-    split_by: Annotated[
-        Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")
-    ] = "recording",
-    forest_samples: Annotated[
-        int | None, typer.Option(min=20, metavar="N", help="Most samples of each class that trees learn from.  [default: all]")
-    ] = None,
-    samples: Annotated[
-        int | None,
-        typer.Option(min=20, metavar="N", help="Most samples of each class that are kept with the model.  [default: all]"),
-    ] = None,
-    by_changes: Annotated[
-        bool,
-        typer.Option(
-            "--by-changes/--by-encoders",
-            help="Whether windows of tokens are recognised by plain numbers of what changes in them too, beside the encoders'"
-            " features; classes are discovered by these numbers in any case.",
-        ),
-    ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    settings: TrainingSettings,
     _verbose: Verbose = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no figures.")] = False,
     _version: Version = False,
@@ -103,35 +53,38 @@ def train(
     from recognition.trfe.known import DELTA
     from recognition.trfe.storage import load, save
 
-    if encoders and pretrain_on:
+    if settings.encoders and settings.pretrain_on:
         raise UsageError("--encoders takes encoders that are trained: give either it or --pretrain-on")
-    chosen, rules = preset_of(preset), Rules(signalised=True)
+    chosen, rules = preset_of(settings.preset), Rules(signalised=True)
     view = Tokens() if isinstance(chosen.architecture, TokenArchitecture) else Grid()
-    folder = cache or out / "windows"
-    kept = folder / f"{source_of(path)}-{preset}-{of_each}"
-    windows = windows_at(path, kept, view, of_each, background=True)
-    parts = split(windows, seed, split_by, events_per_class)
+    folder = settings.cache or out / "windows"
+    kept = folder / f"{source_of(path)}-{settings.preset}-{settings.of_each}"
+    windows = windows_at(path, kept, view, settings.of_each, background=True)
+    parts = split(windows, settings.seed, settings.split_by, settings.events_per_class)
     if not len(parts.labelled):
-        raise UsageError(f"no class has enough {split_by}s to be in every part of the data", path=path)
-    others = [part for one in pretrain_on or () for part in site_windows(one, folder, view, rules)[1:]]
+        raise UsageError(f"no class has enough {settings.split_by}s to be in every part of the data", path=path)
+    others = [part for one in settings.pretrain_on for part in site_windows(one, folder, view, rules)[1:]]
     with epochs(chosen.pretraining.epochs + chosen.finetuning.epochs, quiet) as progress:
         labelled = windows.select(parts.labelled)
-        trained = load(encoders).encoders if encoders else encoders_of(labelled, others, chosen, view, seed, progress)
-        settings = Config(seed=seed, delta=DELTA if develop else None, recognise_by_changes=by_changes)
-        model = fitted(windows, parts, trained, settings, forest_samples)
-    if develop:
-        elsewhere = [site_windows(one, folder, view, rules) for one in develop]
+        if settings.encoders:
+            trained = load(settings.encoders).encoders
+        else:
+            trained = encoders_of(labelled, others, chosen, view, settings.seed, progress)
+        config = Config(seed=settings.seed, delta=DELTA if settings.develop else None, recognise_by_changes=settings.by_changes)
+        model = fitted(windows, parts, trained, config, settings.forest_samples)
+    if settings.develop:
+        elsewhere = [site_windows(one, folder, view, rules) for one in settings.develop]
         accept(model, [one.events for one in elsewhere])
         model.least = least_shares(model, elsewhere)
-    elsewhere = [site_windows(one, folder, view, rules) for one in unseen or ()]
+    elsewhere = [site_windows(one, folder, view, rules) for one in settings.unseen]
     measured = [agreement(lambda windows: model.recognise(windows.inputs).labels, one) for one in elsewhere]
     if measured:
         model.unseen_sites = min(one.agree for one in measured), max(one.wrong + one.nothing for one in measured)
-    save(model, out, samples)
-    chosen_by = f", δ and least shares of votes by {_names(develop)}" if develop else ""
-    beside = f", pretrained on {_names(pretrain_on)} too" if pretrain_on else ""
-    data = f"{markdown(path.name)}, preset {preset}, seed {seed}, divided by {split_by}{beside}{chosen_by}"
-    card = card_of(model, windows, parts, data, measured)
+    save(model, out, settings.samples)
+    chosen_by = f", δ and least shares of votes by {_names(settings.develop)}" if settings.develop else ""
+    beside = f", pretrained on {_names(settings.pretrain_on)} too" if settings.pretrain_on else ""
+    data = f"{markdown(path.name)}, preset {settings.preset}, seed {settings.seed}, divided by {settings.split_by}"
+    card = card_of(model, windows, parts, data + beside + chosen_by, measured)
     keep(card.encode(), out / CARD)
     if not quiet:
         print(card)

@@ -29,8 +29,13 @@ CATALOG_PATH = "Folder with catalogues that are not where the scenario says (rep
 """Helps of `--road-path` and `--catalog-path`"""
 _OPTION, _PART = "option", "part"
 _TYPES = {"int": int, "float": float, "bool": bool, "str": str, "Path": Path}
-_LISTS = {"tuple[str, ...]": tuple, "Sequence[str]": tuple, "Mapping[str, str]": dict}
-"""Fields of options that can be repeated; those of a mapping have the form NAME=VALUE"""
+_LISTS: dict[str, tuple[type, Any]] = {
+    "tuple[str, ...]": (tuple, list[str]),
+    "Sequence[str]": (tuple, list[str]),
+    "Sequence[Path]": (tuple, list[Path]),
+    "Mapping[str, str]": (dict, list[str]),
+}
+"""Fields of options that can be repeated, with the types of field and given values; a mapping is given as NAME=VALUE"""
 
 
 Section = Callable[[], tuple[str, list[tuple[str, str]]]]
@@ -58,7 +63,7 @@ class Declared(NamedTuple):
     help: str
     names: tuple[str, ...]
     parameter: str | None
-    type: type | None
+    type: Any
     section: Section | None
     how: Mapping[str, Any]
 
@@ -68,7 +73,7 @@ def option(
     help: str,
     *names: str,
     parameter: str | None = None,
-    type: type | None = None,
+    type: Any = None,
     section: Section | None = None,
     **how: Any,
 ) -> Any:
@@ -138,7 +143,7 @@ def _parameters(settings: Any, offered: tuple[str, ...]) -> Iterator[inspect.Par
         elif _OPTION in each.metadata:
             declared, text = each.metadata[_OPTION], str(each.type)
             repeated = text in _LISTS
-            kind: Any = declared.type or (list[str] if repeated else _TYPES[text.removesuffix(" | None")])
+            kind: Any = declared.type or (_LISTS[text][1] if repeated else _TYPES[text.removesuffix(" | None")])
             if repeated or (text.endswith(" | None") and declared.type is None):
                 kind |= None
             default = None if repeated else each.default
@@ -160,8 +165,8 @@ def _build(settings: Any, offered: tuple[str, ...], given: dict[str, Any]) -> An
     return settings(**values)
 
 
-def _repeated(each: Field[Any], texts: list[str]) -> Any:
-    return parameters_of(texts, each.metadata[_OPTION].names[0]) if _LISTS[str(each.type)] is dict else tuple(texts)
+def _repeated(each: Field[Any], texts: list[Any]) -> Any:
+    return parameters_of(texts, each.metadata[_OPTION].names[0]) if _LISTS[str(each.type)][0] is dict else tuple(texts)
 
 
 def _name(each: Field[Any]) -> str:
