@@ -54,7 +54,7 @@ def instants(recording: Recording) -> dict[str, list[Instant]]:
     """Return the moments of each vehicle by name: at most one of each reason, the strongest or first one.
 
     - *turns*: the heading changes by 30 degrees or more within 5 s.
-    - *shifts*: 2 m or more to the side within 5 s, the heading as before.
+    - *shifts*: 2 m or more to the side of its mean heading within 5 s, at a heading that changes by less than 10 degrees.
     - *brakes*: 2.5 m/s² or more.
     - *meets*, *parts*: another vehicle comes from the side to within 30 m ahead, or leaves sideways, at a steady heading.
     - *crosses*: another vehicle passes a place of its way within 4 s, at an angle of 30 to 150 degrees.

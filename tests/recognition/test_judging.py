@@ -5,11 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from benchmarks.judging.draws import (
@@ -27,9 +30,12 @@ from benchmarks.judging.draws import (
     write_findings,
 )
 from benchmarks.judging.items import COLUMNS, write_items
+from benchmarks.judging.kinematics import instants
 from benchmarks.judging.report import Answers, Event, bootstrap, interval, precision_cases, read_answers, recall_cases, report
 from recognition.catalogue.detect import Moment
 from recognition.catalogue.pipeline import ByRules
+from runner.participants.declaration import BoundingBox
+from runner.recording import Recording, Track
 from schemas.common.errors import InvalidFile
 from tests.recognition import motorway
 from tests.runner.chromium import Browser
@@ -105,6 +111,67 @@ def test_vehicles_are_drawn_once_with_what_was_found_in_their_stretch(recordings
         own = {one for one in item.found if one.source != BASELINE}
         assert own <= {*expected} and all(one.end > item.start and one.start < item.end for one in own)
     assert draw_vehicles(found, library, 3, 1) != items
+
+
+def moving(name: str, place: Callable[[float], tuple[float, float]]) -> Track:
+    """A car whose centre is at a place (m) at each time (s) up to 20 s."""
+    time = np.arange(0.0, 20.0, 0.1)
+    x, y = np.array([place(each) for each in time.tolist()]).T
+    vx, vy = np.gradient(x, time), np.gradient(y, time)
+    speed = np.hypot(vx, vy)
+    columns = {"time": time, "x": x, "y": y, "h": np.arctan2(vy, vx), "speed": speed, "acceleration": np.gradient(speed, time)}
+    return Track(name, "vehicle", "car", BoundingBox(0.0, 0.0, 0.0, 4.5, 1.8, 1.5), lambda: columns)
+
+
+def ways(**places: Callable[[float], tuple[float, float]]) -> dict[str, set[str]]:
+    """Reasons for which vehicles of these ways are singled out."""
+    recording = Recording([moving(name, place) for name, place in places.items()], 0.1, None)
+    return {name: {one.reason for one in found} for name, found in instants(recording).items()}
+
+
+def corner(time: float) -> tuple[float, float]:
+    """A left turn of 90 degrees in 3 s, from 8 s on."""
+    angle = min(max(time - 8.0, 0.0), 3.0) * math.pi / 6.0
+    after = max(time - 11.0, 0.0)
+    return 10.0 * min(time, 8.0) + 19.1 * math.sin(angle), 19.1 * (1.0 - math.cos(angle)) + 10.0 * after
+
+
+def beside(time: float) -> tuple[float, float]:
+    """To the lane on the right, 3.5 m in 4 s from 6 s on, ahead of a vehicle at the same speed."""
+    done = min(max(time - 6.0, 0.0), 4.0) / 4.0
+    return 15.0 + 15.0 * time, 3.5 * (1.0 - done * done * (3.0 - 2.0 * done))
+
+
+def test_kinematics_single_out_what_turns_shifts_brakes_meets_parts_and_crosses() -> None:
+    straight = {"steady": lambda t: (15.0 * t, 0.0)}
+    assert ways(**straight) == {"steady": set()}
+    assert ways(turning=corner) == {"turning": {"turns", "shifts"}}, "the beginning of a turn shifts it"
+    assert ways(**straight, changing=beside) == {"steady": {"meets"}, "changing": {"shifts"}}
+    leaving = ways(**straight, leaving=lambda t: (beside(t)[0], 3.5 - beside(t)[1]))
+    assert leaving == {"steady": {"parts"}, "leaving": {"shifts"}}
+    assert ways(braking=lambda t: (30.0 * t - 2.0 * min(t, 7.0) ** 2 - 28.0 * max(t - 7.0, 0.0), 0.0)) == {"braking": {"brakes"}}
+    crossing = ways(**straight, crossing=lambda t: (150.0, 12.0 * (t - 11.5)))
+    assert crossing == {"steady": {"crosses"}, "crossing": {"crosses", "meets", "parts"}}, "the other one passes ahead of it"
+    late = ways(**straight, late=lambda t: (150.0, 12.0 * (t - 18.0)))
+    assert late == {"steady": set(), "late": set()}
+
+
+def test_stretches_that_are_singled_out_hold_their_moment(recordings: Path, found: list[Finding]) -> None:
+    library = Library([recordings])
+    items = draw_vehicles(found, library, 10, 0, singled_out=True)
+    (name,) = {item.recording for item in items}
+    moments = library.instants(name)
+    assert {item.vehicle for item in items} == {vehicle for vehicle, each in moments.items() if each}
+    for item in items:
+        assert any(item.start <= one.time <= item.end for one in moments[item.vehicle])
+        assert item.end - item.start <= 10.0
+
+
+def test_recordings_that_cannot_be_read_are_left_out_of_a_draw(recordings: Path, tmp_path: Path) -> None:
+    shutil.copytree(recordings, tmp_path / "all")
+    tracks = next((tmp_path / "all").glob("*_tracks.csv"))
+    tracks.write_text(tracks.read_text()[:5000])
+    assert draw_vehicles([], Library([tmp_path / "all"]), 3, 0) == []
 
 
 def test_the_plain_baseline_sees_lanes_and_headings_only(recordings: Path, found: list[Finding]) -> None:
