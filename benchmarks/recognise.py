@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from recognition.catalogue.pipeline import SHIPPED
-from recognition.training.data import windows_at
+from recognition.training.windows import windows_at
 from recognition.trfe.storage import load
 
 _REPEATS = 3

@@ -18,7 +18,7 @@ from recognition.encoder.storage import features, logits
 from recognition.encoder.training import GRID_OBJECTIVES, finetune, pretrain
 from recognition.grids import Grid
 from recognition.labels import Label
-from recognition.training.data import split, windows_at
+from recognition.training.windows import split, windows_at
 from schemas.common.array_types import IntArray
 from studies.recognition.experiments.probe import probe, speed_code
 

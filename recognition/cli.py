@@ -1,20 +1,271 @@
-"""The command `xosc-recognize`: catalogues of recordings, labels of runs, recordings of SUMO's traffic, training of models."""
+"""The command `xosc-recognize`: catalogues and replays of recordings, labels of runs, recordings of SUMO's traffic, training."""
 
 from __future__ import annotations
 
-from functools import partial
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
 from inspect import cleandoc
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from typer.core import TyperGroup
 
-from recognition.catalogue.command import NAME, catalogue, label, replay
 from recognition.training.command import train
 from schemas.common import packages
-from schemas.common.command_line import Jobs, Verbose, Version, guarded, interruptible, new_app, protected, say, writable_folder
-from schemas.common.errors import exit_codes
+from schemas.common.command_line import (
+    Jobs,
+    Quiet,
+    Verbose,
+    Version,
+    guarded,
+    interruptible,
+    new_app,
+    out_folder,
+    progress_bar,
+    protected,
+    say,
+    writable_folder,
+)
+from schemas.common.errors import UsageError, exit_codes
+from schemas.common.options import option, with_settings
+
+if TYPE_CHECKING:
+    from recognition.catalogue.pipeline import Recogniser, Summary
+    from xosc.versions import Version as Standard
+
+
+NAME = "xosc-recognize"
+
+
+@dataclass(frozen=True)
+class Sorting:
+    """Sorting of recordings into classes: options of `catalogue` and `label`.
+
+    Attributes:
+        labels: auto, model or rules.
+        model: folder of the model; None for the one shipped.
+        signalised: whether rules count junctions with traffic lights.
+    """
+
+    labels: str = option(
+        "auto",
+        "Who sorts: the model where it states good enough figures for sites not seen, else the rules, with its labels beside"
+        " theirs (auto); the model in any case; or the rules, without a model.",
+        type=Literal["auto", "model", "rules"],
+    )
+    model: Path | None = option(None, "Model to label by.  [default: the one shipped]", metavar="DIR")
+    signalised: bool = option(False, "Let the rules count junctions with traffic lights as well.", "--signalised")
+
+
+@dataclass(frozen=True)
+class ScenarioFormat:
+    """Roads and version of what is written: options of `catalogue` and `replay`.
+
+    Attributes:
+        road: the OpenDRIVE file of all recordings; None for what they have.
+        standard: version of OpenSCENARIO.
+    """
+
+    road: Path | None = option(
+        None, "The OpenDRIVE file of all recordings.  [default: what each has, names, or has beside it]", metavar="FILE"
+    )
+    standard: str = option("1.3", "Version of OpenSCENARIO.", type=Literal["1.0", "1.1", "1.2", "1.3"])
+
+    @property
+    def version(self) -> Standard:
+        """Version of OpenSCENARIO as numbers."""
+        major, minor = map(int, self.standard.split("."))
+        return major, minor
+
+
+@protected("max_runs")
+@with_settings
+def catalogue(
+    paths: Annotated[list[Path], typer.Argument(metavar="PATH...", help="Recordings: files, or folders with all below them.")],
+    out: Annotated[Path, out_folder("Folder of the catalogue.")],
+    form: ScenarioFormat,
+    sorting: Sorting,
+    scenes: Annotated[Literal["events", "vehicles"], typer.Option(help="What a scenario is made for.")] = "events",
+    keep_model: Annotated[
+        Path | None, out_folder("Folder for the model as it is afterwards, to label more recordings by.")
+    ] = None,
+    discover: Annotated[
+        bool,
+        typer.Option("--discover", help="Also write scenarios that the model does not know, or of discovered classes."),
+    ] = False,
+    jobs: Jobs = 1,
+    ray: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Read and write on this Ray cluster; 'local' starts one of --jobs processes here."),
+    ] = None,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")] = False,
+    quiet: Quiet = False,
+    _version: Version = False,
+) -> None:
+    """Recognise scenarios in recordings and write a catalogue of them.
+
+    A folder for each class: scenarios that replay what was recorded, the same as parametrised manoeuvres, the OpenSCENARIO
+    catalogues that they use, and OpenLABEL tags; beside them the roads and an index. Files that a person has edited stay.
+    A model that is kept knows the classes that it discovered, by the names that they have in the catalogue. Bytes are the same
+    for any number of processes, and after an interruption the same command reads only recordings that were not read yet.
+    """
+    from recognition.catalogue.pipeline import ByRules, Workers, build
+    from recognition.catalogue.recordings import CatalogueSettings
+    from recognition.catalogue.write import CatalogueConfig
+    from recognition.labels import Rules
+
+    config, rules = CatalogueConfig(version=form.version), Rules(signalised=sorting.signalised)
+    settings = CatalogueSettings(scenes, form.road, rules, config=config)
+    made, note = _recogniser(sorting, discover)
+    if discover and made is ByRules:
+        raise UsageError("--discover is for a model that labels; rules discover nothing")
+    if keep_model and made is ByRules:
+        raise UsageError("--keep-model is for a model that labels; rules learn nothing")
+    recogniser = cache(made)
+    with interruptible(NAME):
+        summary = build(paths, out, settings, recogniser, partial(progress_bar, quiet=quiet), Workers(jobs, ray))
+        if keep_model:
+            from recognition.catalogue.model import ByModel
+
+            model_after = recogniser()
+            assert isinstance(model_after, ByModel), "rules were refused"
+            model_after.keep(keep_model)
+        _print_note(note, quiet)
+        code = _report(summary, verbose, quiet)
+        if not quiet and summary.classes:
+            say(f"catalogue: {out}")
+    raise typer.Exit(code)
+
+
+@protected("max_runs")
+@with_settings
+def replay(
+    path: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording: a file, or a folder with one.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Scenario to write, .xosc; its road goes beside it.")],
+    form: ScenarioFormat,
+    ego: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Participant that becomes the ego.  [default: the recording's, or the one there for longest]"
+        ),
+    ] = None,
+    _verbose: Verbose = False,
+    quiet: Quiet = False,
+    _version: Version = False,
+) -> None:
+    """Write one scenario that replays a whole recording, without recognising anything in it.
+
+    What was assumed, derived or left out is printed. A recording without roads is replayed on a plane.
+    """
+    from recognition.catalogue.whole import write_replay
+
+    if out.suffix != ".xosc":
+        raise UsageError("a scenario ends in .xosc", path=out)
+    with interruptible(NAME):
+        made = write_replay(path, out, ego=ego, road=form.road, version=form.version)
+    if not quiet:
+        for remark in made.remarks:
+            say(f"{NAME}: remark: {remark}", to=sys.stderr)
+        for file in made.files:
+            say(f"written: {file}")
+
+
+@protected("max_runs")
+@with_settings
+def label(
+    folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="Results of xosc-run --out.")],
+    sorting: Sorting,
+    in_place: Annotated[bool, typer.Option("--in-place", help="Write the tags into the scenarios themselves.")] = False,
+    _verbose: Verbose = False,
+    quiet: Quiet = False,
+    _version: Version = False,
+) -> None:
+    """Label the results of runs, and annotate the scenarios that they are of.
+
+    Beside each scenario come an annotated copy and OpenLABEL tags; labels.json beside the results lists what was found when.
+    """
+    from recognition.catalogue.pipeline import label_runs
+    from recognition.catalogue.recordings import CatalogueSettings
+    from recognition.labels import Rules
+
+    settings, (recogniser, note) = CatalogueSettings(rules=Rules(signalised=sorting.signalised)), _recogniser(sorting)
+    with interruptible(NAME):
+        labelled = label_runs(folder, settings, recogniser(), partial(progress_bar, quiet=quiet), in_place=in_place)
+        _print_note(note, quiet)
+        if not quiet:
+            for name, found in labelled.findings.items():
+                for each in found:
+                    moment = each.moment
+                    say(f"{name}: {moment.title} of {moment.ego} at {moment.time:.2f} s")
+            for path in labelled.written:
+                say(f"written: {path}")
+        for path in labelled.edited:
+            say(f"{NAME}: {path} was edited since it was written, it is left as it is", to=sys.stderr)
+
+
+def _recogniser(sorting: Sorting, discover: bool = False) -> tuple[Callable[[], Recogniser], str]:
+    """Recogniser factory, and the reason if it is not the model by default."""
+    from recognition.catalogue.detect import MODEL, RULES
+    from recognition.catalogue.pipeline import SHIPPED, ByRules
+
+    if sorting.labels == "rules" and sorting.model is not None:
+        raise UsageError("--model and --labels rules exclude each other")
+    folder = sorting.model or SHIPPED
+    if sorting.labels == "rules":
+        return ByRules, ""
+    if sorting.labels == "auto" and sorting.model is None and not folder.is_dir():
+        return ByRules, "no model is shipped: the rules label alone"
+    if not folder.is_dir():
+        raise UsageError("there is no model in this folder; --labels rules needs none", path=folder)
+    from recognition.catalogue.model import objection, unseen_sites  # needs the extra, which rules do not
+
+    why = objection(unseen_sites(folder))
+    sorts = sorting.labels == "model" or why is None
+    return partial(
+        _by_model, folder, sorts, discover
+    ), f"scenarios are sorted by the {MODEL if sorts else RULES}: {why}" if why else ""
+
+
+def _by_model(folder: Path, sorts: bool, discover: bool) -> Recogniser:
+    """Labels by a model; what that takes is imported here only, which is seconds."""
+    from recognition.catalogue.model import load
+
+    return load(folder, sorts=sorts, discover=discover)
+
+
+def _print_note(note: str, quiet: bool) -> None:
+    if note and not quiet:
+        say(f"{NAME}: {note}", to=sys.stderr)
+
+
+def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
+    """Print what was made; the exit code."""
+    if not quiet:
+        unread = f": {len(summary.failures)} recordings could not be read" if summary.failures else ""
+        print(f"{'scenarios':>9}  class" if summary.classes else f"no scenario was recognised{unread}")
+        for name, count in sorted(summary.classes.items(), key=lambda item: (-item[1], item[0])):
+            say(f"{count:9}  {name}")
+        if summary.passages:
+            say("passages: " + ", ".join(f"{count} {name}" for name, count in sorted(summary.passages.items())))
+        if summary.exclusions:
+            print(f"{len(summary.exclusions)} vehicles are no ego of a scene" + ("" if verbose else "; -v or index.json say why"))
+        for exclusion in summary.exclusions if verbose else []:
+            say(f"  {exclusion['recording']}: vehicle {exclusion['what']}: {exclusion['reason']}")
+        if summary.removed:
+            print(f"{len(summary.removed)} files of an earlier run were removed")
+    for name in summary.colliding:
+        say(f"{NAME}: {name}: the ego touches another one from the start, as it was recorded", to=sys.stderr)
+    for name in summary.edited:
+        say(f"{NAME}: {name} was edited since it was written, it is left as it is", to=sys.stderr)
+    for error in summary.failures.values():
+        say(f"{NAME}: {error}", to=sys.stderr)
+    return max((error.exit_code for error in summary.failures.values()), default=0)
+
+
+# recordings of our own, and the application -----------------------------------------------------
 
 
 @protected("max_runs")
@@ -38,8 +289,6 @@ def record(
     _version: Version = False,
 ) -> None:
     """Record SUMO's traffic on maps of our own, in the formats of highD (motorways) and INTERACTION (all else)."""
-    import sys
-
     from rich.console import Console
     from rich.progress import Progress
 

@@ -128,12 +128,7 @@ def as_parquet(rows: Sequence[Row], columns: Mapping[str, type] = COLUMNS) -> by
 class Catalogue:
     """A catalogue in a folder: roads first, then what `CatalogWriter` wrote of each recording, in any number.
 
-    Args:
-        root: the folder.
-        sorted_by: whose labels decide the class of a scenario, and thereby its folder.
-
-    Raises:
-        UsageError: it can't be written.
+    Args and errors are those of `CatalogWriter`.
     """
 
     def __init__(self, root: Path, config: CatalogueConfig, sorted_by: str) -> None:

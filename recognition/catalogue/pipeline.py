@@ -169,12 +169,18 @@ _READ = 0.5
 """Share of the progress of a recording when it has been read"""
 
 
+@contextmanager
+def _silent(_description: str, _steps: int) -> Iterator[Advance]:
+    """Show no progress."""
+    yield lambda _: None
+
+
 def build(
     paths: Sequence[Path],
     out: Path,
-    settings: CatalogueSettings,
-    recogniser: Callable[[], Recogniser],
-    bar: Bar,
+    settings: CatalogueSettings | None = None,
+    recogniser: Callable[[], Recogniser] = ByRules,
+    bar: Bar = _silent,
     workers: Workers = Workers(),  # noqa: B008 - immutable
 ) -> Summary:
     """Make a catalogue of the recordings in files and folders, with the same bytes for any number of workers.
@@ -183,14 +189,24 @@ def build(
     an interruption are not read again by the next call.
 
     Args:
-        recogniser: recogniser factory; other processes read meanwhile.
+        settings: for recognising and writing; the defaults if None.
+        recogniser: recogniser factory, the rules by default; other processes read meanwhile.
         bar: shows how many recordings are recognised, and how many scenarios are written.
         workers: processes that read, label and write the recordings.
 
     Raises:
         InvalidFile: there is no recording of a known format in a path.
         UsageError: the folder can't be written or has the catalogue of other recordings, or two recordings have one name.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import xosc_toolchain as xt
+        >>> from runner.outputs.folder import write_run
+        >>> written = write_run(xt.run("xosc/library/cut_in_highway.xosc", world="kinematic"), Path("run"))
+        >>> sorted(xt.recognise([Path("run")], Path("catalogue")).classes)
+        ['highway car following', 'highway cut in', 'right lane change']
     """
+    settings = settings or CatalogueSettings()
     recordings.forget()  # another call in this process may be of other files with the same names
     sources = recordings.opened(tuple(paths), settings.road)
     _refuse_twins(sources)

@@ -5,7 +5,7 @@ No label comes from anything but the recorded motion and the roles of the lanes 
 
 from __future__ import annotations
 
-from recognition.labels import junction_rules, lane_rules
+from recognition.labels import rules
 from recognition.labels.classes import Event, Label, Rules, counts
 from recognition.labels.scene import events, prepare
 from recognition.sites import Site
@@ -14,23 +14,23 @@ from runner.recording import Recording
 __all__ = ["Event", "Label", "Rules", "counts", "label", "passing"]
 
 RULES = (
-    lane_rules.free_cruise,
-    lane_rules.car_following,
-    lane_rules.cut_in,
-    lane_rules.cut_out,
-    lane_rules.lane_change_left,
-    lane_rules.lane_change_right,
-    lane_rules.ramp_entering,
-    lane_rules.ramp_exiting,
-    lane_rules.urban_cut_in,
-    lane_rules.urban_cut_out,
-    junction_rules.roundabout_entering,
-    junction_rules.roundabout_exiting,
-    junction_rules.roundabout_circulating,
-    junction_rules.left_turn,
-    junction_rules.right_turn,
-    junction_rules.straight_cross,
-    junction_rules.merging,
+    rules.free_cruise,
+    rules.car_following,
+    rules.cut_in,
+    rules.cut_out,
+    rules.lane_change_left,
+    rules.lane_change_right,
+    rules.ramp_entering,
+    rules.ramp_exiting,
+    rules.urban_cut_in,
+    rules.urban_cut_out,
+    rules.roundabout_entering,
+    rules.roundabout_exiting,
+    rules.roundabout_circulating,
+    rules.left_turn,
+    rules.right_turn,
+    rules.straight_cross,
+    rules.merging,
 )
 """The rules in the order of the classes; each finds the events of one class in a scene."""
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.labels import lane_rules
+from recognition.labels import rules
 from recognition.labels.changes import stays
 from recognition.labels.scene import ABSENT, Scene
 from recognition.maneuvers.parameters import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, LANE_CHANGE, PARAMETERS, Unit, Values
@@ -350,7 +350,7 @@ def segment(motion: LaneMotion, thresholds: Thresholds = Thresholds()) -> list[U
 def _lane_changes(segmentation: Segmentation) -> Iterator[Unit]:
     scene, changes = segmentation.motion.scene, segmentation.changes
     concerned: dict[int, list[tuple[str, int]]] = {change.row: [] for change in changes}
-    for kind, found in ((CUT_IN, lane_rules.cut_ins(scene)), (CUT_OUT, lane_rules.cut_outs(scene))):
+    for kind, found in ((CUT_IN, rules.cut_ins(scene)), (CUT_OUT, rules.cut_outs(scene))):
         for ego, row in zip(found.ego.tolist(), found.other.tolist(), strict=True):
             concerned.get(row, []).append((kind, int(scene.track[ego])))
     for index, change in enumerate(changes):

@@ -13,8 +13,7 @@ from recognition.labels import Rules
 from recognition.labels.classes import Label
 from recognition.sites import site_of
 from recognition.tokens import Tokens
-from recognition.training.data import is_windows, source_of
-from recognition.training.windows import View, Windows, events_and_background, joined, nothing, windows_of
+from recognition.training.windows import View, Windows, events_and_background, is_windows, joined, nothing, source_of, windows_of
 from recognition.trfe.known import title_of
 from recognition.trfe.samples import BACKGROUND, UNKNOWN
 from recognition.trfe.trfe import TRFE
@@ -22,8 +21,7 @@ from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.packages import version
 
 if TYPE_CHECKING:
-    from recognition.training.data import Split
-    from recognition.training.windows import Windows
+    from recognition.training.windows import Split, Windows
     from recognition.trfe.trfe import TRFE
 
 REJECTED = 0.1

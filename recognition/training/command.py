@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from recognition.encoder.config import Preset
     from recognition.encoder.model import Encoder
     from recognition.encoder.training import Progress
-    from recognition.training.data import Split
-    from recognition.training.windows import View, Windows
+    from recognition.training.windows import Split, View, Windows
     from recognition.trfe.config import Config
     from recognition.trfe.trfe import TRFE
 
@@ -48,7 +47,7 @@ def train(
     from recognition.labels import Rules
     from recognition.tokens import Tokens
     from recognition.training.card import CARD, accept, agreement, card_of, least_shares, site_windows
-    from recognition.training.data import source_of, split, windows_at
+    from recognition.training.windows import source_of, split, windows_at
     from recognition.trfe.config import Config
     from recognition.trfe.known import DELTA
     from recognition.trfe.storage import load, save

@@ -61,6 +61,17 @@ class TRFE:
         unseen_sites: at sites that it was not trained on, the share of the rules' events that it gives the rules' class, and the
             share to which it gives another one or none, on the worst site that was measured; None where none was.
         least: the least `Recognition.share` that a class needs, as chosen on development data; see `least_share`.
+
+    Example:
+        >>> import numpy as np
+        >>> import xosc_toolchain as xt
+        >>> from recognition import Config
+        >>> random, labels = np.random.default_rng(0), np.repeat([1, 2, 3], 60)
+        >>> centres = 8.0 * np.eye(4)[labels]
+        >>> first, second = (random.normal(centres) for _ in range(2))
+        >>> model = xt.TRFE(Config(delta=0.05, trees=50)).fit(first, labels, second, labels)
+        >>> model.recognise([[0.0, 8.0, 0.0, 0.0], [0.0, 0.0, 8.0, 0.0], [8.0, 0.0, 0.0, 0.0]]).labels.tolist()
+        [1, 2, 0]
     """
 
     def __init__(

@@ -89,7 +89,7 @@ class Flow:
         """Learn from rows (n, d) of recordings (n,)."""
         import torch
 
-        from recognition.training.data import seeded
+        from recognition.training.windows import seeded
 
         flows = _zuko().flows
         self._whitening = Whitening.of(rows)
@@ -136,7 +136,7 @@ class Flow:
         """log p(y | c) that 99 % of draws of y reach, for the c of each row (n, d): (n,)."""
         import torch
 
-        from recognition.training.data import seeded
+        from recognition.training.windows import seeded
 
         given = torch.from_numpy(self._whitening.forward(rows))[:, :1]
         with torch.no_grad(), seeded(seed):

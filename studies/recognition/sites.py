@@ -142,7 +142,7 @@ def _rows(
 ) -> Iterator[tuple[str, list[Agreement]]]:
     """Rows fitted on windows of the same classes, as many of each."""
     from recognition.training.card import agreement
-    from recognition.training.data import split
+    from recognition.training.windows import split
 
     parts = split(training, 0, "recording")
     labelled, held = (_drawn(training.select(rows)) for rows in (parts.labelled, parts.validation))

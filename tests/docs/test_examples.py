@@ -15,8 +15,8 @@ from xodr.builders import straight_highway
 from xosc import sample
 
 ROOT = Path(__file__).parents[2]
-LONG = {"TRFE", "recognise", "search"}
-"""Names without an example, for these train, read recordings or spend a budget: the tutorials use them"""
+LONG = {"search"}
+"""Names without an example, for this spends a budget: the tutorials use it"""
 EXAMPLES = {name: getattr(xosc_toolchain, name) for name in xosc_toolchain.__all__ if name not in LONG}
 EXAMPLES |= {"Recording": Recording, "sample": sample, "straight_highway": straight_highway}
 

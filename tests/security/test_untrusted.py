@@ -29,7 +29,7 @@ COMMANDS = [*([name] for name in SCRIPTS), *(["xosc-recognize", each] for each i
 FUNCTIONS = (
     "schemas.cli:xosc_check", "xosc.cli:xosc_list", "runner.cli:xosc_run", "runner.exports.cli:xosc_export",
     "runner.replay.cli:xosc_replay", "generation.cli:xosc_generate", "generation.loop.cli:xosc_loop",
-    "recognition.catalogue.command:catalogue", "recognition.catalogue.command:label", "recognition.cli:record",
+    "recognition.cli:catalogue", "recognition.cli:label", "recognition.cli:record",
     "recognition.training.command:train",
 )  # fmt: skip
 """All commands, as functions"""

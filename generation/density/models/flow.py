@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from generation.density.base import Density, Whitening, folds
-from recognition.training.data import seeded
+from recognition.training.windows import seeded
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import UsageError
 

@@ -15,7 +15,7 @@ from generation.density.base import Whitening
 from generation.outcomes.outcomes import Episodes
 from generation.search.problem import Calls, History, Problem
 from generation.search.space import Space, diverse
-from recognition.training.data import seeded
+from recognition.training.windows import seeded
 from schemas.common.array_types import FloatArray
 
 METHODS = {

@@ -19,13 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from recognition.datasets.companions import categories, changes, check_sizes
-from recognition.datasets.records import named, points, value
 from recognition.datasets.road_sources import drawn
-from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
+from recognition.datasets.rows import Clock, categories, changes, check_sizes, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Exclusion, Participant, Report, SiteRoad, Source, participant
-from recognition.datasets.table import PARQUET, WHOLE_TURN, Kind, Table, column_names, read_table
+from recognition.datasets.table import PARQUET, WHOLE_TURN, Kind, Table, column_names, named, points, read_table, value
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import InvalidFile

@@ -14,9 +14,23 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets.companions import beside, changes, check_sizes, is_tracks, matched, number, other_sizes, recording_of
 from recognition.datasets.road_sources import Highway
-from recognition.datasets.rows import Clock, Columns, Rows, columns_of, cut, in_order
+from recognition.datasets.rows import (
+    Clock,
+    Columns,
+    Rows,
+    beside,
+    changes,
+    check_sizes,
+    columns_of,
+    cut,
+    in_order,
+    is_tracks,
+    matched,
+    number,
+    other_sizes,
+    recording_of,
+)
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, Source, participant
 from recognition.datasets.table import GREATEST, Kind, Table, read_table

@@ -16,19 +16,22 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets.companions import (
+from recognition.datasets.road_sources import converted
+from recognition.datasets.rows import (
+    Clock,
     beside,
     categories,
     changes,
     check_sizes,
+    columns_of,
+    cut,
+    in_order,
     is_tracks,
     matched,
     number,
     other_sizes,
     recording_of,
 )
-from recognition.datasets.road_sources import converted
-from recognition.datasets.rows import Clock, columns_of, cut, in_order
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, Source, participant
 from recognition.datasets.table import Kind, Table, read_table

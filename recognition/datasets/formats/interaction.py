@@ -21,9 +21,22 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets.companions import categories, changes, check_sizes
 from recognition.datasets.road_sources import converted
-from recognition.datasets.rows import Clock, Columns, Rows, believable, columns_of, cut, facing, heading_of_motion, in_order, rate
+from recognition.datasets.rows import (
+    Clock,
+    Columns,
+    Rows,
+    believable,
+    categories,
+    changes,
+    check_sizes,
+    columns_of,
+    cut,
+    facing,
+    heading_of_motion,
+    in_order,
+    rate,
+)
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant
 from recognition.datasets.table import Kind, Table, column_names, read_table

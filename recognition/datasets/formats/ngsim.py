@@ -21,9 +21,20 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets.companions import changes, check_sizes
 from recognition.datasets.road_sources import keep_road, straight_road
-from recognition.datasets.rows import Clock, Columns, Rows, columns_of, crowded, cut, heading_of_motion, in_order, rate
+from recognition.datasets.rows import (
+    Clock,
+    Columns,
+    Rows,
+    changes,
+    check_sizes,
+    columns_of,
+    crowded,
+    cut,
+    heading_of_motion,
+    in_order,
+    rate,
+)
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant
 from recognition.datasets.table import HEADLESS, PARQUET, Kind, Table, column_names, first_numbers, read_table

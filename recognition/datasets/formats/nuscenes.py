@@ -19,13 +19,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.datasets.companions import check_sizes
-from recognition.datasets.records import named, read_records, records, value
 from recognition.datasets.road_sources import drawn
-from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
+from recognition.datasets.rows import Clock, check_sizes, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant
-from recognition.datasets.table import GREATEST, Kind, Table
+from recognition.datasets.table import GREATEST, Kind, Table, named, read_records, records, value
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import InvalidFile

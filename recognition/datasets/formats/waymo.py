@@ -18,12 +18,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.datasets.records import points, records, value
 from recognition.datasets.road_sources import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
 from recognition.datasets.source import Exclusion, LightStates, Participant, Report, SiteRoad, Source, participant
-from recognition.datasets.table import GREATEST, WHOLE_TURN, Table
+from recognition.datasets.table import GREATEST, WHOLE_TURN, Table, points, records, value
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import InvalidFile

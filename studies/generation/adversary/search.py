@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from generation.search.space import diverse
-from recognition.training.data import seeded
+from recognition.training.windows import seeded
 from schemas.common.array_types import FloatArray
 from studies.generation.adversary import OBJECTIVES
 from studies.generation.adversary.actions import ACTION, DECISIONS, INTERVAL

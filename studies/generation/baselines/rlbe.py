@@ -15,7 +15,7 @@ from torch.distributions import Normal
 
 from generation.search.methods.mcsg import Edits, single
 from generation.search.problem import Calls, History, Problem
-from recognition.training.data import seeded
+from recognition.training.windows import seeded
 from studies.generation.strategies import perceptron
 
 METHODS = {

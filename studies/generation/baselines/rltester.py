@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from generation.search.problem import Calls, History, Problem
-from recognition.training.data import seeded
+from recognition.training.windows import seeded
 from schemas.common.array_types import FloatArray, IntArray
 from studies.generation.strategies import perceptron
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.labels.junction_rules import crosses
+from recognition.labels.rules import crosses
 from recognition.labels.scene import Scene
 
 

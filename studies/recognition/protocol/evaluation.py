@@ -12,8 +12,7 @@ import numpy as np
 from recognition.encoder.config import preset
 from recognition.grids import Grid
 from recognition.training import Unit
-from recognition.training.data import Split, fingerprint, source_of, split, windows_at
-from recognition.training.windows import View, Windows
+from recognition.training.windows import Split, View, Windows, fingerprint, source_of, split, windows_at
 from recognition.trfe.samples import BACKGROUND
 from studies.recognition.ablations import CHAINED, VARIANTS
 from studies.recognition.experiments import clustering, open_set, open_world, sensitivity

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from recognition.encoder.config import Architecture, Preset, Schedule
 from recognition.tokens import CHANGES, MOTION_CHANGES, Tokens, changes
-from recognition.training.data import Split
-from recognition.training.windows import View, Windows
+from recognition.training.windows import Split, View, Windows
 from recognition.trfe.candidates import Preprocessing
 from recognition.trfe.config import Config
 from recognition.trfe.forest import TREES, VotingForest, grow

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import affinity, box
 
-from recognition.recorder.formats import ABSENT, Traffic
+from recognition.recorder.recorder import ABSENT, Traffic
 from recognition.recorder.simulation import STEPS, Fronts, VehicleMotion, motion, overlaps
 
 LENGTH = 5.0

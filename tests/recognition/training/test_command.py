@@ -128,7 +128,7 @@ def test_an_interruption_is_said_in_one_line(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("recognition.training.data.windows_at", interrupted)
+    monkeypatch.setattr("recognition.training.windows.windows_at", interrupted)
     monkeypatch.setattr("recognition.recorder.record", lambda *_, **__: interrupted())
     for command in (["train", windows(tmp_path / "windows"), "--out", tmp_path / "model"], ["record", tmp_path / "records"]):
         assert call(monkeypatch, *command) == 130

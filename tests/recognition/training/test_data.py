@@ -9,7 +9,7 @@ import pytest
 
 from recognition.grids import Grid
 from recognition.labels import Label
-from recognition.training.data import fingerprint, source_of, windows_at
+from recognition.training.windows import fingerprint, source_of, windows_at
 from schemas.common.errors import InvalidFile, UsageError
 from studies.recognition.protocol.pixels import pixel_features
 from tests.recognition.traffic import Car, write_highd

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.training.data import SHARES, Split, Unit, split
-from recognition.training.windows import Windows
+from recognition.training.windows import SHARES, Split, Unit, Windows, split
 from schemas.common.errors import UsageError
 from studies.recognition.protocol.rounds import rounds
 

@@ -14,8 +14,7 @@ from recognition.encoder.config import Preset
 from recognition.encoder.model import Encoder, untrained
 from recognition.grids import Grid
 from recognition.tokens import CHANGES, MOTION_CHANGES, Tokens, changes
-from recognition.training.data import Split
-from recognition.training.windows import Windows
+from recognition.training.windows import Split, Windows
 from recognition.trfe.samples import Features
 from schemas.common.array_types import IntArray
 from schemas.common.errors import UsageError

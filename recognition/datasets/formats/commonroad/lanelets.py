@@ -94,7 +94,7 @@ class Lanelet(NamedTuple):
 
 
 def lanelets(root: etree._Element) -> list[Lanelet]:
-    """The lanelets of a scenario (see `recognition.datasets.formats.commonroad.files.document`).
+    """The lanelets of a scenario (the root of `recognition.datasets.formats.commonroad.document`).
 
     Raises:
         InvalidFile: a bound has fewer than two points, or the bounds have unequally many; names line and element.

@@ -7,7 +7,7 @@ from abc import abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.training.data import seeded
+from recognition.training.windows import seeded
 from recognition.trfe.clustering import Clustering, Pairs, Projection, cluster, random_head
 from recognition.trfe.samples import Features
 from schemas.common.array_types import IntArray

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from recognition.training.data import seeded
+from recognition.training.windows import seeded
 from recognition.trfe.clustering import Projection, jitter
 from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.pool import ClusteringMethod, Pool

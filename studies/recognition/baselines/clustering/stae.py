@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from recognition.training.data import seeded
+from recognition.training.windows import seeded
 from recognition.trfe.samples import Features
 
 Size = tuple[int, int, int]

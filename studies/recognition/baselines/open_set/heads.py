@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from recognition.training.data import seeded
+from recognition.training.windows import seeded
 from recognition.trfe.samples import Features
 from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition.baselines.open_set.method import OpenSetMethod

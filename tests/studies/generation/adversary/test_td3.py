@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.training.data import seeded
+from recognition.training.windows import seeded
 from studies.generation.adversary.td3 import TD3, TD3Settings
 
 
