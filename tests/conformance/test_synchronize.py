@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from runner import RunResult
 from runner.actions.synchronize import free_speed, planned_speed
-from runner.motion.lane import LaneMotion
+from runner.motion.on_roads import LaneMotion
 from runner.motion.placement import Placement
 from runner.participants.entity import Entity
 from tests.conformance.support import events, run, track

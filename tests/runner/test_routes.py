@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from runner.motion.lane import LaneMotion
+from runner.motion.on_roads import LaneMotion
 from runner.motion.routes import AssignedRoute, RandomRoute, Route, Waypoint
 from xodr.graph.routes import Leg, RoadPath
 from xodr.model import LaneLink, RoadPoint
