@@ -30,9 +30,9 @@ ENTRY_POINTS = ("__init__", "__main__", "cli")
 """Names that Python or commands ask for"""
 SHARED_NAMES = frozenset(
     """
-    Block Comparison Condition Conflict Contact Control Criterion Crossing Drive Driver Encounter Entity Entry
-    Episode Estimate Event Exposure Finding Flow Frames ImpactSpeed Kind Known Labelled Lane LaneMotion
-    Lanelet Limits Maneuver Measure Moment Motion Pairs Parameter Part Participant Piece Policy Pose Problem Profile
+    Block Comparison Condition Conflict Control Crossing Driver Encounter Entity Entry
+    Episode Estimate Event Exposure Finding Flow Frames Kind Known Labelled Lane LaneMotion
+    Lanelet Limits Maneuver Measure Moment Motion Pairs Parameter Part Participant Piece Pose Problem
     Reading Region Relations Replay Report Reward Role Row Rule Scenario Scene Schedule Shape Site Smoothed Stage
     Steps Table Target Track Unit Vehicle View Written
     """.split()  # noqa: SIM905  # a list of one line each is sixty lines

@@ -20,7 +20,7 @@ from runner.settings import RunSettings
 from schemas.catalogs import locate, referred
 from schemas.common import policy
 from schemas.common.errors import InvalidFile, UsageError
-from schemas.common.policy import Policy, in_force
+from schemas.common.policy import CommandPolicy, in_force
 from schemas.common.storage import in_any_case, keep
 from tests.runner.files import distribution, scenario
 
@@ -204,7 +204,7 @@ def test_two_names_that_differ_in_case_are_no_answer(tmp_path: Path) -> None:
 
 def test_without_the_module_that_limits_memory_the_option_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(policy, "resource", None)
-    with pytest.raises(UsageError, match="leave --max-memory and --max-seconds out"), in_force(Policy(max_memory=1.0)):
+    with pytest.raises(UsageError, match="leave --max-memory and --max-seconds out"), in_force(CommandPolicy(max_memory=1.0)):
         pass
 
 

@@ -31,7 +31,7 @@ from recognition.sites import Site
 from runner.batch.pool import executor
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
-from schemas.common.policy import Policy, current, in_force
+from schemas.common.policy import CommandPolicy, current, in_force
 from schemas.common.storage import digest
 from xosc import tags
 from xosc.document import to_bytes
@@ -93,7 +93,7 @@ def _on_ray(work: Callable[[Task], Result], tasks: Sequence[Task], address: str,
             ray.shutdown()
 
 
-def _in_folder(folder: str, policy: Policy, work: Callable[[Task], Result], task: Task) -> Result:
+def _in_folder(folder: str, policy: CommandPolicy, work: Callable[[Task], Result], task: Task) -> Result:
     """Do a task where its relative paths lead to the same files, under the same policy."""
     os.chdir(folder)
     with in_force(policy):

@@ -1,7 +1,7 @@
 """Parts of a profile of a test protocol: tests, their criteria, and points where the protocol states a rule.
 
-A profile is data: a module in `runner.assessment.profiles` that assigns a `Profile` to `PROFILE`, and a line about it to
-`SUMMARY`. A rule that is not public has no points: its test has the criterion `Unassessed`, or no points.
+A profile is data: a module in `runner.assessment.profiles` that assigns an `AssessmentProfile` to `PROFILE`, and a line about it
+to `SUMMARY`. A rule that is not public has no points: its test has the criterion `Unassessed`, or no points.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _ROUNDING = 1e-6
 """Differences (km/h) that come of units"""
 
 
-class Contact(NamedTuple):
+class FirstContact(NamedTuple):
     """First contact of the ego in a run.
 
     Attributes:
@@ -43,7 +43,7 @@ class Contact(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Drive:
+class AssessedRun:
     """A run that a criterion judges.
 
     Attributes:
@@ -53,7 +53,7 @@ class Drive:
     """
 
     values: Mapping[str, float | str]
-    contact: Contact | None
+    contact: FirstContact | None
     folder: Path
 
     def number(self, name: str) -> float | None:
@@ -93,7 +93,7 @@ class Judgement(NamedTuple):
         return "met" if self.score == 1.0 else "partly met" if self.score > 0.0 else "not met"
 
 
-class Criterion(Protocol):
+class ProtocolCriterion(Protocol):
     """Criterion of a test; `text` states it for the report."""
 
     @property
@@ -101,7 +101,7 @@ class Criterion(Protocol):
         """The criterion in words."""
         ...
 
-    def judge(self, drive: Drive) -> Judgement:
+    def judge(self, drive: AssessedRun) -> Judgement:
         """Hold a run against the criterion."""
         ...
 
@@ -121,7 +121,7 @@ class Unassessed:
         """The criterion in words."""
         return "not assessed"
 
-    def judge(self, drive: Drive) -> Judgement:
+    def judge(self, drive: AssessedRun) -> Judgement:
         """The reason, for every run."""
         return Judgement(None, self.reason)
 
@@ -132,13 +132,13 @@ class NoContact:
 
     text: str = "no contact of the ego"
 
-    def judge(self, drive: Drive) -> Judgement:
+    def judge(self, drive: AssessedRun) -> Judgement:
         """Met without a contact."""
         return Judgement(1.0, "no contact") if drive.contact is None else Judgement(0.0, _told(drive.contact))
 
 
 @dataclass(frozen=True)
-class ImpactSpeed:
+class SpeedBands:
     """Colour of the speed at contact, by bands for each test speed.
 
     Args:
@@ -158,7 +158,7 @@ class ImpactSpeed:
         """The criterion in words."""
         return f"colour of the {'relative ' if self.relative else ''}impact speed; no contact is green"
 
-    def judge(self, drive: Drive) -> Judgement:
+    def judge(self, drive: AssessedRun) -> Judgement:
         """Green without a contact; else by the bands of the test speed, where these are public."""
         if drive.contact is None:
             return Judgement(1.0, "no contact", "green")
@@ -189,7 +189,7 @@ class SpeedReduction:
             f"{share:.0%} from {least:g} km/h" for least, share in self.steps
         ).replace("%", " %")
 
-    def judge(self, drive: Drive) -> Judgement:
+    def judge(self, drive: AssessedRun) -> Judgement:
         """The share of the greatest step that is reached."""
         test = drive.number(self.speed)
         if drive.contact is None or test is None:
@@ -223,7 +223,7 @@ class CutIn:
             f"is {self.depth:g} m inside the lane"
         )
 
-    def judge(self, drive: Drive) -> Judgement:
+    def judge(self, drive: AssessedRun) -> Judgement:
         """Met without a contact; not required where the other vehicle cut in too late."""
         if drive.contact is None:
             return Judgement(1.0, "no contact")
@@ -235,7 +235,7 @@ class CutIn:
         told = f"{_told(drive.contact)}; TTC {ttc:.2f} s at the intrusion, limit {limit:.2f} s"
         return Judgement(0.0, told) if ttc > limit else Judgement(None, f"{told}: the rule does not require to avoid it")
 
-    def _intrusion(self, run: RunResult, contact: Contact) -> tuple[float, float] | str:
+    def _intrusion(self, run: RunResult, contact: FirstContact) -> tuple[float, float] | str:
         """TTC (s) and closing speed (m/s) when the other vehicle intrudes into the ego's lane; or why there are none."""
         recording = run.recording.locate()
         network, ego, other = recording.network, recording.tracks[run.ego or ""], recording.tracks[contact.other]
@@ -259,7 +259,7 @@ class CutIn:
         return max(centres - (ego.box.length + other.box.length) / 2.0, 0.0) / closing, closing
 
 
-def _told(contact: Contact) -> str:
+def _told(contact: FirstContact) -> str:
     return (
         f"contact with {contact.other} at {contact.time:.2f} s, {contact.relative:.1f} km/h relative, ego {contact.own:.1f} km/h"
     )
@@ -294,7 +294,7 @@ class ProtocolTest:
     title: str
     clause: str
     files: str
-    criterion: Criterion
+    criterion: ProtocolCriterion
     points: float = 0.0
     grid: Mapping[str, Mapping[float, float]] = field(default_factory=dict)
     remark: str = ""
@@ -310,7 +310,7 @@ class ProtocolTest:
         """Sum of the weights of all test points."""
         return prod(sum(weights.values()) for weights in self.grid.values())
 
-    def point(self, drive: Drive) -> tuple[float, ...] | None:
+    def point(self, drive: AssessedRun) -> tuple[float, ...] | None:
         """The test point of a run; None where it is none of the grid."""
         found = [drive.number(name) for name in self.grid]
         known = [
@@ -345,7 +345,7 @@ class Absent:
 
 
 @dataclass(frozen=True)
-class Profile:
+class AssessmentProfile:
     """A protocol as data.
 
     Attributes:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from runner.assessment.profiles import profile
-from runner.assessment.protocol import KMH, Contact, Drive, Judgement, Profile, ProtocolTest
+from runner.assessment.protocol import KMH, AssessedRun, AssessmentProfile, FirstContact, Judgement, ProtocolTest
 from runner.batch import inputs
 from runner.outputs.folder import RESULT, TRAJECTORIES
 from runner.replay.page import page, write_page
@@ -47,7 +47,7 @@ class Row:
 
     run: Mapping[str, Any]
     test: ProtocolTest | None
-    drive: Drive
+    drive: AssessedRun
     judgement: Judgement
     point: tuple[float, ...] | None
 
@@ -108,11 +108,11 @@ def write_assessment(out: Path, name: str, settings: RunSettings) -> tuple[Path,
     return out / PAGE, out / CSV
 
 
-def _row(run: Mapping[str, Any], protocol: Profile, out: Path) -> Row:
+def _row(run: Mapping[str, Any], protocol: AssessmentProfile, out: Path) -> Row:
     given = dict(run["parameters"])
     stems = (Path(run["file"]).stem, given.get(_IDENTITY, ""), Path(run["scenario"]).stem)
     test = next((found for stem in stems if (found := _test(protocol, stem)) is not None), None)
-    drive = Drive(_values(Path(run["scenario"]), tuple(sorted(given.items()))), _contact(run, out), out / run["name"])
+    drive = AssessedRun(_values(Path(run["scenario"]), tuple(sorted(given.items()))), _contact(run, out), out / run["name"])
     if test is None:
         return Row(run, None, drive, Judgement(None, "the file is of no test of the protocol"), None)
     point = test.point(drive)
@@ -125,7 +125,7 @@ def _row(run: Mapping[str, Any], protocol: Profile, out: Path) -> Row:
     return Row(run, test, drive, judgement, point)
 
 
-def _test(protocol: Profile, stem: str) -> ProtocolTest | None:
+def _test(protocol: AssessmentProfile, stem: str) -> ProtocolTest | None:
     """The test of a file's name, or with that short name."""
     return next((test for test in protocol.tests if test.name == stem or re.search(test.files, stem)), None)
 
@@ -158,7 +158,7 @@ def _number(text: str) -> float | str:
         return text
 
 
-def _contact(run: Mapping[str, Any], out: Path) -> Contact | None:
+def _contact(run: Mapping[str, Any], out: Path) -> FirstContact | None:
     """The first contact of the ego, with its speed at that instant; None without one."""
     other, time, relative = run.get("impact_speed_other"), run.get("impact_speed_time"), run.get("impact_speed")
     if other is None or time is None or relative is None:
@@ -172,7 +172,7 @@ def _contact(run: Mapping[str, Any], out: Path) -> Contact | None:
     except (OSError, ValueError, pa.ArrowException) as error:
         raise InvalidFile(f"the results of a run can't be read: {error}", path=path) from None
     own = min((row for row in rows if row["entity"] == ego), key=lambda row: abs(row["time"] - time))["speed"]
-    return Contact(other, time, relative * KMH, abs(own) * KMH)
+    return FirstContact(other, time, relative * KMH, abs(own) * KMH)
 
 
 def _total(test: ProtocolTest, rows: Sequence[Row]) -> Total:
@@ -211,7 +211,7 @@ def _outcome(row: Row) -> str:
     return "no contact" if row.drive.contact is None else f"contact with {row.drive.contact.other}"
 
 
-def _cells(protocol: Profile, row: Row) -> list[float | str | None]:
+def _cells(protocol: AssessmentProfile, row: Row) -> list[float | str | None]:
     """Values of the profile's columns; of a parameter that the scenario does not have None."""
     return [
         next((row.drive.values[name] for name in column.parameters if name in row.drive.values), None)
@@ -219,14 +219,14 @@ def _cells(protocol: Profile, row: Row) -> list[float | str | None]:
     ]
 
 
-def _others(protocol: Profile, row: Row) -> str:
+def _others(protocol: AssessmentProfile, row: Row) -> str:
     """Parameters that were given and are in no column."""
     shown = {name for column in protocol.columns for name in column.parameters} | {_IDENTITY}
     return ", ".join(f"{name}={value}" for name, value in row.run["parameters"] if name not in shown)
 
 
 def _data(
-    protocol: Profile, rows: Sequence[Row], totals: Sequence[Total], digests: Mapping[str, str], out: Path
+    protocol: AssessmentProfile, rows: Sequence[Row], totals: Sequence[Total], digests: Mapping[str, str], out: Path
 ) -> dict[str, Any]:
     """Data of the page."""
     return {
@@ -300,7 +300,7 @@ def _trace(rows: Sequence[Row], out: Path) -> dict[str, str]:
     }
 
 
-def _csv(protocol: Profile, rows: Sequence[Row], digests: Mapping[str, str], out: Path) -> str:
+def _csv(protocol: AssessmentProfile, rows: Sequence[Row], digests: Mapping[str, str], out: Path) -> str:
     """One line a run, with the file's digest, tool and system in each."""
     trace = _trace(rows, out)
     heads = ["protocol", "test", "clause", "run", *(column.title for column in protocol.columns), "other parameters", "seed"]

@@ -25,7 +25,7 @@ from typing import Any
 from runner.batch.jobs import Job, Outcome
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.packages import optional
-from schemas.common.policy import Policy, current, in_force
+from schemas.common.policy import CommandPolicy, current, in_force
 
 _AHEAD = 8
 """Runs handed out for each process ahead of need: few, so that a space of any size is never enumerated."""
@@ -154,7 +154,7 @@ def executor(processes: int, *, anew: bool = False) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(processes, context, initializer=_serve, initargs=(current(),))
 
 
-def _serve(policy: Policy) -> None:
+def _serve(policy: CommandPolicy) -> None:
     """Make a worker end quietly on Ctrl-C, which reaches all processes of a terminal, and when its parent has ended."""
     for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
         signal.signal(number, signal.SIG_DFL)
@@ -277,7 +277,7 @@ class RayPool:
         wait(list(awaited), timeout=_LEAVING)
 
 
-def _work(work: Callable[[Job], Outcome], folder: str, policy: Policy, job: Job) -> Outcome:
+def _work(work: Callable[[Job], Outcome], folder: str, policy: CommandPolicy, job: Job) -> Outcome:
     """Do a job where its relative paths lead to the same files, under the same policy."""
     os.chdir(folder)
     with in_force(policy):

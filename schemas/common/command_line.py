@@ -24,7 +24,7 @@ from typer.models import OptionInfo
 from schemas.common.errors import ToolchainError, UsageError, describe
 from schemas.common.options import CATALOG_PATH, ROAD_PATH, resign, sections
 from schemas.common.packages import leave_working_folder_out, missing, version
-from schemas.common.policy import UNTRUSTED, Policy, in_force, of_command
+from schemas.common.policy import UNTRUSTED, CommandPolicy, in_force, of_command
 from schemas.common.storage import DRAFT, cache_folder, drafted, own_cache, search_path, writing
 from schemas.common.text import of_service, one_line
 
@@ -163,9 +163,9 @@ def _installed() -> list[Path]:
     return [folder for folder in map(Path, sys.path) if folder.name in ("site-packages", "dist-packages")]
 
 
-def _limits(given: dict[str, Any]) -> Policy:
+def _limits(given: dict[str, Any]) -> CommandPolicy:
     """Return the limits that the options give, over those of the policy for untrusted files or of none."""
-    base = UNTRUSTED if given.pop("untrusted") else Policy()
+    base = UNTRUSTED if given.pop("untrusted") else CommandPolicy()
     return replace(base, **{name: value for name, value in given.items() if value is not None})
 
 

@@ -1,9 +1,9 @@
 """Policy of a command on reading, loading and resources: one per process, inherited by child processes.
 
-Files of strangers refer to other files, ask for plug-ins, and may take any time and memory. `Policy` states what they get. The
-places that read, load or work ask it: `schemas.common.storage.read_bytes` and the readers of recordings before a file is opened,
-what resolves references and looks for roads and catalogues, what loads plug-ins, and what works on one file or run after the
-other (`limited`). Commands set it from their options, see `schemas.common.command_line.protected`.
+Files of strangers refer to other files, ask for plug-ins, and may take any time and memory. `CommandPolicy` states what they
+get. The places that read, load or work ask it: `schemas.common.storage.read_bytes` and the readers of recordings before a
+file is opened, what resolves references and looks for roads and catalogues, what loads plug-ins, and what works on one file
+or run after the other (`limited`). Commands set it from their options, see `schemas.common.command_line.protected`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class LimitReached(Unsupported):
 
 
 @dataclass(frozen=True)
-class Policy:
+class CommandPolicy:
     """Policy on the files a command may read, the code it may load and the resources it may use.
 
     Attributes:
@@ -110,19 +110,19 @@ class Policy:
         return self.max_memory is not None or self.max_seconds is not None
 
 
-UNTRUSTED = Policy(untrusted=True, max_memory=4.0, max_seconds=300.0, max_runs=1000, max_bytes=64 * 1024 * 1024)
+UNTRUSTED = CommandPolicy(untrusted=True, max_memory=4.0, max_seconds=300.0, max_runs=1000, max_bytes=64 * 1024 * 1024)
 """The limits of --untrusted, where no others are given."""
 
-_current = Policy()
+_current = CommandPolicy()
 
 
-def current() -> Policy:
+def current() -> CommandPolicy:
     """The policy in force."""
     return _current
 
 
 @contextmanager
-def in_force(policy: Policy) -> Iterator[None]:
+def in_force(policy: CommandPolicy) -> Iterator[None]:
     """Around all that a policy is for. What is in force is so in processes that are forked, too; others are given it.
 
     Raises:
@@ -203,8 +203,8 @@ def _end(*_: object) -> None:
 
 
 def of_command(
-    inputs: Iterable[str | PathLike[str]], outputs: Iterable[str | PathLike[str]], own: Iterable[Path], limits: Policy
-) -> Policy:
+    inputs: Iterable[str | PathLike[str]], outputs: Iterable[str | PathLike[str]], own: Iterable[Path], limits: CommandPolicy
+) -> CommandPolicy:
     """The policy of a command line.
 
     Args:

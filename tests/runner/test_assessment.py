@@ -10,7 +10,7 @@ import pytest
 
 import runner
 from runner.assessment.profiles import profile, profiles
-from runner.assessment.protocol import Contact, CutIn, Drive, ImpactSpeed, Profile, SpeedReduction
+from runner.assessment.protocol import AssessedRun, AssessmentProfile, CutIn, FirstContact, SpeedBands, SpeedReduction
 from runner.assessment.table import write_assessment
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
@@ -25,9 +25,9 @@ SPEED = "Ego_speed_kph"
 SETTINGS = RunSettings(sut=None, world="kinematic")
 
 
-def drive(speed: float, own: float | None, relative: float = 0.0) -> Drive:
-    contact = None if own is None else Contact("Target", 3.0, relative, own)
-    return Drive({SPEED: speed}, contact, Path())
+def drive(speed: float, own: float | None, relative: float = 0.0) -> AssessedRun:
+    contact = None if own is None else FirstContact("Target", 3.0, relative, own)
+    return AssessedRun({SPEED: speed}, contact, Path())
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_a_band_of_impact_speeds_has_a_colour_and_a_share_of_the_points(own: flo
 
 
 def test_bands_that_are_not_public_give_no_points_but_for_an_avoided_contact() -> None:
-    criterion = ImpactSpeed({}, SPEED, relative=True)
+    criterion = SpeedBands({}, SPEED, relative=True)
     assert criterion.judge(drive(30.0, None)).result == "met"
     found = criterion.judge(drive(30.0, 10.0, 2.0))
     assert (found.score, found.result) == (None, "not assessed")
@@ -54,7 +54,7 @@ def test_a_reduction_of_speed_counts_in_steps(own: float, result: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(profiles()))
 def test_points_of_a_grid_add_up_to_those_of_its_test(name: str) -> None:
-    found: Profile = profile(name)
+    found: AssessmentProfile = profile(name)
     for test in found.tests:
         points: list[tuple[float, ...]] = [()]
         for weights in test.grid.values():
@@ -94,7 +94,7 @@ def test_colours_of_2026_are_by_the_relative_speed_at_contact(speed: float, rela
 
 def test_a_run_is_a_test_point_only_at_the_speed_of_the_target_that_belongs_to_it() -> None:
     test = next(each for each in profile("euro-ncap-2026").tests if each.name == "CCRm")
-    runs = [Drive({SPEED: 100.0, "Overlap": 75.0, "GVT_init_speed_kph": target}, None, Path()) for target in (20.0, 40.0)]
+    runs = [AssessedRun({SPEED: 100.0, "Overlap": 75.0, "GVT_init_speed_kph": target}, None, Path()) for target in (20.0, 40.0)]
     assert [test.point(run) for run in runs] == [None, (100.0, 75.0)]
 
 
@@ -114,8 +114,8 @@ def test_a_contact_after_a_late_cut_in_is_no_failure(tmp_path: Path) -> None:
         folder = tmp_path / f"{gap:g}"
         write_run(run, folder)
         assert run.criticality is not None and run.criticality.impact is not None
-        contact = Contact(run.criticality.impact.other, run.criticality.impact.time, 50.0, 90.0)
-        found = CutIn().judge(Drive({}, contact, folder))
+        contact = FirstContact(run.criticality.impact.other, run.criticality.impact.time, 50.0, 90.0)
+        found = CutIn().judge(AssessedRun({}, contact, folder))
         assert (found.result, "limit 1.50 s" in found.reason) == (result, True), found
 
 

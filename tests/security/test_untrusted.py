@@ -19,7 +19,7 @@ from runner.sut import find_system
 from schemas.checks.checker import check_many
 from schemas.common import command_line
 from schemas.common.errors import InvalidFile, Unsupported, UsageError
-from schemas.common.policy import UNTRUSTED, LimitReached, Policy, current, in_force, limited, of_command
+from schemas.common.policy import UNTRUSTED, CommandPolicy, LimitReached, current, in_force, limited, of_command
 from schemas.common.storage import read_bytes
 from tests.commands import SCRIPTS, Command
 from tests.runner.files import ROADS, SLOW_SYSTEM, distribution, scenario
@@ -161,7 +161,7 @@ def test_models_behind_links_are_refused(contributed: Path) -> None:
     (contributed / "model").mkdir()
     for path in shipped.iterdir():
         (contributed / "model" / path.name).symlink_to(path)
-    with in_force(Policy(named=(contributed,), untrusted=True)):
+    with in_force(CommandPolicy(named=(contributed,), untrusted=True)):
         for read in (unseen_sites, load):
             with pytest.raises(InvalidFile, match=r"lies outside of .*, which --untrusted refuses"):
                 read(contributed / "model")
@@ -186,7 +186,7 @@ def test_python_that_imports_from_the_folder_is_refused(contributed: Path, monke
     monkeypatch.setattr(sys, "path", [*sys.path, str(contributed / "src")])
     with pytest.raises(UsageError, match="Python imports from this folder"):
         of_command(["."], [], [], UNTRUSTED)
-    of_command(["."], [], [], Policy())
+    of_command(["."], [], [], CommandPolicy())
 
 
 # links ----------------------------------------------------------------------------------------
@@ -278,7 +278,7 @@ def test_limits_hold_in_worker_processes_and_others_go_on(monkeypatch: pytest.Mo
     monkeypatch.setattr("os.cpu_count", lambda: 1)
     names = ["first", "waits", "swallows", "blocks", "grows", "last"]
     jobs = [Job(name, Path(name), Path(name)) for name in names]
-    with in_force(Policy(max_seconds=0.3, max_memory=taken + 2.5)), runner.batch.pool.Pool(2, done, lost) as pool:
+    with in_force(CommandPolicy(max_seconds=0.3, max_memory=taken + 2.5)), runner.batch.pool.Pool(2, done, lost) as pool:
         found = {outcome.job.name: outcome for outcome in pool.execute(iter(jobs))}
     assert [found[name].state for name in ("first", "last")] == ["passed", "passed"]
     assert all(
@@ -310,7 +310,7 @@ def test_a_file_that_takes_too_long_to_check_is_one_problem_and_the_others_go_on
         return []
 
     monkeypatch.setattr(checker, "check", slow)
-    with in_force(Policy(max_seconds=0.2)):
+    with in_force(CommandPolicy(max_seconds=0.2)):
         found = dict(check_many(["slow", "sound"]))
     assert [problem.message for problem in found[Path("slow")]] == ["this takes longer than the 0.2 s of --max-seconds"]
     assert found[Path("sound")] == []
@@ -356,7 +356,7 @@ def test_a_search_spends_no_more_runs_than_allowed(contributed: Path, command: C
 
 
 def test_the_inner_of_two_limits_does_not_end_the_outer() -> None:
-    with in_force(Policy(max_seconds=0.3)), pytest.raises(LimitReached), limited():
+    with in_force(CommandPolicy(max_seconds=0.3)), pytest.raises(LimitReached), limited():
         with limited():
             pass
         time.sleep(5.0)
@@ -378,11 +378,11 @@ def test_a_file_with_too_many_runs_is_refused_and_the_others_go_on(contributed: 
 
 
 def test_limits_of_untrusted_can_be_changed(contributed: Path, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[Policy] = []
+    seen: list[CommandPolicy] = []
     monkeypatch.setattr("xosc.listing.listing", lambda *_: seen.append(current()) or (_ for _ in ()).throw(UsageError("seen")))
     for more in ([], ["--max-seconds", "7"], ["--untrusted"], ["--untrusted", "--max-memory", "1"]):
         command("xosc-list", ".", *more)
     assert [(each.untrusted, each.max_memory, each.max_seconds) for each in seen] == [
         (False, None, None), (False, None, 7.0), (True, 4.0, 300.0), (True, 1.0, 300.0),
     ]  # fmt: skip
-    assert current() == Policy()
+    assert current() == CommandPolicy()

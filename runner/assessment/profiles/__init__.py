@@ -9,7 +9,7 @@ from schemas.common.errors import UsageError, nearest
 from schemas.common.packages import described
 
 if TYPE_CHECKING:
-    from runner.assessment.protocol import Profile
+    from runner.assessment.protocol import AssessmentProfile
 
 
 def profiles() -> dict[str, str]:
@@ -17,7 +17,7 @@ def profiles() -> dict[str, str]:
     return {name.replace("_", "-"): str(line) for name, line in described(__name__, "SUMMARY").items()}
 
 
-def profile(name: str) -> Profile:
+def profile(name: str) -> AssessmentProfile:
     """The profile of that name.
 
     Raises:
@@ -25,5 +25,5 @@ def profile(name: str) -> Profile:
     """
     if name not in profiles():
         raise UsageError(f"there is no assessment {name!r}; {nearest(name, profiles())}; protocols: {', '.join(profiles())}")
-    found: Profile = import_module(f"{__name__}.{name.replace('-', '_')}").PROFILE
+    found: AssessmentProfile = import_module(f"{__name__}.{name.replace('-', '_')}").PROFILE
     return found

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from runner.assessment.protocol import (
     Absent,
+    AssessmentProfile,
     Column,
-    ImpactSpeed,
     NoContact,
-    Profile,
     ProtocolTest,
+    SpeedBands,
     SpeedReduction,
     Unassessed,
 )
@@ -37,7 +37,7 @@ def _vru(name: str, title: str, files: str, remark: str = "") -> ProtocolTest:
     return ProtocolTest(name, title, "AEB/LSS VRU test protocol 4.5.1", f"AEB_VRU_{files}", NoContact(), remark=remark)
 
 
-PROFILE = Profile(
+PROFILE = AssessmentProfile(
     title="Euro NCAP, implementation 2023: autonomous emergency braking",
     sources=(
         "Euro NCAP, Assessment Protocol – Safety Assist – Collision Avoidance, version 10.4.1, February 2024, section 3.3",
@@ -54,15 +54,15 @@ PROFILE = Profile(
         ProtocolTest("CCRs FCW", "Car-to-car rear stationary, warning", "3.3.2", "C2C_CCRs_FCW", Unassessed(_WARNING)),
         ProtocolTest(
             "CCRs", "Car-to-car rear stationary", "3.3.2", "C2C_CCRs?_",
-            ImpactSpeed(_AT_50, _SPEED), 1.0, {_SPEED: _CCRS, _OVERLAP: _OVERLAPS},
+            SpeedBands(_AT_50, _SPEED), 1.0, {_SPEED: _CCRS, _OVERLAP: _OVERLAPS},
         ),
         ProtocolTest(
             "CCRm", "Car-to-car rear moving", "3.3.2", "C2C_CCRm_",
-            ImpactSpeed({}, _SPEED, relative=True), 1.0, {_SPEED: _CCRM, _OVERLAP: _OVERLAPS},
+            SpeedBands({}, _SPEED, relative=True), 1.0, {_SPEED: _CCRM, _OVERLAP: _OVERLAPS},
         ),
         ProtocolTest(
             "CCRb", "Car-to-car rear braking", "3.3.2", "C2C_CCRb_",
-            ImpactSpeed(_AT_50, _SPEED), 1.0, {"GVT_headway": {12.0: 1.0, 40.0: 1.0}, "GVT_deceleration": {2.0: 1.0, 6.0: 1.0}},
+            SpeedBands(_AT_50, _SPEED), 1.0, {"GVT_headway": {12.0: 1.0, 40.0: 1.0}, "GVT_deceleration": {2.0: 1.0, 6.0: 1.0}},
         ),
         ProtocolTest(
             "CCFtap", "Car-to-car front turn across path", "3.3.3", "C2C_CCFtap_",

@@ -10,12 +10,12 @@ from collections.abc import Mapping
 
 from runner.assessment.protocol import (
     Absent,
+    AssessmentProfile,
     Column,
-    Criterion,
-    ImpactSpeed,
     NoContact,
-    Profile,
+    ProtocolCriterion,
     ProtocolTest,
+    SpeedBands,
     SpeedReduction,
     Unassessed,
 )
@@ -33,7 +33,7 @@ _BANDS = {
     **{float(speed): _FAST for speed in range(50, 140, 10)},
 }
 """Upper limits of the relative speed at contact by test speed (km/h); a contact is never green"""
-_IMPACT = ImpactSpeed(_BANDS, _SPEED, relative=True, elsewhere="the protocol has no test at {}")
+_IMPACT = SpeedBands(_BANDS, _SPEED, relative=True, elsewhere="the protocol has no test at {}")
 _REDUCTION = SpeedReduction(((20.0, 1.0), (10.0, 0.5)), _SPEED)
 _OVERLAPS = (-50.0, -75.0, 100.0, 75.0, 50.0)
 """Overlaps of the files that stand for the impact locations 0 to 100 %"""
@@ -50,7 +50,7 @@ def _even(*values: float) -> dict[float, float]:
 
 def _test(
     name: str, title: str, files: str, points: float, grid: Mapping[str, Mapping[float, float]],
-    fixed: Mapping[str, Mapping[float, float] | float] | None = None, criterion: Criterion = _IMPACT, remark: str = "",
+    fixed: Mapping[str, Mapping[float, float] | float] | None = None, criterion: ProtocolCriterion = _IMPACT, remark: str = "",
 ) -> ProtocolTest:  # fmt: skip
     clause = "Frontal Collisions 1.2, section 5.2"
     return ProtocolTest(name, title, clause, f"AEB_{files}", criterion, points, grid, remark, fixed or {})
@@ -58,7 +58,7 @@ def _test(
 
 _TO_60 = _even(*range(10, 70, 10))
 
-PROFILE = Profile(
+PROFILE = AssessmentProfile(
     title="Euro NCAP, implementation 2026: crash avoidance",
     sources=(
         "Euro NCAP, rating calculator 2026, version 5.4.9 (PyPI: euroncap-rating-2026): test points, colour bands, points",

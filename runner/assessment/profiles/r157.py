@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from runner.assessment.protocol import (
     Absent,
+    AssessmentProfile,
     Column,
-    Criterion,
     CutIn,
     NoContact,
-    Profile,
+    ProtocolCriterion,
     ProtocolTest,
     Unassessed,
 )
@@ -22,12 +22,12 @@ _RANGE = "the test rates the range in which a system detects, which is not recor
 _UNAVOIDABLE = "the collision cannot be avoided by design; the regulation rates the mitigation without a public limit"
 
 
-def _test(number: str, title: str, clause: str, criterion: Criterion, remark: str = "") -> ProtocolTest:
+def _test(number: str, title: str, clause: str, criterion: ProtocolCriterion, remark: str = "") -> ProtocolTest:
     files = f"alks_scenario_{number.replace('.', '_')}_"
     return ProtocolTest(number, title, clause, files, criterion, remark=remark)
 
 
-PROFILE = Profile(
+PROFILE = AssessmentProfile(
     title="UN Regulation 157 (ALKS), Annex 5: tests of the dynamic driving task",
     sources=(
         "UN Regulation No. 157, ECE/TRANS/WP.29/2020/81, paragraphs 5.2.5 and 7.1, Annex 5, section 4",

@@ -31,7 +31,7 @@ from runner.batch.rehearsal import rehearse_batch
 from runner.interpreter.result import RunResult
 from runner.settings import RunSettings
 from schemas.common.errors import UsageError
-from schemas.common.policy import Policy, in_force
+from schemas.common.policy import CommandPolicy, in_force
 from tests.commands import Command
 from tests.runner.files import SLOW_SYSTEM, distribution, place, scenario
 
@@ -419,7 +419,7 @@ def test_a_folder_that_is_removed_meanwhile_ends_the_batch_with_one_line(tmp_pat
 
 
 def test_a_run_that_takes_too_much_memory_is_an_error_of_that_run(tmp_path: Path, variation: Path) -> None:
-    with in_force(Policy(max_memory=10.0)):
+    with in_force(CommandPolicy(max_memory=10.0)):
         outcomes = list(run_batch(jobs_of([variation], {}, True), QUICK, also=[greedy]))
     assert [(o.state, o.exit_code) for o in outcomes] == [("passed", 0), ("error", 4), *[("passed", 0)] * 4]
     assert "memory" in outcomes[1].message
