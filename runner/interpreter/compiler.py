@@ -33,7 +33,7 @@ from runner.surroundings import TrafficSignals
 from schemas.checks.structure import SCHEMA_UID
 from schemas.common.remarks import Remark, Remarks, with_ignored
 from xosc.node import Node
-from xosc.rules.references import ACTORS_UID, SIGNAL_UID
+from xosc.rules.references import ACTORS_UID, OTHER_ENTITY_UID, SIGNAL_UID
 from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
 
 if TYPE_CHECKING:
@@ -214,6 +214,8 @@ class ScenarioContext:
                 EMPTY_ELEMENTS_UID,
                 f"an element EntityRef is expected inside; without one the condition is {truth} true",
             )
+        elif inner.get("entityRef") and {each.name for each in entities} == {inner.get("entityRef")}:
+            self.repair(inner, OTHER_ENTITY_UID, f"{inner.get('entityRef')!r} is compared with itself, which never changes")
         return ByEntityCondition(entities, every, self._build(registry.condition, inner))
 
     def timed_condition(self, node: Node) -> TimedCondition:

@@ -119,6 +119,15 @@ FAULTS = [
                   </LaneOffsetTarget></LaneOffsetAction></LateralAction>""",
         "RelativeTargetLaneOffset",
     ),
+    Fault(
+        OWN + "1.0.0:reference_control.relation_is_to_another_entity",
+        "scenario",
+        "<Init>",
+        """<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/></TriggeringEntities>
+          <EntityCondition><RelativeSpeedCondition entityRef="Ego" rule="lessThan" value="1"/></EntityCondition>
+          </ByEntityCondition><Init>""",
+        "RelativeSpeedCondition",
+    ),
     Fault(ASAM + "1.2.0:data_type.allowed_operators", "scenario", "${$twice / 2}", "${$twice ** 2}", "**"),
     Fault(
         OWN + "1.0.0:parameters.value_is_of_the_declared_type",

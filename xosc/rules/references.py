@@ -160,6 +160,29 @@ def kept_lane_offset_is_from_another_entity(document: CheckedDocument) -> Iterat
             yield Finding(target, f"{name!r} can't keep an offset from its own lane offset")
 
 
+OTHER_ENTITY_UID = "xosc.toolchain:xosc:1.0.0:reference_control.relation_is_to_another_entity"
+
+
+@rule(OTHER_ENTITY_UID, kinds=("scenario",), level="warning")
+def relation_is_to_another_entity(document: CheckedDocument) -> Iterator[Finding]:
+    """A condition must not compare an entity with itself, and a lane change must not lead into its actor's own lane.
+
+    Such a condition has the same value at all times, and such a lane change does nothing.
+    """
+    for triggering in document.elements("TriggeringEntities"):
+        names = {document.value(each, "entityRef") for each in triggering.iterfind("EntityRef")}
+        for condition in triggering.iterfind("../EntityCondition/*"):
+            name = document.value(condition, "entityRef")
+            if name is not None and names == {name}:
+                yield Finding(condition, f"{name!r} is compared with itself, which never changes")
+    for action in document.elements("LaneChangeAction"):
+        target = action.find("LaneChangeTarget/RelativeTargetLane")
+        if target is not None and document.number(target, "value") == 0 and action.get("targetLaneOffset", "0") in ("0", "0.0"):
+            name = document.value(target, "entityRef")
+            if name is not None and _actors(document, action) - {None} == {name}:
+                yield Finding(target, f"{name!r} is to change into the lane that it is in, which does nothing")
+
+
 def _actors(document: CheckedDocument, action: etree._Element) -> set[str | None]:
     """Names of the entities that a private action is for."""
     for above in action.iterancestors("Private", "ManeuverGroup"):
