@@ -307,8 +307,10 @@ def test_resuming_with_other_settings_or_parameters_is_refused(tmp_path: Path, v
 # interruption -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("processes", [1, 2])
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+@pytest.mark.parametrize(
+    ("how", "processes"),
+    [(signal.SIGINT, 1), (signal.SIGINT, 2), (signal.SIGTERM, 1), (signal.SIGHUP, 2), (signal.SIGKILL, 1), (signal.SIGKILL, 2)],
+)
 def test_an_interrupted_batch_goes_on_where_it_was(
     tmp_path: Path, processes: int, how: signal.Signals, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
