@@ -214,8 +214,8 @@ class ScenarioContext:
                 EMPTY_ELEMENTS_UID,
                 f"an element EntityRef is expected inside; without one the condition is {truth} true",
             )
-        elif inner.get("entityRef") and {each.name for each in entities} == {inner.get("entityRef")}:
-            self.repair(inner, OTHER_ENTITY_UID, f"{inner.get('entityRef')!r} is compared with itself, which never changes")
+        elif (other := inner.get("entityRef", "")) and {each.name for each in entities} == {other}:
+            self.repair(inner, OTHER_ENTITY_UID, f"{other!r} is compared with itself, which never changes")
         return ByEntityCondition(entities, every, self._build(registry.condition, inner))
 
     def timed_condition(self, node: Node) -> TimedCondition:
