@@ -32,12 +32,14 @@ LONGEST = 400.0
 """Longest way round, m."""
 ROUNDNESS = 0.8
 """Least 4π·area/perimeter² (1 for a circle): a square has 0.785, an ellipse of 2 : 1 0.84."""
-_EIGHTH = math.radians(5.0)
-"""Least turn of each eighth of a ring, rad: an eighth of a circle turns by 45 degrees, the side of a block by none."""
+_SIXTH = math.radians(10.0)
+"""Least turn of each sixth of a ring, rad: a sixth of a circle turns by 60 degrees, the side of a block, a quarter, by none."""
 _LEAST_WAYS = 2
 """Least number of lanes that lead into a ring, and out of it."""
 _ISLAND = 2.5
 """Lanes less than this inside a ring's innermost centre line belong to the ring or touch it, m."""
+_DETOUR = 0.25
+"""A line whose ends are closer than this share of its length loops."""
 TURN = math.radians(45.0)
 """Least change of heading of a way that turns, rad."""
 _STEP = 2.0
@@ -91,11 +93,17 @@ def _round_cycles(network: RoadNetwork, graph: LaneGraph) -> list[_Cycle]:
         distance, before = dijkstra(ways, indices=[after], return_predecessors=True, limit=LONGEST)
         if distance[0, one] + graph.length[after] <= LONGEST:
             cycle = _cycle(before[0], after, one)
-            points = np.concatenate([_centre_line(network, graph, number) for number in cycle])
+            points = np.concatenate([_without_loop(_centre_line(network, graph, number)) for number in cycle])
             if _roundness(points) >= ROUNDNESS and _turns_one_way(points):
                 seen.update(cycle)
                 found.append(_Cycle(cycle, Polygon(points).buffer(0.0)))
     return found
+
+
+def _without_loop(points: FloatArray) -> FloatArray:
+    """The points of a centre line (n, 2), or the first one if it loops: lanelets far wider than long become such roads."""
+    apart, length = np.hypot(*(points[-1] - points[0])), np.hypot(*np.diff(points, axis=0).T).sum()
+    return points[:1] if apart < _DETOUR * length else points
 
 
 def _has_ways(graph: LaneGraph, ring: set[int]) -> bool:
@@ -106,16 +114,26 @@ def _has_ways(graph: LaneGraph, ring: set[int]) -> bool:
 
 
 def _has_lanes_inside(network: RoadNetwork, graph: LaneGraph, outline: Polygon, ring: set[int]) -> bool:
-    """Whether a driving lane that is not of the ring reaches its island."""
-    from shapely import LineString
+    """Whether a driving lane that is not of the ring reaches its island.
+
+    A lane from or to the ring with its other end outside does not: what it has inside comes of a map that is wrong at the ring.
+    """
+    from shapely import LineString, Point
 
     island = outline.buffer(-_ISLAND)
-    others = (number for number, strip in enumerate(graph.strips) if strip.kind in DRIVABLE and number not in ring)
-    return any(LineString(_centre_line(network, graph, number, end=True)).intersects(island) for number in others)
+    for number, strip in enumerate(graph.strips):
+        if strip.kind not in DRIVABLE or number in ring:
+            continue
+        line = LineString(_centre_line(network, graph, number, end=True))
+        leaves, enters = (not ring.isdisjoint(links[number]) for links in (graph.preceding, graph.following))
+        away = Point(line.coords[-1 if leaves else 0])
+        if line.intersects(island) and (leaves == enters or outline.contains(away)):
+            return True
+    return False
 
 
 def _turns_one_way(points: FloatArray) -> bool:
-    """Whether each eighth of a closed line of points (n, 2) turns to the side to which the whole turns, by `_EIGHTH` or more."""
+    """Whether each sixth of a closed line of points (n, 2) turns to the side to which the whole turns, by `_SIXTH` or more."""
     steps = np.roll(points, -1, axis=0) - points
     length = np.hypot(*steps.T)
     steps, length = steps[length > _SHORT], length[length > _SHORT]
@@ -124,8 +142,8 @@ def _turns_one_way(points: FloatArray) -> bool:
     way, turned = (np.concatenate([[0.0], np.cumsum(np.concatenate([each, each]))]) for each in (length, turn))
     starts = np.arange(len(length))
     whole = turned[len(length)]
-    ends = np.searchsorted(way, way[starts] + way[len(length)] / 8.0)
-    return abs(abs(whole) - math.tau) < _EIGHTH and bool((np.sign(whole) * (turned[ends] - turned[starts]) >= _EIGHTH).all())
+    ends = np.searchsorted(way, way[starts] + way[len(length)] / 6.0)
+    return abs(abs(whole) - math.tau) < _SIXTH and bool((np.sign(whole) * (turned[ends] - turned[starts]) >= _SIXTH).all())
 
 
 def crosses_or_turns(network: RoadNetwork, graph: LaneGraph, ways: list[int]) -> bool:

@@ -7,12 +7,14 @@ import math
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from shapely import Point
 
-from recognition.sites import Role, Site, site_at
+from recognition.sites import Role, Site, roles, site_at
 from recognition.sites.lanes import graph
 from recognition.sites.roles import ROLES
 from schemas.common.errors import InvalidFile
@@ -295,7 +297,35 @@ def block(straight: float, radius: float) -> RoadMap:
     return RoadMap("block", tuple(roads), tuple(junctions))
 
 
-@pytest.mark.parametrize(("straight", "radius", "ring"), [(1.0, 12.0, True), (30.0, 8.0, False)])
+@pytest.mark.parametrize(("straight", "radius", "ring"), [(1.0, 12.0, True), (10.0, 4.6, True), (30.0, 8.0, False)])
 def test_a_block_with_rounded_corners_is_no_roundabout(tmp_path: Path, straight: float, radius: float, ring: bool) -> None:
     found = roles_of(block(straight, radius), tmp_path)
     assert [Role.RING in found[str(number), -1] for number in range(1, 5)] == [ring] * 4
+
+
+NO_NETWORK: Any = None
+
+
+def test_a_centre_line_that_loops_stands_for_its_first_point() -> None:
+    loop = np.array([[0.0, 0.0], [9.0, -8.0], [18.0, 3.0], [1.0, 1.0]])
+    way = np.array([[0.0, 0.0], [9.0, 1.0], [18.0, 3.0]])
+    assert roles._without_loop(loop).tolist() == [[0.0, 0.0]]
+    assert roles._without_loop(way).tolist() == way.tolist()
+
+
+@pytest.mark.parametrize(
+    ("points", "linked", "inside"),
+    [
+        ([(20.0, 0.0), (5.0, 0.0), (40.0, 0.0)], True, False),
+        ([(20.0, 0.0), (5.0, 0.0), (40.0, 0.0)], False, True),
+        ([(20.0, 0.0), (5.0, 0.0)], True, True),
+        ([(20.0, 0.0), (40.0, 0.0)], True, False),
+    ],
+)
+def test_a_way_out_of_the_ring_that_a_map_bends_inwards_is_no_lane_on_the_island(
+    monkeypatch: pytest.MonkeyPatch, points: list[tuple[float, float]], linked: bool, inside: bool
+) -> None:
+    monkeypatch.setattr(roles, "_centre_line", lambda *_, **__: np.array(points))
+    strips = [SimpleNamespace(kind="driving")] * 2
+    found: Any = SimpleNamespace(strips=strips, preceding=[[], [0] if linked else []], following=[[], []])
+    assert roles._has_lanes_inside(NO_NETWORK, found, Point(0.0, 0.0).buffer(20.0), {0}) == inside
