@@ -135,3 +135,9 @@ def test_damaged_and_absent_results_are_refused(command: Command, tmp_path: Path
     code, _, err = command("xosc-replay", tmp_path / "absent")
     assert code == 3
     assert "absent/result.json: no such file" in err
+
+
+def test_a_file_that_is_no_trace_is_told_what_is_expected(command: Command, tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    expected = f"xosc-replay: {path}: a folder of results is expected, as xosc-run --out writes it, or an OSI trace\n"
+    assert command("xosc-replay", path) == (3, "", expected)

@@ -24,6 +24,7 @@ from schemas.common.storage import (
     writing,
 )  # fmt: skip
 from tests.commands import Command
+from tests.disk import watched
 from xosc.listing import LIBRARY
 
 
@@ -164,3 +165,10 @@ def test_a_link_on_a_disk_in_memory_is_replaced_and_not_written_through() -> Non
         link.symlink_to(outside)
         keep(b"new", link)
         assert (outside.read_bytes(), link.read_bytes(), link.is_symlink()) == (b"kept", b"new", False)
+
+
+def test_a_content_is_on_the_disk_before_its_name(tmp_path: Path) -> None:
+    operations: list[str] = []
+    with watched(tmp_path, operations.append):
+        keep(b"content", tmp_path / "file")
+    assert [name for name in operations if name in ("fsync", "replace")] == ["fsync", "replace"]
