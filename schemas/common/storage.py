@@ -24,6 +24,7 @@ from schemas.common.policy import current
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
 MAX_BYTES = 256 * 1024 * 1024
 """Largest file that is read. The biggest public road networks have about a tenth of it."""
@@ -134,12 +135,7 @@ def read_parquet(path: str | PathLike[str], columns: Sequence[str] | None = None
         wanted = [name for name in schema.names if columns is None or name in columns]
         texts = [name for name in wanted if _is_text(schema.field(name).type)]
         with pq.ParquetFile(path, read_dictionary=texts) as file:
-            about = file.metadata
-            chunks = [
-                group.column(i) for group in map(about.row_group, range(about.num_row_groups)) for i in range(about.num_columns)
-            ]
-            chosen = [chunk for chunk in chunks if chunk.path_in_schema.split(".")[0] in wanted]
-            _check_expansion(sum(max(8 * chunk.num_values, chunk.total_uncompressed_size) for chunk in chosen), limit, path)
+            _check_metadata(file.metadata, schema, wanted, limit, path)
             table = file.read(columns if columns is None else list(columns))
         for name in texts:
             for chunk in table[name].chunks:
@@ -150,6 +146,23 @@ def read_parquet(path: str | PathLike[str], columns: Sequence[str] | None = None
         raise MemoryError(str(error)) from None
     except KeyError as error:
         raise ValueError(f"its schema is not that of its columns: {error.args[0]}") from None
+
+
+def _check_metadata(about: pq.FileMetaData, schema: pa.Schema, wanted: Sequence[str], limit: int, path: Path) -> None:
+    """Refuse a Parquet file whose metadata promises wanted columns of more than the limit.
+
+    Row groups are asked first: pyarrow ends the process where a column's own metadata is damaged. Columns are asked only where
+    the groups exceed the limit, which others than the wanted ones may fill, and for lists, whose values no group counts.
+    """
+    import pyarrow as pa
+
+    groups = [about.row_group(i) for i in range(about.num_row_groups)]
+    whole = sum(max(8 * about.num_columns * group.num_rows, group.total_byte_size) for group in groups)
+    if whole <= limit and not any(pa.types.is_nested(schema.field(name).type) for name in wanted):
+        return
+    chunks = [group.column(i) for group in groups for i in range(about.num_columns)]
+    chosen = [chunk for chunk in chunks if chunk.path_in_schema.split(".")[0] in wanted]
+    _check_expansion(sum(max(8 * chunk.num_values, chunk.total_uncompressed_size) for chunk in chosen), limit, path)
 
 
 def read_feather(path: str | PathLike[str], columns: Sequence[str] | None = None) -> pa.Table:
