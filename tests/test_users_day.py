@@ -66,7 +66,7 @@ def test_a_day_with_one_controller(command: Command, tmp_path: Path, monkeypatch
     page = next(Path(line.split()[-1]) for line in mended.out.splitlines() if line.startswith("    fixed "))
     assert page.name == "before-and-after.html" and page.is_file()
 
-    search = ("--budget", "4", "--method", "random", "--density", "uniform", "--free", "Ego_speed_kph=60..110", "--out", "found")
+    search = ("--budget", "4", "--method", "draws", "--density", "uniform", "--free", "Ego_speed_kph=60..110", "--out", "found")
     searched = command("xosc-generate", base.name, "--sut", "day_driver:Driver", *search)
     assert searched.code in (0, 1) and Path("found/report.html").is_file()
     assert str(Path("found/report.html")) in searched.out

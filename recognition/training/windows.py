@@ -13,7 +13,6 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple, Protocol
 from zipfile import BadZipFile
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from recognition import datasets
@@ -379,6 +378,8 @@ def _thinned(found: Sequence[Moment], most: int | None) -> list[Moment]:
 @contextmanager
 def seeded(seed: int) -> Iterator[None]:
     """Within, torch is seeded and has one thread: small layers lose more by handing out work than more threads bring."""
+    import torch  # windows are read where no model is
+
     threads = torch.get_num_threads()
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)

@@ -95,7 +95,8 @@ def test_a_version_of_which_no_run_succeeds_does_not_pass(
     broken = ("--sut", f"{Broken.__module__}:{Broken.__name__}")
     against = ("--against", old, "--fail-if", "new")
     assert call(monkeypatch, CUT_IN, "--out", tmp_path / "new", *QUICK, *broken, *against) == 5
-    assert ", 0 new\n" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert ", 0 new" in out, out
     page = (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
     assert "failed and count for nothing, the first with: the system under test" in page
 

@@ -21,11 +21,12 @@ FAMILIES = ("action", "condition", "position")
 ATTRIBUTE = {"has", "get", "float", "finite", "int", "bool", "choice", "file"}
 ELEMENT = {"children", "find", "need", "iter"}
 OTHERS = {
+    "runner/interpreter/drivers.py": {"ParkingBrake"},
     "runner/participants/scenario_objects.py": {"module"},
     "xosc/listing/__init__.py": {"duplicates"},
     "xosc/repairs/attributes.py": {"maxOccurs", "minOccurs", "ref", "use"},
 }
-"""Names that files read of mappings and XSDs: properties of CARLA's controllers, columns of an index, attributes of schemas"""
+"""Names that files read of mappings and XSDs: pedals, properties of CARLA's controllers, columns of an index, attributes"""
 
 
 class Standard(NamedTuple):

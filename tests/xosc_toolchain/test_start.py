@@ -26,7 +26,11 @@ start.{function}()
 """
 
 
-def interrupted(name: str, number: int, module: str, before: str = "") -> tuple[int, str, str]:
+HANDLED = "for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP): signal.signal(each, signal.SIG_DFL)"
+"""As a terminal begins a command: a shell's job in the background ignores SIGINT"""
+
+
+def interrupted(name: str, number: int, module: str, before: str = HANDLED) -> tuple[int, str, str]:
     """Exit code and output of a command that gets a signal when a module is imported."""
     code = AT_IMPORT.format(module=module, number=int(number), name=name, function=name.replace("-", "_"), before=before)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

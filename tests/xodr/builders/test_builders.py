@@ -173,7 +173,7 @@ def test_sumo_traffic_drives_every_connection(name: str, rule: str, tmp_path: Pa
     passed = run_until_all_have_arrived(len(connections))
     for number, (_, _, inside) in enumerate(connections):
         assert net.track(inside) is None or inside in passed[str(number)]
-    connecting = {str(road.id) for road in road_map.roads if road.junction >= 0}
+    connecting = {str(road.id) for road in road_map.roads if road.junction != "-1"}
     assert connecting == {track.road_id for lane in set().union(*passed.values()) if (track := net.track(lane))} & connecting
 
 
