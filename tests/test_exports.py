@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml import etree
 
 import runner
 import schemas
@@ -36,6 +38,25 @@ def motion(job: Job) -> dict[str, np.ndarray]:
 def original_motion(path: Path, number: int) -> dict[str, np.ndarray]:
     """That of a job of a file of the library, which all versions are compared with."""
     return motion(jobs(path)[number])
+
+
+@pytest.mark.parametrize("target", ["1.0", "carla"])
+@pytest.mark.parametrize("name", ["AcquirePositionAction", "LongitudinalDistanceAction", "TeleportAction"])
+def test_an_action_among_conditions_is_left_out_by_name(name: str, target: str, tmp_path: Path) -> None:
+    scenarios = ROOT / "tests" / "conformance" / "scenarios"
+    tree = etree.parse(scenarios / f"{name}.xosc")
+    next(tree.iter("ConditionGroup")).append(next(tree.iter(name)))
+    path = tmp_path / "scenarios" / f"{name}.xosc"
+    path.parent.mkdir()
+    tree.write(path)
+    for folder in ("roads", "scenarios/catalogs"):
+        if (scenarios.parent / folder).is_dir():
+            shutil.copytree(scenarios.parent / folder, tmp_path / folder)
+    (done,) = export_documents([path], TARGETS[target], Folder(tmp_path / "out"))
+    assert done.exit_code == 0, done
+    assert any(f"{name}: outside an action it does nothing" in remark for remark in done.remarks)
+    (written,) = (tmp_path / "out").rglob(path.name)
+    assert not [each for each in etree.parse(written).iter("ConditionGroup") if each.find(name) is not None]
 
 
 def jobs(path: Path) -> list[Job]:

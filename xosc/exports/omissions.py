@@ -45,6 +45,7 @@ class Omission(NamedTuple):
 def omit(document: Document, version: Version) -> Iterator[str]:
     """Make the changes for a version, in place; a remark for each kind with the first place."""
     yield from _idle_elements(document)
+    yield from _misplaced_actions(document)
     older = min(version, document.version)
     changes = [each for each in OMISSIONS if older < each.before]
     changes += [each for each in SAID_OTHERWISE if version < each.before <= document.version]
@@ -68,6 +69,15 @@ def _idle_elements(document: Document) -> Iterator[str]:
     for act in _at(document, "//Act[not(ManeuverGroup)]"):
         yield f"{located(act, document).where}: {act.tag}: without a group it does nothing"
         act.insert(0, _idle_group())
+
+
+def _misplaced_actions(document: Document) -> Iterator[str]:
+    """Take away actions outside any action: nothing executes them, and what exports make of actions needs their actors."""
+    inside = " or ".join(f"ancestor-or-self::{tag}" for tag in ("Action", "PrivateAction", "GlobalAction", "UserDefinedAction"))
+    for action in _at(document, f"//*[substring(name(), string-length(name()) - 5) = 'Action'][not({inside})]"):
+        if document.root in action.iterancestors():  # else it went with the one around it
+            yield f"{located(action, document).where}: {action.tag}: outside an action it does nothing"
+            _remove(action)
 
 
 def _at(document: Document, where: str) -> list[etree._Element]:

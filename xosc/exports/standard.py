@@ -14,6 +14,7 @@ from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
 from xosc.exports.concrete import concrete, concrete_scenarios, copied, in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
+from xosc.exports.omissions import omit
 from xosc.exports.references import catalog_name, take_catalogs, take_roads
 from xosc.exports.shapes import earlier, first_distances, in_world, polylines, to_init
 from xosc.exports.starts import RoadGeometry
@@ -98,6 +99,8 @@ def add_worked_out(document: Document, version: Version | None, draft: Draft, na
         if draft.settings.locate is None or version is None or version >= document.version:
             raise
         located = copied(document)
+        if not draft.settings.strict:
+            draft.note(*omit(located, document.version))  # what nothing executes gets no place
         if version < (1, 1):
             draft.note(*to_init(located))
         draft.note(*_located(located, draft.settings.locate(located), version))

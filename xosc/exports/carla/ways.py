@@ -425,8 +425,7 @@ def routes(document: Document, geometry: RoadGeometry) -> Iterator[str]:
         Unsupported: the way is not known before the scenario runs.
     """
     scenario = document.node
-    found = [each for tag in ROUTES for each in scenario.iter(tag)]
-    for action in [each for each in found if each.parent is not None and each.parent.tag == "RoutingAction"]:  # others do nothing
+    for action in [each for tag in ROUTES for each in scenario.iter(tag)]:
         try:
             yield _from_the_beginning(action, scenario, geometry)
         except Unsupported as error:
