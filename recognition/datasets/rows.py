@@ -361,7 +361,7 @@ def matched(table: Table, rows: Rows, meta: Table, key: str) -> IntArray:
     """Row of tracksMeta for each track; `key` is the column with the tracks' ids in both.
 
     Raises:
-        InvalidFile: the two files do not tell of the same tracks, first and last frames, so one of them is incomplete.
+        InvalidFile: the tracks, or their first and last frames, differ between the two files: one of them is incomplete.
     """
     order = np.argsort(meta[key], kind="stable")
     ids = meta[key][order]

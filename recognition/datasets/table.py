@@ -383,7 +383,7 @@ def read_records(path: Path, kinds: Mapping[str, Kind]) -> Table:
         kinds: kind of each value by its key; `key.0` is the first number of a list.
 
     Raises:
-        InvalidFile: the file is no such list, or a value is absent or not of its kind; names row and key.
+        InvalidFile: the file is not such a list, or a value is absent or not of its kind; names row and key.
     """
     import pyarrow as pa
 
@@ -412,7 +412,7 @@ def read_records(path: Path, kinds: Mapping[str, Kind]) -> Table:
 
 
 def _fits(found: object) -> bool:
-    """Whether a value is no whole number beyond 64 bits, which no column holds."""
+    """Whether a column can hold a value: whole numbers beyond 64 bits fit in none."""
     return not isinstance(found, int) or -(2**63) <= found < 2**63
 
 
@@ -462,7 +462,7 @@ def points(record: Mapping[str, Any], key: str, path: Path, element: str) -> Flo
     """Return a line of an object, (n, 2), m; points that repeat the one before are left out.
 
     Raises:
-        InvalidFile: it is no list of points with finite x and y.
+        InvalidFile: it is not a list of points with finite x and y.
     """
     found = value(record, key, list, path, element)
     try:

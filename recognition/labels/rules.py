@@ -308,7 +308,7 @@ def right_turn(scene: Scene) -> Hits:
 
 
 def straight_cross(scene: Scene) -> Hits:
-    """16: the heading hardly changes, and the way crosses one that another participant took in this recording."""
+    """16: the heading hardly changes, and the way crosses that of another participant of the recording."""
     straight = np.abs(scene.passages.turn) < np.radians(scene.rules.straight)
     return _turn(scene, Label.STRAIGHT_CROSS, straight & crosses(scene))
 
@@ -377,7 +377,7 @@ def _counting(scene: Scene) -> BoolArray:
 
 
 def crosses(scene: Scene) -> BoolArray:
-    """Passages whose way crosses one from another road to another road: the longest passage of each stands for all."""
+    """Passages that cross a way between two other roads: of each way its longest passage is compared."""
     from shapely import STRtree
 
     passages = scene.passages
@@ -411,7 +411,7 @@ def _opposing(scene: Scene) -> BoolArray:
 
 
 def _vru_conflict(scene: Scene, found: IntArray) -> BoolArray:
-    """Passages on whose way a pedestrian or cyclist was shortly before or after ego."""
+    """Passages of a place where a pedestrian or cyclist was shortly before or after ego."""
     rows = [scene.passages.rows(index) for index in found.tolist()]
     passage = np.repeat(np.arange(len(rows)), [len(one) for one in rows])
     visit = np.concatenate([np.arange(0), *rows])

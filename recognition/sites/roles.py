@@ -39,7 +39,7 @@ _LEAST_WAYS = 2
 _ISLAND = 2.5
 """Lanes less than this inside a ring's innermost centre line belong to the ring or touch it, m."""
 _DETOUR = 0.25
-"""A line whose ends are closer than this share of its length loops."""
+"""Distance between the ends of a line, as a share of its length, below which the line loops."""
 TURN = math.radians(45.0)
 """Least change of heading of a way that turns, rad."""
 _STEP = 2.0

@@ -317,7 +317,7 @@ def windows_at(path: Path, cache: Path, view: View, most: int | None, *, backgro
 
 
 def source_of(path: Path) -> str:
-    """Short digest of which recordings a folder holds, by their names and sizes; `windows` for one that holds windows."""
+    """Short digest of the recordings in a folder, by their names and sizes; `windows` for a folder of windows."""
     if is_windows(path):
         return "windows"
     found = [(source.name, source.path.stat().st_size) for source in datasets.open(path).sources]
@@ -325,7 +325,7 @@ def source_of(path: Path) -> str:
 
 
 def fingerprint(windows: Windows) -> str:
-    """Short digest of which windows there are: their labels, recordings, egos and times."""
+    """Short digest of windows: their labels, recordings, egos and times."""
     digest = hashlib.sha256(repr(windows.inputs.shape).encode())
     for column in (windows.labels, windows.times):
         digest.update(np.ascontiguousarray(column).tobytes())
@@ -359,7 +359,7 @@ def _made(path: Path, cache: Path, view: View, most: int | None, background: boo
 
 
 def _moments(recording: Recording, site: Site, name: str, view: View, background: bool) -> list[Moment]:
-    """Events, at junctions with lights too, and perhaps moments at the stride whose window lies within the ego's track."""
+    """Events, at junctions with lights too; with `background` also moments at the stride, if the track holds the window."""
     rules = Rules(signalised=True)
     if background:
         events, regular = events_and_background(recording, site, name, rules)

@@ -187,7 +187,7 @@ class ScenarioContext:
     def actions(self, node: Node) -> list[Action]:
         """The actions inside an Action, PrivateAction or GlobalAction element; one with nothing inside does nothing.
 
-        An Action without a kind does nothing on purpose, in public files too; one that begins a kind is not finished.
+        Public files hold an empty Action on purpose. An empty PrivateAction, or wrapper inside it, is an unfinished action.
         """
         found: list[Action] = []
         pending = node.children()

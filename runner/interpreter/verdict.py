@@ -80,10 +80,8 @@ def at_beginning(
     yield from (Cause("parameters", str(violation)) for violation in scenario.violations)
     if ego is None and (system != "none" or not sim.entities):
         yield from (Cause("no-ego", text) for text in egoless(sim.entities.values(), system))
-    trigger = sim.storyboard.stop_trigger
     if sim.finished and sim.step_index == 0:
-        by = trigger.reason if trigger is not None else "the end of all stories"
-        yield Cause("stopped-at-once", f"the run ended at 0.00 s, by {by}")
+        yield Cause("stopped-at-once", f"the run ended at 0.00 s, by {_end(sim)}")
     yield from _departures(sim, departures)
     yield from _beyond(scenario, recording, ego)
 
@@ -246,14 +244,20 @@ def _first_event(sim: Simulation) -> float:
 
 def _idle(awaited: list[Event], sim: Simulation) -> str:
     """Sentence on events that have not started: what ended the run, and what the first of them waited for."""
-    trigger = sim.storyboard.stop_trigger
-    end = (trigger.reason if trigger is not None else "the end of all stories") if sim.finished else "a limit of the run"
     first = awaited[0]
     act = _act_of(first)
     waiting = act.trigger if Transition.START not in act.first else first.trigger
     what = f"{first.kind} {first.name!r} waited for {waiting.describe(sim)}" if waiting is not None else f"{first.name!r} waited"
     more = f" (and {len(awaited) - 1} more)" if len(awaited) > 1 else ""
-    return f"the run ended at {sim.time:.2f} s, by {end}; {what}{more}"
+    return f"the run ended at {sim.time:.2f} s, by {_end(sim)}; {what}{more}"
+
+
+def _end(sim: Simulation) -> str:
+    """Words on what ended the run."""
+    trigger = sim.storyboard.stop_trigger
+    if not sim.finished:
+        return "a limit of the run"
+    return trigger.reason if trigger is not None else "the end of all stories"
 
 
 def _departures(sim: Simulation, departures: Departures) -> Iterator[Cause]:

@@ -262,7 +262,7 @@ class Roads:
     def clearance(self, entity: Entity) -> float:
         """Return the distance (m) an entity in free motion on the road may move before it can leave the road; 0 if unknown.
 
-        Known on straight roads whose lanes keep their widths.
+        It is known on straight roads with lanes of constant width.
         """
         point = entity.located
         if self.network is None or entity.on_lane or point is None:

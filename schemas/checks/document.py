@@ -1,4 +1,4 @@
-"""Document of a check: indexed elements, parameters resolved as far as is possible without a run."""
+"""Document of a check: indexed elements, parameters resolved where no run is needed for it."""
 
 from __future__ import annotations
 

@@ -149,10 +149,10 @@ def read_parquet(path: str | PathLike[str], columns: Sequence[str] | None = None
 
 
 def _check_metadata(about: pq.FileMetaData, schema: pa.Schema, wanted: Sequence[str], limit: int, path: Path) -> None:
-    """Refuse a Parquet file whose metadata promises wanted columns of more than the limit.
+    """Refuse a Parquet file if its metadata announces more than the limit for the wanted columns.
 
-    Row groups are asked first: pyarrow ends the process where a column's own metadata is damaged. Columns are asked only where
-    the groups exceed the limit, which others than the wanted ones may fill, and for lists, whose values no group counts.
+    Row groups are read first: pyarrow ends the process where the metadata of a column is damaged. That of columns is read only if
+    the groups exceed the limit, to which unwanted columns contribute, and for lists: a group counts rows, not values of lists.
     """
     import pyarrow as pa
 

@@ -27,7 +27,7 @@ start.{function}()
 
 
 HANDLED = "for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP): signal.signal(each, signal.SIG_DFL)"
-"""As a terminal begins a command: a shell's job in the background ignores SIGINT"""
+"""Signals as in a terminal: in the background a shell starts commands that ignore SIGINT"""
 
 
 def interrupted(name: str, number: int, module: str, before: str = HANDLED) -> tuple[int, str, str]:
