@@ -152,8 +152,9 @@ def test_a_file_that_cannot_be_checked_is_a_problem_and_not_the_end(tmp_path: Pa
     [
         pa.array([0.0]).take(pa.array([0] * 20_000_000, pa.int32())),
         pa.DictionaryArray.from_arrays(pa.array([0] * 100_000, pa.int32()), pa.array(["x" * 100_000])),
+        pa.ListArray.from_arrays(pa.array([0, 20_000_000], pa.int32()), pa.nulls(20_000_000, pa.float64()).fill_null(0.0)),
     ],
-    ids=["numbers", "texts"],
+    ids=["numbers", "texts", "a list"],
 )
 @pytest.mark.parametrize("as_arrow", [True, False])
 def test_a_table_that_expands_is_refused(column: pa.Array, as_arrow: bool, tmp_path: Path) -> None:
