@@ -125,18 +125,17 @@ def catalogue(
     if keep_model and made is ByRules:
         raise UsageError("--keep-model is for a model that labels; rules learn nothing")
     recogniser = cache(made)
-    with interruptible(NAME):
-        summary = build(paths, out, settings, recogniser, partial(progress_bar, quiet=quiet), Workers(jobs, ray))
-        if keep_model:
-            from recognition.catalogue.model import ByModel
+    summary = build(paths, out, settings, recogniser, partial(progress_bar, quiet=quiet), Workers(jobs, ray))
+    if keep_model:
+        from recognition.catalogue.model import ByModel
 
-            model_after = recogniser()
-            assert isinstance(model_after, ByModel), "rules were refused"
-            model_after.keep(keep_model)
-        _print_note(note, quiet)
-        code = _report(summary, verbose, quiet)
-        if not quiet and summary.classes:
-            say(f"catalogue: {out}")
+        model_after = recogniser()
+        assert isinstance(model_after, ByModel), "rules were refused"
+        model_after.keep(keep_model)
+    _print_note(note, quiet)
+    code = _report(summary, verbose, quiet)
+    if not quiet and summary.classes:
+        say(f"catalogue: {out}")
     raise typer.Exit(code)
 
 
@@ -164,8 +163,7 @@ def replay(
 
     if out.suffix != ".xosc":
         raise UsageError("a scenario ends in .xosc", path=out)
-    with interruptible(NAME):
-        made = write_replay(path, out, ego=ego, road=form.road, version=form.version)
+    made = write_replay(path, out, ego=ego, road=form.road, version=form.version)
     if not quiet:
         for remark in made.remarks:
             say(f"{NAME}: remark: {remark}", to=sys.stderr)
@@ -192,18 +190,17 @@ def label(
     from recognition.labels import Rules
 
     settings, (recogniser, note) = CatalogueSettings(rules=Rules(signalised=sorting.signalised)), _recogniser(sorting)
-    with interruptible(NAME):
-        labelled = label_runs(folder, settings, recogniser(), partial(progress_bar, quiet=quiet), in_place=in_place)
-        _print_note(note, quiet)
-        if not quiet:
-            for name, found in labelled.findings.items():
-                for each in found:
-                    moment = each.moment
-                    say(f"{name}: {moment.title} of {moment.ego} at {moment.time:.2f} s")
-            for path in labelled.written:
-                say(f"written: {path}")
-        for path in labelled.edited:
-            say(f"{NAME}: {path} was edited since it was written, it is left as it is", to=sys.stderr)
+    labelled = label_runs(folder, settings, recogniser(), partial(progress_bar, quiet=quiet), in_place=in_place)
+    _print_note(note, quiet)
+    if not quiet:
+        for name, found in labelled.findings.items():
+            for each in found:
+                moment = each.moment
+                say(f"{name}: {moment.title} of {moment.ego} at {moment.time:.2f} s")
+        for path in labelled.written:
+            say(f"written: {path}")
+    for path in labelled.edited:
+        say(f"{NAME}: {path} was edited since it was written, it is left as it is", to=sys.stderr)
 
 
 def _recogniser(sorting: Sorting, discover: bool = False) -> tuple[Callable[[], Recogniser], str]:

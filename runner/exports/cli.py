@@ -19,7 +19,6 @@ from schemas.common.command_line import (
     Version,
     epilog,
     guarded,
-    interruptible,
     new_app,
     out_folder,
     protected,
@@ -85,9 +84,8 @@ def xosc_export(
         raise UsageError(f"--param is for runs, and {to} is written without one")
     else:
         exports = export_documents(sources, target, Folder(out, overwrite), settings, selection)
-    with interruptible("xosc-export"):
-        code = _tell(exports, sources, quiet, out)
-        raise typer.Exit(ExitCode.PASSED if allow_inconclusive and code == ExitCode.INCONCLUSIVE else code)
+    code = _tell(exports, sources, quiet, out)
+    raise typer.Exit(ExitCode.PASSED if allow_inconclusive and code == ExitCode.INCONCLUSIVE else code)
 
 
 def _sources(paths: list[str]) -> list[Path]:

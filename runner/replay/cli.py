@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import typer
 
-from schemas.common.command_line import Quiet, Verbose, Version, epilog, guarded, interruptible, new_app, protected, say
+from schemas.common.command_line import Quiet, Verbose, Version, epilog, guarded, new_app, protected, say
 from schemas.common.errors import InvalidFile, UsageError, exit_codes
 from schemas.common.policy import limited
 from schemas.common.text import many
@@ -65,26 +65,25 @@ def xosc_replay(
     from runner.outputs.folder import load_run
     from runner.traces.maps import is_trace, load_trace
 
-    with interruptible(NAME):
-        if len(folders) == 1 and journal.is_batch(folders[0]):
-            if out is not None or road is not None or gui:
-                raise UsageError("this is a whole batch: --out, --road and --gui are for its runs", path=folders[0])
-            made = [_report(folders[0], against)]
-        elif len(folders) > 1 and all(map(journal.is_batch, folders)):
-            made = [_history(folders, out, road is not None or gui or against is not None)]
-        else:
-            if against is not None:
-                raise UsageError("--against compares whole batches; give two runs to see them side by side", path=folders[0])
-            if len(folders) > _MOST:
-                raise UsageError(f"a replay shows one run or two, not {len(folders)}")
-            if out is not None and out.suffix.lower() not in _SUFFIXES:
-                raise UsageError(f"a replay ends in {', '.join(_SUFFIXES)}", path=out)
-            for each in folders:
-                if each.is_file() and not is_trace(each):
-                    raise InvalidFile("a folder of results is expected, as xosc-run --out writes it, or an OSI trace", path=each)
-            with limited():
-                results = [load_trace(each, road) if is_trace(each) else load_run(each, road) for each in folders]
-                made = _show(results) if gui else [_write(results, out or _usual(folders), folders)]
+    if len(folders) == 1 and journal.is_batch(folders[0]):
+        if out is not None or road is not None or gui:
+            raise UsageError("this is a whole batch: --out, --road and --gui are for its runs", path=folders[0])
+        made = [_report(folders[0], against)]
+    elif len(folders) > 1 and all(map(journal.is_batch, folders)):
+        made = [_history(folders, out, road is not None or gui or against is not None)]
+    else:
+        if against is not None:
+            raise UsageError("--against compares whole batches; give two runs to see them side by side", path=folders[0])
+        if len(folders) > _MOST:
+            raise UsageError(f"a replay shows one run or two, not {len(folders)}")
+        if out is not None and out.suffix.lower() not in _SUFFIXES:
+            raise UsageError(f"a replay ends in {', '.join(_SUFFIXES)}", path=out)
+        for each in folders:
+            if each.is_file() and not is_trace(each):
+                raise InvalidFile("a folder of results is expected, as xosc-run --out writes it, or an OSI trace", path=each)
+        with limited():
+            results = [load_trace(each, road) if is_trace(each) else load_run(each, road) for each in folders]
+            made = _show(results) if gui else [_write(results, out or _usual(folders), folders)]
     for path in made if not quiet else ():
         say(str(path))
 
