@@ -132,8 +132,9 @@ def xosc_run(
         raise UsageError(f"--fail-if {NEW_FAILURE} needs the earlier batch: --against BATCH")
     settings = replace(settings, fail_if=tuple(limit for limit in limits if limit != NEW_FAILURE))
     earlier = Comparison.with_batch(against) if against is not None else None
-    selection, times = selection_of(only, sample, settings.seed), None if dry_run else repeat
-    source = jobs_of(runnable(files), parameters_of(param or []), settings.enforce_constraints, selection, times)
+    paths, times = runnable(files), None if dry_run else repeat
+    selection = selection_of(only, sample, settings.seed, paths)
+    source = jobs_of(paths, parameters_of(param or []), settings.enforce_constraints, selection, times)
     table = Table(verbose=verbose, quiet=quiet, total=source.total if sys.stderr.isatty() and not (quiet or dry_run) else 0)
     chosen: Iterable[Job | Outcome] = source
     if osi is not None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from runner.measures.measure import EVENTS, NEW_FAILURE, UNITS
 from runner.settings import RunSettings
+from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.options import option_of
 
 if TYPE_CHECKING:
@@ -33,12 +36,25 @@ FailIf = Annotated[
 Timestep = Annotated[float, option_of(RunSettings, "timestep")]
 
 
-def selection_of(only: str | None, sample: int | None, seed: int) -> Selection:
-    """The parameter sets that the options choose.
+def selection_of(only: str | None, sample: int | None, seed: int, files: Sequence[Path]) -> Selection:
+    """The parameter sets of files that the options choose.
 
     Raises:
-        UsageError: they exclude each other, or the numbers are none.
+        UsageError: the options exclude each other, or the numbers are none, or no file has parameter sets.
     """
     from xosc.distributions.space import Selection, spans
 
-    return Selection(spans(only) if only is not None else (), sample, seed)
+    selection = Selection(spans(only) if only is not None else (), sample, seed)
+    if selection.only and not any(map(_may_vary, files)):
+        raise UsageError("--only names parameter sets of variation files, and there is none among the files")
+    return selection
+
+
+def _may_vary(file: Path) -> bool:
+    """Whether a file is a distribution; one that can't be read is refused in its turn, with its own reason."""
+    from xosc.document import load
+
+    try:
+        return load(file).kind == "distribution"
+    except ToolchainError:
+        return True

@@ -77,7 +77,8 @@ def xosc_export(
     target = TARGETS.get(to)
     if target is None:
         raise UsageError(f"there is no target {to!r}, only {', '.join(TARGETS)}")
-    sources, selection = _sources(paths), selection_of(only, sample, settings.seed)
+    sources = _sources(paths)
+    selection = selection_of(only, sample, settings.seed, sources)
     if target.of_run:
         exports = export_runs(sources, target, Folder(out, overwrite), settings, parameters_of(param or []), selection)
     elif param:

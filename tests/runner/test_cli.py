@@ -337,6 +337,14 @@ def test_what_is_no_number_of_a_parameter_set_is_refused(text: str, xosc_run: Co
     assert answer.code == 2 and "such as 3,7-9" in answer.err
 
 
+def test_numbers_of_parameter_sets_are_refused_where_no_file_has_any(xosc_run: Command, passing: Path, tmp_path: Path) -> None:
+    answer = xosc_run(passing, "--only", "7")
+    assert answer.code == 2 and "there is none among the files" in answer.err
+    sets = distribution(tmp_path, "sets", {"Gap": (20, 22, 1)}, of="passing")
+    answer = xosc_run(passing, sets, "--only", "1")
+    assert [line.split()[1] for line in answer.out.splitlines()[1:-1]] == ["passing", "sets~000001"]
+
+
 def test_values_with_many_digits_are_shortened_in_the_table(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
     sets = distribution(tmp_path, "long", {"Gap": (20.123456789, 21.2, 1.0)}, of="passing")
     answer = xosc_run(sets, "--sut", "none", "--max-time", "0.05")
