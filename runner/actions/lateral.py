@@ -20,7 +20,7 @@ from runner.participants.entity import Entity
 from runner.positions.lane import LAYERS
 from xodr.model import PERMANENT, TEMPORARY, RoadPoint
 from xosc.node import TO_RIGHT, Node
-from xosc.rules.references import KEPT_LANE_OFFSET_UID
+from xosc.rules.references import KEPT_LANE_OFFSET_UID, OTHER_ENTITY_UID
 
 if TYPE_CHECKING:
     from runner.contracts.registry import Context
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 _DEFAULT_ACCELERATION = 0.5
 """Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no default."""
-_OTHER_LANE = 1e-6
-"""Difference (m) between an entity's offset and that asked for from which it is on another lane than before."""
+_SAME_PLACE = 1e-6
+"""Difference (m) between two offsets that counts as none."""
 
 
 @action("LaneChangeAction")
@@ -76,11 +76,15 @@ class LaneChangeAction(PrivateAction):
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Express the entity's place in the target lane, and begin to move there."""
         follow_road(actor, run, self.node)
+        before = actor.road, actor.lane
         lane = self._lane(actor, run)
         assert actor.road is not None
         actor.offset = actor.t - actor.road.lane_t(actor.s, lane)
-        actor.lane = lane
         change = (self.offset - actor.offset) * actor.direction
+        if (actor.road, lane) == before and abs(change) <= _SAME_PLACE:
+            text = f"{actor.name} is in lane {lane} already, at that offset: the lane change moves nothing"
+            run.remarks.note(self.node.remark(OTHER_ENTITY_UID, text))
+        actor.lane = lane
         extent = self.dynamics.extent(change)
         goal = self.offset * actor.direction
         running = _Transition(actor, goal, self.dynamics.shape, extent, self.dynamics.dimension == "distance", True)
@@ -299,7 +303,7 @@ class _Transition(Running):
         """Ask for the shape's offset at the end of the step, as far as the entity's motion carries it."""
         actor = self._actor
         way, left = abs(actor.speed) * dt, actor.offset * actor.direction
-        if abs(left - self._asked) > _OTHER_LANE and actor.controls.target_offset is None:
+        if abs(left - self._asked) > _SAME_PLACE and actor.controls.target_offset is None:
             self._easing = Easing(self.goal, left, self._slope, actor.speed)
         offset, over = self._next(way, dt) if self._easing is None else self._eased(self._easing, way)
         if self._extent > 0.0:

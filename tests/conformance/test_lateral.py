@@ -43,6 +43,12 @@ def test_a_lane_change_follows_its_shape_over_time(shape: str, value: Any) -> No
     assert events(result, "endTransition", "CarAction")[0].time == pytest.approx(5.0 - DT)
 
 
+@pytest.mark.parametrize(("steps", "offset", "told"), [(0, 0.0, 1), (0, 0.5, 0), (-1, 0.0, 0)])
+def test_a_lane_change_into_the_own_lane_is_a_remark(steps: int, offset: float, told: int) -> None:
+    remarks = change_run(Steps=steps, Offset=offset).remarks
+    assert sum("Car is in lane -1 already" in remark for remark in remarks) == told
+
+
 def test_the_speed_is_that_along_the_slanting_path() -> None:
     car = track(change_run(Shape="linear", Value=2.0), "Car")
     assert np.allclose(np.hypot(np.diff(car["x"]), np.diff(car["y"])), 10.0 * DT)
