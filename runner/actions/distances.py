@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from runner import spacing
 from runner.actions.lateral import follow_road, settle_lane
 from runner.actions.speed import set_speed
 from runner.contracts.element import LATERAL, LONGITUDINAL, PrivateAction, need_places
@@ -18,7 +19,6 @@ from runner.motion.placement import wrap
 from runner.participants.boxes import box_corners
 from runner.participants.declaration import Performance
 from runner.participants.entity import Entity
-from runner.spacing import distances
 from xosc.node import Node
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def read_system(node: Node) -> str:
     Raises:
         Unsupported: it is the world's, which has neither a longitudinal nor a lateral direction.
     """
-    system = node.choice("coordinateSystem", (*distances.SYSTEMS, "world"), "entity")
+    system = node.choice("coordinateSystem", (*spacing.SYSTEMS, "world"), "entity")
     if system == "world":
         raise node.unsupported("coordinateSystem='world' gives this distance no direction; use entity, lane, road or trajectory")
     return str(system)
@@ -119,7 +119,7 @@ class _Gap:
     def _ahead(self) -> float | None:
         if not self.action.reference.active:
             return None
-        return distances.longitudinal(self.run.roads, self.actor, self.action.reference, self.action.system, False)
+        return spacing.longitudinal(self.run.roads, self.actor, self.action.reference, self.action.system, False)
 
     def error(self) -> float | None:
         """Return the distance (m) that the actor is behind its goal; None if undefined."""
@@ -291,7 +291,7 @@ class _Sidestep(Running):
         action = self._action
         if not action.reference.active:
             return None
-        return distances.lateral(self._run.roads, action.reference, self._actor, action.system, False)
+        return spacing.lateral(self._run.roads, action.reference, self._actor, action.system, False)
 
     def _cover(self) -> float:
         """Width (m) between the two reference points that the boxes cover."""

@@ -11,7 +11,7 @@ from runner.contracts.registry import condition
 from runner.motion.paths import nearest
 from runner.motion.placement import wrap
 from runner.participants.entity import Entity
-from runner.spacing.distances import trajectory
+from runner.spacing import trajectory
 from xosc.node import Node
 
 if TYPE_CHECKING:

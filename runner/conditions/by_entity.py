@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from runner.conditions.comparison import TOLERANCE, Comparison
 from runner.contracts.element import EntityCondition
 from runner.contracts.registry import condition
-from runner.spacing.distances import velocity
+from runner.spacing import velocity
 from xosc.node import Node
 from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
 from xosc.rules.values import NOT_NEGATIVE_UID

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from runner.contracts.element import EntityCondition
 from runner.contracts.registry import condition
 from runner.participants.entity import Entity
-from runner.spacing.distances import Bearing, bearing, facing, footprint
+from runner.spacing import Bearing, bearing, facing, footprint
 from xodr.graph.routes import lanes_between
 from xosc.node import Node
 

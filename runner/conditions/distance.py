@@ -1,6 +1,6 @@
 """Conditions on distances and on times derived from them (OpenSCENARIO XML 1.3, EntityCondition and 6.4).
 
-Distances are compared without their sign. How each is measured is said in `runner.spacing.distances`.
+Distances are compared without their sign. How each is measured is said in `runner.spacing`.
 """
 
 from __future__ import annotations
@@ -9,12 +9,11 @@ import math
 from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
+from runner import spacing
 from runner.conditions.comparison import TOLERANCE, Comparison
 from runner.contracts.element import EntityCondition, NearCondition
 from runner.contracts.registry import condition
-from runner.participants.entity import Entity
-from runner.spacing import distances
-from runner.spacing.displacement import Separation
+from runner.participants.entity import Entity, Separation
 from schemas.common.errors import InvalidFile
 from xosc.node import Node
 
@@ -57,24 +56,24 @@ class Measure(NamedTuple):
         true means along the road, false straight.
         """
         freespace = node.bool("freespace")
-        routing = node.choice("routingAlgorithm", distances.ROUTINGS, "undefined")
+        routing = node.choice("routingAlgorithm", spacing.ROUTINGS, "undefined")
         if not node.has("coordinateSystem") and not node.has("relativeDistanceType") and node.bool("alongRoute", False):
             return cls("longitudinal", "road", freespace, routing)
         kind = _TYPES[node.choice("relativeDistanceType", _TYPES, "euclidianDistance")]
-        return cls(kind, node.choice("coordinateSystem", distances.SYSTEMS, "entity"), freespace, routing)
+        return cls(kind, node.choice("coordinateSystem", spacing.SYSTEMS, "entity"), freespace, routing)
 
     def between(self, run: Instant, a: Entity, b: Entity | Placement) -> float | None:
-        """The distance, signed where it has a direction (see `runner.spacing.distances`); None where it is undefined."""
+        """The distance, signed where it has a direction (see `runner.spacing`); None where it is undefined."""
         if self.kind == "euclidean":
-            return distances.euclidean(a, b, self.freespace)
-        measure = distances.longitudinal if self.kind == "longitudinal" else distances.lateral
+            return spacing.euclidean(a, b, self.freespace)
+        measure = spacing.longitudinal if self.kind == "longitudinal" else spacing.lateral
         return measure(run.roads, a, b, self.system, self.freespace, self.routing)
 
     def closing(self, run: Instant, a: Entity, b: Entity | Placement) -> float | None:
         """Speed at which the distance shrinks, m/s, in the same coordinate system and dimension."""
         if self.kind == "euclidean":
-            return distances.closing_euclidean(a, b, self.freespace)
-        rate = distances.closing_longitudinal if self.kind == "longitudinal" else distances.closing_lateral
+            return spacing.closing_euclidean(a, b, self.freespace)
+        rate = spacing.closing_longitudinal if self.kind == "longitudinal" else spacing.closing_lateral
         return rate(run.roads, a, b, self.system, self.routing)
 
     def named(self, what: str) -> str:
@@ -283,7 +282,7 @@ class TimeHeadwayCondition(_Measured):
     def _ahead(self, entity: Entity, target: Entity | Placement, distance: float, run: Instant) -> bool:
         if self.measure.kind == "longitudinal" and distance != 0.0:
             return distance > 0.0
-        return (distances.longitudinal(run.roads, entity, target, "entity", False) or 0.0) > TOLERANCE
+        return (spacing.longitudinal(run.roads, entity, target, "entity", False) or 0.0) > TOLERANCE
 
 
 @condition("TimeToCollisionCondition")

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from runner.motion.on_roads import Roads
     from runner.motion.placement import Placement
-    from runner.participants.entity import Entities, Entity
-    from runner.spacing.displacement import Displacement
+    from runner.participants.entity import Displacement, Entities, Entity
     from runner.surroundings import Environment, TrafficSignals
     from runner.worlds.base import World
     from schemas.common.remarks import Remarks

@@ -27,7 +27,7 @@ from xosc.resolve import resolve
 if TYPE_CHECKING:
     from lxml import etree
 
-    from runner.interpreter.storyboard.elements import Element
+    from runner.interpreter.story_elements import Element
     from runner.motion.placement import Placement
     from runner.participants.entity import Entity
     from runner.recording import Recording

@@ -9,7 +9,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from runner.participants.boxes import overlap
-from runner.spacing.displacement import Separation
+from runner.participants.entity import Separation
 
 if TYPE_CHECKING:
     from runner.contracts.run import Run

@@ -15,8 +15,8 @@ from runner.contracts import registry
 from runner.contracts.element import Action, ByEntityCondition, Condition, PrivateAction
 from runner.criteria.criterion import Criterion, declared
 from runner.interpreter.departures import absence
-from runner.interpreter.storyboard.elements import ActionElement
-from runner.interpreter.storyboard.storyboard import (
+from runner.interpreter.story_elements import ActionElement
+from runner.interpreter.storyboard import (
     Act,
     Event,
     Maneuver,
@@ -26,7 +26,7 @@ from runner.interpreter.storyboard.storyboard import (
     check_actors,
     placeable,
 )
-from runner.interpreter.storyboard.triggers import OneShotCondition, TimedCondition, Trigger
+from runner.interpreter.triggers import OneShotCondition, TimedCondition, Trigger
 from runner.participants.entity import Entities, Entity
 from runner.participants.scenario_objects import read_entities
 from runner.surroundings import TrafficSignals

@@ -18,9 +18,9 @@ from runner.contracts.element import LATERAL
 from runner.interpreter.collision import Contacts
 from runner.motion.following import PosedMotion, SteeredMotion
 from runner.motion.on_roads import Roads
+from runner.participants.entity import Displacement
 from runner.participants.trailers import disconnect, line_up, tow, train
 from runner.recording import LogEntry, Recorder
-from runner.spacing.displacement import Displacement
 from runner.surroundings import Environment
 from schemas.common.remarks import Remarks
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from runner.contracts.run import Running, Transition
     from runner.interpreter.compiler import Scenario
     from runner.interpreter.drivers import EgoDriver
-    from runner.interpreter.storyboard.elements import Element, Process, StoryboardRun
+    from runner.interpreter.story_elements import Element, Process, StoryboardRun
     from runner.motion.placement import Placement
     from runner.participants.entity import Entities, Entity
     from runner.worlds.base import World

@@ -17,8 +17,8 @@ from runner.criteria.criterion import Criterion, CriterionResult, judge_criteria
 from runner.interpreter.departures import egoless, standstill
 from runner.interpreter.drivers import SystemDriver, is_called_ego, scripted_at_start
 from runner.interpreter.result import Cause, Verdict
-from runner.interpreter.storyboard.elements import ActionElement
-from runner.interpreter.storyboard.storyboard import Act, Event, Storyboard
+from runner.interpreter.story_elements import ActionElement
+from runner.interpreter.storyboard import Act, Event, Storyboard
 from runner.measures.measure import Facts
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from runner.interpreter.departures import Departures
     from runner.interpreter.result import RunResult
     from runner.interpreter.simulation import Simulation
-    from runner.interpreter.storyboard.elements import Element
-    from runner.interpreter.storyboard.triggers import TimedCondition, Trigger
+    from runner.interpreter.story_elements import Element
+    from runner.interpreter.triggers import TimedCondition, Trigger
     from runner.measures.measure import Limit
     from runner.participants.entity import Entity
     from runner.recording import Recording, Track

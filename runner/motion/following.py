@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from runner.motion.free import STRAIGHT_AHEAD
 from runner.motion.paths import Path, approach, nearest, tangent
 from runner.motion.placement import Placement, in_world, pose_of, wrap
+from runner.participants.entity import STRAIGHT_AHEAD
 
 if TYPE_CHECKING:
     from runner.motion.on_roads import Roads

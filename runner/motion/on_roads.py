@@ -12,8 +12,8 @@ from math import cos, sin
 from typing import TYPE_CHECKING
 
 from runner.motion.dynamics import Easing
-from runner.motion.free import STRAIGHT_AHEAD
 from runner.motion.placement import Placement, in_world, lane_heading, pose_of, slant, wrap
+from runner.participants.entity import STRAIGHT_AHEAD
 from xodr.geometry import Line
 from xodr.model import RoadPoint
 

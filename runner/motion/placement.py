@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from xodr.model import Pose, RoadPoint
 
 if TYPE_CHECKING:
-    from runner.participants.state import EntityState
+    from runner.participants.declaration import EntityState
     from xodr.model import LaneSection
     from xodr.network import RoadNetwork
     from xodr.road import Road

@@ -16,10 +16,10 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from runner.participants.boxes import box_corners
-from runner.replay.scene import account
-from runner.replay.scene.account import partners
-from runner.replay.scene.roads import Area, Line, marks, surfaces
-from runner.replay.scene.scene import extent
+from runner.replay import account
+from runner.replay.account import partners
+from runner.replay.player import extent
+from runner.replay.scene_roads import Area, Line, marks, surfaces
 from schemas.common.errors import UsageError
 from schemas.common.storage import drafted, writing
 

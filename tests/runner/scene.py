@@ -9,7 +9,7 @@ from typing import Any
 import xodr
 from runner.interpreter.compiler import Scenario
 from runner.interpreter.simulation import Simulation
-from runner.interpreter.storyboard.storyboard import Storyboard
+from runner.interpreter.storyboard import Storyboard
 from runner.motion.placement import wrap
 from runner.participants.declaration import BoundingBox, Declaration
 from runner.participants.entity import Entities, Entity

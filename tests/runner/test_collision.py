@@ -14,8 +14,7 @@ from shapely.geometry import Point, Polygon
 from runner.interpreter.collision import Contacts
 from runner.participants.boxes import Spot, box_corners, gap, overlap
 from runner.participants.declaration import BoundingBox
-from runner.participants.entity import Entities, Entity
-from runner.spacing.displacement import Displacement
+from runner.participants.entity import Displacement, Entities, Entity
 from tests.runner.movement import Move, move, moves
 from tests.runner.scene import vehicle
 

@@ -19,9 +19,8 @@ from runner.contracts.element import ByEntityCondition, EntityCondition
 from runner.motion.on_roads import Roads
 from runner.motion.placement import Placement
 from runner.participants.boxes import gap, plane_gap
-from runner.participants.entity import Entities, Entity
-from runner.spacing.displacement import Displacement, Separation
-from runner.spacing.distances import longitudinal
+from runner.participants.entity import Displacement, Entities, Entity, Separation
+from runner.spacing import longitudinal
 from tests.runner.movement import Move, move, moves
 from tests.runner.scene import vehicle
 

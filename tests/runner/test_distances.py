@@ -15,7 +15,7 @@ from runner.motion.placement import Placement
 from runner.participants.boxes import box_corners
 from runner.participants.declaration import BoundingBox
 from runner.participants.entity import Entity
-from runner.spacing.distances import (
+from runner.spacing import (
     bearing,
     closing_euclidean,
     closing_lateral,

@@ -15,9 +15,9 @@ from runner.measures.contacts import FULL, Conflict
 from runner.measures.relations import Motion
 from runner.outputs.report import summary
 from runner.participants.declaration import BoundingBox
+from runner.replay.account import account, main_partner, partners, stretches
 from runner.replay.frames import frames
-from runner.replay.scene.account import account, main_partner, partners, stretches
-from runner.replay.scene.scene import preview
+from runner.replay.player import preview
 from tests.runner.files import car, place, scenario, speed_action, story
 
 BOX = BoundingBox(0.0, 0.0, 0.75, 4.0, 2.0, 1.5)

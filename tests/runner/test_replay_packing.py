@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runner.replay.scene.scene import pack, pack_lines
+from runner.replay.player import pack, pack_lines
 
 
 def unpack(text: str, step: float, order: int) -> list[float]:

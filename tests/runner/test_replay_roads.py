@@ -10,7 +10,7 @@ import pytest
 from shapely.geometry import LineString, Polygon
 
 import xodr
-from runner.replay.scene.roads import Area, Marks, marks, objects, signals, surfaces
+from runner.replay.scene_roads import Area, Marks, marks, objects, signals, surfaces
 from xodr.network import RoadNetwork
 
 EVERYWHERE = Area(-1e6, -1e6, 1e6, 1e6)

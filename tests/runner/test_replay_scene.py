@@ -14,8 +14,7 @@ import runner
 from runner.interpreter.result import RunResult, Verdict
 from runner.participants.declaration import BoundingBox
 from runner.recording import COLUMNS, Recording, Track
-from runner.replay.player import replay_page
-from runner.replay.scene.scene import scene
+from runner.replay.player import replay_page, scene
 from tests.runner.files import scenario
 from tests.runner.test_replay_packing import unpack
 

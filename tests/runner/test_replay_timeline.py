@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from runner.recording import LogEntry
-from runner.replay.scene.account import is_shown, rows
-from runner.replay.scene.roads import signal_states
+from runner.replay.account import is_shown, rows
+from runner.replay.scene_roads import signal_states
 
 EVENT = "story::act::group::maneuver::event"
 LOG = [

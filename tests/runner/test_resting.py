@@ -20,9 +20,9 @@ from runner.conditions.comparison import RULES, Comparison
 from runner.contracts import registry
 from runner.contracts.element import ByEntityCondition, Condition
 from runner.interpreter.simulation import Simulation
-from runner.interpreter.storyboard.triggers import EDGES, TimedCondition, Trigger, Watch
+from runner.interpreter.triggers import EDGES, TimedCondition, Trigger, Watch
 from runner.motion.on_roads import Roads
-from runner.spacing.displacement import Displacement
+from runner.participants.entity import Displacement
 from tests.runner.scene import vehicle
 
 STEP = 0.1

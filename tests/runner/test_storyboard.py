@@ -11,8 +11,8 @@ import pytest
 
 from runner.contracts.element import GlobalAction
 from runner.contracts.run import ElementState
-from runner.interpreter.storyboard.elements import ActionElement
-from runner.interpreter.storyboard.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
+from runner.interpreter.story_elements import ActionElement
+from runner.interpreter.storyboard import Act, Event, Maneuver, ManeuverGroup, Story, Storyboard
 
 
 class Script:

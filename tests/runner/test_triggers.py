@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from runner.contracts.element import ByEntityCondition, Condition, EntityCondition
-from runner.interpreter.storyboard.triggers import TimedCondition, Trigger
+from runner.interpreter.triggers import TimedCondition, Trigger
 from runner.participants.entity import Entity
 from schemas.common.errors import InvalidFile
 from tests.runner.scene import vehicle

@@ -17,8 +17,7 @@ from recognition.catalogue.index import rows_of
 from recognition.labels.classes import Label
 from runner.outputs.folder import load_run
 from runner.replay.page import page, write_page
-from runner.replay.player import REPORT
-from runner.replay.scene.scene import preview
+from runner.replay.player import REPORT, preview
 
 PAGE = "index.html"
 """Name of the page in the output folder"""

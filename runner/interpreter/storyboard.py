@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 from runner.contracts.element import Action, PrivateAction
 from runner.contracts.run import ElementState, Transition
-from runner.interpreter.storyboard.elements import ActionElement, Element, StoryboardRun
-from runner.interpreter.storyboard.triggers import Trigger, Watch
+from runner.interpreter.story_elements import ActionElement, Element, StoryboardRun
+from runner.interpreter.triggers import Trigger, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

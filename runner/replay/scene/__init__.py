@@ -1,1 +1,0 @@
-"""Data that pages, pictures and animations of runs are drawn from."""

@@ -1,1 +1,0 @@
-"""Distances, closing speeds and regions in the coordinate systems of the standard."""
