@@ -14,7 +14,6 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import combinations, islice
 from pathlib import Path
 
@@ -307,6 +306,12 @@ def test_resuming_with_other_settings_or_parameters_is_refused(tmp_path: Path, v
 # interruption -------------------------------------------------------------------------------
 
 
+def _hear() -> None:
+    """Whoever runs the tests may ignore signals, as nohup does."""
+    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(each, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize(
     ("how", "processes"),
     [(signal.SIGINT, 1), (signal.SIGINT, 2), (signal.SIGTERM, 1), (signal.SIGHUP, 2), (signal.SIGKILL, 1), (signal.SIGKILL, 2)],
@@ -320,9 +325,8 @@ def test_an_interrupted_batch_goes_on_where_it_was(
     out, journal = tmp_path / "out", tmp_path / "out" / "runs.jsonl"
     arguments = [str(variation), "--world", "kinematic", "--sut", "slow:Slow", "--out", str(out)]
     begun = [sys.executable, "-m", "runner.cli", *arguments, "--jobs", str(processes)]
-    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # whoever runs the tests may ignore it
     pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
-    first = subprocess.Popen(begun, cwd=tmp_path, stdout=nothing, stderr=pipe, text=True, preexec_fn=heard)
+    first = subprocess.Popen(begun, cwd=tmp_path, stdout=nothing, stderr=pipe, text=True, preexec_fn=_hear)
     deadline = time.monotonic() + 60
     while not (journal.exists() and journal.read_bytes().count(b"\n") >= 2):
         assert time.monotonic() < deadline
