@@ -1,44 +1,67 @@
-"""The problem of finding failures: a scenario with its prior and its twin, run on SUMO."""
+"""Problem of finding failures: a scenario with its prior and its twin, run on SUMO."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from generation.declared import asked_of
 from generation.density.models import DEFAULT, JUDGE
-from generation.outcomes.outcomes import Evaluator
-from generation.recorded import kind_of, of_recordings, of_samples
+from generation.outcomes.outcomes import Evaluator, Outcomes
 from generation.search.problem import Problem, Realism, Reward
 from generation.search.space import Space
+from generation.settings import Ask
 from generation.twin.episodes import Twin
 from runner.settings import RunSettings
+from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
 
 class Posed(NamedTuple):
-    """A problem, and what runs its scenario on SUMO with any system under test."""
+    """Problem, and an evaluator that runs its scenario on SUMO with any system under test."""
 
     problem: Problem
     sumo: Evaluator
 
+    def plays(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+        """Outcomes of points (n, d): on the twin if it plays scenario and system, on SUMO otherwise."""
+        if self.problem.twin is not None:
+            try:
+                return self.problem.twin(theta, sut)
+            except Unsupported:
+                pass
+        return self.sumo(theta, sut)
+
 
 @contextmanager
-def posed(scenario: Path, sut: str, processes: int, recorded: Path | None = None, kind: str | None = None) -> Iterator[Posed]:
-    """The problem of a logical scenario: foreseeable is what `JUDGE` says, as in the product; the reward is the published one.
+def posed(
+    path: Path,
+    sut: str,
+    processes: int,
+    recorded: Path | None = None,
+    kind: str | None = None,
+    timestep: float = RunSettings.timestep,
+    free: Sequence[str] = (),
+) -> Iterator[Posed]:
+    """Pose the problem of a logical scenario, or of a variation file, as the product does; the reward is the published one.
 
     Args:
         sut: name of the system under test.
         processes: how many runs at a time.
         recorded: recordings, or a table of their units; None for our own.
         kind: of the recorded units; None for that of the scenario's name.
+        timestep: s.
+        free: parameters, with their ranges, to search besides, as `--free` of the product.
 
     Raises:
-        UsageError: there is no such system, or recordings say nothing of the scenario.
+        UsageError: there is no such system, or nothing says which values are likely.
     """
-    space, run = Space.of(scenario), RunSettings(sut=sut)
-    units = of_samples(of_recordings(recorded, kind or kind_of(scenario)), space)
+    asked, run = asked_of(Ask(recorded, kind, free=free), path), RunSettings(sut=sut, timestep=timestep)
+    scenario = asked.scenario
+    space = Space.of(scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+    units = asked.recorded(space)
     real = units.within(space)
     reward = Reward(Realism.fitted(DEFAULT, real.theta, real.recordings))
     try:

@@ -7,13 +7,16 @@ from typing import Annotated
 
 import typer
 
-from schemas.common.command_line import Verbose, Version, interruptible
+from generation.options import Kind
+from runner.run_options import Timestep
+from runner.settings import RunSettings
+from schemas.common.command_line import Jobs, Verbose, Version, interruptible
 
 NAME = "python -m studies.generation planted"
 
 
 def command(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario with a twin.")],
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario, or a variation file.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; what is there is not made again.")],
     generator: Annotated[str, typer.Option(help="Generator of planted systems: development, reported.")] = "development",
     methods: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only these methods (repeatable).")] = None,
@@ -23,18 +26,26 @@ def command(
     base: Annotated[
         str | None, typer.Option(metavar="NAME", help="Driver outside the regions.  [default: survives everything]")
     ] = None,
+    times: Annotated[float, typer.Option(metavar="F", help="Factor of the plans' probabilities, for small pools.")] = 1.0,
     plans: Annotated[list[int] | None, typer.Option("--plan", metavar="N", help="Only this plan (repeatable, from 0).")] = None,
+    kind: Kind = None,
+    free: Annotated[list[str] | None, typer.Option(metavar="NAME=LOW..HIGH", help="Search this too (repeatable).")] = None,
+    timestep: Timestep = RunSettings.timestep,
+    jobs: Jobs = 2,
     pool: Annotated[int, typer.Option(min=1000, metavar="N", help="Draws of the density that recall is measured by.")] = 40_000,
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
-    """Search for planted failures on the kinematic twin, without a screen: every trial is a run."""
+    """Search for planted failures without a screen: every trial is a run.
+
+    Systems that the kinematic twin plays are played there, all others on SUMO.
+    """
     from dataclasses import replace
 
     from schemas.common.errors import UsageError
     from schemas.common.storage import Records
-    from studies.generation.planted.study import FIRST_SEED, PLANS, ROWS, Benchmark, statements, table
-    from studies.generation.planted.systems import PERFECT, Pool
+    from studies.generation.planted.study import FIRST_SEED, PLANS, ROWS, TWIN, Benchmark, statements, table
+    from studies.generation.planted.systems import PERFECT, UNDRIVEN, Pool
     from studies.generation.problem import posed
 
     if generator not in PLANS:
@@ -44,16 +55,22 @@ def command(
     if plans and max(plans) >= len(PLANS[generator]):
         raise UsageError(f"the generator {generator} has {len(PLANS[generator])} plans, counted from 0")
     chosen = [PLANS[generator][number] for number in plans or range(len(PLANS[generator]))]
-    chosen = [replace(plan, base=base or PERFECT) for plan in chosen]
-    with interruptible(NAME, "the same command continues"), posed(scenario, base or "none", 1) as problem:
-        twin, prior = problem.problem.twin, problem.problem.prior
-        if twin is None or prior is None:
-            raise UsageError("this scenario has no twin to plant failures on", path=scenario)
-        drawn = Pool.of(prior, twin, pool, out / f"{scenario.stem}_pool_{pool}.npz")
+    chosen = [replace(plan, base=base or PERFECT, probability=times * plan.probability) for plan in chosen]
+    with (
+        interruptible(NAME, "the same command continues"),
+        posed(scenario, UNDRIVEN, jobs, None, kind, timestep, free or ()) as posing,
+    ):
+        problem = posing.problem
+        assert problem.prior is not None
+        if problem.twin is None and TWIN in (methods or ()):
+            raise UsageError(f"{TWIN} needs a scenario that the twin plays", path=scenario)
+        rows = methods or [name for name in ROWS if name != TWIN or problem.twin is not None]
+        of = "_".join([scenario.stem, *([kind] if kind else []), f"{timestep:g}"])
+        drawn = Pool.of(problem.prior, posing.plays, pool, out / f"{of}_pool_{pool}.npz")
         start = FIRST_SEED[generator] if first is None else first
-        benchmark = Benchmark(problem.problem, drawn, chosen, start, methods or list(ROWS), budget)
+        benchmark = Benchmark(problem, posing.plays, drawn, chosen, start, rows, budget)
         found = []
-        for each in benchmark.results(seeds, Records(out / f"{scenario.stem}_{generator}_{budget}.jsonl")):
+        for each in benchmark.results(seeds, Records(out / f"{of}_{generator}_{budget}.jsonl")):
             found.append(each)
             if each.runs == budget:
                 print(

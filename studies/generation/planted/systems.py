@@ -1,8 +1,8 @@
 """Systems with planted failures, made by seed: regions of foreseeable manoeuvres in which a driver sleeps.
 
-The undriven run of the kinematic twin says what happens there: a point fails if it lies in a region and collides undriven.
-Outside its regions the driver is perfect, or a reference driver. With a gradient it gets worse near a region; without one nothing
-announces a failure.
+The undriven run, on the kinematic twin or on SUMO, says what happens there: a point fails if it lies in a region and collides
+undriven. Outside its regions the driver is perfect, or any system under test. With a gradient it gets worse near a region;
+without one nothing announces a failure.
 
 The development generator plants boxes, ellipsoids, slabs, shells at the edge of the foreseeable, interactions of two parameters,
 and sleep at certain times of the scene. The reported one plants corners, curved bands, hollow shells, cones, tails beyond a
@@ -48,11 +48,11 @@ class Pool(NamedTuple):
     undriven: Outcomes
 
     @classmethod
-    def of(cls, prior: Prior, twin: Plays, n: int, path: Path) -> Pool:
+    def of(cls, prior: Prior, plays: Plays, n: int, path: Path) -> Pool:
         """Draw and play, or read what was kept at a path."""
         if not path.exists():
             theta = prior.sample(n, np.random.default_rng(20_000))
-            found = twin(theta, UNDRIVEN)
+            found = plays(theta, UNDRIVEN)
             collided = found.collision & found.executed
             path.parent.mkdir(parents=True, exist_ok=True)
             np.savez_compressed(path, theta=theta, collision=collided, conflict=found.conflict, r_risk=found.r_risk)
@@ -97,7 +97,7 @@ class Plan:
         shape: of the regions, a name in `SHAPES`. number: of regions.
         probability: of a failure under the density, all regions together.
         gradient: whether the system gets worse before it fails.
-        base: driver outside the regions, a system that the twin plays; `PERFECT` survives everything.
+        base: driver outside the regions, a system under test; `PERFECT` survives everything.
     """
 
     shape: str
@@ -120,13 +120,13 @@ class Planted:
 
     plan: Plan
     regions: Sequence[Region]
-    twin: Plays
+    plays: Plays
 
     def __call__(self, theta: FloatArray) -> Outcomes:
         """The outcomes at points (n, d)."""
-        undriven = self.twin(theta, UNDRIVEN)
+        undriven = self.plays(theta, UNDRIVEN)
         held = self.within(theta, undriven)
-        driven = self._perfect(undriven) if self.plan.base == PERFECT else self.twin(theta, self.plan.base)
+        driven = self._perfect(undriven) if self.plan.base == PERFECT else self.plays(theta, self.plan.base)
         near = np.max([each.nearness(theta, undriven) for each in self.regions], axis=0)
         worse = np.where(undriven.collision & self.plan.gradient, near, 0.0)
         worsened = replace(
@@ -295,7 +295,7 @@ REPORTED: Mapping[str, Callable[[Place], Score]] = {
 SHAPES = {**DEVELOPMENT, **REPORTED}
 
 
-def plant(plan: Plan, space: Space, prior: Prior, twin: Plays, pool: Pool, seed: int) -> Planted:
+def plant(plan: Plan, space: Space, prior: Prior, plays: Plays, pool: Pool, seed: int) -> Planted:
     """A system after a plan, by seed: each region has its share of the probability, measured on the pool.
 
     Raises:
@@ -316,7 +316,7 @@ def plant(plan: Plan, space: Space, prior: Prior, twin: Plays, pool: Pool, seed:
         level = float(scores[min(count, len(scores)) - 1])
         usual = scores[scores < _FAR]
         regions.append(Region(plan.shape, score, level, max(float(np.median(usual)), level + _BORDER * (1.0 + abs(level)))))
-    return Planted(plan, regions, twin)
+    return Planted(plan, regions, plays)
 
 
 _FEWEST = 10

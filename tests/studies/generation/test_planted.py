@@ -82,7 +82,7 @@ def test_a_search_is_judged_by_regions_and_recall(posed: Problem, pool: Pool) ->
     planted = plant(Plan("box", 2, 0.04, False), SPACE, posed.prior, posed.twin, pool, 3)
     own = replace(posed, evaluate=planted)
     nothing = draws(replace(posed, evaluate=lambda theta: replace(planted(theta), collision=np.zeros(len(theta), bool))), 5, 0)
-    assert judged(planted, own, pool, nothing) == Found(0.0, 0.0, 0.0, 6, 0.0)
+    assert judged(planted, own, pool, nothing) == Found(0.0, 0.0, 0.0, 6, 0.0, 0.0)
     held = planted.within(pool.theta, pool.undriven) & pool.undriven.collision
     first = pool.theta[held[0]]
     one = judged(planted, own, pool, History(first, planted(first), np.zeros(len(first))))
@@ -127,7 +127,7 @@ def test_searches_in_lockstep_find_what_each_finds_alone(posed: Problem, pool: P
 
     planted = plant(plan, SPACE, posed.prior, posed.twin, pool, 3)
     found = together(
-        [lambda plays, seed=seed: draws(replace(posed, evaluate=replace(planted, twin=plays)), 60, seed) for seed in (1, 2, 3)],
+        [lambda plays, seed=seed: draws(replace(posed, evaluate=replace(planted, plays=plays)), 60, seed) for seed in (1, 2, 3)],
         counting,
     )
     assert calls == [150, 30]
@@ -144,7 +144,8 @@ def test_an_error_in_lockstep_is_the_callers(posed: Problem) -> None:
 
 
 def test_results_are_kept_and_read_again(posed: Problem, pool: Pool, tmp_path: Path) -> None:
-    benchmark = Benchmark(posed, pool, [Plan("box", 1, 0.04, True)], 3, ["draws"], 120)
+    assert posed.twin is not None
+    benchmark = Benchmark(posed, posed.twin, pool, [Plan("box", 1, 0.04, True)], 3, ["draws"], 120)
     found = list(benchmark.results(1, Records(tmp_path / "a.jsonl")))
     assert [each.runs for each in found] == [100, 120]
     before = (tmp_path / "a.jsonl").read_bytes()
@@ -161,10 +162,10 @@ def test_a_pool_that_is_too_small_is_refused(posed: Problem, pool: Pool) -> None
 def test_tables_have_a_row_for_each_method_and_compare_it_with_ours() -> None:
     nothing = Stated(1e-3, 2e-3, 0.25)
     found = [
-        Result("a", "draws", 1, 10, Found(1.0, 0.5, 0.5, 3, 0.0), 0.1, nothing),
-        Result("b", "draws", 1, 10, Found(0.0, 0.0, 0.0, 11, 0.0), 0.3, nothing),
-        Result("a", OURS, 1, 10, Found(1.0, 0.5, 0.75, 3, 0.0), 0.1, nothing),
-        Result("b", OURS, 1, 10, Found(1.0, 0.5, 0.75, 3, 0.0), 0.1, nothing),
+        Result("a", "draws", 1, 10, Found(1.0, 0.5, 0.5, 3, 0.0, 0.0), 0.1, nothing),
+        Result("b", "draws", 1, 10, Found(0.0, 0.0, 0.0, 11, 0.0, 0.0), 0.3, nothing),
+        Result("a", OURS, 1, 10, Found(1.0, 0.5, 0.75, 3, 0.0, 0.0), 0.1, nothing),
+        Result("b", OURS, 1, 10, Found(1.0, 0.5, 0.75, 3, 0.0, 0.0), 0.1, nothing),
     ]
     text = table(found)
     assert "| a | 10 | draws | 1 | 1.00 (1.00 to 1.00) | 0.50 | 0.50 (0.50 to 0.50) | +0.25 (+0.25 to +0.25) | 3 | 0 |" in text
