@@ -113,6 +113,30 @@ class EdgeCase:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SearchedRegion:
+    """A region of failure (`generation.report.regions`).
+
+    Args:
+        rule: in words. precision, recall: of the rule, among the runs.
+        failures: number of failing runs in it.
+        draws, drawn: unguided draws, and those that fail in it. low, high: 95 % interval of its probability.
+        severity: mean impact speed, m/s.
+        cases: files of its edge cases, the likelier first.
+    """
+
+    rule: str
+    precision: float
+    recall: float
+    failures: int
+    draws: int
+    drawn: int
+    low: float
+    high: float
+    severity: float
+    cases: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Searched(Finding):
     """A search of one class or scenario in one round.
 
@@ -124,6 +148,7 @@ class Searched(Finding):
         errors: those that ended with an error.
         run_error: what most of these say.
         collisions, distinct, new: collisions, those unlike each other, and those unlike the ones of earlier rounds as well.
+        regions: groups of the failures, the most important first.
         failed: parameters of the failures, one a row, no two alike.
         real, tried: recorded parameters and those of the runs, thinned out for a plot.
     """
@@ -144,6 +169,7 @@ class Searched(Finding):
     distinct: int = 0
     new: int = 0
     cases: list[EdgeCase] = field(default_factory=list)
+    regions: list[SearchedRegion] = field(default_factory=list)
     failed: list[list[float]] = field(default_factory=list)
     real: list[list[float]] = field(default_factory=list)
     tried: list[list[float]] = field(default_factory=list)

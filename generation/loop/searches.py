@@ -13,12 +13,23 @@ from typing import NamedTuple, Self
 import numpy as np
 
 import xosc
-from generation.loop.findings import Against, CarefulDriver, CaseVerdict, Compared, EdgeCase, KnownFailure, Searched, SearchRange
+from generation.loop.findings import (
+    Against,
+    CarefulDriver,
+    CaseVerdict,
+    Compared,
+    EdgeCase,
+    KnownFailure,
+    Searched,
+    SearchedRegion,
+    SearchRange,
+)
 from generation.loop.inputs import Target
 from generation.loop.runs import searches
 from generation.outcomes.judges import JUDGES
 from generation.outcomes.outcomes import Episodes
 from generation.pipeline import Generated, generate, space_of
+from generation.report.regions import regions, varying
 from generation.report.regression import Before, Fate, Tried, regression
 from generation.search.space import Space, apart, diverse
 from generation.settings import Choice, LoopSettings, SearchSettings
@@ -88,7 +99,7 @@ def search(
         made = generate(target.scenario, target.recorded, folder, settings_of(target, settings.search(number)), progress, known)
     except ToolchainError as error:
         return replace(of, error=str(error), failures={of.title: f"not searched: {error}"})
-    found = failures(made.space, made.history, known)
+    found, cases = failures(made.space, made.history, known), list(_cases(made, out))
     real = target.recorded(made.space).within(made.space).theta
     outcomes = made.history.outcomes
     errors = Counter(outcomes.error[~outcomes.executed].tolist())
@@ -105,7 +116,8 @@ def search(
         collisions=int(outcomes.collision.sum()),
         distinct=found.collisions,
         new=found.new,
-        cases=list(_cases(made, out)),
+        cases=cases,
+        regions=list(regions_of(made, cases)),
         failed=failures(made.space, made.episodes, known).theta.tolist(),  # cases may be draws of the density as well
         real=_thinned(real).tolist(),
         tried=_thinned(made.history.theta).tolist(),
@@ -143,6 +155,25 @@ def _cases(made: Generated, out: Path) -> Iterator[EdgeCase]:
             likelihood=round(float(cases.log_likelihood[row]), _DIGITS),
             risk=round(float(cases.outcomes.r_risk[row]), _DIGITS),
             survivors=survivors,
+        )
+
+
+def regions_of(made: Generated, cases: Sequence[EdgeCase]) -> Iterator[SearchedRegion]:
+    """Return the regions of failure, with the files of their edge cases."""
+    of = varying(made)
+    for each in regions(made, of):
+        low, high = each.drawn.interval
+        yield SearchedRegion(
+            rule=each.rule(of),
+            precision=round(each.precision, _DIGITS),
+            recall=round(each.recall, _DIGITS),
+            failures=each.failures,
+            draws=each.drawn.runs,
+            drawn=each.drawn.collisions,
+            low=round(low, _DIGITS),
+            high=round(high, _DIGITS),
+            severity=round(each.severity, _DIGITS),
+            cases=[cases[row].file for row in each.cases],
         )
 
 

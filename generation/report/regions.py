@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from generation.density.gate import NEAR, Share
+from generation.density.roles import roles_of
 from generation.pipeline import Generated
-from generation.report.counterexamples import Measure
+from generation.report.counterexamples import Measure, measures
 from generation.search.space import distinctive
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
@@ -45,7 +46,7 @@ class FailureRegion(NamedTuple):
         bounds: its rule. precision: share of the runs within the rule that are failures of the region.
         recall: share of its failures within the rule.
         failures: number of failing runs. drawn: unguided draws that fail within `NEAR` of one of them.
-        severity: mean impact speed, m/s. edge_cases: number of foreseeable and preventable failures among the cases.
+        severity: mean impact speed, m/s. cases: rows of the edge cases in it, the likelier first.
         typical, likeliest: rows of the executed runs: the failure nearest to the others, and that of the greatest density.
         survived: number of the edge cases that each reference driver survives.
     """
@@ -56,56 +57,74 @@ class FailureRegion(NamedTuple):
     failures: int
     drawn: Share
     severity: float
-    edge_cases: int
+    cases: Sequence[int]
     typical: int
     likeliest: int
     survived: Mapping[str, int]
 
-    def rule(self, measures: Sequence[Measure]) -> str:
+    def rule(self, by: Sequence[Measure]) -> str:
         """The rule in words."""
         sides = (
-            f"{measures[each.measure].name} {'≥' if each.least else '≤'} {each.limit:.3g} {measures[each.measure].unit}".strip()
+            f"{by[each.measure].name} {'≥' if each.least else '≤'} {each.limit:.3g} {by[each.measure].unit}".strip()
             for each in self.bounds
         )
         return " and ".join(sides) or "no measure tells it from other runs"
+
+    @property
+    def edge_cases(self) -> int:
+        """Number of foreseeable and preventable failures."""
+        return len(self.cases)
 
     @property
     def importance(self) -> tuple[bool, float]:
         """Order: regions with edge cases first, then by probability times severity."""
         return self.edge_cases > 0, (self.drawn.collisions + 0.5) / (self.drawn.runs + 1.0) * (1.0 + self.severity)
 
-    def as_json(self, measures: Sequence[Measure], members: Mapping[str, Sequence[float]]) -> dict[str, Any]:
+    def as_json(self, by: Sequence[Measure], members: Mapping[str, Sequence[float]]) -> dict[str, Any]:
         """For files and the page; `members` has the values of the `typical` and of the `likeliest` member."""
         low, high = self.drawn.interval
         chance = self.drawn.collisions / self.drawn.runs if self.drawn.runs else None
         return {
-            "rule": self.rule(measures), "precision": round(self.precision, 3), "recall": round(self.recall, 3),
+            "rule": self.rule(by), "precision": round(self.precision, 3), "recall": round(self.recall, 3),
             "failures": self.failures, "draws": self.drawn.runs, "failing_draws": self.drawn.collisions, "probability": chance,
             "interval": [low, high], "severity": round(self.severity, 2), "edge_cases": self.edge_cases,
             "survived": dict(self.survived),
             **{
-                name: {each.name: value for each, value in zip(measures, values, strict=True)}
+                name: {each.name: value for each, value in zip(by, values, strict=True)}
                 for name, values in members.items()
             },
         }  # fmt: skip
 
 
-def regions(generated: Generated, measures: Sequence[Measure]) -> list[FailureRegion]:
+def measured(generated: Generated, theta: FloatArray) -> list[Measure]:
+    """Return the readable measures of points (n, d)."""
+    names = (*generated.space.names, *generated.space.pinned)
+    return measures(generated.space, generated.recorded.roles or roles_of(names), theta)
+
+
+def varying(generated: Generated) -> list[Measure]:
+    """Return the readable measures of the executed runs that differ from run to run."""
+    found = measured(generated, generated.episodes.theta[generated.episodes.outcomes.executed])
+    return [each for each in found if each.values.size and np.ptp(each.values) > 0.0]
+
+
+def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
     """The regions of all executed runs, the most important first, at most `_MOST`; none without failures or measures.
 
     Args:
-        measures: values (n,) at the executed runs.
+        by: values (n,) at the executed runs.
     """
     theta, outcomes, _ = generated.episodes
     theta, outcomes = theta[outcomes.executed], outcomes.take(outcomes.executed)
     failing = np.flatnonzero(outcomes.collision)
-    if not failing.size or not measures:
+    if not failing.size or not by:
         return []
     failing = failing[np.linspace(0, len(failing) - 1, min(len(failing), _GROUPED)).astype(int)]
     space, columns = generated.space, distinctive(generated.space)
-    unit, rows = space.unit(theta)[:, columns], np.stack([each.values for each in measures], axis=1)
+    unit, rows = space.unit(theta)[:, columns], np.stack([each.values for each in by], axis=1)
     labels = grouped(unit[failing], LINKED)
-    cases = generated.cases.take(generated.cases.outcomes.collision)
+    collided = np.flatnonzero(generated.cases.outcomes.collision)
+    cases = generated.cases.take(collided)
     found = []
     for label in np.unique(labels):
         group = failing[labels == label]
@@ -118,7 +137,7 @@ def regions(generated: Generated, measures: Sequence[Measure]) -> list[FailureRe
         survived = {name: int((each.survived & near).sum()) for name, each in cases.drivers.items()}
         severity, drawn = float(outcomes.impact_speed[group].mean()), _share(generated, columns, unit[group])
         of_rule = (bounds, precision, recall, len(group))
-        found.append(FailureRegion(*of_rule, drawn, severity, int(near.sum()), int(typical), int(likeliest), survived))
+        found.append(FailureRegion(*of_rule, drawn, severity, collided[near].tolist(), int(typical), int(likeliest), survived))
     return sorted(found, key=lambda each: each.importance, reverse=True)[:_MOST]
 
 

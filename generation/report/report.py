@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from generation.density.models import judge
-from generation.density.roles import roles_of
 from generation.estimation.estimate import FAILURE, PREVENTABLE, Estimate
 from generation.estimation.probability import LEAST_EFFECTIVE, PER_DISTANCE, PER_HOUR, Driving, Probability, Rate
 from generation.outcomes.judges import JUDGES, REFERENCES, Cases
@@ -25,12 +24,11 @@ from generation.report.counterexamples import (
     Replay,
     counterexamples,
     limits,
-    measures,
     region,
     replays,
     unit_of,
 )
-from generation.report.regions import FailureRegion, regions
+from generation.report.regions import FailureRegion, measured, regions, varying
 from generation.report.regression import Fate, Regression, Shift
 from generation.settings import SearchSettings
 from generation.variations import Written
@@ -179,18 +177,17 @@ def write_report(
 
 def render(scenario: Path, generated: Generated, settings: SearchSettings, out: Path, against: Regression | None = None) -> Path:
     """`write_report` for a caller that has the folder for itself."""
-    theta, outcomes, _ = generated.episodes
-    of, failing = _measures(generated, theta[outcomes.executed]), outcomes.collision[outcomes.executed]
-    varying = [each for each in of if np.ptp(each.values) > 0.0] if len(failing) else []
-    found = regions(generated, varying)
+    outcomes = generated.episodes.outcomes
+    of, failing = varying(generated), outcomes.collision[outcomes.executed]
+    found = regions(generated, of)
     rows = {_member(number, name): row for number, each in enumerate(found, start=1) for name, row in _members(each).items()}
     with evaluator_of(scenario, generated.space, settings) as drivers:
         examples = counterexamples(scenario, generated, settings, drivers, out)
         members = replays(scenario, generated, settings, drivers, out, rows)
-    report = Report(scenario, settings, generated, region(varying, failing), found, members, examples, against)
-    write_object({"regions": _regions(report, varying, out)}, out / f"{scenario.stem}_regions.json")
+    report = Report(scenario, settings, generated, region(of, failing), found, members, examples, against)
+    write_object({"regions": _regions(report, of, out)}, out / f"{scenario.stem}_regions.json")
     title = f"{scenario.stem}: how {system_name(settings.run.sut)} fails"
-    write_page(out / REPORT, page(title, _STYLES, _SCRIPTS, _data(report, varying, out)))
+    write_page(out / REPORT, page(title, _STYLES, _SCRIPTS, _data(report, of, out)))
     Written(out, scenario.stem).note()
     return out / REPORT
 
@@ -203,12 +200,6 @@ def _members(of: FailureRegion) -> dict[str, int]:
 def _member(number: int, name: str) -> str:
     """Name of a member's file, after the scenario's."""
     return f"region_{number}_{name}"
-
-
-def _measures(generated: Generated, theta: FloatArray) -> list[Measure]:
-    """Return the readable measures of points (n, d)."""
-    names = (*generated.space.names, *generated.space.pinned)
-    return measures(generated.space, generated.recorded.roles or roles_of(names), theta)
 
 
 def _data(report: Report, of: Sequence[Measure], out: Path) -> Json:
@@ -348,7 +339,7 @@ def _cases(report: Report, of: Sequence[Measure]) -> Iterator[Json]:
 def _case(report: Report, cases: Cases, row: int, of: Sequence[Measure]) -> Json:
     """Measures, outcome and drivers of a case."""
     outcomes = cases.outcomes
-    by_name = {each.name: float(each.values[0]) for each in _measures(report.generated, cases.theta[row : row + 1])}
+    by_name = {each.name: float(each.values[0]) for each in measured(report.generated, cases.theta[row : row + 1])}
     return {
         "measures": _rounded([by_name[each.name] for each in of]),
         "collision": bool(outcomes.collision[row]),

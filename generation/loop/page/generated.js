@@ -56,6 +56,7 @@ function searched(search) {
       badge("plain", `round ${search.round}`),
       el("span", { class: "muted" }, told),
     ),
+    regionsOf(search),
     search.cases.length
       ? table(
           `${search.title}, round ${search.round}`,
@@ -76,6 +77,36 @@ function searched(search) {
       }.`,
     ),
   );
+}
+
+// Regions of failure of a search, each with the replay of its likeliest edge case.
+function regionsOf(search) {
+  if (!search.regions.length) return null;
+  const columns = [
+    ["region of failure", null],
+    ["precision, recall", "number"],
+    ["failing draws", "number"],
+    ["probability", "number"],
+    ["impact m/s", "number"],
+    ["edge cases", "number"],
+    ["replay", null],
+  ];
+  const chance = value => `${(100 * value).toPrecision(2)} %`;
+  const row = each => {
+    const likeliest = search.cases.find(one => one.files.scenario === each.cases[0]);
+    return el(
+      "tr",
+      null,
+      el("td", null, each.rule),
+      el("td", { class: "number" }, `${each.precision.toFixed(2)}, ${each.recall.toFixed(2)}`),
+      el("td", { class: "number" }, `${each.drawn} of ${each.draws}`),
+      el("td", { class: "number" }, each.draws ? `${chance(each.low)} to ${chance(each.high)}` : "–"),
+      number(each.severity, 1),
+      el("td", { class: "number" }, String(each.cases.length)),
+      el("td", null, likeliest ? play(likeliest.play, likeliest.name) : "–"),
+    );
+  };
+  return table(`Regions of failure, ${search.title}, round ${search.round}`, columns, search.regions.map(row));
 }
 
 function edge(each) {

@@ -155,6 +155,24 @@ def test_the_page_begins_with_what_a_careful_driver_would_have_avoided(out: Path
     assert browser.unnamed() == []
 
 
+def test_regions_of_failure_have_the_replay_of_their_likeliest_edge_case(out: Path, browser: Browser) -> None:
+    told = data(out)
+    search = next(each for each in told["searches"] if each["cases"])
+    first = search["cases"][0]
+    first["play"] = "a.html#t=1"
+    region = {"rule": "gap ≤ 5 m", "precision": 0.9, "recall": 0.8, "draws": 30, "drawn": 1, "low": 0.01, "high": 0.2}
+    search["regions"] = [region | {"severity": 4.0, "cases": [first["files"]["scenario"]]}]
+    before, _, rest = (out / PAGE).read_text(encoding="utf-8").partition('id="data">')
+    changed = out / "regions.html"
+    changed.write_text(f'{before}id="data">{json.dumps(told)}</script>{rest.partition("</script>")[2]}', encoding="utf-8")
+    browser.open(changed)
+    table = "[...document.querySelectorAll('table')].find(each => each.textContent.includes('gap ≤ 5 m'))"
+    shown = browser.run(f"[...{table}.querySelectorAll('tbody td')].map(each => each.textContent)")
+    assert shown[:-1] == ["gap ≤ 5 m", "0.90, 0.80", "1 of 30", "1.0 % to 20 %", "4.0", "1"]
+    assert browser.run(f"{table}.querySelector('tbody a').getAttribute('href')") == "a.html#t=1"
+    changed.unlink()
+
+
 @pytest.mark.parametrize("width", [800, 1200])
 def test_tables_show_all_columns(out: Path, browser: Browser, width: int) -> None:
     browser.open(out / PAGE, width=width)

@@ -25,6 +25,7 @@ from generation.loop.findings import (
     Recognised,
     Refused,
     Searched,
+    SearchedRegion,
     SearchRange,
     ShownRun,
     Stage,
@@ -39,6 +40,9 @@ CASE = EdgeCase("a.xosc", None, {"Gap": 5.0}, CaseVerdict.COLLISION, CarefulDriv
 RUN = ShownRun(
     "a", "failed", "completed", "collision with Lead at 2.00 s", 3.0, {"min_ttc": None}, "round_1/runs/a/replay.html#t=1"
 )
+REGION = SearchedRegion(
+    rule="gap ≤ 5 m", precision=0.9, recall=0.8, failures=5, draws=30, drawn=1, low=0.01, high=0.2, severity=4.0, cases=["a.xosc"]
+)
 FINDINGS: list[tuple[Finding, str]] = [
     (Recognised(classes={"highway cut in": 2}, states={"known": 2}), "2 scenarios recognised: 2 known"),
     (Measured(kinds={"cut_in": 3}, failures={"b": "no such file"}), "manoeuvres measured: 3 cut_in"),
@@ -46,7 +50,7 @@ FINDINGS: list[tuple[Finding, str]] = [
         Searched(
             round=1, target="cut_in", title="highway cut in", scenario="cut_in_highway", prior=DensitySource(40, own=True),
             parameters=[SearchRange("Gap", 1.0, 9.0)], pinned={"Speed": "30"}, calls=20, failed_runs=1, run_error="no lane",
-            collisions=5, distinct=4, new=3, cases=[CASE], failed=[[5.0]], real=[[4.0]], tried=[[5.0]],
+            collisions=5, distinct=4, new=3, cases=[CASE], regions=[REGION], failed=[[5.0]], real=[[4.0]], tried=[[5.0]],
         ),
         "highway cut in: 20 runs (1 with errors or inconclusive, mostly: no lane), "
         "5 collisions, 4 of them unlike each other (3 new), 1 edge "

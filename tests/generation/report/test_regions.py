@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from generation.loop.findings import CarefulDriver, CaseVerdict, EdgeCase
+from generation.loop.searches import regions_of
 from generation.outcomes.outcomes import Episodes, Outcomes
 from generation.report.counterexamples import Measure
-from generation.report.regions import FailureRegion, grouped, regions
+from generation.report.regions import FailureRegion, grouped, regions, varying
 from tests.generation.report.searches import EASY, HARD, SPACE, WEAK, searched
 
 GAP, SPEED = (SPACE.names.index(name) for name in ("CutIn_Gap_m", "Ego_Speed_mps"))
@@ -59,6 +61,17 @@ def test_a_region_tells_which_reference_drivers_survive_its_edge_cases() -> None
     for name, each in cases.drivers.items():
         assert sum(of.survived[name] for of in found) == int(each.survived.sum())
     assert any(of.survived["fsm"] for of in found)
+
+
+def test_a_loop_has_the_same_regions_with_the_files_of_their_edge_cases() -> None:
+    generated = searched("cas:brake=2", np.array([HARD, WEAK]))
+    verdicts = CaseVerdict.COLLISION, CarefulDriver.UNKNOWN
+    cases = [EdgeCase(f"{row}.xosc", None, {}, *verdicts, 0.0, 0.0) for row in range(len(generated.cases))]
+    of = varying(generated)
+    found, expected = list(regions_of(generated, cases)), regions(generated, of)
+    assert [each.rule for each in found] == [each.rule(of) for each in expected]
+    assert [each.cases for each in found] == [[f"{row}.xosc" for row in each.cases] for each in expected]
+    assert sorted(file for each in found for file in each.cases) == [each.file for each in cases]
 
 
 def test_without_failures_there_are_no_regions() -> None:
