@@ -59,6 +59,11 @@ class SceneRows:
         """Number of time steps in a time, at least 1."""
         return max(1, round(seconds / self.step))
 
+    def centred(self, row: IntArray) -> IntArray:
+        """The nearest row to each one about which a whole window is there, if its part is as long as that."""
+        half = self.rows(0.5 * self.rules.window)
+        return np.maximum(np.minimum(np.maximum(row, self.first[row] + half), self.last[row] - half), self.first[row])
+
     def has_role(self, *roles: Role) -> BoolArray:
         """Rows on lanes of these roles."""
         return np.isin(self.role, [ROLES.index(role) for role in roles])
@@ -146,9 +151,14 @@ def _turns(scene: SceneRows, row: IntArray) -> FloatArray:
     reach = scene.rows(scene.rules.turning_time)
     first, last = np.maximum(row - reach, scene.first[row]), np.minimum(row + reach, scene.last[row])
     turned = np.cumsum(_wrapped(np.diff(scene.h, prepend=scene.h[:1])))
-    off_road = scene.has_role(Role.INSIDE, Role.SIGNALISED, Role.ENTRY, Role.RING, Role.EXIT) | (scene.strip == NOWHERE)
+    off_road = _off_road(scene)
     bends = [_bend(scene, a, b, off_road) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
     return turned[last] - turned[first] - np.array(bends, np.float64)
+
+
+def _off_road(scene: SceneRows) -> BoolArray:
+    """Rows in junctions and roundabouts, or on no lane."""
+    return scene.has_role(Role.INSIDE, Role.SIGNALISED, Role.ENTRY, Role.RING, Role.EXIT) | (scene.strip == NOWHERE)
 
 
 def _bend(scene: SceneRows, first: int, last: int, off_road: BoolArray) -> float:
@@ -216,23 +226,39 @@ def lane_changes(scene: SceneRows) -> LaneChanges:
     raw -= raw[_first(begins)]
     hold, side = scene.rows(scene.rules.hold), _side(scene, steps, begins)
     lane = held(raw, course, hold)
-    row, left = _sideways(lane, begins)
+    row, left = _sideways(scene, lane, begins)
     kept = _is_held(lane, course, row, hold) & along_road(scene, row)
     row, left = row[kept], left[kept]
     shift = _shifts(scene, lane, course, side, row, left)
     return LaneChanges(lane, steps, course, side, row, left, shift, _partial(scene, raw, course, side, begins))
 
 
-def _sideways(lane: IntArray, begins: BoolArray) -> tuple[IntArray, BoolArray]:
-    """Rows with which a stay in the lane beside begins, and whether that is the left one."""
+def _sideways(scene: SceneRows, lane: IntArray, begins: BoolArray) -> tuple[IntArray, BoolArray]:
+    """Rows with which a stay in the lane beside begins, and whether that is the left one.
+
+    Lanes of different roads may overlap, so the vehicle itself has to move aside by half a lane between them.
+    """
     row = np.flatnonzero((np.abs(np.diff(lane)) == 1) & ~begins[1:]) + 1
-    return row, lane[row] > lane[row - 1]
+    left = lane[row] > lane[row - 1]
+    road, width = scene.site.lanes.road[scene.strip], scene.site.lanes.width[scene.strip]
+    enough = np.where(left, 1.0, -1.0) * _aside(scene, row) >= 0.5 * width[row]
+    kept = (road[row] == road[row - 1]) | enough
+    return row[kept], left[kept]
+
+
+def _aside(scene: SceneRows, row: IntArray) -> FloatArray:
+    """Displacement to the left (m) from `rules.shift_time` before to as long after rows, beyond that of an arc."""
+    reach = scene.rows(scene.rules.shift_time)
+    first, last = np.maximum(row - reach, scene.first[row]), np.minimum(row + reach, scene.last[row])
+    x, y, heading = scene.x[last] - scene.x[first], scene.y[last] - scene.y[first], scene.h[first]
+    arc = 0.5 * np.hypot(x, y) * _wrapped(scene.h[last] - heading)
+    return y * np.cos(heading) - x * np.sin(heading) - arc
 
 
 def _partial(scene: SceneRows, raw: IntArray, course: IntArray, side: FloatArray, begins: BoolArray) -> Changes:
     """Changes about which not all is recorded that their displacement is measured in."""
     lane = _held_at_ends(scene, raw, course)
-    row, left = _sideways(lane, begins)
+    row, left = _sideways(scene, lane, begins)
     reach = scene.rows(scene.rules.shift_time)
     near = (row - scene.first[row] < reach) | (scene.last[row] - row < reach)
     row, left = row[near], left[near]
@@ -305,8 +331,9 @@ class Passages:
     Attributes:
         first, last: first and last row: those beside the junction, or those inside where the track begins or ends.
         arrived: whether the last row is behind the junction.
-        row: the middle: half of the turn is done there, or, of a straight way, half of the way.
-        turn: change of heading, rad, positive to the left.
+        row: the middle: half of the turn is done there, or, of a straight way, half of the way; if the track begins or ends too
+            near to that of a turn for a whole window, the nearest row of the passage that has one.
+        turn: change of heading, rad, positive to the left, see `_heading_changes`; nan where too little of it was recorded.
         junction: number of the junction.
         signalised: whether it has traffic lights.
         origin, target: strips before and behind the junction, NOWHERE where neither track nor map tell.
@@ -333,28 +360,80 @@ class Passages:
 
 
 def passages(scene: SceneRows) -> Passages:
-    """The ways of all tracks through junctions, of `rules.passage` at least."""
+    """The ways of all tracks through junctions, of `rules.passage` at least, or half of it in turns.
+
+    Whatever lanes they are on: those for bicycles overlap others.
+    """
     junction_of, road_of = _junctions(scene), scene.site.lanes.road
-    inside = np.where(scene.has_role(Role.INSIDE, Role.SIGNALISED), junction_of[scene.strip], NOWHERE)
+    crossings = junction_of[scene.strip[scene.has_role(Role.INSIDE, Role.SIGNALISED)]]
+    inside = np.where(np.isin(junction_of, crossings), junction_of, NOWHERE)
+    inside = np.where(scene.strip != NOWHERE, inside[scene.strip], NOWHERE)
     inside = held(inside, scene.track, scene.rows(scene.rules.flicker))
     start, size = stays(inside, scene.track)
     way = np.cumsum(np.hypot(np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1])))
-    chosen = (inside[start] != NOWHERE) & (way[start + size - 1] - way[start] >= scene.rules.passage)
-    start, end = start[chosen], (start + size - 1)[chosen]
+    length = way[start + size - 1] - way[start]
+    chosen = (inside[start] != NOWHERE) & (length >= 0.5 * scene.rules.passage)
+    start, end, length = start[chosen], (start + size - 1)[chosen], length[chosen]
     entered, arrived = _same_track(scene, start, -1), _same_track(scene, end, 1)
     first, last = start - entered, end + arrived
-    turned = np.cumsum(np.remainder(np.diff(scene.h, prepend=scene.h[:1]) + np.pi, 2.0 * np.pi) - np.pi)
-    turn = turned[last] - turned[first]
+    turned = np.cumsum(_wrapped(np.diff(scene.h, prepend=scene.h[:1])))
+    turn = _heading_changes(scene, turned, first, last, entered, arrived)
+    counting = (length >= scene.rules.passage) | (np.abs(turn) >= np.radians(scene.rules.turn[0]))
+    kept = (start, first, last, entered, arrived, turn)
+    start, first, last, entered, arrived, turn = (column[counting] for column in kept)
     straight = np.abs(turn) < np.radians(scene.rules.turn[0])
     middle = [
         _half(way if goes_straight else turned, a, b)
         for a, b, goes_straight in zip(first.tolist(), last.tolist(), straight.tolist(), strict=True)
     ]
+    row = np.array(middle, np.int64)
+    row = np.where(straight, row, np.clip(scene.centred(row), first, last))
     origin = np.where(entered, scene.strip[first], _neighbours(scene.site.lanes.preceding, scene.strip[first]))
     target = np.where(arrived, scene.strip[last], _neighbours(scene.site.lanes.following, scene.strip[last]))
     lights = scene.role[start] == ROLES.index(Role.SIGNALISED)
     roads = np.where(origin != NOWHERE, road_of[origin], NOWHERE)
-    return Passages(first, last, arrived, np.array(middle, np.int64), turn, inside[start], lights, origin, target, roads)
+    return Passages(first, last, arrived, row, turn, inside[start], lights, origin, target, roads)
+
+
+def _heading_changes(
+    scene: SceneRows, turned: FloatArray, first: IntArray, last: IntArray, entered: BoolArray, arrived: BoolArray
+) -> FloatArray:
+    """Change of heading (rad) in passages, given that in all rows before each row.
+
+    One of less than `rules.turn` counts with what its lane bends where the track begins or ends inside, if it turns by
+    `rules.straight` itself. Vehicles begin turns before junctions and end them behind: what is turned beyond the bends of the
+    roads within `rules.turning_time` before and after, up to other passages, counts if that makes it a turn.
+    """
+    rules, lanes = scene.rules, scene.site.lanes
+    recorded, least = turned[last] - turned[first], np.radians(rules.straight)
+    missing = np.zeros(len(first))
+    for number in np.flatnonzero(~(entered & arrived) & (np.abs(recorded) < np.radians(rules.turn[0]))).tolist():
+        begin, end = int(first[number]), int(last[number])
+        if not entered[number]:
+            missing[number] += _lane_turn(lanes, int(scene.strip[begin]), 0.0, float(scene.along[begin]))
+        if not arrived[number]:
+            strip = int(scene.strip[end])
+            missing[number] += _lane_turn(lanes, strip, float(scene.along[end]), float(lanes.length[strip]))
+    turn = recorded + missing
+    turn[(np.abs(turn) >= least) & (np.abs(recorded) < least)] = np.nan
+    reach, off_road = scene.rows(rules.turning_time), _off_road(scene)
+    for number in np.flatnonzero((np.abs(recorded) >= least) & (np.abs(turn) < np.radians(rules.turn[0]))).tolist():
+        begin, end = int(first[number]), int(last[number])
+        earliest, latest = max(begin - reach, int(scene.first[begin])), min(end + reach, int(scene.last[end]))
+        if number and scene.track[last[number - 1]] == scene.track[begin]:
+            earliest = max(earliest, min(int(last[number - 1]), begin))
+        if number + 1 < len(first) and scene.track[first[number + 1]] == scene.track[end]:
+            latest = min(latest, max(int(first[number + 1]), end))
+        around = turned[begin] - turned[earliest] - _bend(scene, earliest, begin, off_road)
+        around += turned[latest] - turned[end] - _bend(scene, end, latest, off_road)
+        if np.abs(turn[number] + around) >= np.radians(rules.turn[0]):
+            turn[number] += around
+    return turn
+
+
+def _lane_turn(lanes: LaneGraph, strip: int, start: float, end: float) -> float:
+    """Return the change of heading (rad) of a strip's traffic between two distances (m) from its beginning."""
+    return 0.0 if strip == NOWHERE else float(_wrapped(lanes.heading(strip, end) - lanes.heading(strip, start)))
 
 
 def _same_track(scene: SceneRows, row: IntArray, step: int) -> BoolArray:

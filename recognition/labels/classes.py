@@ -125,7 +125,7 @@ class Rules:
         ramp_shift: least lateral shift between ramp and main lane.
         yield_speed, yield_time: a vehicle that was slower, or has a lower PET, gets the tag `yields`.
         ring_spacing: least time between two events of circulating.
-        passage: least way through a junction that counts.
+        passage: least way through a junction that counts; half of it for a turn.
         turn: least and greatest change of heading of a turn.
         straight: greatest change of heading of a straight cross.
         opposing_time: time within which an opposing vehicle passes.

@@ -154,17 +154,19 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
     part = changes.partial
     enough = _between_through(scene, part.row) & (part.shift >= scene.least_shift(part.row)) & (part.left == left)
     partial = part.row[enough & ~near(scene, part.row, row[whole], rules.hold)]
-    half = scene.rows(0.5 * rules.window)
-    centre = np.clip(partial, scene.first[partial] + half, np.maximum(scene.last[partial] - half, 0))
-    fits = scene.complete[centre] & (scene.track[centre] == scene.track[partial])
+    centre = scene.centred(partial)
+    fits = scene.complete[centre]
     chosen = whole & (changes.left == left)
     rows, shifts = np.append(row[chosen], centre[fits]), np.append(shift[chosen], _of(part, partial[fits]))
     return alone(label, rows, shift=shifts, partial=np.arange(len(rows)) >= np.count_nonzero(chosen))
 
 
 def _between_through(scene: Scene, row: IntArray) -> BoolArray:
-    """Whether neither of the lanes that a change leads from and to is a ramp or turns in a junction, where lanes overlap."""
-    return scene.through[row] & scene.through[row - 1]
+    """Whether neither of the lanes that a change leads from and to is a ramp or turns in a junction, where lanes overlap.
+
+    What ends a turn through a junction on another lane is no change of lane either.
+    """
+    return scene.through[row] & scene.through[row - 1] & ~scene.turning[row]
 
 
 def _of(changes: Changes, row: IntArray) -> FloatArray:
@@ -231,15 +233,18 @@ def _hits(scene: Scene, label: Label, row: IntArray, length: FloatArray, shift: 
     whole = (length >= rules.ramp_length) & (shift >= rules.ramp_shift)
     width = scene.site.lanes.width[scene.strip[row]]
     partial = cut & (length >= rules.partial_ramp) & (shift >= rules.partial_shift * width) & ~whole
+    row = np.where(partial, scene.centred(row), row)
     good = scene.complete[row] & (whole | partial)
     return alone(label, row[good], ramp_way=length[good], partial=partial[good])
 
 
 def _transitions(scene: Scene, before: BoolArray, after: BoolArray) -> tuple[IntArray, FloatArray]:
     """First rows after each transition, and the lateral shift of those by a change of lane; infinite for the others."""
-    changes = scene.changes
+    changes, part = scene.changes, scene.changes.partial
     onwards = np.flatnonzero((changes.step[1:] == 0) & (changes.course[1:] == changes.course[:-1])) + 1
-    rows, shifts = np.append(changes.row, onwards), np.append(changes.shift, np.full(len(onwards), np.inf))
+    only = ~np.isin(part.row, changes.row)
+    rows = np.concatenate([changes.row, part.row[only], onwards])
+    shifts = np.concatenate([changes.shift, part.shift[only], np.full(len(onwards), np.inf)])
     good = before[rows - 1] & after[rows]
     return rows[good], shifts[good]
 

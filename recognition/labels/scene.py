@@ -144,6 +144,14 @@ class Scene(SceneRows):
         return passages(self)
 
     @cached_property
+    def turning(self) -> BoolArray:
+        """Rows of passages in which the vehicle turns by `rules.turn` at least."""
+        ways, inside = self.passages, np.zeros(len(self.track), bool)
+        for number in np.flatnonzero(np.abs(ways.turn) >= math.radians(self.rules.turn[0])).tolist():
+            inside[ways.rows(number)] = True
+        return inside
+
+    @cached_property
     def vulnerable(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """x, y, time and a number of the track for all rows of pedestrians (with numbers below 0) and cyclists."""
         cyclists = [name for name in self.names if self.recording.tracks[name].category == "bicycle"]
@@ -299,12 +307,12 @@ def near(scene: Scene, row: IntArray, others: IntArray, seconds: float) -> BoolA
 
 
 PRECEDENCE = (
+    Label.ROUNDABOUT_ENTERING,
+    Label.ROUNDABOUT_EXITING,
     Label.MERGING,
     Label.LEFT_TURN,
     Label.RIGHT_TURN,
     Label.STRAIGHT_CROSS,
-    Label.ROUNDABOUT_ENTERING,
-    Label.ROUNDABOUT_EXITING,
     Label.RAMP_ENTERING,
     Label.RAMP_EXITING,
     Label.LANE_CHANGE_LEFT,

@@ -15,6 +15,7 @@ from runner.recording import Recording
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.graph.travel import Traveller
 from xodr.lookup import placing
+from xodr.lookup.arrays import sample
 from xodr.model import LaneLink
 from xodr.network import RoadNetwork
 from xodr.road import Road
@@ -117,8 +118,12 @@ class LaneGraph:
     def lanes_left(self, one: int, other: int) -> int | None:
         """Return the number of lanes that a strip lies to the left of another one beside or before it; None for neither.
 
-        A strip that follows counts as 0, as do those that follow it within a few steps: short ones are skipped between rows.
+        A strip that follows counts as 0, as do those that follow it within a few steps: short ones are skipped between rows. Of
+        two that follow, the one that bears away from the other counts as the lane beside it, if they go on beside each other.
+        Strips of different roads outside of junctions lie beside each other as those do that they come from or lead to.
         """
+        if other in self.following[one]:
+            return self._splits(one, other)
         ahead = [one]
         for _ in range(4):
             for strip in ahead:
@@ -126,14 +131,42 @@ class LaneGraph:
                 if steps is not None:
                     return steps
             ahead = [after for strip in ahead for after in self.following[strip]]
-        found = (self._beside(one, before) for before in self.preceding[other])
-        return next((steps for steps in found if steps is not None), None)
+        found = [self._beside(one, before) for before in self.preceding[other]]
+        return next((steps for steps in [*found, self._related(one, other)] if steps is not None), None)
 
     def _beside(self, one: int, other: int) -> int | None:
         a, b = self.strips[one], self.strips[other]
         if (a.road, a.section, a.forward) != (b.road, b.section, b.forward):
             return None
         return a.place - b.place
+
+    def _related(self, one: int, other: int, both: bool = True) -> int | None:
+        """Return the lanes between strips outside of junctions that lead to lanes beside each other, or also come from such."""
+        if any(self._network.roads[self.strips[strip].road].junction_id is not None for strip in (one, other)):
+            return None
+        links = (self.following, self.preceding) if both else (self.following,)
+        pairs = ((a, b) for each in links for a in each[one] for b in each[other])
+        return next((steps for a, b in pairs if (steps := self._beside(a, b))), None)
+
+    def _splits(self, one: int, other: int) -> int:
+        """Return the lanes to the left by which a strip that follows leaves another one that does, and goes on beside it."""
+        for sibling in self.following[one]:
+            steps = self._related(sibling, other, both=False)
+            if steps and self._aside(other) > self._aside(sibling):
+                return steps
+        return 0
+
+    def _aside(self, number: int) -> float:
+        """Distance of a strip's end from the line on which it begins, m."""
+        strip = self.strips[number]
+        road = self._network.roads[strip.road]
+        centre = road.sections[strip.section].lanes[strip.lane].center
+        ends = np.array([strip.start, strip.end] if strip.forward else [strip.end, strip.start])
+        (x, y), heading = (
+            np.diff(sample(road, ends, [centre(s) for s in ends.tolist()])[:, :2], axis=0)[0],
+            self.heading(number, 0.0),
+        )
+        return abs(float(y * math.cos(heading) - x * math.sin(heading)))
 
     def _section(self, road: Road, index: int) -> list[Strip]:
         section = road.sections[index]
