@@ -145,6 +145,33 @@ def test_passages_know_origin_and_target_from_the_map_where_the_track_does_not_r
     assert found.arrived.tolist() == [True, False]
 
 
+@pytest.mark.parametrize(("recorded", "expected"), [(60.0, [Label.LEFT_TURN]), (30.0, [Label.LEFT_TURN]), (12.0, [])])
+def test_of_a_turn_that_the_record_cuts_a_third_is_enough(crossing: Site, recorded: float, expected: list[Label]) -> None:
+    whole = car(crossing, "ES")
+    left = np.degrees(1.5 * np.pi - np.unwrap(np.mod(whole.columns["h"], 2.0 * np.pi)))
+    rows = slice(int(np.argmax(left < recorded)), None)
+    part = track("ES", whole.columns["x"][rows], whole.columns["y"][rows])
+    events = labels(crossing, part, car(crossing, "WE", start=40.0), car(crossing, "NS", start=60.0))
+    assert of(events, "ES") == expected
+    assert all(event.time >= 0.7 for event in events)  # the whole window is there
+
+
+def test_a_turn_may_begin_before_the_junction_and_end_behind_it(crossing: Site) -> None:
+    angle = np.linspace(0.0, 0.5 * np.pi, 40)
+    x = np.concatenate([np.linspace(60.0, 17.0, 60), 16.5 - 18.25 * np.sin(angle), np.full(40, -1.75)])
+    y = np.concatenate([np.full(60, 1.75), -16.5 + 18.25 * np.cos(angle), np.linspace(-17.0, -45.0, 40)])
+    wide = track("wide", x, y)  # it turns by less than 60 degrees inside
+    assert of(labels(crossing, wide, config=Rules(turn=(75.0, 135.0))), "wide") == [Label.LEFT_TURN]
+    assert of(labels(crossing, wide, config=Rules(turn=(75.0, 135.0), turning_time=0.1)), "wide") == []
+
+
+def test_all_rows_of_a_passage_that_turns_are_in_a_turn(crossing: Site) -> None:
+    scene = prepare(Recording([car(crossing, "ES"), car(crossing, "WE")], STEP, None), crossing, Rules())
+    left, straight = (scene.passages.rows(number) for number in (0, 1))
+    assert scene.turning[left].all() and np.count_nonzero(scene.turning) == len(left)
+    assert not scene.turning[straight].any()
+
+
 def test_standing_inside_is_no_passage(crossing: Site) -> None:
     assert labels(crossing, track("ego", np.full(50, 1.0), -1.75, heading=0.0)) == []
 

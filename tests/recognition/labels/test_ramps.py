@@ -52,6 +52,15 @@ def test_a_view_that_begins_on_the_ramp_shows_entering_in_part(entering: Site) -
     assert whole.tags["partial"] is False
 
 
+def test_entering_at_the_beginning_of_the_view_has_its_window_where_it_is_whole(entering: Site) -> None:
+    x, y = route(entering.network, ("2", -3, 10.0), 25.0, 7.0)
+    (event,) = (
+        event for event in labels(entering, track("ego", x, beside(y, 0.6, 3.75, 2.0))) if event.label is Label.RAMP_ENTERING
+    )
+    assert event.time == pytest.approx(0.8)
+    assert event.tags["partial"] is True
+
+
 def test_changing_between_main_lanes_is_no_entering(entering: Site) -> None:
     x, y = route(entering.network, ("2", -2, 10.0), 25.0, 10.0)
     assert of(labels(entering, track("ego", x, beside(y, 5.0, 3.75))), "ego") == [Label.LANE_CHANGE_LEFT]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from recognition.labels import Event, Label
+from recognition.labels.scene import Scene
 from recognition.sites import Role, Site
 from runner.recording import Track
 from tests.recognition.driving import STEP, ahead, labels, of, sideways, site, track
@@ -129,6 +130,42 @@ def test_a_lane_change_beside_a_side_street_counts(tmp_path: Path) -> None:
     assert Role.INSIDE in {entry.role for entry in place.roles.entries}
     events = labels(place, track("ego", ahead(55.0, 14.0, SECONDS), sideways(-3.5, 0.0, 5.0, SECONDS)))
     assert of(events, "ego") == [Label.LANE_CHANGE_LEFT]
+
+
+def _split(folder: Path, aside: float = 3.5) -> Site:
+    """A lane that splits after 60 m: one way goes straight on, the other bears to the left; then they lie beside each other."""
+    along = np.linspace(60.0, 100.0, 21)
+    share = (along - 60.0) / 40.0
+    middle = aside * share**2 * (3.0 - 2.0 * share)
+    bearing = [np.stack([along, middle + half], axis=1) for half in (1.75, -1.75)]
+
+    def straight(name: str, start: float, end: float, y: float, after: tuple[str, ...] = (), right: str = "") -> Lanelet:
+        bounds = (np.array([(start, y + half), (end, y + half)]) for half in (1.75, -1.75))
+        return Lanelet(name, *bounds, successors=after, beside_right=LaneletNeighbour(right, True) if right else None)
+
+    lanelets = [
+        straight("one", 0.0, 60.0, 0.0, ("on", "off")), straight("on", 60.0, 100.0, 0.0, ("right",)),
+        Lanelet("off", *bearing, successors=("left",)), straight("left", 100.0, 220.0, 3.5, right="right"),
+        straight("right", 100.0, 220.0, 0.0),
+    ]  # fmt: skip
+    return site(build(lanelets, "street").map, folder)
+
+
+def test_the_way_that_bears_away_where_a_lane_splits_is_a_lane_change(tmp_path: Path) -> None:
+    place = _split(tmp_path)
+    x = ahead(5.0, 14.0, SECONDS)
+    share = np.clip((x - 60.0) / 40.0, 0.0, 1.0)
+    bearing = 3.5 * share**2 * (3.0 - 2.0 * share)
+    assert of(labels(place, track("ego", x, bearing)), "ego") == [Label.LANE_CHANGE_LEFT]
+    assert of(labels(place, track("ego", x, 0.0)), "ego") == []
+    assert of(labels(place, track("ego", x, 0.4 * bearing)), "ego") == []  # lanes overlap, and it hardly moves aside
+
+
+def test_rows_in_a_turn_have_no_lane_change(street: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    ego = car(street, "ego", 60.0, 12.0, lateral(-5.25, -1.75))
+    assert of(labels(street, ego), "ego") == [Label.LANE_CHANGE_LEFT]
+    monkeypatch.setattr(Scene, "turning", np.ones(len(ego.columns["time"]), bool))
+    assert of(labels(street, ego), "ego") == []
 
 
 def test_a_way_into_another_lane_of_the_same_road_is_not_crossed(tmp_path: Path) -> None:
