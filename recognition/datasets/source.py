@@ -273,6 +273,12 @@ _LONGEST, _WIDEST = 100.0, 10.0
 """Greatest length and width of what moves, m; trams reach 75 m"""
 
 
+def wrong_size(category: str, length: float, width: float) -> str | None:
+    """Return what is wrong with the size (m) of what moves, such as other units; None for nothing."""
+    too_large = length > _LONGEST or width > _WIDEST
+    return f"{length:g} m by {width:g} m is no size of a {category}" if too_large else None
+
+
 def participant(name: str, category: str, length: float | None = None, width: float | None = None) -> Participant:
     """A participant of a category of `_USUAL`, with the usual size where none was recorded; m.
 
@@ -283,8 +289,9 @@ def participant(name: str, category: str, length: float | None = None, width: fl
     length = usual_length if length is None else length
     width = usual_width if width is None else width
     kind = {"pedestrian": "pedestrian", "obstacle": "miscellaneous"}.get(category, "vehicle")
-    if kind != "miscellaneous" and (length > _LONGEST or width > _WIDEST):
-        raise InvalidFile(f"{length:g} m by {width:g} m is no size of a {category}", element=f"participant {name}")
+    wrong = None if kind == "miscellaneous" else wrong_size(category, length, width)
+    if wrong:
+        raise InvalidFile(wrong, element=f"participant {name}")
     behind = REAR_AXLE * length if kind == "vehicle" else 0.0
     return Participant(name, kind, category, BoundingBox(behind, 0.0, height / 2, length, width, height))
 

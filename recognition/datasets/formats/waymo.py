@@ -21,7 +21,7 @@ import numpy as np
 from recognition.datasets.road_sources import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
-from recognition.datasets.source import Exclusion, LightStates, Participant, Report, SiteRoad, Source, participant
+from recognition.datasets.source import Exclusion, LightStates, Participant, Report, SiteRoad, Source, participant, wrong_size
 from recognition.datasets.table import GREATEST, WHOLE_TURN, Table, points, records, value
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
@@ -86,13 +86,18 @@ def _name_of_ego(document: Mapping[str, Any], path: Path) -> str:
 def _read(path: Path) -> tuple[Recording, Report]:
     document = read_object(path)
     ego = _name_of_ego(document, path)
-    objects, exclusions = [], []
+    objects, exclusions, oversized = [], [], []
     for number, one in enumerate(document["objects"], 1):
-        found = _object(one, path, f"object {number}")
-        if len(found.values):
+        found = _object(one, path, f"object {number}", ego)
+        if isinstance(found, Exclusion):
+            oversized.append(found)
+        elif len(found.values):
             objects.append(found)
         else:
             exclusions.append(Exclusion(f"object {found.who.name}", 0, "it has no valid step"))
+    if oversized and len(oversized) >= len(objects):
+        raise InvalidFile(f"most objects are too large, such as {oversized[0].what}: {oversized[0].reason}", path=path)
+    exclusions += oversized
     names = [each.who.name for each in objects]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
@@ -155,7 +160,8 @@ def _lit_lanes(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
     return value(document, "tl_states", dict, path, "scene") if document.get("tl_states") else {}
 
 
-def _object(one: Mapping[str, Any], path: Path, element: str) -> _Object:
+def _object(one: Mapping[str, Any], path: Path, element: str, ego: str) -> _Object | Exclusion:
+    """A participant; one that is left out if it has no size of what moves, as boxes of groups of vehicles have."""
     kind = value(one, "type", str, path, element)
     if kind not in _CATEGORIES:
         raise InvalidFile(f"type {kind!r} is none of {', '.join(_CATEGORIES)}", path=path, element=element)
@@ -174,6 +180,9 @@ def _object(one: Mapping[str, Any], path: Path, element: str) -> _Object:
     if len(steps) and not (size > 0.0).all():
         raise InvalidFile(f"{size.min():g} is no size", path=path, element=element)
     category = "truck" if kind == "vehicle" and size[0] > _LONG else _CATEGORIES[kind]
+    wrong = wrong_size(category, *size.tolist())
+    if wrong and str(one["id"]) != ego:
+        return Exclusion(f"object {one['id']}", len(steps), wrong)
     who = participant(str(one["id"]), category, *size.tolist())
     return _Object(who, np.column_stack([steps, place, turns, velocity]))
 

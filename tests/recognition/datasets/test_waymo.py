@@ -88,6 +88,19 @@ def test_a_scene_has_its_vehicles_and_names_the_recording_one(tmp_path: Path) ->
     assert source.report is not None and [each.what for each in source.report.exclusions] == ["object 9"]
 
 
+def test_a_box_that_is_no_vehicle_is_left_out_by_name(tmp_path: Path) -> None:
+    document = scene()
+    document["objects"].append(document["objects"][1] | {"id": 11, "length": 14.1, "width": 11.1})
+    source, recording, _ = load(tmp_path, document)
+    assert list(recording.tracks) == ["5", "7"] and source.report is not None
+    what, rows, reason = source.report.exclusions[-1]
+    assert (what, rows, reason) == ("object 11", STEPS, "14.1 m by 11.1 m is no size of a truck")
+    for one in document["objects"][1:]:
+        one.update(length=450.0, width=190.0)  # cm
+    with pytest.raises(InvalidFile, match="most objects are too large, such as object 7: 450 m by 190 m"):
+        load(tmp_path, document)
+
+
 def test_lanes_are_inferred_from_centre_lines(tmp_path: Path) -> None:
     source, _, site = load(tmp_path, scene())
     network = site.network
