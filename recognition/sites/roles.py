@@ -38,8 +38,6 @@ _LEAST_WAYS = 2
 """Least number of lanes that lead into a ring, and out of it."""
 _ISLAND = 2.5
 """Lanes less than this inside a ring's innermost centre line belong to the ring or touch it, m."""
-_DETOUR = 0.25
-"""Distance between the ends of a line, as a share of its length, below which the line loops."""
 TURN = math.radians(45.0)
 """Least change of heading of a way that turns, rad."""
 _STEP = 2.0
@@ -93,17 +91,11 @@ def _round_cycles(network: RoadNetwork, graph: LaneGraph) -> list[_Cycle]:
         distance, before = dijkstra(ways, indices=[after], return_predecessors=True, limit=LONGEST)
         if distance[0, one] + graph.length[after] <= LONGEST:
             cycle = _cycle(before[0], after, one)
-            points = np.concatenate([_without_loop(_centre_line(network, graph, number)) for number in cycle])
+            points = np.concatenate([_centre_line(network, graph, number) for number in cycle])
             if _roundness(points) >= ROUNDNESS and _turns_one_way(points):
                 seen.update(cycle)
                 found.append(_Cycle(cycle, Polygon(points).buffer(0.0)))
     return found
-
-
-def _without_loop(points: FloatArray) -> FloatArray:
-    """The points of a centre line (n, 2), or the first one if it loops: lanelets far wider than long become such roads."""
-    apart, length = np.hypot(*(points[-1] - points[0])), np.hypot(*np.diff(points, axis=0).T).sum()
-    return points[:1] if apart < _DETOUR * length else points
 
 
 def _has_ways(graph: LaneGraph, ring: set[int]) -> bool:

@@ -333,6 +333,8 @@ def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> PP
     samples = middle(left, right, STEP)
     half = np.hypot(*(resampled(left, len(samples)) - resampled(right, len(samples))).T) / 2
     ends = np.array([mouth.frame.world(0.0, mouth.t) for mouth in (start, end)])
+    kept = _between_ends(samples, half, ends, start.centre is None, end.centre is None)
+    samples, half = samples[kept], half[kept]
     for mouth, to_end, place in ((start, np.linspace(1.0, 0.0, len(samples)), 0), (end, np.linspace(0.0, 1.0, len(samples)), 1)):
         if mouth.centre is not None:  # the line leaves the middle little by little
             samples += to_end[:, None] * (ends[place] - samples[-place])
@@ -348,6 +350,19 @@ def _reference_line(left: Points, right: Points, start: Mouth, end: Mouth) -> PP
             return line
         candidates.append((max(sharp, _SHARPEST), max(away, LINE_TOLERANCE), intervals, line))
     return min(candidates, key=lambda candidate: candidate[:3])[3]
+
+
+def _between_ends(samples: Points, half: FloatArray, ends: Points, from_start: bool, to_end: bool) -> slice:
+    """Samples of a middle line between its ends: all, unless an end is farther from the line's than the lane is wide there.
+
+    So it is where a lanelet is wider than long, and the line across its end lies along the lane.
+    """
+    first, last = 0, len(samples) - 1
+    if from_start and np.hypot(*(samples[0] - ends[0])) > 2.0 * half[0] + STEP:
+        first = int(np.hypot(*(samples - ends[0]).T).argmin())
+    if to_end and np.hypot(*(samples[-1] - ends[1])) > 2.0 * half[-1] + STEP:
+        last = int(np.hypot(*(samples - ends[1]).T).argmin())
+    return slice(min(first, max(last - 1, 0)), max(last, first + 1) + 1)
 
 
 def _doubled(most: float) -> Iterator[int]:

@@ -306,13 +306,6 @@ def test_a_block_with_rounded_corners_is_no_roundabout(tmp_path: Path, straight:
 NO_NETWORK: Any = None
 
 
-def test_a_centre_line_that_loops_stands_for_its_first_point() -> None:
-    loop = np.array([[0.0, 0.0], [9.0, -8.0], [18.0, 3.0], [1.0, 1.0]])
-    way = np.array([[0.0, 0.0], [9.0, 1.0], [18.0, 3.0]])
-    assert roles._without_loop(loop).tolist() == [[0.0, 0.0]]
-    assert roles._without_loop(way).tolist() == way.tolist()
-
-
 @pytest.mark.parametrize(
     ("points", "linked", "inside"),
     [

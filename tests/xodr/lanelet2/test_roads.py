@@ -20,7 +20,9 @@ from tests.xodr.lanelet2.lanelet_maps import WIDTH, LaneletMap, fork, four_way, 
 from xodr import sumo_net
 from xodr.lanelet2 import Conversion, Lanelet, LaneletNeighbour, build, convert
 from xodr.lanelet2.conversion import deviation
+from xodr.lanelet2.lanelet import CrossLine
 from xodr.lanelet2.reader import read_lanelets
+from xodr.lanelet2.shapes import BorderCrossing, Mouth, shape
 
 MAPS: dict[str, Callable[[], LaneletMap]] = {
     "two lanes": two_lanes,
@@ -351,3 +353,15 @@ def test_side_streets_that_turn_off_and_in_are_junctions_but_no_ramps_of_motorwa
     network = xodr.load(build(lanelets, "x").map.write(tmp_path / "x.xodr"))
     assert len([road for road in network.roads.values() if network.junctions and road.junction_id in network.junctions]) == inside
     assert _borders_meet(network)
+
+
+def test_a_lane_whose_end_line_lies_along_it_does_not_run_back_to_its_corner() -> None:
+    """Lanelets wider than long end on such lines: the road once looped by a whole turn on its way to the corner."""
+    left, right = np.array([[0.0, 0.2], [30.0, -15.0]]), np.array([[0.0, 0.0], [30.0, -19.0]])
+    begin, end = CrossLine(7.0, -7.0, math.radians(45.0)), CrossLine(30.0, -17.0, math.radians(-30.0))
+    mouths = [
+        Mouth(frame, (BorderCrossing(-0.5 * width, 0.0), BorderCrossing(0.5 * width, 0.0))[::-1])
+        for frame, width in ((begin, 10.0), (end, 4.0))
+    ]
+    road = shape([left, right], *mouths)
+    assert road.length < 1.2 * math.hypot(30.0 - 7.0, -17.0 + 7.0)
