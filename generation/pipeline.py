@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 
 from generation.density.base import Density
-from generation.density.domain import EVERYWHERE, Domain
-from generation.density.gate import NEAR, NO_DRAWS, Gate, Share, Statement, replay_shares
+from generation.density.gate import EVERYWHERE, NEAR, NO_DRAWS, Domain, Gate, Share, Statement, replay_shares
+from generation.density.limits import roles_of
 from generation.density.models import DEFAULT, UNIFORM
 from generation.density.prior import Prior
-from generation.density.roles import roles_of
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
 from generation.outcomes.judges import Cases, Drivers, agrees, choose, remembering
@@ -119,6 +118,18 @@ def generate(
         UsageError: a setting is wrong, the method searches no manoeuvres, too few recorded ones are inside the box, or something
             is in the way in the folder.
         InvalidFile: the scenario is malformed.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import xosc_toolchain as xt
+        >>> from generation.declared import asked_of
+        >>> from generation.settings import Ask
+        >>> asked = asked_of(Ask(density="uniform"), Path("xosc/library/cut_in_highway.xosc"))
+        >>> run = xt.RunSettings(sut="cas", world="kinematic", timestep=0.1)
+        >>> settings = xt.SearchSettings(run, budget=40, density="uniform", processes=1)
+        >>> found = xt.search(asked.scenario, asked.recorded, Path("found"), settings)
+        >>> found.statement.draws, len(found.history.theta)
+        (20, 20)
     """
     search = method(settings.method)  # refuse an unknown name before recordings are read
     # Space: the box of parameters, and the recorded points in it

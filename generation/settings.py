@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from generation.density.limits import ROLES
 from generation.density.models import JUDGE, UNIFORM, models
-from generation.density.roles import ROLES
 from generation.search.methods import DEFAULT as METHOD
 from generation.search.methods import offered
 from runner.settings import RunSettings
@@ -74,7 +74,7 @@ class SearchSettings:
         choice: which episodes become files.
         concrete: whether each case becomes a scenario of its own as well.
         estimate: whether to estimate how often the system fails, by `RUNS` more runs, or as many as the budget.
-        domain: limits of the operational domain as texts (`generation.density.domain`).
+        domain: limits of the operational domain as texts (`generation.density.gate.Domain`).
         minutes: time after which the search ends, whatever is left of its budget; None for no limit.
         every: runs after which what was found so far is written; None to write once, at the end.
 

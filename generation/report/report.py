@@ -14,7 +14,6 @@ from generation.estimation.estimate import FAILURE, PREVENTABLE, Estimate
 from generation.estimation.probability import LEAST_EFFECTIVE, PER_DISTANCE, PER_HOUR, Driving, Probability, Rate
 from generation.outcomes.judges import JUDGES, REFERENCES, Cases
 from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
-from generation.pages import PARTS_CSS, PARTS_JS
 from generation.pipeline import Generated, evaluator_of
 from generation.report.counterexamples import (
     Counterexample,
@@ -133,6 +132,8 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 REPORT = "report.html"
 """Name of the page in a search's folder"""
 _FOLDER = Path(__file__).parent / "page"
+PARTS_JS, PARTS_CSS = (str(_FOLDER / f"parts.{kind}") for kind in ("js", "css"))
+"""Files of counts, links, buttons and tables, which the page of a loop has too"""
 _STYLES = "base.css", "report.css", PARTS_CSS, str(_FOLDER / "report.css")
 _SCRIPTS = "dom.js", "axes.js", PARTS_JS, *(str(_FOLDER / f"{part}.js") for part in ("common", "slices", "tables", "main"))
 _SHOWN = 800

@@ -15,9 +15,7 @@ from xodr.builders import straight_highway
 from xosc import sample
 
 ROOT = Path(__file__).parents[2]
-LONG = {"search"}
-"""Names without an example, for this spends a budget: the tutorials use it"""
-EXAMPLES = {name: getattr(xosc_toolchain, name) for name in xosc_toolchain.__all__ if name not in LONG}
+EXAMPLES = {name: getattr(xosc_toolchain, name) for name in xosc_toolchain.__all__}
 EXAMPLES |= {"Recording": Recording, "sample": sample, "straight_highway": straight_highway}
 
 

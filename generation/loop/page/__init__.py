@@ -11,8 +11,8 @@ from typing import Any
 
 from generation.loop.findings import Against, EdgeCase, LoopResult, Ran, Round, Searched, ShownRun
 from generation.loop.loop import CATALOGUE, RECOGNISED, chosen
-from generation.pages import PARTS_CSS, PARTS_JS
 from generation.report.regression import Fate
+from generation.report.report import PARTS_CSS, PARTS_JS
 from recognition.catalogue.index import rows_of
 from recognition.labels.classes import Label
 from runner.outputs.folder import load_run
