@@ -42,7 +42,7 @@ from recognition.recorder.recorder import record_one
 from recognition.recorder.sites import SITES
 from recognition.sites import site_of
 from runner.measures.criticality import criticality
-from runner.measures.relations import Motion
+from runner.measures.relations import MotionRows
 from schemas.common.command_line import progress_bar
 from xosc import maneuvers
 from xosc.document import to_bytes
@@ -183,10 +183,10 @@ def compare(folder: Path, scratch: Path) -> None:
     print(f"their trajectories: {text:.2f} s, of objects {objects:.2f} s: {objects / text:.1f} times as long")
 
 
-def _motion(part: Part, scene: Scene) -> Motion:
+def _motion(part: Part, scene: Scene) -> MotionRows:
     columns = part.track.columns
     inside = (columns["time"] >= scene.start) & (columns["time"] <= scene.end)
-    return Motion.from_columns(part.name, part.track.box, {name: values[inside] for name, values in columns.items()})
+    return MotionRows.from_columns(part.name, part.track.box, {name: values[inside] for name, values in columns.items()})
 
 
 def _objects(part: Part, scene: Scene) -> sg.Trajectory:

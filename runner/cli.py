@@ -33,9 +33,9 @@ from schemas.common.options import explain, parameters_of, with_settings
 from schemas.common.storage import writing
 
 if TYPE_CHECKING:
-    from runner.batch.batch import Also, Comparison
+    from runner.batch.batch import Also, BatchComparison
     from runner.batch.jobs import Job, Outcome
-    from runner.outputs.terminal import Table
+    from runner.outputs.terminal import OutcomeTable
 
 _EXAMPLES = (
     "xosc-run xosc/library/simple_cut_in.xosc",
@@ -108,10 +108,10 @@ def xosc_run(
     _version: Version = False,
 ) -> None:
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
-    from runner.batch.batch import Comparison, run_batch, runnable
+    from runner.batch.batch import BatchComparison, run_batch, runnable
     from runner.batch.jobs import jobs_of
     from runner.batch.rehearsal import rehearse_batch
-    from runner.outputs.terminal import Table
+    from runner.outputs.terminal import OutcomeTable
 
     if out is None and (resume or plot):
         raise UsageError("--resume and --plot need the --out folder of the results")
@@ -131,11 +131,13 @@ def xosc_run(
     if by_new and against is None:
         raise UsageError(f"--fail-if {NEW_FAILURE} needs the earlier batch: --against BATCH")
     settings = replace(settings, fail_if=tuple(limit for limit in limits if limit != NEW_FAILURE))
-    earlier = Comparison.with_batch(against) if against is not None else None
+    earlier = BatchComparison.with_batch(against) if against is not None else None
     paths, times = runnable(files), None if dry_run else repeat
     selection = selection_of(only, sample, settings.seed, paths)
     source = jobs_of(paths, parameters_of(param or []), settings.enforce_constraints, selection, times)
-    table = Table(verbose=verbose, quiet=quiet, total=source.total if sys.stderr.isatty() and not (quiet or dry_run) else 0)
+    table = OutcomeTable(
+        verbose=verbose, quiet=quiet, total=source.total if sys.stderr.isatty() and not (quiet or dry_run) else 0
+    )
     chosen: Iterable[Job | Outcome] = source
     if osi is not None:
         from runner.exports.osi import alone
@@ -253,11 +255,11 @@ def _needed(replay: bool) -> list[str]:
 
 def _follow(
     outcomes: Generator[Outcome],
-    table: Table,
+    table: OutcomeTable,
     kept: list[Outcome] | None,
     allow_inconclusive: bool,
     left_out: Mapping[Path, int],
-    earlier: Comparison | None,
+    earlier: BatchComparison | None,
     only_new: bool,
 ) -> int:
     """Show outcomes as they come, keep and compare them if asked to; the exit code, by new failures only if asked to."""

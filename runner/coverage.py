@@ -156,7 +156,7 @@ NEW_IN_1_4 = {
 """Treatment of the additions of 1.4, by type and name."""
 
 
-class Row(NamedTuple):
+class CoverageRow(NamedTuple):
     """One element of the standard: what happens to it, and a note."""
 
     name: str
@@ -205,22 +205,22 @@ def first_versions() -> dict[str, str]:
     return found
 
 
-def rows(root: etree._Element, family: Family) -> list[Row]:
+def rows(root: etree._Element, family: Family) -> list[CoverageRow]:
     """Return the runner's treatment of each element of a family."""
     family.table.load()
     found = []
     for parent, name in leaves(root, family.type):
         key = f"{parent}/{name}" if f"{parent}/{name}" in family.table.classes else name
         if key in family.table.classes:
-            found.append(Row(key, "executed", _first_line(family.table.classes[key])))
+            found.append(CoverageRow(key, "executed", _first_line(family.table.classes[key])))
         elif key in family.table.refused:
-            found.append(Row(key, "refused", family.table.refused[key]))
+            found.append(CoverageRow(key, "refused", family.table.refused[key]))
         else:
-            found.append(Row(key, "unknown", ""))
+            found.append(CoverageRow(key, "unknown", ""))
     return list({row.name: row for row in found}.values())  # deprecated forms lie in two places
 
 
-def other_rows(root: etree._Element, type_name: str) -> list[Row]:
+def other_rows(root: etree._Element, type_name: str) -> list[CoverageRow]:
     """Return the treatment of a type's elements that no registry executes."""
     notes = OTHERS[type_name]
     found = []
@@ -228,7 +228,7 @@ def other_rows(root: etree._Element, type_name: str) -> list[Row]:
         name = str(element.get("name"))
         note = notes.get(name)
         status = "unknown" if note is None else "refused" if note.startswith("refused") else "executed"
-        found.append(Row(name, status, note or ""))
+        found.append(CoverageRow(name, status, note or ""))
     return found
 
 

@@ -264,7 +264,7 @@ def _free(run: Run, entity: Entity, place: Place, speed: float) -> bool:
     return not any(other.active and other.placed and overlap(needed, other) for other in run.entities.values())
 
 
-class Region(Protocol):
+class PlaneRegion(Protocol):
     """A part of the plane."""
 
     def contains(self, x: float, y: float) -> bool:

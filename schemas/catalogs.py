@@ -67,7 +67,7 @@ Load = Callable[[str], Loaded]
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
+class CatalogEntry:
     """An element of a catalogue.
 
     Attributes:
@@ -131,7 +131,7 @@ class NoEntry(LookupError):
 class _Catalog(NamedTuple):
     name: str
     path: str
-    entries: tuple[Entry, ...]
+    entries: tuple[CatalogEntry, ...]
 
 
 class _Found(NamedTuple):
@@ -168,7 +168,7 @@ class Catalogs:
         self._folders = folders
         self._known: dict[tuple[str, ...], _Found] = {}
 
-    def find(self, holder: str, catalog: str, name: str) -> Entry:
+    def find(self, holder: str, catalog: str, name: str) -> CatalogEntry:
         """The entry that a CatalogReference stands for.
 
         Args:
@@ -323,7 +323,7 @@ def _catalog(load: Load, path: str, _: Stamp) -> _Catalog | str | None:
         return None
     name = catalog.get("name", "")
     entries = tuple(
-        Entry(str(child.tag), child.get("name", ""), child, name, path, document.version, sum(1 for _ in child.iter()))
+        CatalogEntry(str(child.tag), child.get("name", ""), child, name, path, document.version, sum(1 for _ in child.iter()))
         for child in catalog.iterchildren(*KINDS)
     )
     return _Catalog(name, path, entries)

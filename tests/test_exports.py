@@ -14,7 +14,7 @@ import runner
 import schemas
 import xosc
 from runner.batch.jobs import Job, jobs_of
-from runner.exports import TARGETS, Target
+from runner.exports import TARGETS, ExportTarget
 from runner.exports.exporting import export_documents, export_runs
 from runner.settings import RunSettings
 from schemas.common.errors import ExitCode, ToolchainError
@@ -121,14 +121,14 @@ def test_public_scenarios_move_as_before(target: str, corpora: Path, tmp_path: P
 
 
 @pytest.mark.parametrize("target", [target for target in TARGETS.values() if not target.of_run], ids=lambda target: target.name)
-def test_a_document_is_exported_or_refused_with_file_line_and_reason(target: Target, tmp_path: Path) -> None:
+def test_a_document_is_exported_or_refused_with_file_line_and_reason(target: ExportTarget, tmp_path: Path) -> None:
     done = list(export_documents(LIBRARY, target, Folder(tmp_path)))
     check(done)
     assert len(done) == len(LIBRARY)
 
 
 @pytest.mark.parametrize("target", [target for target in TARGETS.values() if target.of_run], ids=lambda target: target.name)
-def test_a_run_is_exported_or_refused_with_file_and_reason(target: Target, tmp_path: Path) -> None:
+def test_a_run_is_exported_or_refused_with_file_and_reason(target: ExportTarget, tmp_path: Path) -> None:
     done = list(export_runs(LIBRARY, target, Folder(tmp_path), QUICK, {}))
     check([each for each in done if each.exit_code != ExitCode.INCONCLUSIVE])  # the short time limit comes before the first event
     assert len(done) == sum(len(jobs(path)) for path in LIBRARY if KINDS[path] != "catalog")

@@ -10,7 +10,7 @@ from random import Random
 
 from schemas.common.remarks import Remark
 from xodr.graph.links import divided, link_table, side_table
-from xodr.graph.routes import Relations, Relative, RoadPath, Router
+from xodr.graph.routes import Relative, RoadPath, RoadRelations, Router
 from xodr.graph.travel import Choose, Travel, Traveller
 from xodr.graph.ways import Ways
 from xodr.lookup.locate import Locator, follow
@@ -75,7 +75,7 @@ class RoadNetwork:
         self._traveller = Traveller(self.roads, self._links, sides)
         ways = Ways(self.roads, self._links, sides)
         self._router = Router(ways, self._traveller.straightest)
-        self._relations = Relations(ways, self._traveller)
+        self._relations = RoadRelations(ways, self._traveller)
 
     @cached_property
     def lane_ids(self) -> frozenset[int]:

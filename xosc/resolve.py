@@ -12,7 +12,7 @@ from typing import cast
 
 from lxml import etree
 
-from schemas.catalogs import ENTRIES, EXPECTED, REFERENCES, Catalogs, Directory, Entry, Folders, NoEntry
+from schemas.catalogs import ENTRIES, EXPECTED, REFERENCES, CatalogEntry, Catalogs, Directory, Folders, NoEntry
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.remarks import Remark, Remarks, with_ignored
 from schemas.expressions import ExpressionError, is_expression
@@ -216,7 +216,7 @@ class _Inliner:
         self._remarks = remarks
         self._elements = 0
 
-    def inline(self, top: Node, scopes: _Scopes, inside: tuple[Entry, ...]) -> None:
+    def inline(self, top: Node, scopes: _Scopes, inside: tuple[CatalogEntry, ...]) -> None:
         """Replace the references below `top`, which lies inside those entries and whose attributes are literals."""
         references = [(element, _scope_around(element, scopes)) for element in top.element.iter(*REFERENCES)]
         for element, scope in references:
@@ -227,7 +227,7 @@ class _Inliner:
             else:
                 parent.replace(element, self._entry(reference, scope, inside))
 
-    def _find(self, reference: Node) -> Entry | None:
+    def _find(self, reference: Node) -> CatalogEntry | None:
         """The entry that is referred to; None for a controller, which is not executed, that is not there."""
         holder = reference.parent
         assert holder is not None, "references are below the top element"
@@ -250,7 +250,7 @@ class _Inliner:
         self._remarks.add(*(_in_use(remark, entry) for remark in load(entry.path).remarks))
         return entry
 
-    def _entry(self, reference: Node, scope: ParameterScope, inside: tuple[Entry, ...]) -> etree._Element:
+    def _entry(self, reference: Node, scope: ParameterScope, inside: tuple[CatalogEntry, ...]) -> etree._Element:
         entry = self._find(reference)
         if entry is None:
             return _empty_controller(reference)
@@ -274,7 +274,7 @@ class _Inliner:
         return element
 
 
-def _in_use(remark: Remark, entry: Entry) -> Remark:
+def _in_use(remark: Remark, entry: CatalogEntry) -> Remark:
     """Return a remark on a catalogue; where it is on another entry, no run is inconclusive by it."""
     lines = [cast(int, each.sourceline or 0) for each in entry.element.iter()]
     return remark if remark.line is None or lines[0] <= remark.line <= max(lines) else replace(remark, cause="")

@@ -116,7 +116,7 @@ def _functions(text: str) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Rule:
+class VersionChange:
     """Change of an element between a version and its predecessor."""
 
     version: Version
@@ -137,7 +137,7 @@ def _changes(source: Version, to: Version) -> Iterator[tuple[Change, str]]:
 # changes -------------------------------------------------------------------------------------
 
 
-def _renamed_value(version: Version, tag: str, attribute: str, old: str, new: str) -> Rule:
+def _renamed_value(version: Version, tag: str, attribute: str, old: str, new: str) -> VersionChange:
     """A value of an enumeration that was renamed."""
 
     def up(element: etree._Element) -> None:
@@ -151,7 +151,7 @@ def _renamed_value(version: Version, tag: str, attribute: str, old: str, new: st
         if value == new:
             element.set(attribute, old)
 
-    return Rule(version, tag, up, down)
+    return VersionChange(version, tag, up, down)
 
 
 def _left_out_if_empty(element: etree._Element) -> None:
@@ -341,43 +341,43 @@ _STRAIGHT = "euclidianDistance"
 _ALONG_ROUTE = ("DistanceCondition", "TimeHeadwayCondition", "TimeToCollisionCondition")
 _ROUTED = (*_ALONG_ROUTE, "RelativeDistanceCondition")
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[VersionChange, ...] = (
     # 1.1
     _renamed_value((1, 1), "RelativeDistanceCondition", "relativeDistanceType", "cartesianDistance", "euclidianDistance"),
-    Rule((1, 1), "RelativeDistanceCondition", down=_implied("coordinateSystem", "entity")),
-    *(Rule((1, 1), tag, down=_straight_line) for tag in _ALONG_ROUTE),
-    Rule((1, 1), "LongitudinalDistanceAction", down=_implied("coordinateSystem", "entity")),
-    Rule((1, 1), "LongitudinalDistanceAction", down=_implied("displacement", "trailingReferencedEntity")),
-    Rule((1, 1), "LateralDistanceAction", down=_implied("coordinateSystem", "entity")),
-    Rule((1, 1), "LateralDistanceAction", down=_implied("displacement", "any")),
-    Rule((1, 1), "FollowTrajectoryAction", down=_unwrapped("TrajectoryRef")),
-    Rule((1, 1), "FollowTrajectoryAction", down=_zero("initialDistanceOffset")),
-    Rule((1, 1), "PrivateAction", down=_unwrapped("ControllerAction", only="ActivateControllerAction")),
-    Rule((1, 1), "ControllerAction", down=_merge_controller_actions),
-    Rule((1, 1), "Pedestrian", down=_attribute("model3d", "model")),
-    Rule((1, 1), "Clothoid", down=_attribute("curvaturePrime", "curvatureDot")),
-    Rule((1, 1), "Event", down=_child(_at_once)),
-    *(Rule((1, 1), tag, down=_without_white_space) for tag in ("FileHeader", "ParameterDeclaration")),
+    VersionChange((1, 1), "RelativeDistanceCondition", down=_implied("coordinateSystem", "entity")),
+    *(VersionChange((1, 1), tag, down=_straight_line) for tag in _ALONG_ROUTE),
+    VersionChange((1, 1), "LongitudinalDistanceAction", down=_implied("coordinateSystem", "entity")),
+    VersionChange((1, 1), "LongitudinalDistanceAction", down=_implied("displacement", "trailingReferencedEntity")),
+    VersionChange((1, 1), "LateralDistanceAction", down=_implied("coordinateSystem", "entity")),
+    VersionChange((1, 1), "LateralDistanceAction", down=_implied("displacement", "any")),
+    VersionChange((1, 1), "FollowTrajectoryAction", down=_unwrapped("TrajectoryRef")),
+    VersionChange((1, 1), "FollowTrajectoryAction", down=_zero("initialDistanceOffset")),
+    VersionChange((1, 1), "PrivateAction", down=_unwrapped("ControllerAction", only="ActivateControllerAction")),
+    VersionChange((1, 1), "ControllerAction", down=_merge_controller_actions),
+    VersionChange((1, 1), "Pedestrian", down=_attribute("model3d", "model")),
+    VersionChange((1, 1), "Clothoid", down=_attribute("curvaturePrime", "curvatureDot")),
+    VersionChange((1, 1), "Event", down=_child(_at_once)),
+    *(VersionChange((1, 1), tag, down=_without_white_space) for tag in ("FileHeader", "ParameterDeclaration")),
     # 1.2
     _renamed_value((1, 2), "Event", "priority", "overwrite", "override"),
     _renamed_value((1, 2), "ParameterDeclaration", "parameterType", "integer", "int"),
-    *(Rule((1, 2), tag, down=_implied("routingAlgorithm", "undefined")) for tag in _ROUTED),
-    *(Rule((1, 2), tag, down=_implied("role", "none")) for tag in ("Vehicle", "Pedestrian")),
+    *(VersionChange((1, 2), tag, down=_implied("routingAlgorithm", "undefined")) for tag in _ROUTED),
+    *(VersionChange((1, 2), tag, down=_implied("role", "none")) for tag in ("Vehicle", "Pedestrian")),
     *(
-        Rule((1, 2), tag, down=_implied("followingMode", "position"))
+        VersionChange((1, 2), tag, down=_implied("followingMode", "position"))
         for tag in ("SpeedActionDynamics", "LaneChangeActionDynamics")
     ),
-    *(Rule(SAID_SINCE, tag, up=say_left_open, down=_implied(*meant)) for tag, meant in LEFT_OPEN.items()),
-    Rule(SAID_SINCE, "AccelerationCondition", down=_with_direction),
+    *(VersionChange(SAID_SINCE, tag, up=say_left_open, down=_implied(*meant)) for tag, meant in LEFT_OPEN.items()),
+    VersionChange(SAID_SINCE, "AccelerationCondition", down=_with_direction),
     # 1.3
-    Rule((1, 3), "ControllerAction", up=_split_controller_action),
-    Rule((1, 3), "ObjectController", up=_left_out_if_empty),
-    Rule((1, 3), "TrafficeSignalGroupState", up=_tag("TrafficSignalGroupState")),
-    Rule((1, 3), "TrafficSignalGroupState", down=_tag("TrafficeSignalGroupState")),
-    Rule((1, 3), "Catalog", up=lambda element: element.set("name", element.get("name", ""))),
-    Rule((1, 3), "Act", down=_child(_at_once, before="StopTrigger")),
-    Rule((1, 3), "Storyboard", down=_child(_never)),
-    *(Rule((1, 3), tag, down=_child(_properties)) for tag in ("Vehicle", "Pedestrian", "MiscObject", "Controller")),
+    VersionChange((1, 3), "ControllerAction", up=_split_controller_action),
+    VersionChange((1, 3), "ObjectController", up=_left_out_if_empty),
+    VersionChange((1, 3), "TrafficeSignalGroupState", up=_tag("TrafficSignalGroupState")),
+    VersionChange((1, 3), "TrafficSignalGroupState", down=_tag("TrafficeSignalGroupState")),
+    VersionChange((1, 3), "Catalog", up=lambda element: element.set("name", element.get("name", ""))),
+    VersionChange((1, 3), "Act", down=_child(_at_once, before="StopTrigger")),
+    VersionChange((1, 3), "Storyboard", down=_child(_never)),
+    *(VersionChange((1, 3), tag, down=_child(_properties)) for tag in ("Vehicle", "Pedestrian", "MiscObject", "Controller")),
     # 1.4
     *(
         _renamed_value((1, 4), tag, attribute, "motorbike", "motorcycle")
@@ -388,7 +388,7 @@ RULES: tuple[Rule, ...] = (
         for tag in ("Vehicle", "Pedestrian", "VehicleRoleDistributionEntry")
         for old, new in (("fire", "fireBrigade"), ("roadAssistance", "roadsideAssistance"))
     ),
-    Rule((1, 4), "LanePosition", down=_implied("layer", "temporary")),
+    VersionChange((1, 4), "LanePosition", down=_implied("layer", "temporary")),
 )
 
 EARLIER_CATEGORY = {

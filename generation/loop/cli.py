@@ -31,7 +31,7 @@ from schemas.common.options import with_settings
 from schemas.common.text import many
 
 if TYPE_CHECKING:
-    from generation.loop.findings import Finding, Stage
+    from generation.loop.findings import LoopStage, StageFinding
 
 NAME = "xosc-loop"
 _EXAMPLES = ("xosc-loop results --out loop --budget 20 --rounds 1",)
@@ -121,7 +121,7 @@ def _refuse_wrong(settings: LoopSettings) -> None:
     mapped(settings.ask.maps)
 
 
-def _told(quiet: bool, stage: Stage, found: Finding, seconds: float | None) -> None:
+def _told(quiet: bool, stage: LoopStage, found: StageFinding, seconds: float | None) -> None:
     """A line for each finished stage, and what it could not do."""
     from generation.loop.findings import summary
 

@@ -12,7 +12,7 @@ from generation.report.regression import Fate, Fates
 from schemas.common.text import many
 
 
-class Stage(NamedTuple):
+class LoopStage(NamedTuple):
     """A stage: what is done, in which round, and of what; 0 and empty where it is of none."""
 
     task: str
@@ -42,7 +42,7 @@ class CarefulDriver(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class StageFinding:
     """Finding of a stage.
 
     Args:
@@ -53,7 +53,7 @@ class Finding:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recognised(Finding):
+class Recognised(StageFinding):
     """Scenarios recognised in recordings, by title of their class and by its state; files that were edited, left as they are."""
 
     classes: dict[str, int] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class Recognised(Finding):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured(Finding):
+class Measured(StageFinding):
     """Manoeuvres measured in recordings, by kind."""
 
     kinds: dict[str, int]
@@ -137,7 +137,7 @@ class SearchedRegion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Searched(Finding):
+class Searched(StageFinding):
     """A search of one class or scenario in one round.
 
     Args:
@@ -195,7 +195,7 @@ class ShownRun:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ran(Finding):
+class Ran(StageFinding):
     """Runs by the scenario or variation file that they are of, relative to the output folder where it is there.
 
     Args:
@@ -217,14 +217,14 @@ class LabelledScenario:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Labelled(Finding):
+class RecognisedRun(StageFinding):
     """Scenarios recognised about the ego, by the name of the run."""
 
     runs: dict[str, list[LabelledScenario]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Checked(Finding):
+class Checked(StageFinding):
     """Number of checked files, and their errors."""
 
     files: int
@@ -238,7 +238,7 @@ class Round:
     number: int
     searches: list[Searched]
     runs: Ran
-    recognised: Labelled
+    recognised: RecognisedRun
 
 
 @dataclass(frozen=True)
@@ -356,7 +356,7 @@ class LoopResult:
 _STATES = {"passed": "passed", "failed": "failed", "inconclusive": "inconclusive", "error": "with errors"}
 
 
-def summary(stage: Stage, found: Finding) -> str:
+def summary(stage: LoopStage, found: StageFinding) -> str:
     """Summarise the findings of a stage."""
     return f"round {stage.round}: {_line(found)}" if stage.round else _line(found)
 
@@ -399,7 +399,7 @@ def prior(of: DensitySource) -> str:
 
 
 @singledispatch
-def _line(found: Finding) -> str:
+def _line(found: StageFinding) -> str:
     raise NotImplementedError(type(found).__name__)
 
 
@@ -438,7 +438,7 @@ def _ran(found: Ran) -> str:
 
 
 @_line.register
-def _labelled(found: Labelled) -> str:
+def _labelled(found: RecognisedRun) -> str:
     labels, runs = sum(map(len, found.runs.values())), len(found.runs)
     return f"{many(labels, 'scenario')} recognised about the ego in {many(runs, 'run')} of edge cases"
 

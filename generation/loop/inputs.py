@@ -130,7 +130,7 @@ LIBRARY = {
 """The library's logical scenario of a class, for those whose parameters can be measured in recordings."""
 
 
-class Target(NamedTuple):
+class SearchTarget(NamedTuple):
     """Something to search.
 
     Attributes:
@@ -150,7 +150,7 @@ class Target(NamedTuple):
     asked: Asked | None = None
 
 
-def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | None) -> Iterator[Target | Refused]:
+def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | None) -> Iterator[SearchTarget | Refused]:
     """Yield the search of each class of a catalogue, in the order of the classes.
 
     Its own manoeuvres are varied where there are enough of them for a density; else the library's scenario of the class.
@@ -173,13 +173,13 @@ def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | N
             yield Refused(title, _why_not(found.get(folder)))
 
 
-def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> Target | None:
+def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> SearchTarget | None:
     """The catalogue's own scenario; None where there are too few of its like."""
     if scenario is None:
         return None
     space = Space.of(scenario.path)
     count = len(scenario.on(space).within(space).theta)
-    return Target(folder, title, scenario.path, scenario.on, DensitySource(count, own=True)) if count >= LEAST else None
+    return SearchTarget(folder, title, scenario.path, scenario.on, DensitySource(count, own=True)) if count >= LEAST else None
 
 
 def _why_not(scenario: Scenario | None) -> str:
@@ -188,7 +188,7 @@ def _why_not(scenario: Scenario | None) -> str:
     return f"{len(scenario.recorded.theta)} manoeuvres with another participant are recorded, {LEAST} make a density"
 
 
-def of_scenario(path: Path, own: Samples | None, name: str | None = None, title: str | None = None) -> Target | Refused:
+def of_scenario(path: Path, own: Samples | None, name: str | None = None, title: str | None = None) -> SearchTarget | Refused:
     """A logical scenario, with the parameters of these recordings where there are enough, else of the units that are shipped.
 
     Args:
@@ -201,10 +201,10 @@ def of_scenario(path: Path, own: Samples | None, name: str | None = None, title:
         recorded, prior = _recorded(Space.of(path), kind, own)
     except (UsageError, Unsupported) as error:
         return Refused(title, error.message)
-    return Target(name, title, path, recorded, prior)
+    return SearchTarget(name, title, path, recorded, prior)
 
 
-def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Iterator[Target | Refused]:
+def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Iterator[SearchTarget | Refused]:
     """The scenarios and variation files of the user; one that is not searched is reported with its replacements.
 
     Args:
@@ -214,7 +214,7 @@ def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Itera
     found = {path: _of_input(path, own, ask, name) for path, name in names.items()}
     searched: dict[Path, list[str]] = {}
     for each in found.values():
-        if isinstance(each, Target):
+        if isinstance(each, SearchTarget):
             searched.setdefault(each.scenario.resolve(), []).append(each.title)
     beside = {path.resolve(): name for path, name in names.items()}
     for path, each in found.items():
@@ -234,7 +234,7 @@ def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Itera
             yield each
 
 
-def _of_input(path: Path, own: Samples | None, ask: Ask, name: str) -> Target | Refused | NothingToVary:
+def _of_input(path: Path, own: Samples | None, ask: Ask, name: str) -> SearchTarget | Refused | NothingToVary:
     """A scenario or a variation file of the user: as the options say, else by its name.
 
     Options count for those scenarios that declare the parameters that they name.
@@ -258,7 +258,7 @@ def _of_input(path: Path, own: Samples | None, ask: Ask, name: str) -> Target | 
     except (UsageError, Unsupported, InvalidFile) as error:
         return Refused(name, _with_place(error, path))
     stated = len(found.marginals) == len(space.names)
-    return Target(name, name, asked.scenario, asked.recorded, DensitySource(0 if stated else count, own=False), asked)
+    return SearchTarget(name, name, asked.scenario, asked.recorded, DensitySource(0 if stated else count, own=False), asked)
 
 
 def _with_place(error: ToolchainError, path: Path) -> str:
@@ -288,7 +288,7 @@ def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[S
     raise UsageError(f"fewer than {LEAST} recorded manoeuvres are like it")
 
 
-def split(found: Iterable[Target | Refused]) -> tuple[list[Target], list[Refused]]:
+def split(found: Iterable[SearchTarget | Refused]) -> tuple[list[SearchTarget], list[Refused]]:
     """Split into searches and refusals."""
-    listed: Sequence[Target | Refused] = list(found)
-    return [each for each in listed if isinstance(each, Target)], [each for each in listed if isinstance(each, Refused)]
+    listed: Sequence[SearchTarget | Refused] = list(found)
+    return [each for each in listed if isinstance(each, SearchTarget)], [each for each in listed if isinstance(each, Refused)]

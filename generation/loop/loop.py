@@ -13,18 +13,18 @@ from generation.loop import runs as loop_runs
 from generation.loop.findings import (
     Against,
     Checked,
-    Labelled,
     LabelledScenario,
     LoopResult,
+    LoopStage,
     Measured,
     Ran,
     Recognised,
+    RecognisedRun,
     Refused,
     Round,
     Searched,
-    Stage,
 )
-from generation.loop.inputs import Inputs, Target, of_classes, of_inputs, played, split
+from generation.loop.inputs import Inputs, SearchTarget, of_classes, of_inputs, played, split
 from generation.loop.runs import FinishedStages, Report, run_all, sampled
 from generation.loop.searches import Earlier, Searchers, compare, found_by, search
 from generation.settings import LoopSettings
@@ -113,39 +113,39 @@ class _Loop:
         self._earlier: dict[str, list[Searched]] = {}
         self._recorded, self._played = inputs.recorded, inputs.played(settings.run)
 
-    def recognise(self) -> tuple[Recognised, list[Target], list[Refused]]:
+    def recognise(self) -> tuple[Recognised, list[SearchTarget], list[Refused]]:
         """Make the catalogue; what to search, and what not."""
         found = Recognised()
         own: Samples | None = None
-        listed: Iterable[Target | Refused] = []
+        listed: Iterable[SearchTarget | Refused] = []
         if self._inputs.recordings:
             catalogue, model = self._out / CATALOGUE, self._out / loop_runs.MODEL
             make = partial(loop_runs.catalogue, [self._inputs.folder], catalogue, self._settings.model, self._bar, model)
-            found = self._once(Stage("recognise"), Recognised, make, self._recorded, (catalogue, model), editable=True)
+            found = self._once(LoopStage("recognise"), Recognised, make, self._recorded, (catalogue, model), editable=True)
             table = self._out / UNITS
             read = [each for each in self._inputs.recordings if each.name not in found.failures]
             measure = partial(loop_runs.units, read, table, self._bar)
-            measured = self._once(Stage("measure"), Measured, measure, self._recorded, (table,))
+            measured = self._once(LoopStage("measure"), Measured, measure, self._recorded, (table,))
             found = replace(found, failures=found.failures | measured.failures)
             own = Samples.read(table) if table.is_file() else None
             listed = of_classes(rows_of(catalogue), catalogue, own)
         targets, refused = split(chain(listed, of_inputs(self._inputs.names, own, self._settings.ask)))
         return found, targets, refused
 
-    def round(self, number: int, targets: Sequence[Target], searchers: Searchers) -> Round:
+    def round(self, number: int, targets: Sequence[SearchTarget], searchers: Searchers) -> Round:
         """Search everything, run what was found, and recognise it in the runs."""
         searched = self._searched(number, targets, searchers)
         for each in searched:
             self._earlier.setdefault(each.target, []).append(each)
         files = [self._out / case.file for each in searched for case in each.cases]
         if not files:
-            return Round(number, searched, Ran(), Labelled())
+            return Round(number, searched, Ran(), RecognisedRun())
         folder = self._out / f"round_{number}"
         run = partial(self._run, list(jobs_of(files, {}, True)), self._settings.run, folder / RUNS)
         of = self._all(targets)
-        runs = self._once(Stage("run", number), Ran, run, of, (folder / RUNS,))
+        runs = self._once(LoopStage("run", number), Ran, run, of, (folder / RUNS,))
         label = partial(self._label, folder)
-        labelled = self._once(Stage("label", number), Labelled, label, of, (folder / RECOGNISED,), editable=True)
+        labelled = self._once(LoopStage("label", number), RecognisedRun, label, of, (folder / RECOGNISED,), editable=True)
         return Round(number, searched, runs, labelled)
 
     def play(self) -> Ran:
@@ -157,12 +157,12 @@ class _Loop:
         ]
         as_recorded = replace(self._settings.run, sut=None)
         folder = self._out / "played"
-        return self._once(Stage("play"), Ran, partial(self._run, jobs, as_recorded, folder), self._recorded, (folder,))
+        return self._once(LoopStage("play"), Ran, partial(self._run, jobs, as_recorded, folder), self._recorded, (folder,))
 
     def run_scenarios(self) -> Ran:
         """Run the user's own scenarios against the system under test."""
         folder = self._out / "scenarios"
-        return self._once(Stage("run_scenarios"), Ran, partial(self._run_own, folder), self._played, (folder,))
+        return self._once(LoopStage("run_scenarios"), Ran, partial(self._run_own, folder), self._played, (folder,))
 
     def _run_own(self, folder: Path) -> Ran:
         own, sample = self._inputs.scenarios, self._settings.sample
@@ -170,9 +170,9 @@ class _Loop:
         named = partial(_below, self._inputs.folder)
         return replace(self._run(jobs, self._settings.run, folder, named), sampled=sampled(own, sample, named))
 
-    def check(self, targets: Sequence[Target]) -> Checked:
+    def check(self, targets: Sequence[SearchTarget]) -> Checked:
         """Check everything that was written, and the user's scenarios."""
-        return self._once(Stage("check"), Checked, self._check, self._all(targets))
+        return self._once(LoopStage("check"), Checked, self._check, self._all(targets))
 
     def _check(self) -> Checked:
         files, run = [*files_in(self._out), *self._inputs.scenarios], self._settings.run
@@ -183,15 +183,15 @@ class _Loop:
                 advance(1)
         return Checked(files=len(files), problems=problems)
 
-    def compare(self, earlier: Earlier, targets: Sequence[Target], rounds: Iterable[Round]) -> Against:
+    def compare(self, earlier: Earlier, targets: Sequence[SearchTarget], rounds: Iterable[Round]) -> Against:
         """Return the fates of an earlier loop's failures."""
         found = [search for each in rounds for search in each.searches]
         with self._bar(f"comparing with {earlier.folder}", len(targets)) as advance:
             return compare(earlier, targets, found, self._settings, advance)
 
-    def _searched(self, number: int, targets: Sequence[Target], searchers: Searchers) -> list[Searched]:
+    def _searched(self, number: int, targets: Sequence[SearchTarget], searchers: Searchers) -> list[Searched]:
         """The searches of a round, several at a time where that many processes are wanted."""
-        stages = {target.name: Stage("search", number, target.name) for target in targets}
+        stages = {target.name: LoopStage("search", number, target.name) for target in targets}
         of = {target.name: self._of(target) for target in targets}
         left = [target for target in targets if not self._stages.has(stages[target.name], of[target.name])]
         works: dict[str, Callable[[], Searched]] = {each.name: partial(self._search, number, each) for each in targets}
@@ -202,28 +202,28 @@ class _Loop:
             self._once(stages[name], Searched, works[name], of[name], (self._out / f"round_{number}" / name,)) for name in stages
         ]
 
-    def _of(self, target: Target) -> str:
+    def _of(self, target: SearchTarget) -> str:
         """The content of all that a search of a target depends on."""
         asked = target.asked
         scenario = played(target.scenario, self._settings.run, asked.pinned if asked is not None else {})
         own = [digest(path.read_bytes()) for path, name in self._inputs.names.items() if name == target.name]
         return digest(repr((self._recorded, scenario, own)).encode())
 
-    def _all(self, targets: Sequence[Target]) -> str:
+    def _all(self, targets: Sequence[SearchTarget]) -> str:
         """The content of all targets and inputs."""
         return digest(repr((self._recorded, self._played, [self._of(target) for target in targets])).encode())
 
-    def _search(self, number: int, target: Target) -> Searched:
+    def _search(self, number: int, target: SearchTarget) -> Searched:
         with self._bar(f"searching {target.title}", self._settings.budget) as advance:
             return search(target, number, self._out, self._settings, self._known(target), advance)
 
-    def _await(self, target: Target, result: Callable[[], Searched]) -> Searched:
+    def _await(self, target: SearchTarget, result: Callable[[], Searched]) -> Searched:
         with self._bar(f"searching {target.title}", self._settings.budget) as advance:
             found = result()
             advance(self._settings.budget)
             return found
 
-    def _known(self, target: Target) -> FloatArray | None:
+    def _known(self, target: SearchTarget) -> FloatArray | None:
         return found_by(self._earlier.get(target.name, []))
 
     def _run(
@@ -233,12 +233,12 @@ class _Loop:
             named = named or partial(_below, self._out)
             return run_all(jobs, settings, folder, self._out, self._settings.processes, advance, named)
 
-    def _label(self, folder: Path) -> Labelled:
+    def _label(self, folder: Path) -> RecognisedRun:
         """The classes that are recognised about the ego in each run; by the run's name."""
         grown = self._out / loop_runs.MODEL
         model = grown if grown.is_dir() else self._settings.model
         loop_runs.catalogue([folder / RUNS], folder / RECOGNISED, model, self._bar)
-        found = Labelled()
+        found = RecognisedRun()
         for row in rows_of(folder / RECOGNISED):
             if row["vehicle"] == "Ego":
                 found.runs.setdefault(row["recording"], []).append(LabelledScenario(row["class"], row["file"]))

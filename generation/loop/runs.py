@@ -14,7 +14,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
-from generation.loop.findings import Finding, Measured, Ran, Recognised, Searched, ShownRun, Stage
+from generation.loop.findings import LoopStage, Measured, Ran, Recognised, Searched, ShownRun, StageFinding
 from recognition.catalogue.index import rows_of
 from recognition.catalogue.pipeline import ByRules, build
 from recognition.catalogue.recordings import CatalogueSettings
@@ -145,9 +145,9 @@ _SETTINGS = "loop.json"
 _KEYS = {"of", "found", "files"}
 _REMEDY = "remove it to have it done again"
 
-F = TypeVar("F", bound=Finding)
+F = TypeVar("F", bound=StageFinding)
 
-Report = Callable[[Stage, Finding, float | None], None]
+Report = Callable[[LoopStage, StageFinding, float | None], None]
 """Called with each finished stage, what it found, and the time (s) that was waited for it; None where it was finished before."""
 
 
@@ -175,14 +175,14 @@ class FinishedStages:
             raise UsageError("there is something else in this folder: a loop needs one of its own", path=out)
         write_object(settings, path)
 
-    def has(self, stage: Stage, of: str = "") -> bool:
+    def has(self, stage: LoopStage, of: str = "") -> bool:
         """Whether a stage has been finished, of the same content, and what it made is whole."""
         record, fault = self._left(stage, of)
         return not fault and _is_done(record, of)
 
     def once(
         self,
-        stage: Stage,
+        stage: LoopStage,
         kind: type[F],
         work: Callable[[], F],
         of: str = "",
@@ -218,7 +218,7 @@ class FinishedStages:
         return found
 
     def _left(
-        self, stage: Stage, of: str, kind: type[Finding] | None = None, editable: bool = False
+        self, stage: LoopStage, of: str, kind: type[StageFinding] | None = None, editable: bool = False
     ) -> tuple[dict[str, Any], str]:
         """Return the results that a stage has left, and why they are stale; empty if they are valid or absent."""
         path = self._path(stage)
@@ -245,7 +245,7 @@ class FinishedStages:
         names = {path: path.relative_to(self._out) for path in paths}
         return {name.as_posix(): _digest(path) for path, name in names.items() if not any(part[0] == "." for part in name.parts)}
 
-    def _path(self, stage: Stage) -> Path:
+    def _path(self, stage: LoopStage) -> Path:
         return self._folder / f"{stage.name}.json"
 
 

@@ -24,7 +24,7 @@ from generation.loop.findings import (
     SearchedRegion,
     SearchRange,
 )
-from generation.loop.inputs import Target
+from generation.loop.inputs import SearchTarget
 from generation.loop.runs import searches
 from generation.outcomes.judges import JUDGES
 from generation.outcomes.outcomes import Episodes
@@ -78,7 +78,12 @@ _SHOWN = 300
 
 
 def search(
-    target: Target, number: int, out: Path, settings: LoopSettings, known: FloatArray | None, progress: Callable[[int], None]
+    target: SearchTarget,
+    number: int,
+    out: Path,
+    settings: LoopSettings,
+    known: FloatArray | None,
+    progress: Callable[[int], None],
 ) -> Searched:
     """Search for edge cases and write them into a folder of the output folder.
 
@@ -124,7 +129,7 @@ def search(
     )
 
 
-def settings_of(target: Target, settings: SearchSettings) -> SearchSettings:
+def settings_of(target: SearchTarget, settings: SearchSettings) -> SearchSettings:
     """Settings of a search, with what was asked for of a target."""
     asked = target.asked
     if asked is None:
@@ -214,7 +219,7 @@ class Searchers:
         for process in self._processes:
             process.shutdown(wait=True, cancel_futures=True)
 
-    def begin(self, target: Target, number: int, known: FloatArray | None) -> Callable[[], Searched]:
+    def begin(self, target: SearchTarget, number: int, known: FloatArray | None) -> Callable[[], Searched]:
         """Begin to search, see `search`; what waits for the result.
 
         That raises ToolchainError where the process has died.
@@ -226,7 +231,7 @@ class Searchers:
         return lambda: _result(found)
 
 
-def _searched(target: Target, number: int, out: Path, settings: LoopSettings, known: FloatArray | None) -> Searched:
+def _searched(target: SearchTarget, number: int, out: Path, settings: LoopSettings, known: FloatArray | None) -> Searched:
     return search(target, number, out, settings, known, lambda _: None)
 
 
@@ -280,7 +285,7 @@ class Earlier(NamedTuple):
 
 def compare(
     earlier: Earlier,
-    targets: Sequence[Target],
+    targets: Sequence[SearchTarget],
     found: Iterable[Searched],
     settings: LoopSettings,
     progress: Callable[[int], None],
@@ -307,7 +312,7 @@ def compare(
     return Against(earlier.folder.resolve().name, earlier.sut, list(along()))
 
 
-def _compared(earlier: Earlier, target: Target, now: Sequence[Searched], settings: LoopSettings) -> Compared:
+def _compared(earlier: Earlier, target: SearchTarget, now: Sequence[Searched], settings: LoopSettings) -> Compared:
     then = earlier.searches.get(target.name, ())
     if not now:
         return _unknown(earlier, target.name, target.title, "this loop could not search it", blind=True)

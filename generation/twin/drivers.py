@@ -8,13 +8,13 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from generation.outcomes.judges import FullBraking
-from runner.measures.relations import Motion, box_distance, in_ego_frame, seen_by
+from runner.measures.relations import MotionRows, box_distance, in_ego_frame, seen_by
 from runner.measures.rss import longitudinal_distance, parameter_set
 from runner.participants.boxes import Outlook, reach
 from runner.sut import System, load_system
 from runner.sut.aeb import EmergencyBraking
 from runner.sut.cas import CollisionAvoidance, safe_sideways
-from runner.sut.encounters import Encounter, encounter
+from runner.sut.encounters import AheadParticipant, encounter
 from runner.sut.idm import IntelligentDriver
 from runner.sut.reference import CarefulCompetent, FuzzySafety, ReferenceDriver, Regulation157, SafeDistance
 from schemas.common.array_types import BoolArray, FloatArray
@@ -30,14 +30,14 @@ class Situation(NamedTuple):
         changed: where anyone has begun to change speed or lane (n,).
     """
 
-    ego: Motion
-    others: Sequence[Motion]
+    ego: MotionRows
+    others: Sequence[MotionRows]
     speed: FloatArray
     acceleration: FloatArray
     target: FloatArray
     changed: BoolArray
 
-    def encounters(self) -> list[tuple[BoolArray, Encounter]]:
+    def encounters(self) -> list[tuple[BoolArray, AheadParticipant]]:
         """Everyone: where they are ahead (n,), and how they are met there."""
         found = []
         for other in self.others:
@@ -92,7 +92,7 @@ class _Avoidance(_Memory):
                 danger[rows] = self._dangerous(seen.ego.at(rows), other.at(rows))
         return danger, np.full(len(danger), -self._system.brake)
 
-    def _dangerous(self, ego: Motion, other: Motion) -> BoolArray:
+    def _dangerous(self, ego: MotionRows, other: MotionRows) -> BoolArray:
         x, y, _, _ = seen_by(ego, other)
         view = in_ego_frame(ego, other)
         ahead, aside = np.abs(view.ahead), np.abs(view.aside)
@@ -186,5 +186,5 @@ def driver(system: str | System | None, n: int) -> Driver:
     return _KINDS[type(found)](found, n)
 
 
-def _reach(ego: Motion, other: Motion) -> float:
+def _reach(ego: MotionRows, other: MotionRows) -> float:
     return reach(ego.box) + reach(other.box)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from generation.twin.script import Actor
 from runner.actions.speed import STRETCH, STRETCHES
-from runner.measures.relations import Motion, View, interval_gaps
+from runner.measures.relations import MotionRows, View, interval_gaps
 from runner.motion.dynamics import EPSILON, RESERVE
 from runner.participants.declaration import Performance
 from schemas.common.array_types import BoolArray, FloatArray
@@ -46,10 +46,10 @@ class Body:
         for name in ("x", "y", "h", "speed", "acceleration", "target", "drift"):
             setattr(self, name, getattr(self, name)[rows])
 
-    def motion(self) -> Motion:
+    def motion(self) -> MotionRows:
         """As the measures see it: a row for each case."""
         zero, road = _blank(len(self.x))
-        return Motion(self.actor.name, self.actor.box, zero, self.x, self.y, zero, self.h, self.speed, road, self.x, self.y)
+        return MotionRows(self.actor.name, self.actor.box, zero, self.x, self.y, zero, self.h, self.speed, road, self.x, self.y)
 
     def view(self, other: Body) -> View:
         """Return the view of another vehicle along and across the road, as `runner.measures.relations` does on one road."""

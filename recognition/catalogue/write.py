@@ -27,7 +27,7 @@ from recognition.sites import Site
 from recognition.sites.roles import ROLES
 from runner.measures.criticality import criticality
 from runner.measures.measure import Series, measures
-from runner.measures.relations import Motion, relations
+from runner.measures.relations import MotionRows, relations
 from runner.recording import Recording, Track
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
@@ -81,7 +81,7 @@ def criticality_of(scene: Scene) -> dict[str, float | None]:
     return extremes | {"collision_time": found.impact.time - scene.start if found.impact is not None else None}
 
 
-def _motion(part: Part, scene: Scene) -> Motion:
+def _motion(part: Part, scene: Scene) -> MotionRows:
     """A participant within the scene."""
     moving = replace(_cut(part.track, scene.start, scene.end), name=part.name)
     return replace(moving, kind=part.track.kind, category=part.track.category, mass=part.track.mass)
@@ -429,8 +429,8 @@ def _row(track: Track, time: float) -> int:
     return int(np.abs(track.columns["time"] - time).argmin())
 
 
-def _cut(track: Track, start: float, end: float) -> Motion:
+def _cut(track: Track, start: float, end: float) -> MotionRows:
     """A track from one time to another."""
     columns = track.columns
     first, last = np.searchsorted(columns["time"], start), np.searchsorted(columns["time"], end, "right")
-    return Motion.from_columns(track.name, track.box, {name: values[first:last] for name, values in columns.items()})
+    return MotionRows.from_columns(track.name, track.box, {name: values[first:last] for name, values in columns.items()})

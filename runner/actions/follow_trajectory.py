@@ -13,7 +13,7 @@ from runner.motion.dynamics import GapController
 from runner.motion.following import JOINING, PathMotion, join
 from runner.motion.paths import Chain, turns_back
 from runner.motion.schedules import Schedule, delayed, paced, prescribed, smooth, steady
-from runner.motion.trajectories import Track, Trajectory
+from runner.motion.trajectories import TimedPath, Trajectory
 from runner.participants.declaration import Performance
 from runner.participants.trailers import line_up
 from xosc.rules.positions import TIMING_UID
@@ -148,7 +148,7 @@ class FollowTrajectoryAction(PrivateAction):
             return Performance()
         return actor.declared.performance._replace(max_acceleration_rate=math.inf, max_deceleration_rate=math.inf)
 
-    def _pace(self, timing: Timing, track: Track, skip: float, actor: Entity, now: float) -> Pace:
+    def _pace(self, timing: Timing, track: TimedPath, skip: float, actor: Entity, now: float) -> Pace:
         """The times, from now (s) on, of an actor that begins at a distance (m) along the track."""
         times, stations = self.trajectory.timetable(track, timing.scale)
         origin, rests = timing.origin(now), list[float]()
@@ -170,7 +170,7 @@ class FollowTrajectoryAction(PrivateAction):
                 ) from None
         return Pace(schedule, origin - (schedule.time(skip) - times[0] if skip else 0.0), rests)
 
-    def _prescribed_pace(self, track: Track, skip: float, actor: Entity, now: float) -> Pace:
+    def _prescribed_pace(self, track: TimedPath, skip: float, actor: Entity, now: float) -> Pace:
         """Times, from now (s) on, that follow from the trajectory's speeds and accelerations."""
         try:
             schedule = paced(track.stations, track.motions, abs(demanded_speed(actor)))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 from runner.contracts.element import LATERAL, PrivateAction, need_places
 from runner.contracts.registry import action
 from runner.contracts.run import Running
-from runner.motion.dynamics import EPSILON, SHAPES, Easing, Shape, TransitionDynamics
+from runner.motion.dynamics import EPSILON, SHAPES, Easing, TransitionDynamics, TransitionShape
 from runner.participants.entity import Entity
 from runner.positions.lane import LAYERS
 from xodr.model import PERMANENT, TEMPORARY, RoadPoint
@@ -148,7 +148,7 @@ class LaneOffsetAction(PrivateAction):
     domains: ClassVar[tuple[str, ...]] = (LATERAL,)
 
     node: Node
-    shape: Shape
+    shape: TransitionShape
     acceleration: float
     reference: Entity | None
     value: float
@@ -285,7 +285,9 @@ class _Transition(Running):
         "goal",
     )
 
-    def __init__(self, actor: Entity, goal: float, shape: Shape, extent: float, over_distance: bool, compensated: bool) -> None:
+    def __init__(
+        self, actor: Entity, goal: float, shape: TransitionShape, extent: float, over_distance: bool, compensated: bool
+    ) -> None:
         self.goal = goal
         self._actor = actor
         self._start = actor.offset * actor.direction

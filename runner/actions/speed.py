@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 from runner.contracts.element import LONGITUDINAL, PrivateAction
 from runner.contracts.registry import action
 from runner.contracts.run import Running
-from runner.motion.dynamics import EPSILON, FOLLOWING_MODES, Shape, TransitionDynamics, read_constraints, tighter
+from runner.motion.dynamics import EPSILON, FOLLOWING_MODES, TransitionDynamics, TransitionShape, read_constraints, tighter
 from runner.participants.declaration import Performance
 from runner.participants.entity import Entity
 from xosc.node import Node
@@ -101,7 +101,7 @@ class _Transition(Running):
 
     __slots__ = ("_actor", "_change", "_duration", "_elapsed", "_start", "_target", "_value")
 
-    def __init__(self, actor: Entity, target: float, duration: float, shape: Shape) -> None:
+    def __init__(self, actor: Entity, target: float, duration: float, shape: TransitionShape) -> None:
         self._actor = actor
         self._start = actor.speed
         self._target = target
@@ -175,7 +175,7 @@ STRETCH, STRETCHES = 1.25, 100
 _EPSILON = 1e-9
 
 
-class Entry(NamedTuple):
+class ProfileEntry(NamedTuple):
     """A speed (m/s) to be reached `time` (s) after the entry before; None: as soon as the limits allow."""
 
     time: float | None
@@ -194,7 +194,7 @@ class SpeedProfileAction(PrivateAction):
 
     domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
 
-    entries: tuple[Entry, ...]
+    entries: tuple[ProfileEntry, ...]
     reference: Entity | None
     smooth: bool
     constraints: Performance
@@ -220,14 +220,14 @@ class SpeedProfileAction(PrivateAction):
         return _Profile(actor, self.reference, plan(speed, self.entries, limits, self.smooth))
 
 
-def _read_entry(node: Node) -> Entry:
+def _read_entry(node: Node) -> ProfileEntry:
     time = node.finite("time", None)
     if time is not None and time < 0.0:
         raise node.invalid(f"time={time:g} must not be negative")
-    return Entry(time, node.finite("speed"))
+    return ProfileEntry(time, node.finite("speed"))
 
 
-class Piece(NamedTuple):
+class ProfilePiece(NamedTuple):
     """A stretch of the profile with constant jerk: from `time` (s) on, speed (m/s), acceleration (m/s²), jerk (m/s³)."""
 
     time: float
@@ -253,7 +253,7 @@ class _Segment(NamedTuple):
         return _Segment(self.duration * factor, self.slope / factor, self.reached)
 
 
-def plan(speed: float, entries: Iterable[Entry], limits: Performance, smooth: bool) -> list[Piece]:
+def plan(speed: float, entries: Iterable[ProfileEntry], limits: Performance, smooth: bool) -> list[ProfilePiece]:
     """The profile as pieces of constant jerk, the last of which has no end.
 
     Args:
@@ -265,15 +265,15 @@ def plan(speed: float, entries: Iterable[Entry], limits: Performance, smooth: bo
     segments = _segments(speed, entries, limits)
     if smooth and limits.max_acceleration_rate < math.inf and limits.max_deceleration_rate < math.inf:
         return _rounded(speed, segments, limits)
-    pieces, time = [Piece(0.0, speed, 0.0, 0.0)], 0.0
+    pieces, time = [ProfilePiece(0.0, speed, 0.0, 0.0)], 0.0
     for segment in segments:
-        pieces.append(Piece(time, speed, segment.slope, 0.0))
+        pieces.append(ProfilePiece(time, speed, segment.slope, 0.0))
         time, speed = time + segment.duration, segment.reached
-        pieces.append(Piece(time, speed, 0.0, 0.0))
+        pieces.append(ProfilePiece(time, speed, 0.0, 0.0))
     return pieces
 
 
-def _segments(speed: float, entries: Iterable[Entry], limits: Performance) -> list[_Segment]:
+def _segments(speed: float, entries: Iterable[ProfileEntry], limits: Performance) -> list[_Segment]:
     """The ways between the targets within the limits of speed and acceleration; a last one may have no end."""
     segments: list[_Segment] = []
     for entry in entries:
@@ -288,7 +288,7 @@ def _segments(speed: float, entries: Iterable[Entry], limits: Performance) -> li
     return segments
 
 
-def _rounded(speed: float, segments: list[_Segment], limits: Performance) -> list[Piece]:
+def _rounded(speed: float, segments: list[_Segment], limits: Performance) -> list[ProfilePiece]:
     """The linear profile with each corner replaced by a stretch of constant jerk, centred on the corner.
 
     The first one can't begin before the profile does, so the first line comes half of it late; it is left where it
@@ -302,13 +302,13 @@ def _rounded(speed: float, segments: list[_Segment], limits: Performance) -> lis
         segments = [s.stretched(STRETCH) if i in tight else s for i, s in enumerate(segments)]
     slopes = [0.0, *(segment.slope for segment in segments), 0.0]
     corners = _corners(segments, _blend(slopes[0], slopes[1], limits) / 2.0)
-    pieces = [Piece(0.0, speed, 0.0, 0.0)]
+    pieces = [ProfilePiece(0.0, speed, 0.0, 0.0)]
     for corner, before, after in zip(corners, slopes, slopes[1:], strict=False):
         blend = _blend(before, after, limits)
         begin = corner - blend / 2.0
         if blend > 0.0:
-            pieces.append(Piece(begin, pieces[-1].at(begin), before, (after - before) / blend))
-        pieces.append(Piece(begin + blend, pieces[-1].at(begin + blend), after, 0.0))
+            pieces.append(ProfilePiece(begin, pieces[-1].at(begin), before, (after - before) / blend))
+        pieces.append(ProfilePiece(begin + blend, pieces[-1].at(begin + blend), after, 0.0))
     return pieces
 
 
@@ -345,7 +345,7 @@ class _Profile(Running):
 
     __slots__ = ("_actor", "_elapsed", "_pieces", "_reference", "_times")
 
-    def __init__(self, actor: Entity, reference: Entity | None, pieces: list[Piece]) -> None:
+    def __init__(self, actor: Entity, reference: Entity | None, pieces: list[ProfilePiece]) -> None:
         self._actor = actor
         self._reference = reference
         self._pieces = pieces

@@ -15,7 +15,7 @@ from runner.contracts import registry
 from runner.contracts.element import GlobalAction
 from runner.contracts.run import Running
 from runner.participants.boxes import Spot, gap
-from runner.traffic import Ellipse, Mix, Place, Polygon, Region, RoadRanges, Spawner, categories, place_on, places_of
+from runner.traffic import Ellipse, Mix, Place, PlaneRegion, Polygon, RoadRanges, Spawner, categories, place_on, places_of
 
 if TYPE_CHECKING:
     from runner.contracts.element import Position
@@ -199,7 +199,7 @@ class _Population(_Running):
         self._wait = 0.0
 
     @abstractmethod
-    def region(self) -> Region:
+    def region(self) -> PlaneRegion:
         """Current region of the traffic."""
 
     def places(self) -> list[Place]:
@@ -296,7 +296,7 @@ class _Swarm(_Population):
         if self.action.central.active and self.action.central.placed:
             super().act(dt)
 
-    def region(self) -> Region:
+    def region(self) -> PlaneRegion:
         """The ellipse."""
         action, centre = self.action, self.action.central
         x, y = centre.x + action.offset * math.cos(centre.h), centre.y + action.offset * math.sin(centre.h)
@@ -335,7 +335,7 @@ class TrafficAreaAction(GlobalAction):
         area = node.need("TrafficArea")
         polygon, ranges = area.find("Polygon"), area.children("RoadRange")
         self.corners: list[Position] = []
-        self.region: Region | None = RoadRanges.from_xml(ranges, self.network) if ranges else None
+        self.region: PlaneRegion | None = RoadRanges.from_xml(ranges, self.network) if ranges else None
         if polygon is not None:
             self.corners = [context.position(corner) for corner in polygon.children("Position")]
         if len(self.corners) < 3 and not ranges:
@@ -355,12 +355,12 @@ class TrafficAreaAction(GlobalAction):
 class _Area(_Population):
     """An area at work."""
 
-    def __init__(self, action: TrafficAreaAction, run: Run, region: Region) -> None:
+    def __init__(self, action: TrafficAreaAction, run: Run, region: PlaneRegion) -> None:
         super().__init__(action.name, run, action.mix, action.number)
         self._continuous, self._region = action.continuous, region
         self._places: list[Place] | None = None
 
-    def region(self) -> Region:
+    def region(self) -> PlaneRegion:
         """The area."""
         return self._region
 

@@ -34,7 +34,7 @@ _IDENTITY = "Scenario_ID"
 
 
 @dataclass(frozen=True)
-class Row:
+class RunRow:
     """A run in the table.
 
     Attributes:
@@ -68,7 +68,7 @@ class Total:
     """
 
     test: ProtocolTest
-    rows: Sequence[Row]
+    rows: Sequence[RunRow]
     scores: Mapping[tuple[float, ...], float | None] = field(default_factory=dict)
 
     @property
@@ -108,21 +108,21 @@ def write_assessment(out: Path, name: str, settings: RunSettings) -> tuple[Path,
     return out / PAGE, out / CSV
 
 
-def _row(run: Mapping[str, Any], protocol: AssessmentProfile, out: Path) -> Row:
+def _row(run: Mapping[str, Any], protocol: AssessmentProfile, out: Path) -> RunRow:
     given = dict(run["parameters"])
     stems = (Path(run["file"]).stem, given.get(_IDENTITY, ""), Path(run["scenario"]).stem)
     test = next((found for stem in stems if (found := _test(protocol, stem)) is not None), None)
     drive = AssessedRun(_values(Path(run["scenario"]), tuple(sorted(given.items()))), _contact(run, out), out / run["name"])
     if test is None:
-        return Row(run, None, drive, Judgement(None, "the file is of no test of the protocol"), None)
+        return RunRow(run, None, drive, Judgement(None, "the file is of no test of the protocol"), None)
     point = test.point(drive)
     if run["state"] in ("error", "inconclusive"):
         said = str(run["message"]).replace(f"{run['scenario']}:", "line ")
-        return Row(run, test, drive, Judgement(None, f"{run['state']}: {said}"), point)
+        return RunRow(run, test, drive, Judgement(None, f"{run['state']}: {said}"), point)
     judgement = test.criterion.judge(drive)
     if test.grid and point is None:
         judgement = judgement._replace(reason=f"{judgement.reason}; no test point of the protocol")
-    return Row(run, test, drive, judgement, point)
+    return RunRow(run, test, drive, judgement, point)
 
 
 def _test(protocol: AssessmentProfile, stem: str) -> ProtocolTest | None:
@@ -175,7 +175,7 @@ def _contact(run: Mapping[str, Any], out: Path) -> FirstContact | None:
     return FirstContact(other, time, relative * KMH, abs(own) * KMH)
 
 
-def _total(test: ProtocolTest, rows: Sequence[Row]) -> Total:
+def _total(test: ProtocolTest, rows: Sequence[RunRow]) -> Total:
     scores: dict[tuple[float, ...], float | None] = {}
     for row in rows:
         if row.point is not None:
@@ -184,7 +184,7 @@ def _total(test: ProtocolTest, rows: Sequence[Row]) -> Total:
     return Total(test, rows, scores)
 
 
-def _digests(rows: Sequence[Row], settings: RunSettings) -> dict[str, str]:
+def _digests(rows: Sequence[RunRow], settings: RunSettings) -> dict[str, str]:
     """SHA-256 of all files that went in, by path; empty for one that is gone."""
     paths: dict[str, None] = {}
     for row in rows:
@@ -204,14 +204,14 @@ def _sha256(path: Path) -> str:
         return ""
 
 
-def _outcome(row: Row) -> str:
+def _outcome(row: RunRow) -> str:
     """Outcome of the run, in a few words."""
     if row.run["state"] in ("error", "inconclusive"):
         return str(row.run["state"])
     return "no contact" if row.drive.contact is None else f"contact with {row.drive.contact.other}"
 
 
-def _cells(protocol: AssessmentProfile, row: Row) -> list[float | str | None]:
+def _cells(protocol: AssessmentProfile, row: RunRow) -> list[float | str | None]:
     """Values of the profile's columns; of a parameter that the scenario does not have None."""
     return [
         next((row.drive.values[name] for name in column.parameters if name in row.drive.values), None)
@@ -219,14 +219,14 @@ def _cells(protocol: AssessmentProfile, row: Row) -> list[float | str | None]:
     ]
 
 
-def _others(protocol: AssessmentProfile, row: Row) -> str:
+def _others(protocol: AssessmentProfile, row: RunRow) -> str:
     """Parameters that were given and are in no column."""
     shown = {name for column in protocol.columns for name in column.parameters} | {_IDENTITY}
     return ", ".join(f"{name}={value}" for name, value in row.run["parameters"] if name not in shown)
 
 
 def _data(
-    protocol: AssessmentProfile, rows: Sequence[Row], totals: Sequence[Total], digests: Mapping[str, str], out: Path
+    protocol: AssessmentProfile, rows: Sequence[RunRow], totals: Sequence[Total], digests: Mapping[str, str], out: Path
 ) -> dict[str, Any]:
     """Data of the page."""
     return {
@@ -262,7 +262,7 @@ def _data(
     }
 
 
-def _points(row: Row) -> float | None:
+def _points(row: RunRow) -> float | None:
     return None if row.available is None or row.judgement.score is None else row.available * row.judgement.score
 
 
@@ -285,7 +285,7 @@ def _summary(total: Total) -> dict[str, Any]:
     }
 
 
-def _trace(rows: Sequence[Row], out: Path) -> dict[str, str]:
+def _trace(rows: Sequence[RunRow], out: Path) -> dict[str, str]:
     """Tool, system under test and settings; the system's parameters are those that runs state."""
     results = (out / row.run["name"] / RESULT for row in rows if row.run["state"] != "error")
     first = next((read_object(path) for path in results if path.is_file()), {})
@@ -300,7 +300,7 @@ def _trace(rows: Sequence[Row], out: Path) -> dict[str, str]:
     }
 
 
-def _csv(protocol: AssessmentProfile, rows: Sequence[Row], digests: Mapping[str, str], out: Path) -> str:
+def _csv(protocol: AssessmentProfile, rows: Sequence[RunRow], digests: Mapping[str, str], out: Path) -> str:
     """One line a run, with the file's digest, tool and system in each."""
     trace = _trace(rows, out)
     heads = ["protocol", "test", "clause", "run", *(column.title for column in protocol.columns), "other parameters", "seed"]

@@ -1,6 +1,6 @@
 """Many runs: every parameter set of every file, in one process or several, interrupted and resumed with nothing lost.
 
-`Comparison` holds a batch against an earlier one, run by run: new failures, failures that are gone, and those that remain.
+`BatchComparison` holds a batch against an earlier one, run by run: new failures, failures that are gone, and those that remain.
 """
 
 from __future__ import annotations
@@ -253,7 +253,7 @@ def _of(job: Job) -> Identity:
 
 
 @dataclass
-class Comparison:
+class BatchComparison:
     """Sorts the runs of a batch by what they were in an earlier one; a run that was not in it counts as one that did not fail.
 
     Attributes:
@@ -268,7 +268,7 @@ class Comparison:
     still: list[Outcome] = field(default_factory=list)
 
     @classmethod
-    def with_batch(cls, folder: Path) -> Comparison:
+    def with_batch(cls, folder: Path) -> BatchComparison:
         """With the batch of an output folder.
 
         Raises:

@@ -22,7 +22,7 @@ def _not_equal(quantity: float, value: float) -> bool:
     return abs(quantity - value) > TOLERANCE
 
 
-class Rule(NamedTuple):
+class ComparisonRule(NamedTuple):
     """A Rule of the standard: how it is written, what it compares, and where the tolerance puts its border."""
 
     symbol: str
@@ -31,12 +31,12 @@ class Rule(NamedTuple):
 
 
 RULES = {
-    "equalTo": Rule("=", _equal, 0.0),
-    "notEqualTo": Rule("≠", _not_equal, 0.0),
-    "greaterThan": Rule(">", operator.gt, TOLERANCE),
-    "lessThan": Rule("<", operator.lt, -TOLERANCE),
-    "greaterOrEqual": Rule("≥", operator.ge, -TOLERANCE),
-    "lessOrEqual": Rule("≤", operator.le, TOLERANCE),
+    "equalTo": ComparisonRule("=", _equal, 0.0),
+    "notEqualTo": ComparisonRule("≠", _not_equal, 0.0),
+    "greaterThan": ComparisonRule(">", operator.gt, TOLERANCE),
+    "lessThan": ComparisonRule("<", operator.lt, -TOLERANCE),
+    "greaterOrEqual": ComparisonRule("≥", operator.ge, -TOLERANCE),
+    "lessOrEqual": ComparisonRule("≤", operator.le, TOLERANCE),
 }
 
 

@@ -33,7 +33,7 @@ _STILL = 1e-6
 """Speed (m/s) from which a time headway is defined"""
 
 
-class Measure(NamedTuple):
+class DistanceMeasure(NamedTuple):
     """Distance measure of a condition.
 
     Args:
@@ -49,7 +49,7 @@ class Measure(NamedTuple):
     routing: str
 
     @classmethod
-    def from_xml(cls, node: Node) -> Measure:
+    def from_xml(cls, node: Node) -> DistanceMeasure:
         """Read the attributes of any version.
 
         `alongRoute` (1.0, deprecated in 1.1) counts only where neither coordinate system nor distance type is given:
@@ -82,7 +82,7 @@ class Measure(NamedTuple):
         return f"{name}, box to box," if self.freespace else name
 
 
-class Target:
+class DistanceTarget:
     """The entity or position that a distance is measured to."""
 
     def __init__(self, entity: Entity | None, position: Position | None) -> None:
@@ -91,7 +91,7 @@ class Target:
         self.name = entity.name if entity is not None else "position"
 
     @classmethod
-    def from_xml(cls, node: Node, context: Context) -> Target:
+    def from_xml(cls, node: Node, context: Context) -> DistanceTarget:
         """Read an element that holds an EntityRef or a Position."""
         child = node.only()
         if child.tag == "EntityRef":
@@ -99,7 +99,7 @@ class Target:
         return cls(None, context.position(child))
 
     @classmethod
-    def position_of(cls, node: Node, context: Context) -> Target:
+    def position_of(cls, node: Node, context: Context) -> DistanceTarget:
         """Read the Position inside a condition."""
         return cls(None, context.position(node.need("Position")))
 
@@ -129,7 +129,7 @@ class _Measured(EntityCondition):
     what: ClassVar[str]
     """what it is called in descriptions"""
 
-    def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
+    def __init__(self, target: DistanceTarget, measure: DistanceMeasure, comparison: Comparison) -> None:
         self.target = target
         self.measure = measure
         self.comparison = comparison
@@ -157,7 +157,7 @@ class _DistanceCondition(_Measured, NearCondition):
 
     what = "distance"
 
-    def __init__(self, target: Target, measure: Measure, comparison: Comparison) -> None:
+    def __init__(self, target: DistanceTarget, measure: DistanceMeasure, comparison: Comparison) -> None:
         super().__init__(target, measure, comparison)
         self._gaps: dict[Entity, Separation] = {}
         """Entities from which a gap between boxes is measured that has to become small"""
@@ -212,7 +212,7 @@ class DistanceCondition(_DistanceCondition):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> DistanceCondition:
         """Read the position and how to measure."""
-        return cls(Target.position_of(node, context), Measure.from_xml(node), Comparison.from_xml(node, "m"))
+        return cls(DistanceTarget.position_of(node, context), DistanceMeasure.from_xml(node), Comparison.from_xml(node, "m"))
 
 
 @condition("RelativeDistanceCondition")
@@ -222,21 +222,21 @@ class RelativeDistanceCondition(_DistanceCondition):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> RelativeDistanceCondition:
         """Read the entity and how to measure."""
-        return cls(Target(context.entity(node), None), Measure.from_xml(node), Comparison.from_xml(node, "m"))
+        return cls(DistanceTarget(context.entity(node), None), DistanceMeasure.from_xml(node), Comparison.from_xml(node, "m"))
 
 
 @condition("ReachPositionCondition")
 class ReachPositionCondition(NearCondition):
     """True while the reference point is within a circle about a position (deprecated by the standard for DistanceCondition)."""
 
-    def __init__(self, target: Target, tolerance: float) -> None:
+    def __init__(self, target: DistanceTarget, tolerance: float) -> None:
         self.target = target
         self.tolerance = tolerance
 
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> ReachPositionCondition:
         """Read the position and the radius of the circle."""
-        return cls(Target.position_of(node, context), node.float("tolerance"))
+        return cls(DistanceTarget.position_of(node, context), node.float("tolerance"))
 
     def _distance(self, entity: Entity, run: Instant) -> float | None:
         place = self.target.find(run, entity)
@@ -268,7 +268,7 @@ class TimeHeadwayCondition(_Measured):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> TimeHeadwayCondition:
         """Read the entity and how to measure."""
-        return cls(Target(context.entity(node), None), Measure.from_xml(node), Comparison.from_xml(node, "s"))
+        return cls(DistanceTarget(context.entity(node), None), DistanceMeasure.from_xml(node), Comparison.from_xml(node, "s"))
 
     def between(self, entity: Entity, target: Entity | Placement, run: Instant) -> float | None:
         """The time headway."""
@@ -297,8 +297,8 @@ class TimeToCollisionCondition(_Measured):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> TimeToCollisionCondition:
         """Read the target (entity or position) and how to measure."""
-        target = Target.from_xml(node.need("TimeToCollisionConditionTarget"), context)
-        return cls(target, Measure.from_xml(node), Comparison.from_xml(node, "s"))
+        target = DistanceTarget.from_xml(node.need("TimeToCollisionConditionTarget"), context)
+        return cls(target, DistanceMeasure.from_xml(node), Comparison.from_xml(node, "s"))
 
     def between(self, entity: Entity, target: Entity | Placement, run: Instant) -> float | None:
         """The time to collision."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from xosc.node import Node
 
 
-class Finding(NamedTuple):
+class CriterionFinding(NamedTuple):
     """A criterion's answer. passed: None where it can't be judged. value: what it measured, None where nothing was."""
 
     passed: bool | None
@@ -122,7 +122,7 @@ class Drive:
         return [self.at(box.x + i * box.length / 2, box.y + j * box.width / 2) for i, j in half]
 
 
-class Kind(NamedTuple):
+class CriterionKind(NamedTuple):
     """A criterion that scenarios may declare.
 
     Attributes:
@@ -139,27 +139,27 @@ class Kind(NamedTuple):
     summary: str
     parameters: dict[str, float | None]
     on_roads: bool
-    evaluate: Callable[..., Finding]
+    evaluate: Callable[..., CriterionFinding]
 
 
-_registered: dict[str, Kind] = {}
-_Evaluate = TypeVar("_Evaluate", bound=Callable[..., Finding])
+_registered: dict[str, CriterionKind] = {}
+_Evaluate = TypeVar("_Evaluate", bound=Callable[..., CriterionFinding])
 
 
 def criterion(
     name: str, *, unit: str, summary: str, parameters: dict[str, float | None] | None = None, on_roads: bool = False
 ) -> Callable[[_Evaluate], _Evaluate]:
-    """Register a function of a drive as a criterion; the arguments are those of `Kind`."""
+    """Register a function of a drive as a criterion; the arguments are those of `CriterionKind`."""
 
     def register(evaluate: _Evaluate) -> _Evaluate:
-        _registered[name.casefold()] = Kind(name, unit, summary, parameters or {}, on_roads, evaluate)
+        _registered[name.casefold()] = CriterionKind(name, unit, summary, parameters or {}, on_roads, evaluate)
         return evaluate
 
     return register
 
 
 @cache
-def kinds() -> dict[str, Kind]:
+def kinds() -> dict[str, CriterionKind]:
     """All criteria by their name in lower case: scenario_runner's documentation and its code differ in letters."""
     load("runner.criteria.kinds")
     return dict(sorted(_registered.items()))
@@ -211,17 +211,22 @@ def judge_criteria(
 
 
 def _find(
-    criterion: Criterion, kind: Kind, name: str, recording: Recording, history: list[tuple[float, str, str]], lights: LightStates
-) -> Finding:
+    criterion: Criterion,
+    kind: CriterionKind,
+    name: str,
+    recording: Recording,
+    history: list[tuple[float, str, str]],
+    lights: LightStates,
+) -> CriterionFinding:
     """A criterion's finding on one participant."""
     track = recording.tracks.get(name)
     if kind.on_roads and recording.network is None:
-        return Finding(None, None, "there is no road network")
+        return CriterionFinding(None, None, "there is no road network")
     missing = [parameter for parameter, value in criterion.parameters.items() if value is None]
     if missing:
-        return Finding(None, None, f"the scenario gives no value for {' and '.join(missing)}")
+        return CriterionFinding(None, None, f"the scenario gives no value for {' and '.join(missing)}")
     if track is None:
-        return Finding(None, None, f"{name} never appeared")
+        return CriterionFinding(None, None, f"{name} never appeared")
     mine = tuple(
         Contact(time, second if first == name else first)
         for time, first, second in history
@@ -229,7 +234,7 @@ def _find(
     )
     drive = Drive(track, recording, mine, lights, criterion.delay)
     if not len(drive.columns["time"]):
-        return Finding(None, None, f"{name} was not there after {criterion.delay:g} s")
+        return CriterionFinding(None, None, f"{name} was not there after {criterion.delay:g} s")
     return kind.evaluate(drive, **criterion.parameters)
 
 
@@ -258,7 +263,7 @@ class Criterion:
     """
 
     name: str
-    kind: Kind | None
+    kind: CriterionKind | None
     parameters: dict[str, float | None]
     delay: float
     where: str
@@ -292,7 +297,7 @@ def _read(condition: Node) -> Criterion:
     return Criterion(kind.name, kind, kind.parameters | values, delay, condition.where)
 
 
-def _values(parameter: Node, kind: Kind, reference: str, text: str) -> dict[str, float | None]:
+def _values(parameter: Node, kind: CriterionKind, reference: str, text: str) -> dict[str, float | None]:
     """Values by parameter: in their order, from the one on that parameterRef names; an empty one with a name means 0."""
     names = list(kind.parameters)
     names = names[names.index(reference) if reference in names else 0 :]
@@ -302,7 +307,7 @@ def _values(parameter: Node, kind: Kind, reference: str, text: str) -> dict[str,
     return {name: _number(parameter, kind, one, text) for name, one in zip(names, texts, strict=False)}
 
 
-def _number(parameter: Node, kind: Kind, text: str, whole: str) -> float:
+def _number(parameter: Node, kind: CriterionKind, text: str, whole: str) -> float:
     try:
         value = float(text)
     except ValueError:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from schemas.common.packages import described
 
 
-class Target(NamedTuple):
+class ExportTarget(NamedTuple):
     """A target: its name, the module that writes it, whether that needs a run, and what it is."""
 
     name: str
@@ -23,16 +23,16 @@ class Target(NamedTuple):
     summary: str
 
 
-def find_targets() -> dict[str, Target]:
+def find_targets() -> dict[str, ExportTarget]:
     """All targets by name, those of documents first."""
     return {target.name: target for of_run in (False, True) for target in sorted(_in_folder(of_run))}
 
 
-def _in_folder(of_run: bool) -> Iterator[Target]:
+def _in_folder(of_run: bool) -> Iterator[ExportTarget]:
     package = "runner.exports" if of_run else "xosc.exports"
     for module, targets in described(package, "TARGETS").items():
         for name, summary in targets.items():
-            yield Target(name, f"{package}.{module}", of_run, summary)
+            yield ExportTarget(name, f"{package}.{module}", of_run, summary)
 
 
 TARGETS = find_targets()

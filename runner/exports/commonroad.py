@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from lxml import etree
 
-from runner.exports.lanelets import Lanelet, lanelets
+from runner.exports.lanelets import ExportedLanelet, lanelets
 from runner.exports.moments import box_centre, date, decimal, rate, stands, unsupported, wrapped
 from xosc.versions import with_recent
 
@@ -199,7 +199,7 @@ _SPEED_LIMIT = "274"
 """Number of the sign (German, and that of CommonRoad's land Zamunda)."""
 
 
-def map_elements(lanes: Sequence[Lanelet], numbers: count[int]) -> list[etree._Element]:
+def map_elements(lanes: Sequence[ExportedLanelet], numbers: count[int]) -> list[etree._Element]:
     """The lanelets, and one sign for each speed limit, which they refer to.
 
     Args:
@@ -229,12 +229,12 @@ def map_elements(lanes: Sequence[Lanelet], numbers: count[int]) -> list[etree._E
     return made + [_sign(signs[limit], limit, first[limit]) for limit in limits]
 
 
-def _types(lanelet: Lanelet) -> list[str]:
+def _types(lanelet: ExportedLanelet) -> list[str]:
     own = _LANES.get(lanelet.lane_type) or _ROADS.get(lanelet.road_type, "unknown")
     return [own, *(["intersection"] if lanelet.in_junction else [])]
 
 
-def _sign(number: str, limit: float, lanelet: Lanelet) -> etree._Element:
+def _sign(number: str, limit: float, lanelet: ExportedLanelet) -> etree._Element:
     sign = etree.Element("trafficSign", id=number)
     element = etree.SubElement(sign, "trafficSignElement")
     etree.SubElement(element, "trafficSignID").text = _SPEED_LIMIT

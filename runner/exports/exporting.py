@@ -19,7 +19,7 @@ from xosc.document import load
 from xosc.exports.draft import ExportSettings, Roads, roads_in
 
 if TYPE_CHECKING:
-    from runner.exports import Target
+    from runner.exports import ExportTarget
     from runner.interpreter.result import RunResult
     from xosc.exports.draft import Folder
 
@@ -41,7 +41,7 @@ class Exported(NamedTuple):
 
 def export_documents(
     sources: Sequence[Path],
-    target: Target,
+    target: ExportTarget,
     folder: Folder,
     settings: RunSettings | None = None,
     selection: Selection | None = None,
@@ -82,7 +82,7 @@ def _export_settings(settings: RunSettings, selection: Selection) -> ExportSetti
 
 def export_runs(
     sources: Sequence[Path],
-    target: Target,
+    target: ExportTarget,
     folder: Folder,
     settings: RunSettings,
     parameters: Mapping[str, str],

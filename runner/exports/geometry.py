@@ -18,7 +18,7 @@ from runner.interpreter.execution import Prepared
 from runner.interpreter.road_network import load_roads
 from runner.motion.on_roads import Roads
 from runner.motion.routes import AssignedRoute, Route
-from runner.motion.trajectories import Track, Trajectory
+from runner.motion.trajectories import TimedPath, Trajectory
 from runner.participants.scenario_objects import read_entities
 from xosc.exports.starts import InitialState, Pose, Vertex
 from xosc.node import STORYBOARD
@@ -248,7 +248,7 @@ def _keep_first(scenario: Node) -> None:
                 private.element.remove(action.element)
 
 
-def _sampled(track: Track, skip: float) -> Iterator[Vertex]:
+def _sampled(track: TimedPath, skip: float) -> Iterator[Vertex]:
     """Places along a curve, at its ends and wherever it has a time."""
     timed = {station: time for station, time in zip(track.stations, track.times, strict=True) if time is not None}
     end = track.path.length
@@ -261,7 +261,7 @@ def _sampled(track: Track, skip: float) -> Iterator[Vertex]:
     yield _at(track, end, _time(timed, end))
 
 
-def _at(track: Track, s: float, time: float | None) -> Vertex:
+def _at(track: TimedPath, s: float, time: float | None) -> Vertex:
     pose = track.path.at(s)
     return Vertex(pose.x, pose.y, pose.z, None, time)
 

@@ -27,7 +27,7 @@ Paint = tuple[str, str, float | None]
 
 
 @dataclass(eq=False)
-class Lanelet:
+class ExportedLanelet:
     """A lanelet.
 
     Attributes:
@@ -66,7 +66,7 @@ class Lanelet:
 
 
 @lru_cache(maxsize=8)
-def lanelets(network: RoadNetwork) -> dict[Key, Lanelet]:
+def lanelets(network: RoadNetwork) -> dict[Key, ExportedLanelet]:
     """All lanes with a width and a use, and how they are joined; shared by the runs on a network, so not to be changed."""
     found = {
         lanelet.key: lanelet
@@ -83,7 +83,7 @@ def lanelets(network: RoadNetwork) -> dict[Key, Lanelet]:
     return found
 
 
-def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[Lanelet]:
+def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[ExportedLanelet]:
     section = road.sections[number]
     along = np.array([section.s, *(s for s in stations(road, SPACING).tolist() if section.s < s < section.end), section.end])
     for lane in section.lanes.values():
@@ -94,7 +94,7 @@ def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[Lanel
         marks = (_mark(_inwards(section, lane)), _mark(lane))
         towards_s = road.direction(lane.id, section.s) > 0
         on_right = lane.id < 0
-        yield Lanelet(
+        yield ExportedLanelet(
             key=(road.id, number, lane.id),
             left=(inner if on_right == towards_s else outer)[:: 1 if towards_s else -1],
             right=(outer if on_right == towards_s else inner)[:: 1 if towards_s else -1],
@@ -134,7 +134,7 @@ def _ahead(network: RoadNetwork, key: Key) -> Iterator[Key]:
             yield link.road_id, entered, link.lane_id
 
 
-def _beside(network: RoadNetwork, found: dict[Key, Lanelet], key: Key, left: int) -> tuple[Key, bool] | None:
+def _beside(network: RoadNetwork, found: dict[Key, ExportedLanelet], key: Key, left: int) -> tuple[Key, bool] | None:
     road_id, number, lane_id = key
     road = network.roads[road_id]
     s = road.sections[number].s

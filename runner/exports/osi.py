@@ -47,7 +47,7 @@ _NANO = 1_000_000_000
 _AXES = (("position", "xyz"), ("orientation", ("yaw", "pitch", "roll")), ("velocity", "xyz"), ("acceleration", "xyz"))
 
 
-class Kind(Protocol):
+class ObjectKind(Protocol):
     """Properties of an object."""
 
     @property
@@ -74,7 +74,7 @@ def fill_base(base: Any, box: BoundingBox, values: Sequence[float], moves: bool)
             setattr(base.orientation_rate, axis, value)
 
 
-def fill_type(each: Any, one: Kind, osi: Osi) -> None:
+def fill_type(each: Any, one: ObjectKind, osi: Osi) -> None:
     """Fill what a MovingObject is."""
     moving = osi.objects.MovingObject
     each.type = moving.Type.Value(_KINDS.get(one.kind, "TYPE_OTHER"))

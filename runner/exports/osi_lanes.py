@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from shapely import LineString
 
-from runner.exports.lanelets import Key, Lanelet, lanelets
+from runner.exports.lanelets import ExportedLanelet, Key, lanelets
 from runner.exports.moments import box_centre
 from xodr.lookup.arrays import sample, stations
 
@@ -69,7 +69,7 @@ class Lanes:
         first_id: ids from here on are free.
     """
 
-    def __init__(self, network: RoadNetwork, chosen: Iterable[Lanelet], first_id: int) -> None:
+    def __init__(self, network: RoadNetwork, chosen: Iterable[ExportedLanelet], first_id: int) -> None:
         self._network = network
         self._lanelets = list(chosen)
         names: dict[Key | str, int] = {}
@@ -81,10 +81,10 @@ class Lanes:
         self.next_id = first_id + len(names) + len(borders)
         """ids from here on are still free"""
 
-    def _junction(self, lanelet: Lanelet) -> str | None:
+    def _junction(self, lanelet: ExportedLanelet) -> str | None:
         return _junction(self._network, lanelet)
 
-    def _borders(self, lanelet: Lanelet) -> tuple[Border, Border]:
+    def _borders(self, lanelet: ExportedLanelet) -> tuple[Border, Border]:
         """The left and the right border in driving direction."""
         road_id, section, lane = lanelet.key
         inner, outer = (road_id, section, lane + (1 if lane < 0 else -1)), (road_id, section, lane)
@@ -129,11 +129,11 @@ class Lanes:
             _fill_boundary(message.lane_boundary.add(), number, *lines[border])
         return message
 
-    def _lines(self, lanelet: Lanelet) -> Iterable[tuple[Border, tuple[Points, tuple[str, str, float | None]]]]:
+    def _lines(self, lanelet: ExportedLanelet) -> Iterable[tuple[Border, tuple[Points, tuple[str, str, float | None]]]]:
         sides = (lanelet.left, lanelet.right)
         yield from zip(self._borders(lanelet), zip(sides, lanelet.paint, strict=True), strict=True)
 
-    def _fill_lane(self, lane: Any, lanelet: Lanelet) -> None:
+    def _fill_lane(self, lane: Any, lanelet: ExportedLanelet) -> None:
         lane.centerline_is_driving_direction = True
         if lanelet.in_junction:
             lane.type = lane.TYPE_INTERSECTION
@@ -172,7 +172,7 @@ class Lanes:
         return self._ids.get(junction or key)
 
 
-def around(network: RoadNetwork, recording: Recording) -> list[Lanelet]:
+def around(network: RoadNetwork, recording: Recording) -> list[ExportedLanelet]:
     """The lanes near the ways of the participants of a run, and the rest of their junctions."""
     everything = lanelets(network)
     near = _near(everything.values(), recording)
@@ -180,11 +180,11 @@ def around(network: RoadNetwork, recording: Recording) -> list[Lanelet]:
     return [each for each in everything.values() if each in near or _junction(network, each) in junctions]
 
 
-def _junction(network: RoadNetwork, lanelet: Lanelet) -> str | None:
+def _junction(network: RoadNetwork, lanelet: ExportedLanelet) -> str | None:
     return f"junction {network.roads[lanelet.key[0]].junction_id}" if lanelet.in_junction else None
 
 
-def _near(everything: Iterable[Lanelet], recording: Recording) -> set[Lanelet]:
+def _near(everything: Iterable[ExportedLanelet], recording: Recording) -> set[ExportedLanelet]:
     from shapely import STRtree
 
     found = list(everything)
@@ -274,7 +274,7 @@ class LogicalLanes:
     """
 
     def __init__(
-        self, network: RoadNetwork, chosen: Iterable[Lanelet], physical: Callable[[Key], int | None], first_id: int
+        self, network: RoadNetwork, chosen: Iterable[ExportedLanelet], physical: Callable[[Key], int | None], first_id: int
     ) -> None:
         self._network, self._physical = network, physical
         self._lanelets = {lanelet.key: lanelet for lanelet in chosen}
@@ -346,7 +346,7 @@ class LogicalLanes:
             one = boundary.boundary_line.add(s_position=float(along[index]), t_position=float(aside[index]))
             one.position.x, one.position.y, one.position.z = points[index].tolist()
 
-    def _fill_lane(self, lane: Any, lanelet: Lanelet) -> None:
+    def _fill_lane(self, lane: Any, lanelet: ExportedLanelet) -> None:
         road_id, section_number, lane_id = key = lanelet.key
         road = self._network.roads[road_id]
         section = road.sections[section_number]

@@ -18,7 +18,7 @@ from runner.exports.moments import decimal, fixed_point, moments, unsupported
 from runner.worlds.sumo_translation import KINDS, OBSTACLE
 from schemas.xml import parse
 from xodr import sumo_net
-from xodr.sumo_net import Track
+from xodr.sumo_net import LaneTrack
 
 if TYPE_CHECKING:
     from runner import recording
@@ -117,7 +117,7 @@ def _places(track: recording.Track, net: SumoNet, lengths: dict[str, float]) -> 
     return found
 
 
-def _track(net: SumoNet, road: str | None, lane: int, s: float) -> tuple[str, Track] | None:
+def _track(net: SumoNet, road: str | None, lane: int, s: float) -> tuple[str, LaneTrack] | None:
     """The SUMO lane of a lane at s, and what it is on the road; None where there is none."""
     name = net.sumo_lane(road, lane, s) if road is not None else None
     along = net.track(name) if name is not None else None

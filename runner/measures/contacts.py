@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 
 from runner.measures.measure import GREATEST_DECELERATION, LONGEST_PET, Extreme
-from runner.measures.relations import Motion, blocks, boxes_overlap, joined, relations
+from runner.measures.relations import MotionRows, blocks, boxes_overlap, joined, relations
 from runner.participants.boxes import box_corners
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
@@ -31,7 +31,7 @@ _SLACK = 1e-3
 """Distance (m) at which bounds still touch: more than they are rounded by"""
 
 
-def post_encroachment_time(ego: Motion, others: Sequence[Motion], longest: float = LONGEST_PET) -> Extreme | None:
+def post_encroachment_time(ego: MotionRows, others: Sequence[MotionRows], longest: float = LONGEST_PET) -> Extreme | None:
     """Least time between the ego leaving a place and another one reaching it, or the other way round.
 
     Args:
@@ -48,7 +48,7 @@ def post_encroachment_time(ego: Motion, others: Sequence[Motion], longest: float
     return best
 
 
-def _least(ego: Motion, others: Sequence[Motion], step: float, longest: int) -> Extreme | None:
+def _least(ego: MotionRows, others: Sequence[MotionRows], step: float, longest: int) -> Extreme | None:
     """The same of some others, with times as multiples of a step (s)."""
     everyone, who = joined(others)
     mine, theirs = _instants(ego.time, step, np.zeros(len(ego.time), np.int64)), _instants(everyone.time, step, who)
@@ -83,7 +83,7 @@ class _Bounds(NamedTuple):
     half: FloatArray
 
 
-def _bounds(motion: Motion) -> tuple[_Bounds, _Bounds]:
+def _bounds(motion: MotionRows) -> tuple[_Bounds, _Bounds]:
     """The bounds of a participant's footprints along the axes x and y."""
     (cos, sin), box = motion.facing, motion.box
     x, y = motion.x + cos * box.x - sin * box.y, motion.y + sin * box.x + cos * box.y
@@ -166,13 +166,13 @@ class _View(NamedTuple):
     other_sideways: float
 
 
-def first_impact(ego: Motion, others: Sequence[Motion]) -> Impact | None:
+def first_impact(ego: MotionRows, others: Sequence[MotionRows]) -> Impact | None:
     """The earliest contact of the ego's box with another one; None where there is none."""
     found = [impact for other in others if (impact := _with(ego, other)) is not None]
     return min(found, key=lambda impact: impact.time, default=None)
 
 
-def _with(ego: Motion, other: Motion) -> Impact | None:
+def _with(ego: MotionRows, other: MotionRows) -> Impact | None:
     rows, _, distance, view = relations(ego, [other])
     touching = np.flatnonzero(distance == 0.0)
     if not touching.size:
@@ -187,7 +187,7 @@ def _with(ego: Motion, other: Motion) -> Impact | None:
     return Impact(float(ego.time[rows[first]]), other.name, speed, side, striking, point)
 
 
-def _point(ego: Motion, other: Motion, time: float) -> tuple[float, float]:
+def _point(ego: MotionRows, other: MotionRows, time: float) -> tuple[float, float]:
     """Middle of the overlap of two boxes at an instant (s), ahead of the middle of the ego's box and to its left, m."""
     own, its = (_outline(each, int(np.argmin(np.abs(each.time - time)))) for each in (ego, other))
     place = shapely.intersection(own, its.buffer(_TOUCHING)).centroid
@@ -197,7 +197,7 @@ def _point(ego: Motion, other: Motion, time: float) -> tuple[float, float]:
     return dx * c + dy * s - ego.box.x, dy * c - dx * s - ego.box.y
 
 
-def _outline(motion: Motion, row: int) -> shapely.Polygon:
+def _outline(motion: MotionRows, row: int) -> shapely.Polygon:
     return shapely.Polygon(box_corners(float(motion.x[row]), float(motion.y[row]), float(motion.h[row]), motion.box))
 
 
@@ -223,7 +223,7 @@ def _closing_time(gap: float, closing: float) -> float:
     return gap / closing if abs(closing) > _STILL and gap * closing > 0.0 else np.inf
 
 
-def _bearing(ego: Motion, other: Motion, time: float) -> tuple[float, float]:
+def _bearing(ego: MotionRows, other: MotionRows, time: float) -> tuple[float, float]:
     """The other's centre at an instant as the ego sees it, ahead and to the left, in half lengths and widths of both."""
     row = int(np.argmin(np.abs(other.time - time)))
     c, s = float(np.cos(ego.h[0])), float(np.sin(ego.h[0]))
@@ -246,8 +246,8 @@ _HALVINGS = 12
 class Conflict:
     """A participant, the other one that it touches, and the row of the participant at which it does."""
 
-    ego: Motion
-    other: Motion
+    ego: MotionRows
+    other: MotionRows
     row: int
 
     def latest(self, deceleration: float) -> float | None:
@@ -279,7 +279,7 @@ class Conflict:
         return not boxes_overlap(_along(self.ego, row, way), _at(self.other, time)).any()
 
 
-def _along(motion: Motion, row: int, way: FloatArray) -> Motion:
+def _along(motion: MotionRows, row: int, way: FloatArray) -> MotionRows:
     """A participant on its own path, so far (m) from where it is at a row; straight on where the path has ended."""
     x, y = motion.x[row:], motion.y[row:]
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
@@ -289,14 +289,14 @@ def _along(motion: Motion, row: int, way: FloatArray) -> Motion:
     return _moved(motion, x, y, z, h, np.maximum(way - driven[-1], 0.0))
 
 
-def _at(motion: Motion, time: FloatArray) -> Motion:
+def _at(motion: MotionRows, time: FloatArray) -> MotionRows:
     """A participant at instants (s); after its last one straight on with its last speed."""
     h = np.unwrap(motion.h)
     x, y, z, h = (np.interp(time, motion.time, values) for values in (motion.x, motion.y, motion.z, h))
     return _moved(motion, x, y, z, h, motion.speed[-1] * np.maximum(time - motion.time[-1], 0.0))
 
 
-def _moved(motion: Motion, x: FloatArray, y: FloatArray, z: FloatArray, h: FloatArray, ahead: FloatArray) -> Motion:
+def _moved(motion: MotionRows, x: FloatArray, y: FloatArray, z: FloatArray, h: FloatArray, ahead: FloatArray) -> MotionRows:
     """A participant at other places, each moved ahead (m)."""
     nothing = np.zeros_like(x)
     x, y = x + ahead * np.cos(h), y + ahead * np.sin(h)
@@ -304,5 +304,5 @@ def _moved(motion: Motion, x: FloatArray, y: FloatArray, z: FloatArray, h: Float
     return replace(motion, time=nothing, x=x, y=y, z=z, h=h, speed=nothing, road=no_road, s=nothing, t=nothing)
 
 
-def _timestep(motion: Motion) -> float:
+def _timestep(motion: MotionRows) -> float:
     return float(np.diff(motion.time).min()) if len(motion.time) > 1 else _BRAKING_STEP

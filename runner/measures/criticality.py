@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from runner.measures import rss
 from runner.measures.contacts import Impact, first_impact, post_encroachment_time
 from runner.measures.measure import Extreme, Series, least, measures
-from runner.measures.relations import Motion, View, blocks, relations
+from runner.measures.relations import MotionRows, View, blocks, relations
 from runner.measures.risk_field import greatest
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
@@ -141,14 +141,14 @@ class Criticality:
     active: BoolArray
     nearest: NDArray[np.object_] = field(repr=False)
     _touched: BoolArray = field(repr=False)
-    _motions: tuple[Motion, Sequence[Motion]] = field(repr=False)
+    _motions: tuple[MotionRows, Sequence[MotionRows]] = field(repr=False)
 
     @property
-    def ego(self) -> Motion:
+    def ego(self) -> MotionRows:
         """The ego's motion."""
         return self._motions[0]
 
-    def other(self, name: str) -> Motion:
+    def other(self, name: str) -> MotionRows:
         """The motion of another participant."""
         return next(motion for motion in self._motions[1] if motion.name == name)
 
@@ -169,7 +169,7 @@ class Criticality:
         return first_impact(ego, [other for other, touched in zip(others, self._touched, strict=True) if touched])
 
     @property
-    def opponent(self) -> Motion | None:
+    def opponent(self) -> MotionRows | None:
         """The participant of the first contact; None without one."""
         return self.other(self.impact.other) if self.impact is not None else None
 
@@ -218,7 +218,7 @@ def _column(name: str) -> str:
     return name.replace("-", "_")
 
 
-def criticality(ego: Motion, others: Sequence[Motion]) -> Criticality:
+def criticality(ego: MotionRows, others: Sequence[MotionRows]) -> Criticality:
     """All measures of an ego against everyone else."""
     count = len(ego.time)
     gap, closing = np.full(count, np.inf), np.zeros(count)
@@ -280,6 +280,6 @@ def _where(defined: BoolArray, measure: Series) -> Series:
 def of_recording(recording: Recording, ego_name: str | None) -> Criticality | None:
     """The measures of one participant of a recording; None where there is no such name in it."""
     tracks = recording.locate().tracks
-    motions = {name: Motion.of(track) for name, track in tracks.items()}
+    motions = {name: MotionRows.of(track) for name, track in tracks.items()}
     ego = motions.pop(ego_name, None) if ego_name is not None else None
     return criticality(ego, list(motions.values())) if ego is not None else None

@@ -28,7 +28,7 @@ _BLOCK = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class MotionRows:
     """One participant over time, or rows of several (`joined`).
 
     Args:
@@ -60,7 +60,7 @@ class Motion:
     mass: float = 0.0
 
     @classmethod
-    def from_columns(cls, name: str, box: BoundingBox, columns: Mapping[str, Any]) -> Motion:
+    def from_columns(cls, name: str, box: BoundingBox, columns: Mapping[str, Any]) -> MotionRows:
         """From the columns of a trajectory table (`runner.recording.COLUMNS`)."""
         values: dict[str, Any] = {
             key: np.asarray(columns[key], dtype=np.float64) for key in ("time", "x", "y", "z", "h", "speed", "s", "t")
@@ -68,7 +68,7 @@ class Motion:
         return cls(name, box, road=np.asarray(columns["road_id"], dtype=object), **values)
 
     @classmethod
-    def of(cls, track: Track) -> Motion:
+    def of(cls, track: Track) -> MotionRows:
         """The motion of a recorded participant."""
         return replace(
             cls.from_columns(track.name, track.box, track.columns), kind=track.kind, category=track.category, mass=track.mass
@@ -79,7 +79,7 @@ class Motion:
         """Cosine and sine of the heading."""
         return np.cos(self.h), np.sin(self.h)
 
-    def at(self, rows: IntArray | BoolArray) -> Motion:
+    def at(self, rows: IntArray | BoolArray) -> MotionRows:
         """The same at some of its instants."""
         sizes: tuple[Any, ...] = self.box
         box = self.box if np.ndim(sizes[0]) == 0 else BoundingBox(*(values[rows] for values in sizes))
@@ -93,15 +93,15 @@ _ROWS = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
 
 
 @lru_cache(maxsize=1)  # several measures of one scene ask for it
-def joined(motions: tuple[Motion, ...]) -> tuple[Motion, IntArray]:
+def joined(motions: tuple[MotionRows, ...]) -> tuple[MotionRows, IntArray]:
     """The rows of several participants, one participant after the other, and which one each row is of."""
     sizes = [len(each.time) for each in motions]
     boxes = BoundingBox(*np.repeat(np.array([each.box for each in motions], np.float64).T, sizes, axis=1))
     columns: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in motions]) for name in _ROWS}
-    return Motion("", boxes, **columns), np.repeat(np.arange(len(motions)), sizes)
+    return MotionRows("", boxes, **columns), np.repeat(np.arange(len(motions)), sizes)
 
 
-def blocks(motions: Sequence[Motion]) -> Iterator[tuple[Motion, ...]]:
+def blocks(motions: Sequence[MotionRows]) -> Iterator[tuple[MotionRows, ...]]:
     """Participants in their order, as many at once as are to be looked at together."""
     ends = np.cumsum([len(each.time) for each in motions]) // _BLOCK
     for block in np.unique(ends):
@@ -148,7 +148,7 @@ class Sight(NamedTuple):
     sin: FloatArray
 
 
-def seen_by(a: Motion, b: Motion) -> Sight:
+def seen_by(a: MotionRows, b: MotionRows) -> Sight:
     """Return the relation of b to a, row by row."""
     (ca, sa), (cb, sb) = a.facing, b.facing
     dx = b.x - a.x + cb * b.box.x - sb * b.box.y
@@ -156,7 +156,7 @@ def seen_by(a: Motion, b: Motion) -> Sight:
     return Sight(dx * ca + dy * sa - a.box.x, dy * ca - dx * sa - a.box.y, cb * ca + sb * sa, sb * ca - cb * sa)
 
 
-def boxes_overlap(a: Motion, b: Motion) -> BoolArray:
+def boxes_overlap(a: MotionRows, b: MotionRows) -> BoolArray:
     """Return a mask of rows in which two upright boxes overlap or touch."""
     return _outlines_overlap(a.box, b.box, seen_by(a, b)) & (vertical_gap(a, b) == 0.0)
 
@@ -172,18 +172,18 @@ def _outlines_overlap(own: BoundingBox, other: BoundingBox, seen: Sight) -> Bool
     return np.logical_not(apart)
 
 
-def vertical_gap(a: Motion, b: Motion) -> FloatArray:
+def vertical_gap(a: MotionRows, b: MotionRows) -> FloatArray:
     """Height between the vertical spans of two upright boxes, row by row; 0 where they overlap."""
     middle = np.abs(b.z + b.box.z - a.z - a.box.z)
     return np.maximum(middle - (a.box.height + b.box.height) / 2, 0.0)
 
 
-def box_distance(a: Motion, b: Motion) -> FloatArray:
+def box_distance(a: MotionRows, b: MotionRows) -> FloatArray:
     """Shortest distance of two boxes in the plane, row by row; 0 where they overlap."""
     return _distance(a, b, seen_by(a, b))
 
 
-def _distance(a: Motion, b: Motion, seen: Sight) -> FloatArray:
+def _distance(a: MotionRows, b: MotionRows, seen: Sight) -> FloatArray:
     """The same, from how a sees b."""
     squares = np.minimum(_corner_squares(seen, b.box, a.box), _corner_squares(seen_by(b, a), a.box, b.box))
     return np.where(_outlines_overlap(a.box, b.box, seen), 0.0, np.sqrt(squares))
@@ -203,7 +203,7 @@ def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatA
 # relations ----------------------------------------------------------------------------------
 
 
-def relations(ego: Motion, others: Sequence[Motion]) -> Relations:
+def relations(ego: MotionRows, others: Sequence[MotionRows]) -> Relations:
     """Return the relations of other entities to the ego while both exist, on the same level."""
     everyone = tuple(others)
     a, b, rows, theirs, who = common(ego, everyone)
@@ -223,7 +223,7 @@ def relations(ego: Motion, others: Sequence[Motion]) -> Relations:
 
 
 @lru_cache(maxsize=1)  # as `joined`
-def common(ego: Motion, others: tuple[Motion, ...]) -> tuple[Motion, Motion, IntArray, IntArray, IntArray]:
+def common(ego: MotionRows, others: tuple[MotionRows, ...]) -> tuple[MotionRows, MotionRows, IntArray, IntArray, IntArray]:
     """The ego and all others at the instants at which both are there; the rows of both, and whose each is."""
     everyone, who = joined(others)
     rows, theirs = _common(ego.time, everyone.time, who)
@@ -245,12 +245,12 @@ def interval_gaps(low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high
     return np.maximum(low_b - high_a, 0.0) + np.minimum(high_b - low_a, 0.0)
 
 
-def in_ego_frame(a: Motion, b: Motion) -> View:
+def in_ego_frame(a: MotionRows, b: MotionRows) -> View:
     """Return b in the frame of a, along and across its heading, row by row."""
     return _in_ego_frame(a, b, seen_by(a, b))
 
 
-def _in_ego_frame(a: Motion, b: Motion, seen: Sight) -> View:
+def _in_ego_frame(a: MotionRows, b: MotionRows, seen: Sight) -> View:
     x, y, c, s = seen
     cos, sin = np.abs(c), np.abs(s)
     ahead = (b.box.length * cos + b.box.width * sin) / 2
@@ -266,11 +266,11 @@ def _in_ego_frame(a: Motion, b: Motion, seen: Sight) -> View:
     )
 
 
-_OnRoad = tuple[Motion, FloatArray, FloatArray]
+_OnRoad = tuple[MotionRows, FloatArray, FloatArray]
 """A participant at some instants, and how it moves along its road there (`_along_road`)"""
 
 
-def _along_road(motion: Motion, who: IntArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+def _along_road(motion: MotionRows, who: IntArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return the motion of entities along their roads in given rows (n,).
 
     Args:
@@ -310,6 +310,6 @@ def _on_road(ego: _OnRoad, other: _OnRoad) -> View:
     )
 
 
-def _extent(m: Motion, side: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _extent(m: MotionRows, side: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     s, t = m.s + side * m.box.x, m.t + side * m.box.y
     return s - m.box.length / 2, s + m.box.length / 2, t - m.box.width / 2, t + m.box.width / 2

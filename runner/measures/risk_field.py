@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from runner.measures.measure import Extreme
-from runner.measures.relations import Motion, blocks, boxes_overlap, common, seen_by
+from runner.measures.relations import MotionRows, blocks, boxes_overlap, common, seen_by
 from schemas.common.array_types import FloatArray, IntArray
 
 
@@ -76,7 +76,7 @@ class Field(NamedTuple):
     risk: FloatArray
 
 
-def risk_field(ego: Motion, other: Motion, parameters: FieldParameters = DEFAULTS) -> Field:
+def risk_field(ego: MotionRows, other: MotionRows, parameters: FieldParameters = DEFAULTS) -> Field:
     """The field of another participant where the ego is, row by row.
 
     Args:
@@ -94,7 +94,7 @@ def risk_field(ego: Motion, other: Motion, parameters: FieldParameters = DEFAULT
     return Field(probability, probability * approach.energy(parameters))
 
 
-def greatest(ego: Motion, others: Sequence[Motion], parameters: FieldParameters = DEFAULTS) -> list[Extreme]:
+def greatest(ego: MotionRows, others: Sequence[MotionRows], parameters: FieldParameters = DEFAULTS) -> list[Extreme]:
     """The greatest probability and the greatest risk of the fields of all others; none without others.
 
     Of equal values those of the first participant, and of its first instant, count.
@@ -131,7 +131,7 @@ _Bounded = Callable[[_Approach, FieldParameters], FloatArray]
 """Logarithms of what the probabilities (n,) of an overlap at any look-ahead time are at most"""
 
 
-def _approach(ego: Motion, other: Motion) -> _Approach:
+def _approach(ego: MotionRows, other: MotionRows) -> _Approach:
     x, y, cos, sin = seen_by(ego, other)
     a, b = ego.box, other.box
     half = (
@@ -141,7 +141,7 @@ def _approach(ego: Motion, other: Motion) -> _Approach:
     return _Approach((x, y), (other.speed * cos - ego.speed, other.speed * sin), half)
 
 
-def _candidates(ego: Motion, other: Motion, parameters: FieldParameters, bounded: _Bounded) -> IntArray:
+def _candidates(ego: MotionRows, other: MotionRows, parameters: FieldParameters, bounded: _Bounded) -> IntArray:
     """Rows among which those with the greatest probability and the greatest risk are.
 
     What the rows with the greatest bounds reach, others have to reach by theirs.

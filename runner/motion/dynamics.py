@@ -48,7 +48,7 @@ def _step(p: float) -> float:
     return 1.0
 
 
-class Shape(NamedTuple):
+class TransitionShape(NamedTuple):
     """A transition shape: its value over p, its greatest slope and its greatest second derivative.
 
     A linear transition has no finite acceleration at its ends; it is given as long as a cubic one.
@@ -59,11 +59,11 @@ class Shape(NamedTuple):
     bend: float
 
 
-SHAPES: dict[str, Shape] = {
-    "linear": Shape(_linear, 1.0, 6.0),
-    "cubic": Shape(_cubic, 1.5, 6.0),
-    "sinusoidal": Shape(_sinusoidal, math.pi / 2, math.pi**2 / 2),
-    "step": Shape(_step, 0.0, 0.0),
+SHAPES: dict[str, TransitionShape] = {
+    "linear": TransitionShape(_linear, 1.0, 6.0),
+    "cubic": TransitionShape(_cubic, 1.5, 6.0),
+    "sinusoidal": TransitionShape(_sinusoidal, math.pi / 2, math.pi**2 / 2),
+    "step": TransitionShape(_step, 0.0, 0.0),
 }
 
 
@@ -75,7 +75,7 @@ class TransitionDynamics(NamedTuple):
     version 1.2 on this is the default; earlier versions have no followingMode, and a vehicle stays what it is.
     """
 
-    shape: Shape
+    shape: TransitionShape
     dimension: str
     value: float
     strict: bool

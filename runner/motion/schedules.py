@@ -5,8 +5,8 @@ specifies the motion of the entity, including its speed" (OpenSCENARIO XML 1.3, 
 shape exactly, so times are interpolated as the lines are: the speed is steady between vertices and jumps there. `follow`
 observes what the entity can do, so the speed is continuous, and changes by constant accelerations.
 
-Since 1.4 a vertex may give speed and acceleration (`Motion`). With times both hold (`prescribed`); without them the speed follows
-from the place (`paced`).
+Since 1.4 a vertex may give speed and acceleration (`VertexMotion`). With times both hold (`prescribed`); without them the
+speed follows from the place (`paced`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _FINE = 0.25
 """Length (m) of the stretches over which an acceleration that changes is taken for constant."""
 
 
-class Piece(NamedTuple):
+class PathPiece(NamedTuple):
     """From a time (s) and station (m) on: a speed (m/s) that changes by a constant acceleration (m/s²)."""
 
     time: float
@@ -40,7 +40,7 @@ class Piece(NamedTuple):
     acceleration: float = 0.0
 
 
-class Motion(NamedTuple):
+class VertexMotion(NamedTuple):
     """Prescribed motion at a vertex: speed (m/s) and acceleration (m/s²) along the path; None if absent."""
 
     speed: float | None = None
@@ -57,7 +57,9 @@ class Schedule:
         final_speed: at the last vertex, m/s.
     """
 
-    def __init__(self, times: Sequence[float], stations: Sequence[float], pieces: Sequence[Piece], final_speed: float) -> None:
+    def __init__(
+        self, times: Sequence[float], stations: Sequence[float], pieces: Sequence[PathPiece], final_speed: float
+    ) -> None:
         self.times, self.stations, self.final_speed = times, stations, final_speed
         self.pieces = pieces
         self._times, self._stations = [piece.time for piece in pieces], [piece.station for piece in pieces]
@@ -90,7 +92,7 @@ def steady(times: Sequence[float], stations: Sequence[float]) -> Schedule:
         (there - here) / (after - before) if after > before else 0.0
         for (before, after), (here, there) in zip(pairwise(times), pairwise(stations), strict=True)
     ]
-    pieces = [Piece(*piece) for piece in zip(times, stations, speeds, strict=False)]
+    pieces = [PathPiece(*piece) for piece in zip(times, stations, speeds, strict=False)]
     return Schedule(times, stations, pieces, speeds[-1] if speeds else 0.0)
 
 
@@ -111,10 +113,10 @@ def smooth(
     """
     at, places = np.array(times, np.float64), np.array(stations, np.float64)
     pieces, final = quadratic(at, places, start, np.isin(places, list(rests)))
-    return Schedule(times, stations, [Piece(*piece) for piece in pieces.tolist()], final)
+    return Schedule(times, stations, [PathPiece(*piece) for piece in pieces.tolist()], final)
 
 
-def prescribed(times: Sequence[float], stations: Sequence[float], motions: Sequence[Motion], usual: Schedule) -> Schedule:
+def prescribed(times: Sequence[float], stations: Sequence[float], motions: Sequence[VertexMotion], usual: Schedule) -> Schedule:
     """A schedule by times that keeps the speeds and accelerations at vertices; other intervals are those of the usual one.
 
     An interval with a prescribed speed at one end has a constant acceleration. With both speeds it has two accelerations, before
@@ -127,12 +129,12 @@ def prescribed(times: Sequence[float], stations: Sequence[float], motions: Seque
     Raises:
         ValueError: times, speeds and accelerations contradict each other.
     """
-    pieces: list[Piece] = []
+    pieces: list[PathPiece] = []
     for index, (before, after) in enumerate(pairwise(times)):
         begin, end = motions[index], motions[index + 1]
         if after - before <= _SAME_TIME:
             continue
-        if begin == end == Motion():
+        if begin == end == VertexMotion():
             pieces += [piece for piece in usual.pieces if before - _SAME_TIME <= piece.time < after - _SAME_TIME]
             continue
         span, way = after - before, stations[index + 1] - stations[index]
@@ -143,7 +145,7 @@ def prescribed(times: Sequence[float], stations: Sequence[float], motions: Seque
             steps = _by_accelerations(first, last, begin.acceleration, end.acceleration, span, way)
         time, station, speed = before, stations[index], first
         for duration, acceleration in steps:
-            pieces.append(Piece(time, station, speed, acceleration))
+            pieces.append(PathPiece(time, station, speed, acceleration))
             station += duration * (speed + 0.5 * duration * acceleration)
             time, speed = time + duration, speed + duration * acceleration
             if speed < -_STANDS:
@@ -152,7 +154,7 @@ def prescribed(times: Sequence[float], stations: Sequence[float], motions: Seque
     return Schedule(times, stations, pieces, final if final is not None else _end_speed(pieces, times[-1]))
 
 
-def _end_speed(pieces: Sequence[Piece], time: float) -> float:
+def _end_speed(pieces: Sequence[PathPiece], time: float) -> float:
     return max(pieces[-1].speed + (time - pieces[-1].time) * pieces[-1].acceleration, 0.0) if pieces else 0.0
 
 
@@ -193,7 +195,7 @@ def _by_accelerations(
     return [*([(quarter, begin)] if begin is not None else []), *inner, *([(quarter, end)] if end is not None else [])]
 
 
-def paced(stations: Sequence[float], motions: Sequence[Motion], start: float) -> Schedule:
+def paced(stations: Sequence[float], motions: Sequence[VertexMotion], start: float) -> Schedule:
     """A schedule without given times, by the speeds and accelerations at vertices; its first vertex is at time 0.
 
     Between vertices half the square of the speed is a cubic of the way, with the accelerations as slopes: a constant
@@ -205,8 +207,8 @@ def paced(stations: Sequence[float], motions: Sequence[Motion], start: float) ->
     Raises:
         ValueError: the speeds or accelerations lead to no motion to the end.
     """
-    known = [index for index, motion in enumerate(motions) if motion != Motion() or index in (0, len(motions) - 1)]
-    times, pieces = {0: 0.0}, list[Piece]()
+    known = [index for index, motion in enumerate(motions) if motion != VertexMotion() or index in (0, len(motions) - 1)]
+    times, pieces = {0: 0.0}, list[PathPiece]()
     speed = motions[0].speed
     energy, time = 0.5 * (start if speed is None else speed) ** 2, 0.0
     for here, there in pairwise(known):
@@ -218,7 +220,7 @@ def paced(stations: Sequence[float], motions: Sequence[Motion], start: float) ->
             v, w = (math.sqrt(2.0 * _energy(energy, reached, begin, end, way, s - stations[here])) for s in (low, high))
             if v + w <= _STANDS:
                 raise ValueError(f"the follower stands at {low:.2f} m, and nothing accelerates it")
-            pieces.append(Piece(time, low, v, 0.5 * (w * w - v * v) / (high - low)))
+            pieces.append(PathPiece(time, low, v, 0.5 * (w * w - v * v) / (high - low)))
             time += 2.0 * (high - low) / (v + w)
             if mark is not None:
                 times[mark] = time
@@ -236,8 +238,12 @@ def delayed(schedule: Schedule, length: float, station: float, speed: float) -> 
     reached = joined.speed + (begin - joined.time) * joined.acceleration
     duration = 2.0 * length / max(speed + reached, _SLOWEST)
     later, further = duration - begin, length - station
-    rest = [Piece(p.time + later, p.station + further, p.speed, p.acceleration) for p in schedule.pieces[index + 1 :]]
-    pieces = [Piece(0.0, 0.0, speed, (reached - speed) / duration), Piece(duration, length, reached, joined.acceleration), *rest]
+    rest = [PathPiece(p.time + later, p.station + further, p.speed, p.acceleration) for p in schedule.pieces[index + 1 :]]
+    pieces = [
+        PathPiece(0.0, 0.0, speed, (reached - speed) / duration),
+        PathPiece(duration, length, reached, joined.acceleration),
+        *rest,
+    ]
     vertices = [(t + later, s + further) for t, s in zip(schedule.times, schedule.stations, strict=True) if s > station]
     times, stations = [0.0, duration, *(t for t, _ in vertices)], [0.0, length, *(s for _, s in vertices)]
     return Schedule(times, stations, pieces, schedule.final_speed)
@@ -260,7 +266,7 @@ def _cuts(stations: Sequence[float], here: int, there: int) -> Iterator[tuple[fl
         yield from (cut for cut in zip(cuts, cuts[1:], ends, strict=False) if cut[1] > cut[0])
 
 
-def _energy(low: float, high: float, begin: Motion, end: Motion, way: float, u: float) -> float:
+def _energy(low: float, high: float, begin: VertexMotion, end: VertexMotion, way: float, u: float) -> float:
     """Half the square of the speed (m²/s²) after u of a way (m), between its values at the ends."""
     secant = (high - low) / way
     first, last = begin.acceleration, end.acceleration

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 from runner.motion.nurbs import ControlPoint, sampled
 from runner.motion.paths import Chain, Corner, Path, Polyline, Segments, smoothed
 from runner.motion.placement import Placement
-from runner.motion.schedules import Motion
+from runner.motion.schedules import VertexMotion
 from xodr.geometry import Arc, Line, PlanElement, Spiral, Start
 from xosc.rules.positions import TIMING_UID
 
@@ -40,7 +40,7 @@ _LONGEST = 1e7
 """Length (m) beyond which a trajectory is taken for a mistake."""
 
 
-class Track(NamedTuple):
+class TimedPath(NamedTuple):
     """A trajectory in the world: its path, and the times (s) that it gives at some s (m) along the path.
 
     grounded: whether its height is that of the road. motions: what is prescribed at each of these s.
@@ -50,7 +50,7 @@ class Track(NamedTuple):
     times: Sequence[float | None]
     stations: Sequence[float]
     grounded: bool = True
-    motions: Sequence[Motion] = ()
+    motions: Sequence[VertexMotion] = ()
 
 
 class Timetable(NamedTuple):
@@ -60,7 +60,7 @@ class Timetable(NamedTuple):
     stations: Sequence[float]
 
 
-class Shape(ABC):
+class TrajectoryShape(ABC):
     """A trajectory's shape.
 
     Attributes:
@@ -71,7 +71,7 @@ class Shape(ABC):
 
     times: Sequence[float | None] = ()
     timed: bool = False
-    motions: Sequence[Motion] = ()
+    motions: Sequence[VertexMotion] = ()
 
     def __init__(self, positions: Sequence[Position], motions: Sequence[Node | None] = ()) -> None:
         self.positions = positions
@@ -88,27 +88,27 @@ class Shape(ABC):
 
     @classmethod
     @abstractmethod
-    def from_xml(cls, node: Node, context: Context) -> Shape:
+    def from_xml(cls, node: Node, context: Context) -> TrajectoryShape:
         """Read the shape's element."""
 
     @abstractmethod
-    def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
+    def build(self, run: Surroundings | None, actor: Entity | None) -> TimedPath:
         """The track, with all positions where they are now."""
 
 
-def _motion(node: Node | None) -> Motion:
+def _motion(node: Node | None) -> VertexMotion:
     """Read a Motion; an empty one prescribes nothing."""
     if node is None:
-        return Motion()
-    found = Motion(node.finite("speed_longitudinal", None), node.finite("acceleration_longitudinal", None))
-    if found == Motion():
+        return VertexMotion()
+    found = VertexMotion(node.finite("speed_longitudinal", None), node.finite("acceleration_longitudinal", None))
+    if found == VertexMotion():
         raise node.invalid("speed_longitudinal or acceleration_longitudinal is expected")
     if found.speed is not None and found.speed < 0.0:
         raise node.unsupported(f"speed_longitudinal={found.speed:g}: a trajectory is followed forwards")
     return found
 
 
-class PolylineShape(Shape):
+class PolylineShape(TrajectoryShape):
     """Vertices joined by straight lines; with an Interpolation, by a smooth curve."""
 
     def __init__(self, node: Node, positions: Sequence[Position], times: Sequence[float | None]) -> None:
@@ -140,11 +140,11 @@ class PolylineShape(Shape):
                 times[first if second == len(vertices) - 1 and first else second] = None
         return cls(node, positions, times)
 
-    def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
+    def build(self, run: Surroundings | None, actor: Entity | None) -> TimedPath:
         """Lines from vertex to vertex, or a curve through them."""
         corners = [_corner(position, position.resolve(run, actor)) for position in self.positions]
         path = smoothed(corners) if self.curved else Polyline(corners)
-        return Track(path, self.times, path.stations, motions=self.motions)
+        return TimedPath(path, self.times, path.stations, motions=self.motions)
 
 
 def _apart(one: Position, other: Position) -> bool:
@@ -186,7 +186,7 @@ def _bent(x: float, y: float, z: float, h: float, bends: tuple[_Bend, ...]) -> S
     return path
 
 
-class ClothoidShape(Shape):
+class ClothoidShape(TrajectoryShape):
     """One clothoid: curvature that changes evenly along its length.
 
     `curvatureDot` of version 1.0 is read as what later versions call `curvaturePrime`, the change per metre: a shape does
@@ -210,11 +210,11 @@ class ClothoidShape(Shape):
         """Read the attributes."""
         return cls(node, context.position(node.need("Position")))
 
-    def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
+    def build(self, run: Surroundings | None, actor: Entity | None) -> TimedPath:
         """The clothoid from its start position."""
         place = self.positions[0].resolve(run, actor)
         path = _bent_at(self.node, place, (self.bend,))
-        return Track(path, self.times, path.stations, motions=self.motions)
+        return TimedPath(path, self.times, path.stations, motions=self.motions)
 
 
 def _bent_at(node: Node, place: Placement, bends: tuple[_Bend, ...]) -> Segments:
@@ -224,7 +224,7 @@ def _bent_at(node: Node, place: Placement, bends: tuple[_Bend, ...]) -> Segments
         raise node.invalid(f"the clothoid can't be followed: {error}") from None
 
 
-class ClothoidSplineShape(Shape):
+class ClothoidSplineShape(TrajectoryShape):
     """Clothoids one after the other; a segment with a start position begins there, the others where the last one ended.
 
     Without a start position the first segment begins where the entity is that follows it.
@@ -254,7 +254,7 @@ class ClothoidSplineShape(Shape):
         """Read the segments."""
         return cls(node, context)
 
-    def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
+    def build(self, run: Surroundings | None, actor: Entity | None) -> TimedPath:
         """The segments, gaps between them (if any) bridged by lines."""
         path: Path | None = None
         stations = [0.0]
@@ -265,7 +265,7 @@ class ClothoidSplineShape(Shape):
             begin = path.length - piece.length
             stations = [*stations[:-1], *(begin + station for station in piece.stations)]
         assert path is not None
-        return Track(path, self.times, stations, motions=self.motions)
+        return TimedPath(path, self.times, stations, motions=self.motions)
 
 
 def _read_bend(node: Node) -> _Bend:
@@ -282,7 +282,7 @@ def _own_place(node: Node, actor: Entity | None) -> Placement:
     return Placement(actor.x, actor.y, actor.z, actor.h)
 
 
-class NurbsShape(Shape):
+class NurbsShape(TrajectoryShape):
     """A non-uniform rational B-spline."""
 
     def __init__(self, node: Node, context: Context) -> None:
@@ -300,7 +300,7 @@ class NurbsShape(Shape):
         """Read order, control points and knots."""
         return cls(node, context)
 
-    def build(self, run: Surroundings | None, actor: Entity | None) -> Track:
+    def build(self, run: Surroundings | None, actor: Entity | None) -> TimedPath:
         """The curve that the control points shape."""
         points: list[ControlPoint] = []
         heading: float | None = None
@@ -312,7 +312,7 @@ class NurbsShape(Shape):
             curve = sampled(self.order, tuple(points), self.knots)
         except ValueError as error:
             raise self.node.invalid(str(error)) from None
-        return Track(curve.path, curve.times, curve.stations)
+        return TimedPath(curve.path, curve.times, curve.stations)
 
 
 def _unwrapped(angle: float, near: float | None) -> float:
@@ -339,18 +339,18 @@ class Trajectory:
         fixed: what it is throughout every run, where it is always the same.
     """
 
-    SHAPES: ClassVar[dict[str, type[Shape]]] = {
+    SHAPES: ClassVar[dict[str, type[TrajectoryShape]]] = {
         "Polyline": PolylineShape,
         "Clothoid": ClothoidShape,
         "ClothoidSpline": ClothoidSplineShape,
         "Nurbs": NurbsShape,
     }
 
-    def __init__(self, node: Node, shape: Shape, closed: bool) -> None:
+    def __init__(self, node: Node, shape: TrajectoryShape, closed: bool) -> None:
         self.node, self.shape, self.closed = node, shape, closed
         self.name: str = node.get("name", "")
         self.timed = shape.timed
-        self.moved = any(motion != Motion() for motion in shape.motions)
+        self.moved = any(motion != VertexMotion() for motion in shape.motions)
         if self.moved and closed:
             raise node.unsupported("speeds and accelerations along a closed trajectory are not known to the runner")
         self.timeless = all(time is None for time in shape.times)
@@ -368,7 +368,7 @@ class Trajectory:
         """Entities that the shape's positions refer to."""
         return tuple(entity for position in self.shape.positions for entity in position.references())
 
-    def track(self, run: Surroundings | None, actor: Entity | None) -> Track:
+    def track(self, run: Surroundings | None, actor: Entity | None) -> TimedPath:
         """The trajectory in the world, with all positions where they are now.
 
         Args:
@@ -379,7 +379,7 @@ class Trajectory:
         """
         return self.fixed or self._build(run, actor)
 
-    def timetable(self, track: Track, scale: float) -> Timetable:
+    def timetable(self, track: TimedPath, scale: float) -> Timetable:
         """When a follower is to be where on a track of this trajectory.
 
         Args:
@@ -397,7 +397,7 @@ class Trajectory:
                 raise self.node.invalid(f"the trajectory covers {there - here:g} m in {duration:g} s, after {before:g} s")
         return Timetable([scale * time for time, _ in known], [station for _, station in known])
 
-    def _build(self, run: Surroundings | None, actor: Entity | None) -> Track:
+    def _build(self, run: Surroundings | None, actor: Entity | None) -> TimedPath:
         track = self.shape.build(run, actor)
         path = track.path
         if self.closed:

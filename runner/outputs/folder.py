@@ -94,7 +94,7 @@ _SHORTEST, _LONGEST = 0.001, 1e6
 """Limits of steps and runs, s"""
 
 
-class Entity(NamedTuple):
+class EntityRecord(NamedTuple):
     """A participant of a run; the mass is 0 where it is not known."""
 
     kind: str
@@ -117,7 +117,7 @@ class Setup(NamedTuple):
     road: Path | None
     timestep: float
     ego: str | None
-    entities: dict[str, Entity]
+    entities: dict[str, EntityRecord]
 
 
 def read_setup(path: Path) -> Setup:
@@ -263,10 +263,10 @@ def _tracks(path: Path, setup: Setup) -> list[Track]:
     ]
 
 
-def _entity(values: Mapping[str, Any]) -> Entity:
+def _entity(values: Mapping[str, Any]) -> EntityRecord:
     """A participant; runs of earlier versions have no masses."""
     mass = _number(values, "mass") if "mass" in values else 0.0
-    return Entity(str(values["kind"]), str(values["category"]), _box(values["box"]), mass)
+    return EntityRecord(str(values["kind"]), str(values["category"]), _box(values["box"]), mass)
 
 
 def _box(values: Mapping[str, Any]) -> BoundingBox:

@@ -16,7 +16,7 @@ from schemas.common.remarks import told_quietly
 from schemas.common.text import many, one_line
 
 if TYPE_CHECKING:
-    from runner.batch.batch import Comparison
+    from runner.batch.batch import BatchComparison
     from runner.batch.jobs import Outcome
 
 _WORDS = {"error": "ERROR", "failed": "FAILED", "inconclusive": "INCONCLUSIVE", "passed": "PASSED", "loaded": "LOADED"}
@@ -45,7 +45,7 @@ _DRAWN = re.compile(r"(?<==)-?\d+\.\d{5,}\b")
 """Values with more digits than a reader needs, as draws of a distribution have them"""
 
 
-class Table:
+class OutcomeTable:
     """Prints outcomes as they come; colours and a progress line on a terminal only.
 
     Args:
@@ -152,7 +152,7 @@ class Table:
         text = f"{many(runs, 'file' if self._counts['loaded'] else 'run')}: {counts}"
         self._print(f"{_BOLD}{text}{_OFF}" if self._terminal else text)
 
-    def compare(self, earlier: Comparison, replays: Path | None) -> None:
+    def compare(self, earlier: BatchComparison, replays: Path | None) -> None:
         """Print what has changed since an earlier batch.
 
         Args:

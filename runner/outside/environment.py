@@ -14,7 +14,7 @@ import numpy as np
 
 from runner.interpreter.execution import Prepared, Session, prepare
 from runner.interpreter.result import INCONCLUSIVE, RunResult
-from runner.outside.learner import EGO, PARTICIPANT, STATE, EgoStep, Reward, RewardFunction, Rows, View
+from runner.outside.learner import EGO, PARTICIPANT, STATE, DrivingReward, EgoStep, ObservationArrays, RewardFunction, Rows
 from runner.settings import RunSettings
 from runner.sut.base import PEDAL, Control, Observation
 from runner.sut.commanded import Commanded
@@ -42,9 +42,9 @@ _MOST_SEEDS = 2**31 - 1
 class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
     """Drives the ego of a scenario, one run an episode.
 
-    Observations are the arrays of `runner.outside.learner.View`. Actions are numbers from −1 to 1: the share of a fully pressed
-    throttle (positive) or brake (negative), the share of the greatest steering angle, to the left positive, or the target speed,
-    −1 standstill and 1 the greatest. An episode terminates if the ego has a contact or leaves the road, and is truncated
+    Observations are the arrays of `runner.outside.learner.ObservationArrays`. Actions are numbers from −1 to 1: the share of a
+    fully pressed throttle (positive) or brake (negative), the share of the greatest steering angle, to the left positive, or the
+    target speed, −1 standstill and 1 the greatest. An episode terminates if the ego has a contact or leaves the road, and is truncated
     where the scenario or its time limit ends it. `info` has `time` (s), `touched` (names), `departed`, and at the end
     `inconclusive`: names of causes for which the episode tested nothing (`runner.interpreter.verdict.CAUSES`).
 
@@ -89,9 +89,9 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         if not self._sets:
             raise InvalidFile("no parameter set satisfies the constraints of the scenario", path=scenario)
         self._prepared = lru_cache(maxsize=64)(self._prepare)
-        self._actions, self._participants, self._reward = actions, participants, reward or Reward()
+        self._actions, self._participants, self._reward = actions, participants, reward or DrivingReward()
         self._session: Session | None = None
-        self._view = View(participants)
+        self._view = ObservationArrays(participants)
         self._seen: Observation | None = None
         """what the present episode's next step begins with"""
 
@@ -111,7 +111,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         number = (options or {}).get("set", int(self.np_random.integers(len(self._sets))))
         chosen = replace(self._settings, seed=int(self.np_random.integers(_MOST_SEEDS)))
         session = self._session = Session(self._prepared(number), chosen)
-        self._view = View(self._participants)
+        self._view = ObservationArrays(self._participants)
         while session.running and session.observation is None:
             session.step()
         self._seen = session.observation

@@ -39,7 +39,7 @@ class _Seat(NamedTuple):
     side: float
 
 
-class View:
+class ObservationArrays:
     """Makes arrays of observations.
 
     Args:
@@ -147,7 +147,7 @@ class RewardFunction(Protocol):
 
 
 @dataclass(frozen=True)
-class Reward:
+class DrivingReward:
     """Drive at the requested speed, smoothly and without contacts.
 
     A step of dt seconds is worth

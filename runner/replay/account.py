@@ -202,7 +202,7 @@ _PAIR = " – "
 
 
 @dataclass
-class Row:
+class TimelineRow:
     """One thing over time.
 
     Args:
@@ -224,14 +224,14 @@ def is_shown(entry: LogEntry) -> bool:
     return not entry.kind.endswith("Transition") or (not entry.subject.startswith(_INIT) and _level(entry) != "")
 
 
-def rows(events: Iterable[LogEntry], actors: Mapping[str, tuple[str, ...]], names: Collection[str]) -> list[Row]:
+def rows(events: Iterable[LogEntry], actors: Mapping[str, tuple[str, ...]], names: Collection[str]) -> list[TimelineRow]:
     """Rows in the order of the storyboard's levels, then of their first appearance.
 
     Args:
         actors: actors of each maneuver group, by its path.
         names: of all participants.
     """
-    found: dict[tuple[str, str], Row] = {}
+    found: dict[tuple[str, str], TimelineRow] = {}
     for entry in events:
         level = _level(entry)
         if not level:
@@ -242,7 +242,7 @@ def rows(events: Iterable[LogEntry], actors: Mapping[str, tuple[str, ...]], name
             if key in found:
                 _close(found[key], entry.time)
             continue
-        row = found.setdefault(key, Row(level, _label(entry), _whole(entry), who))
+        row = found.setdefault(key, TimelineRow(level, _label(entry), _whole(entry), who))
         until = None if entry.kind in _STARTS else entry.time
         row.bars.append((entry.time, until, entry.text))
     lasting = [row for row in found.values() if not row.subject.startswith(_INIT) or any(a != b for a, b, _ in row.bars)]
@@ -261,7 +261,7 @@ def _who(entry: LogEntry, level: str, actors: Mapping[str, tuple[str, ...]]) -> 
     return actors.get(_SEPARATOR.join(parts[:_GROUP]), ()) if level != "act" else ()
 
 
-def _close(row: Row, time: float) -> None:
+def _close(row: TimelineRow, time: float) -> None:
     start, end, text = row.bars[-1]
     if end is None:
         row.bars[-1] = (start, time, text)

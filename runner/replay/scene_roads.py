@@ -245,7 +245,7 @@ def _simplified(strips: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float6
     return [strip[:, mask] for strip, mask in zip(strips, pieces, strict=True)]
 
 
-class Block(NamedTuple):
+class ObjectBlock(NamedTuple):
     """An object: its outline on the ground, rows x, y, z (m), and its height (m)."""
 
     ring: Line
@@ -278,9 +278,9 @@ _PIECE = 12
 """Intervals between stations that one block of them covers"""
 
 
-def objects(network: RoadNetwork, area: Area) -> dict[str, list[Block]]:
+def objects(network: RoadNetwork, area: Area) -> dict[str, list[ObjectBlock]]:
     """The objects within an area, by how they look."""
-    found: dict[str, list[Block]] = defaultdict(list)
+    found: dict[str, list[ObjectBlock]] = defaultdict(list)
     for road in network.roads.values():
         for thing in road.objects:
             look = LOOKS.get(thing.type, "object") or thing.type
@@ -293,7 +293,7 @@ def objects(network: RoadNetwork, area: Area) -> dict[str, list[Block]]:
                     found[look].append(block)
     for junction in network.junctions.values():
         for path in junction.cross_paths:
-            found["crosswalk"] += [Block(ring, 0.0) for ring in _lanes(network.roads[path.road_id]) if _touches(ring, area)]
+            found["crosswalk"] += [ObjectBlock(ring, 0.0) for ring in _lanes(network.roads[path.road_id]) if _touches(ring, area)]
     return dict(sorted((look, blocks) for look, blocks in found.items() if blocks))
 
 
@@ -307,7 +307,7 @@ def _lanes(road: Road) -> Iterator[Line]:
             yield np.concatenate([strip[0], strip[1][::-1]])
 
 
-def _built(road: Road, structure: Structure) -> Iterator[tuple[str, Block]]:
+def _built(road: Road, structure: Structure) -> Iterator[tuple[str, ObjectBlock]]:
     """Parapets of a bridge; walls of a tunnel and the stretch that it covers, which has no roof that would hide the traffic."""
     start, end = max(structure.s, 0.0), min(structure.s + structure.length, road.length)
     if start >= end:
@@ -320,9 +320,9 @@ def _built(road: Road, structure: Structure) -> Iterator[tuple[str, Block]]:
     for first in range(0, strip.shape[1] - 1, _PIECE):
         outer, inner, other, last = strip[:, first : first + _PIECE + 1]
         for one, two in ((outer, inner), (other, last)):
-            yield "barrier", Block(np.concatenate([one, two[::-1]]), _WALL if tunnel else _PARAPET)
+            yield "barrier", ObjectBlock(np.concatenate([one, two[::-1]]), _WALL if tunnel else _PARAPET)
         if tunnel:
-            yield "covered", Block(np.concatenate([inner, other[::-1]]), 0.0)
+            yield "covered", ObjectBlock(np.concatenate([inner, other[::-1]]), 0.0)
 
 
 def _touches(ring: Line, area: Area) -> bool:
@@ -330,19 +330,19 @@ def _touches(ring: Line, area: Area) -> bool:
     return bool(west <= area.east and east >= area.west and south <= area.north and north >= area.south)
 
 
-def _blocks(road: Road, thing: RoadObject, usual: float) -> list[Block]:
+def _blocks(road: Road, thing: RoadObject, usual: float) -> list[ObjectBlock]:
     height = usual if thing.height is None or not usual else thing.height
     outlines = [outline for outline in thing.outlines if outline]
     if outlines:
         tops = [max(corner.height for corner in each) if usual else 0.0 for each in outlines]
-        return [Block(_outline(road, thing, each), top or height) for each, top in zip(outlines, tops, strict=True)]
+        return [ObjectBlock(_outline(road, thing, each), top or height) for each, top in zip(outlines, tops, strict=True)]
     if thing.length and thing.width:
         u, v = thing.length / 2, thing.width / 2
         points = np.array([(u, v, 0.0), (-u, v, 0.0), (-u, -v, 0.0), (u, -v, 0.0)])
     else:
         angles = np.linspace(0.0, math.tau, _CORNERS, endpoint=False)
         points = (thing.radius or _POINT) * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_CORNERS)])
-    return [Block(_placed(road, thing, points), height)]
+    return [ObjectBlock(_placed(road, thing, points), height)]
 
 
 def _outline(road: Road, thing: RoadObject, corners: tuple[OutlineCorner, ...]) -> Line:

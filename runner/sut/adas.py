@@ -27,7 +27,7 @@ _LEAST_GAP = 0.1
 """Gap (m) below which a required deceleration has no meaning any more"""
 
 
-class Target(NamedTuple):
+class RadarTarget(NamedTuple):
     """A participant in the field of view, in coordinates along the ego's predicted path.
 
     Args:
@@ -170,7 +170,7 @@ class DriverAssistance:
             return math.inf, False, ""
         return self.following(lead, ego, observation.target_speed), False, f"{lead.name} is {lead.gap:.1f} m ahead"
 
-    def following(self, lead: Target, ego: Participant, desired: float) -> float:
+    def following(self, lead: RadarTarget, ego: Participant, desired: float) -> float:
         """Acceleration (m/s²) of the ACC model behind a target, with a desired speed (m/s), before the limits of ISO 15622."""
         v, gap, closing = ego.speed, max(lead.gap, _LEAST_GAP), ego.speed - lead.speed
         dynamic = v * self.headway + v * closing / (2.0 * math.sqrt(self.accelerate * self.comfortable))
@@ -184,7 +184,7 @@ class DriverAssistance:
         mixed = constant + self.comfortable * math.tanh((idm - constant) / self.comfortable)
         return (1.0 - self.coolness) * idm + self.coolness * mixed
 
-    def targets(self, observation: Observation) -> Iterator[Target]:
+    def targets(self, observation: Observation) -> Iterator[RadarTarget]:
         """Participants in the field of view, in the order of the scenario's entities."""
         ego = observation.ego
         c, s = math.cos(ego.h), math.sin(ego.h)
@@ -203,7 +203,7 @@ class DriverAssistance:
             middle = view.y - bend
             half = (left - right + ego.box.width) / 2.0
             pulled = other.ax * c + other.ay * s
-            yield Target(
+            yield RadarTarget(
                 other.name, gap, abs(middle) - half, 2.0 * half, -drift if middle > 0.0 else drift, along, pulled
             )  # fmt: skip
 

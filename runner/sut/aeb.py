@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from runner.sut.base import Control, Observation, Participant
-from runner.sut.encounters import Encounter, choose, encounters, greatest, least
+from runner.sut.encounters import AheadParticipant, choose, encounters, greatest, least
 
 SYSTEMS = {
     "aeb": ("EmergencyBraking", "emergency braking in two stages by the time to collision"),
@@ -56,13 +56,13 @@ class EmergencyBraking:
         reason = f"{held} is near" if self._stage == _HOLDS else f"{name} is reached in {time:.2f} s"
         return Control(self.acceleration(self._stage), reason=reason)
 
-    def threat(self, found: Encounter) -> float:
+    def threat(self, found: AheadParticipant) -> float:
         """Return the time (s) until the ego reaches the entity, if it is or will be in the path; else infinity."""
         time = found.time_to_collision
         reached: float = choose((found.gap <= self.sensor_range) & self._in_way(found), time, math.inf)
         return reached
 
-    def holds(self, found: Encounter, speed: float) -> bool:
+    def holds(self, found: AheadParticipant, speed: float) -> bool:
         """Whether an entity in the path is so near that, having braked at a speed (m/s), it does not speed up again."""
         near: bool = (found.gap <= self.hold + self.partial_time * speed) & self._in_way(found)
         return near
@@ -78,6 +78,6 @@ class EmergencyBraking:
         """The acceleration (m/s²) of what it does."""
         return choose(stage == _FULL, -self.full, choose(stage == _PARTIAL, -self.partial, 0.0))
 
-    def _in_way(self, found: Encounter) -> bool:
+    def _in_way(self, found: AheadParticipant) -> bool:
         left = found.aside - greatest(found.approach, 0.0) * least(found.time_to_collision, _FORESEEN)
         return left < self.clearance

@@ -32,7 +32,7 @@ _OPEN = 16
 """Connections that may be open until one of them has sent the token"""
 
 
-class Frames:
+class FrameConnection:
     """A connection with one client.
 
     Args:
@@ -99,7 +99,7 @@ def _gone(error: OSError | None = None) -> ToolchainError:
     return ToolchainError(f"the client of the bridge has closed the connection{why}")
 
 
-def accept(host: str, port: int, wait: float, limit: float, token: str) -> Frames:
+def accept(host: str, port: int, wait: float, limit: float, token: str) -> FrameConnection:
     """Listen until a client has connected and sent a frame with `{"token": …}`; others are turned away, further ones refused.
 
     Any number of connections may be open meanwhile, so that one which sends nothing, or slowly, is in no one's way.
@@ -136,7 +136,7 @@ def accept(host: str, port: int, wait: float, limit: float, token: str) -> Frame
                         selector.unregister(connection)
                         del waiting[connection]
                         if known:
-                            return Frames(connection, limit)
+                            return FrameConnection(connection, limit)
                         connection.close()
                         turned_away += 1
         finally:
@@ -228,7 +228,7 @@ class Bridge:
     host: str = "127.0.0.1"
     wait: float = 60.0
     answer: float = 10.0
-    _client: Frames | None = field(init=False, default=None, repr=False)
+    _client: FrameConnection | None = field(init=False, default=None, repr=False)
     _truth: Truth = field(init=False, repr=False)
     _token: str = field(init=False, repr=False)
 

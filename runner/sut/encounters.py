@@ -45,7 +45,7 @@ def greatest(one: Any, other: Any) -> Any:
     return choose(one > other, one, other)
 
 
-class Encounter(NamedTuple):
+class AheadParticipant(NamedTuple):
     """A participant whose centre is ahead of the ego's; the ego's frame goes straight on, whatever the road does.
 
     Numbers, or arrays of them over many cases.
@@ -75,7 +75,7 @@ class Encounter(NamedTuple):
         return found
 
 
-def encounters(observation: Observation) -> Iterator[Encounter]:
+def encounters(observation: Observation) -> Iterator[AheadParticipant]:
     """Everyone ahead, in the order of the scenario's entities."""
     ego = observation.ego
     for other in observation.others:
@@ -84,18 +84,18 @@ def encounters(observation: Observation) -> Iterator[Encounter]:
             yield encounter(other.name, seen, (ego.box, other.box), ego.speed, *_relative(ego, other))
 
 
-def stop_line(observation: Observation) -> Encounter | None:
+def stop_line(observation: Observation) -> AheadParticipant | None:
     """The line at which a signal forbids to go on, as something that stands in the way; None once the front is beyond it."""
     line, box = observation.stop_line, observation.ego.box
     gap = line.distance - (box.x + 0.5 * box.length) if line is not None else -math.inf
     if line is None or gap < -_OVERSHOT:
         return None
-    return Encounter(f"the signal {line.signal}", gap, -box.width, box.length, 0.0, observation.ego.speed, 0.0)
+    return AheadParticipant(f"the signal {line.signal}", gap, -box.width, box.length, 0.0, observation.ego.speed, 0.0)
 
 
 def encounter(
     name: str, seen: Outlook, boxes: tuple[BoundingBox, BoundingBox], own: float, speed: float, left: float
-) -> Encounter:
+) -> AheadParticipant:
     """Entity ahead.
 
     Args:
@@ -108,7 +108,7 @@ def encounter(
     rear, front, rightmost, leftmost = spans(seen, other)
     aside = choose(seen.y > 0.0, rightmost - ego.width / 2, -leftmost - ego.width / 2)
     approach = choose(seen.y > 0.0, -left, left)
-    return Encounter(name, rear - ego.length / 2, aside, front - rear + ego.length, speed, own - speed, approach)
+    return AheadParticipant(name, rear - ego.length / 2, aside, front - rear + ego.length, speed, own - speed, approach)
 
 
 def _relative(ego: Participant, other: Participant) -> tuple[float, float]:

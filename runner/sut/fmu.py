@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from runner.outside.fmi import Description, Instance, describe_fmu
-from runner.outside.learner import EGO, PARTICIPANT, STATE, View
+from runner.outside.learner import EGO, PARTICIPANT, STATE, ObservationArrays
 from runner.outside.osmp import GROUND_TRUTH, REQUEST, SENSOR_DATA, UPDATE, VIEW, SensorViews, pose_of_request, pose_of_update
 from runner.sut.base import PEDAL, Control, Observation, Participant, Pose
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError
@@ -96,7 +96,7 @@ class Fmu:
     _mapping: VariableMapping = field(init=False, repr=False)
     _instance: Instance | None = field(init=False, default=None, repr=False)
     _time: float = field(init=False, default=0.0, repr=False)
-    _view: View | None = field(init=False, default=None, repr=False)
+    _view: ObservationArrays | None = field(init=False, default=None, repr=False)
     _views: SensorViews | None = field(init=False, default=None, repr=False)
     _begun: bool = field(init=False, default=False, repr=False)
 
@@ -137,7 +137,7 @@ class Fmu:
         self._instance = Instance(self._described)
         places = self._named()
         numbers = [int(found[1]) + 1 for found in map(_OTHER.match, places) if found]
-        self._view = View(max([*numbers, _NEAREST * ("lead" in places)], default=0)) if places else None
+        self._view = ObservationArrays(max([*numbers, _NEAREST * ("lead" in places)], default=0)) if places else None
         self._views = SensorViews(self._described.has_binary(GROUND_TRUTH)) if self._described.has_binary(VIEW) else None
         self._begun = False
 

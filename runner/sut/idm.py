@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from runner.sut.base import Control, Observation, Participant
-from runner.sut.encounters import Encounter, encounters, greatest, ratio, stop_line
+from runner.sut.encounters import AheadParticipant, encounters, greatest, ratio, stop_line
 
 SYSTEMS = {
     "idm": ("IntelligentDriver", "Intelligent Driver Model behind the participant ahead"),
@@ -53,7 +53,7 @@ class IntelligentDriver:
         reason = f"{found.name} is {found.gap:.1f} m ahead, {found.closing:.1f} m/s slower"
         return Control(self.acceleration(found, speed, target), reason=reason)
 
-    def acceleration(self, found: Encounter, speed: float, target: float) -> float:
+    def acceleration(self, found: AheadParticipant, speed: float, target: float) -> float:
         """Return the model's acceleration behind an entity, at a speed and with a desired one (m/s)."""
         dynamic = speed * self.headway + speed * found.closing / (2.0 * math.sqrt(self.accelerate * self.comfortable))
         needed = (self.standstill + greatest(dynamic, 0.0)) / greatest(found.gap, 0.1)

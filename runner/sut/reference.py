@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Protocol
 
 from runner.measures.rss import RssParameters, lateral_distance, longitudinal_distance, parameter_set
 from runner.sut.base import Control, Observation, Participant
-from runner.sut.encounters import Encounter, choose, encounters, greatest, least, ratio, stop_line
+from runner.sut.encounters import AheadParticipant, choose, encounters, greatest, least, ratio, stop_line
 
 SYSTEMS = {
     "r157-cc": ("CarefulCompetent", "careful and competent driver of UN Regulation 157"),
@@ -85,11 +85,11 @@ class ReferenceDriver:
         self._until_braking, self._deceleration = self.react(self._until_braking, self._deceleration, demand, dt)
         return Control(acceleration=-self._deceleration, reason=reason)
 
-    def dangerous(self, found: Encounter, ego: Moving) -> bool:
+    def dangerous(self, found: AheadParticipant, ego: Moving) -> bool:
         """Whether a participant ahead calls for a reaction."""
         raise NotImplementedError
 
-    def demand(self, found: Encounter, ego: Moving) -> float:
+    def demand(self, found: AheadParticipant, ego: Moving) -> float:
         """Deceleration that a dangerous participant calls for, m/s²."""
         return HARDEST
 
@@ -119,7 +119,7 @@ class CarefulCompetent(ReferenceDriver):
     release: float = 0.4
     critical: float = 2.0
 
-    def dangerous(self, found: Encounter, ego: Moving) -> bool:
+    def dangerous(self, found: AheadParticipant, ego: Moving) -> bool:
         """In the way, and reached within the critical time."""
         return (found.aside <= ROUNDING) & (found.time_to_collision <= self.critical)
 
@@ -142,13 +142,13 @@ class Regulation157(ReferenceDriver):
     lateral: float = 0.5
     jerk: ClassVar[float] = math.inf
 
-    def dangerous(self, found: Encounter, ego: Moving) -> bool:
+    def dangerous(self, found: AheadParticipant, ego: Moving) -> bool:
         """Cutting in, too near for what the regulation grants."""
         enough = found.closing / (2.0 * self.brake) + self.reaction + 0.1
         near = (found.closing > 0.0) & (abs(found.gap) <= enough * found.closing)
         return near & (found.aside <= self.lateral + ROUNDING)
 
-    def demand(self, found: Encounter, ego: Moving) -> float:
+    def demand(self, found: AheadParticipant, ego: Moving) -> float:
         """The same for everyone, m/s²."""
         return self.brake
 
@@ -171,7 +171,7 @@ class SafeDistance(ReferenceDriver):
     def __post_init__(self) -> None:
         self._set = parameter_set(self.parameters)
 
-    def dangerous(self, found: Encounter, ego: Moving) -> bool:
+    def dangerous(self, found: AheadParticipant, ego: Moving) -> bool:
         """Less than both safe distances away."""
         aside = lateral_distance(abs(found.approach), 0.0, self._set.response, 0.0, self._set)
         near: bool = (found.aside < aside) & (found.gap < longitudinal_distance(ego.speed, found.speed, self._set))
@@ -210,11 +210,11 @@ class FuzzySafety(ReferenceDriver):
     margin: float = 2.0
     ahead_of_time: float = 0.1
 
-    def dangerous(self, found: Encounter, ego: Moving) -> bool:
+    def dangerous(self, found: AheadParticipant, ego: Moving) -> bool:
         """In the way or about to be, and not safe by one of the metrics."""
         return self._in_the_way(found) & ((self.critical(found, ego) > 0.0) | (self.proactive(found, ego) > 0.0))
 
-    def _in_the_way(self, found: Encounter) -> bool:
+    def _in_the_way(self, found: AheadParticipant) -> bool:
         comes, passed = (
             ratio(found.aside, found.approach, math.inf),
             ratio(found.gap + found.length, found.closing, -math.inf),
@@ -222,14 +222,14 @@ class FuzzySafety(ReferenceDriver):
         there: bool = (found.aside <= ROUNDING) | ((found.approach > 0.0) & (comes <= passed + self.ahead_of_time))
         return there
 
-    def proactive(self, found: Encounter, ego: Moving) -> float:
+    def proactive(self, found: AheadParticipant, ego: Moving) -> float:
         """PFS, 0 (safe) to 1."""
         u, own = ego.speed, found.speed
         reaction, its = u * self.reaction, own * own / (2.0 * self.other)
         safe = reaction + u * u / (2.0 * self.comfortable) - its + self.margin
         return _between(found.gap - self.margin, safe, reaction + u * u / (2.0 * self.hard) - its)
 
-    def critical(self, found: Encounter, ego: Moving) -> float:
+    def critical(self, found: AheadParticipant, ego: Moving) -> float:
         """CFS, 0 (safe) to 1."""
         acceleration = greatest(ego.acceleration, -self.comfortable)
         left = found.closing + acceleration * self.reaction
@@ -240,7 +240,7 @@ class FuzzySafety(ReferenceDriver):
         unsafe: float = choose(found.closing <= 0.0, 0.0, choose(left < 0.0, standing, moving))
         return unsafe
 
-    def demand(self, found: Encounter, ego: Moving) -> float:
+    def demand(self, found: AheadParticipant, ego: Moving) -> float:
         """The more, the less safe, m/s²; no human brakes harder than `HARDEST`."""
         critical = self.critical(found, ego)
         hard = self.comfortable + critical * (self.hard - self.comfortable)

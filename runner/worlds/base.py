@@ -13,7 +13,7 @@ from runner.participants.entity import Entity
 from xodr.network import RoadNetwork
 
 
-class Reading(NamedTuple):
+class WorldState(NamedTuple):
     """State of a participant that the world moves: reference point (m), heading (rad), speed (m/s), in the plane."""
 
     x: float
@@ -85,7 +85,7 @@ class World(Protocol):
         """Advance by one time step."""
         ...
 
-    def read(self, entity: Entity) -> Reading | None:
+    def read(self, entity: Entity) -> WorldState | None:
         """State of a driven participant; None once it has left the world."""
         ...
 
@@ -132,7 +132,7 @@ class KinematicWorld:
     def step(self) -> None:
         """Time is the interpreter's."""
 
-    def read(self, entity: Entity) -> Reading | None:
+    def read(self, entity: Entity) -> WorldState | None:
         """No one is driven here."""
         return None
 

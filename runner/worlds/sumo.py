@@ -18,7 +18,7 @@ from xodr import sumo_net
 
 if TYPE_CHECKING:
     from runner.participants.entity import Entity
-    from runner.worlds.base import DriverRequest, Reading
+    from runner.worlds.base import DriverRequest, WorldState
     from runner.worlds.sumo_simulation import SumoSimulation
     from xodr.network import RoadNetwork
 
@@ -209,6 +209,6 @@ class SumoWorld:
         """Set desired speed and permission to change lanes; speed limits hold only where no speed is asked for."""
         self.begin().ask(entity, request)
 
-    def read(self, entity: Entity) -> Reading | None:
+    def read(self, entity: Entity) -> WorldState | None:
         """State of a participant that SUMO drives; None once it has left at the end of its route."""
         return self.simulation.read(entity) if self.simulation is not None else None

@@ -30,7 +30,7 @@ import libsumo
 
 from runner.participants.declaration import BoundingBox, Performance
 from runner.participants.entity import Entity
-from runner.worlds.base import DriverRequest, Reading
+from runner.worlds.base import DriverRequest, WorldState
 from runner.worlds.sumo_translation import KINDS, OBSTACLE, OFF, REACH, SumoRoutes, joined, link_state
 from schemas.common.errors import ToolchainError, UsageError
 from xodr.model import RoadPoint
@@ -304,7 +304,7 @@ class SumoSimulation:
         vehicle.setSpeedFactor(name, _UNLIMITED)  # after the speed: setting that forgets the factor
         vehicle.setSpeed(name, max(request.speed, 0.0) if request.exact or request.speed < _SMALLEST else -1.0)
 
-    def read(self, entity: Entity) -> Reading | None:
+    def read(self, entity: Entity) -> WorldState | None:
         """State of a participant that SUMO drives; None once it has left at the end of its route."""
         due = self._driven.get(entity)
         if due is None:
@@ -323,7 +323,7 @@ class SumoSimulation:
             speed = entity.speed
         if entity.odometer > due and self._network is not None:
             self._find_route(entity, self._network.locate(entity.x, entity.y, entity.z, entity.h), entity.odometer)
-        return Reading(*_reference(shown, x, y, angle), speed)
+        return WorldState(*_reference(shown, x, y, angle), speed)
 
     def signal(self, signal_id: str, state: str) -> None:
         """Show SUMO's traffic a signal's state; one that is not understood as if the light were off."""

@@ -23,7 +23,7 @@ from xodr.sumo_net import SumoNet
 from xosc.versions import with_recent
 
 
-class Kind(NamedTuple):
+class VehicleKind(NamedTuple):
     """SUMO vehicle class, and what SUMO's driver of such a vehicle uses: m/s², m/s², m/s (SUMO's own defaults)."""
 
     vehicle_class: str
@@ -34,22 +34,22 @@ class Kind(NamedTuple):
 
 KINDS = with_recent(
     {
-        "car": Kind("passenger", 2.6, 4.5, 55.0),
-        "van": Kind("delivery", 2.6, 4.5, 55.0),
-        "truck": Kind("truck", 1.3, 4.0, 36.0),
-        "semitrailer": Kind("trailer", 1.1, 4.0, 36.0),
-        "trailer": Kind("trailer", 1.1, 4.0, 36.0),
-        "bus": Kind("bus", 1.2, 4.0, 28.0),
-        "motorbike": Kind("motorcycle", 6.0, 10.0, 55.0),
-        "bicycle": Kind("bicycle", 1.2, 3.0, 5.6),
-        "train": Kind("rail", 0.25, 1.3, 44.0),
-        "tram": Kind("tram", 1.0, 3.0, 22.0),
-        "pedestrian": Kind("pedestrian", 1.5, 2.0, 1.4),
-        "wheelchair": Kind("wheelchair", 1.5, 2.0, 1.4),
+        "car": VehicleKind("passenger", 2.6, 4.5, 55.0),
+        "van": VehicleKind("delivery", 2.6, 4.5, 55.0),
+        "truck": VehicleKind("truck", 1.3, 4.0, 36.0),
+        "semitrailer": VehicleKind("trailer", 1.1, 4.0, 36.0),
+        "trailer": VehicleKind("trailer", 1.1, 4.0, 36.0),
+        "bus": VehicleKind("bus", 1.2, 4.0, 28.0),
+        "motorbike": VehicleKind("motorcycle", 6.0, 10.0, 55.0),
+        "bicycle": VehicleKind("bicycle", 1.2, 3.0, 5.6),
+        "train": VehicleKind("rail", 0.25, 1.3, 44.0),
+        "tram": VehicleKind("tram", 1.0, 3.0, 22.0),
+        "pedestrian": VehicleKind("pedestrian", 1.5, 2.0, 1.4),
+        "wheelchair": VehicleKind("wheelchair", 1.5, 2.0, 1.4),
     }
 )
 """By OpenSCENARIO category. Everything else is an obstacle."""
-OBSTACLE = Kind("ignoring", 1.0, 1.0, 55.0)
+OBSTACLE = VehicleKind("ignoring", 1.0, 1.0, 55.0)
 
 
 RED, RED_YELLOW, YELLOW, GREEN, YIELD, OFF = "r", "u", "y", "g", "o", ""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from lxml import etree
 
 from schemas import expressions
-from schemas.catalogs import Catalogs, Directory, Entry, Folders, NoEntry, referred
+from schemas.catalogs import CatalogEntry, Catalogs, Directory, Folders, NoEntry, referred
 from schemas.checks import Problem, road_references
 from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.common.policy import current
@@ -210,7 +210,7 @@ class CheckedDocument:
                 return Directory(path, self.path, line_of(directory))
         return None
 
-    def entry(self, reference: etree._Element) -> Entry | None:
+    def entry(self, reference: etree._Element) -> CatalogEntry | None:
         """The catalogue entry that a CatalogReference stands for; None where its attributes are missing or undecidable.
 
         Raises:
@@ -221,14 +221,14 @@ class CheckedDocument:
             return None
         return self.catalogs.find(local_name(holder), catalog, name)
 
-    def resolvable_entry(self, reference: etree._Element) -> Entry | None:
+    def resolvable_entry(self, reference: etree._Element) -> CatalogEntry | None:
         """The catalogue entry that a CatalogReference stands for, None where there is not exactly one."""
         try:
             return self.entry(reference)
         except NoEntry:
             return None
 
-    def source(self, entry: Entry) -> CheckedDocument:
+    def source(self, entry: CatalogEntry) -> CheckedDocument:
         """The document that a catalogue entry is in."""
         root = entry.element.getroottree()
         if entry.path not in self._sources:

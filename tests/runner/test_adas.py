@@ -12,7 +12,7 @@ import runner
 from runner.participants.declaration import BoundingBox
 from runner.surroundings import Environment
 from runner.sut import Observation, Participant
-from runner.sut.adas import DriverAssistance, Target
+from runner.sut.adas import DriverAssistance, RadarTarget
 from tests.conformance.support import track
 
 LIBRARY = Path(__file__).parents[2] / "xosc" / "library"
@@ -74,7 +74,7 @@ def test_the_path_bends_with_the_yaw_rate() -> None:
 
 
 def test_the_needed_deceleration_is_that_of_kinematics() -> None:
-    standing = Target("Lead", 50.0, -2.0, 4.0, 0.0, 0.0, 0.0)
+    standing = RadarTarget("Lead", 50.0, -2.0, 4.0, 0.0, 0.0, 0.0)
     assert standing.needed(20.0, 0.0) == pytest.approx(20.0**2 / (2 * 50.0))
     assert standing.needed(20.0, 0.5) == pytest.approx(20.0**2 / (2 * 40.0))
     slower = standing._replace(speed=10.0)
@@ -90,7 +90,7 @@ def test_the_needed_deceleration_is_that_of_kinematics() -> None:
     ("aside", "approach", "expected"), [(3.0, 0.0, False), (3.0, 2.0, True), (3.0, 6.0, False), (-1.0, 0.0, True)]
 )
 def test_crossing_traffic_is_in_the_way_only_when_it_is_reached(aside: float, approach: float, expected: bool) -> None:
-    walker = Target("Walker", 20.0, aside, 2.5, approach, 0.0, 0.0)  # reached after 2 s
+    walker = RadarTarget("Walker", 20.0, aside, 2.5, approach, 0.0, 0.0)  # reached after 2 s
     assert walker.is_in_way(10.0, 0.2) is expected
 
 

@@ -16,7 +16,7 @@ SCENARIOS = ROOT / "tests" / "conformance" / "scenarios"
 FAMILIES = (registry.action, registry.condition, registry.position)
 
 
-def all_rows() -> list[coverage.Row]:
+def all_rows() -> list[coverage.CoverageRow]:
     root = coverage.schema_root()
     found = [row for family in coverage.FAMILIES for row in coverage.rows(root, family)]
     return found + [row for type_name in coverage.OTHERS for row in coverage.other_rows(root, type_name)]

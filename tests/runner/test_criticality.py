@@ -21,7 +21,7 @@ from runner.measures.criticality import (
     time_headway,
     time_to_collision,
 )
-from runner.measures.relations import Motion, View, box_distance, boxes_overlap, relations
+from runner.measures.relations import MotionRows, View, box_distance, boxes_overlap, relations
 from runner.participants.boxes import box_corners
 from runner.participants.declaration import BoundingBox
 
@@ -41,7 +41,7 @@ def motion(
     start: float = 0.0,
     sideways: float = 0.0,
     z: float = 0.0,
-) -> Motion:
+) -> MotionRows:
     """Constant velocity from x, y; on a road, s and t are x and y."""
     time = np.round(np.arange(round(start / dt), round(until / dt) + 1) * dt, 9)
     since = time - start
@@ -50,7 +50,7 @@ def motion(
     count = len(time)
     roads = np.full(count, road, object)
     h_, v_, z_ = (np.full(count, value) for value in (h, speed, z))
-    return Motion(name, CAR, time, xs, ys, z_, h_, v_, roads, xs.copy(), ys.copy())
+    return MotionRows(name, CAR, time, xs, ys, z_, h_, v_, roads, xs.copy(), ys.copy())
 
 
 def test_measures_of_a_lead_are_those_of_the_textbook() -> None:
@@ -202,7 +202,7 @@ def test_on_a_curve_gaps_follow_the_road() -> None:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_road_gaps_have_the_signs_of_the_ego_driving_with_and_against_s(side: float) -> None:
-    def along(m: Motion) -> Motion:
+    def along(m: MotionRows) -> MotionRows:
         m.s[:], m.t[:] = side * m.s, side * m.t
         return m
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import xodr
 from runner.conditions.comparison import RULES, Comparison
-from runner.conditions.distance import Measure, ReachPositionCondition, RelativeDistanceCondition, Target
+from runner.conditions.distance import DistanceMeasure, DistanceTarget, ReachPositionCondition, RelativeDistanceCondition
 from runner.contracts.element import ByEntityCondition, EntityCondition
 from runner.motion.on_roads import Roads
 from runner.motion.placement import Placement
@@ -82,7 +82,9 @@ def compare(
 def test_a_distance_condition_sleeps_through_nothing(rule: str, steps: Steps, value: float, freespace: bool, every: bool) -> None:
     members = three()
     other, comparison = members[2], Comparison(rule, value, "m")
-    condition = RelativeDistanceCondition(Target(other, None), Measure("euclidean", "entity", freespace, "undefined"), comparison)
+    condition = RelativeDistanceCondition(
+        DistanceTarget(other, None), DistanceMeasure("euclidean", "entity", freespace, "undefined"), comparison
+    )
 
     def plain(entity: Entity) -> bool:
         distance = gap(entity, other) if freespace else math.dist((entity.x, entity.y), (other.x, other.y))
@@ -99,8 +101,12 @@ STRAIGHT = Path(__file__).parents[1] / "conformance" / "roads" / "straight.xodr"
 def test_a_distance_along_a_straight_road_sleeps_through_nothing(rule: str, steps: Steps, value: float, freespace: bool) -> None:
     members, roads = three(), Roads(xodr.load(STRAIGHT))
     assert roads.plain
-    other, comparison, measure = members[2], Comparison(rule, value, "m"), Measure("longitudinal", "road", freespace, "undefined")
-    condition = RelativeDistanceCondition(Target(other, None), measure, comparison)
+    other, comparison, measure = (
+        members[2],
+        Comparison(rule, value, "m"),
+        DistanceMeasure("longitudinal", "road", freespace, "undefined"),
+    )
+    condition = RelativeDistanceCondition(DistanceTarget(other, None), measure, comparison)
 
     def plain(entity: Entity) -> bool:
         distance = longitudinal(Roads(roads.network), entity, other, "road", freespace)
@@ -122,4 +128,4 @@ def test_reaching_a_position_is_slept_through_by_nobody(steps: Steps, tolerance:
     def plain(entity: Entity) -> bool:
         return math.hypot(30.0 - entity.x, entity.y) < tolerance + 1e-6
 
-    compare(steps, ReachPositionCondition(Target(None, position), tolerance), members, every, plain)
+    compare(steps, ReachPositionCondition(DistanceTarget(None, position), tolerance), members, every, plain)

@@ -10,20 +10,20 @@ import pytest
 from runner.measures import relations as module
 from runner.measures.criticality import Criticality, criticality
 from runner.measures.measure import LONGEST_PET, Extreme
-from runner.measures.relations import Motion, boxes_overlap, common
+from runner.measures.relations import MotionRows, boxes_overlap, common
 from runner.measures.risk_field import risk_field
 from runner.participants.declaration import BoundingBox
 
 STEP = 0.1
 
 
-def traffic(seed: int) -> list[Motion]:
+def traffic(seed: int) -> list[MotionRows]:
     """Participants of all sizes that come and go, on one road, another one or none, some across, some on a bridge, some late."""
     draw = np.random.default_rng(seed)
     return [_drawn(draw, f"p{index}") for index in range(int(draw.integers(2, 9)))]
 
 
-def _drawn(draw: np.random.Generator, name: str) -> Motion:
+def _drawn(draw: np.random.Generator, name: str) -> MotionRows:
     first, count = int(draw.integers(0, 30)), int(draw.integers(1, 60))
     time = (first + np.arange(count)) * STEP
     if count > 5 and draw.random() < 0.3:
@@ -35,10 +35,10 @@ def _drawn(draw: np.random.Generator, name: str) -> Motion:
     road = np.where(np.arange(len(time)) < draw.integers(0, 70), draw.choice(np.array([None, "1", "2"], object)), "3")
     box = BoundingBox(*draw.uniform([0.0, 0.0, 0.5, 0.5, 0.5, 1.0], [1.5, 0.1, 0.8, 8.0, 2.5, 2.0]).tolist())
     columns = {"time": time, "x": x, "y": y, "z": np.full(len(time), draw.choice([0.0, 0.0, 6.0])), "h": np.full(len(time), h)}
-    return Motion.from_columns(name, box, columns | {"speed": speed, "road_id": road, "s": x, "t": y})
+    return MotionRows.from_columns(name, box, columns | {"speed": speed, "road_id": road, "s": x, "t": y})
 
 
-def plain_encroachment(ego: Motion, other: Motion) -> Extreme | None:
+def plain_encroachment(ego: MotionRows, other: MotionRows) -> Extreme | None:
     """By all pairs of rows; times on the grid of the step."""
     rows = [np.array(each) for each in zip(*product(range(len(ego.time)), range(len(other.time))), strict=True)]
     a, b = ego.at(rows[0]), other.at(rows[1])
@@ -49,7 +49,7 @@ def plain_encroachment(ego: Motion, other: Motion) -> Extreme | None:
     return min((Extreme(int(lag[row]) * step, float(a.time[row]), other.name) for row in within), default=None)
 
 
-def plain_field(ego: Motion, other: Motion) -> list[Extreme]:
+def plain_field(ego: MotionRows, other: MotionRows) -> list[Extreme]:
     """By the field of all rows."""
     a, b, *_ = common(ego, (other,))
     field = risk_field(a, b) if len(a.time) else ()

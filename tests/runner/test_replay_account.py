@@ -12,7 +12,7 @@ from PIL import Image
 import runner
 from runner.interpreter.result import RunResult
 from runner.measures.contacts import FULL, Conflict
-from runner.measures.relations import Motion
+from runner.measures.relations import MotionRows
 from runner.outputs.report import summary
 from runner.participants.declaration import BoundingBox
 from runner.replay.account import account, main_partner, partners, stretches
@@ -24,10 +24,10 @@ BOX = BoundingBox(0.0, 0.0, 0.75, 4.0, 2.0, 1.5)
 DT = 0.05
 
 
-def motion(name: str, x: np.ndarray, y: np.ndarray, speed: float, heading: float = 0.0) -> Motion:
+def motion(name: str, x: np.ndarray, y: np.ndarray, speed: float, heading: float = 0.0) -> MotionRows:
     nothing = np.zeros(len(x))
     time, no_road = np.arange(len(x)) * DT, np.full(len(x), None, object)
-    return Motion(name, BOX, time, x, y, nothing, nothing + heading, nothing + speed, no_road, nothing, nothing)
+    return MotionRows(name, BOX, time, x, y, nothing, nothing + heading, nothing + speed, no_road, nothing, nothing)
 
 
 def approach(gap: float, speed: float) -> Conflict:

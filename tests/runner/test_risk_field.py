@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 import runner
 from runner.measures.criticality import criticality
-from runner.measures.relations import Motion
+from runner.measures.relations import MotionRows
 from runner.measures.risk_field import FieldParameters, _inside, risk_field
 from runner.participants.declaration import BoundingBox
 from tests.commands import Command
@@ -21,13 +21,13 @@ CAR = BoundingBox(1.35, 0.0, 0.75, 4.5, 1.8, 1.5)
 CUT_IN = Path(__file__).parents[2] / "xosc" / "library" / "cut_in_highway.xosc"
 
 
-def car(x: float | list[float], y: float = 0.0, speed: float | list[float] = 25.0, h: float = 0.0) -> Motion:
+def car(x: float | list[float], y: float = 0.0, speed: float | list[float] = 25.0, h: float = 0.0) -> MotionRows:
     """A car at places x, one an instant."""
     places = np.atleast_1d(np.asarray(x, float))
     n = len(places)
     zero = np.zeros(n)
     columns = {"time": np.arange(n) * 0.1, "x": places, "y": zero + y, "z": zero, "h": zero + h, "speed": zero + speed}
-    return Motion.from_columns("car", CAR, {**columns, "road_id": [None] * n, "s": zero, "t": zero})
+    return MotionRows.from_columns("car", CAR, {**columns, "road_id": [None] * n, "s": zero, "t": zero})
 
 
 def field(gap: float, closing: float = 0.0, aside: float = 0.0, parameters: FieldParameters | None = None) -> tuple[float, float]:

@@ -225,7 +225,7 @@ class _Connection(NamedTuple):
         return self.leaving.forward == self.arriving.forward
 
 
-class Relations:
+class RoadRelations:
     """Relates points on one road network."""
 
     def __init__(self, ways: Ways, traveller: Traveller) -> None:

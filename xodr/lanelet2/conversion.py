@@ -20,7 +20,7 @@ from xodr.lanelet2.graph import Graph, Layout
 from xodr.lanelet2.junctions import junction_ids, junctions, layout
 from xodr.lanelet2.lanelet import Lanelet, Points, across, lengths, places, points_at
 from xodr.lanelet2.reader import Crosswalk, read_lanelets
-from xodr.lanelet2.shapes import Borders, Shape, mouths, shape
+from xodr.lanelet2.shapes import Borders, RoadShape, mouths, shape
 from xodr.model import Controller, OutlineCorner, RoadLink, RoadObject, Signal
 from xodr.network import RoadNetwork
 from xodr.reader import load
@@ -33,7 +33,7 @@ _BESIDE = 1.0
 """Distance (m) of a traffic light from the road's right edge."""
 
 
-def signals(graph: Graph, plan: Layout, shapes: list[Shape]) -> dict[int, tuple[Signal, ...]]:
+def signals(graph: Graph, plan: Layout, shapes: list[RoadShape]) -> dict[int, tuple[Signal, ...]]:
     """The lights at the end of each bundle that has some: one for all neighbouring lanes that it holds."""
     found: dict[int, tuple[Signal, ...]] = {}
     count = 0
@@ -108,7 +108,7 @@ def build(lanelets: Sequence[Lanelet], name: str, geo: Geo | None = None, priori
 
 
 class _Builder:
-    def __init__(self, graph: Graph, plan: Layout, shapes: list[Shape]) -> None:
+    def __init__(self, graph: Graph, plan: Layout, shapes: list[RoadShape]) -> None:
         self.graph, self.plan, self.shapes = graph, plan, shapes
         self.junctions = junction_ids(graph, plan)
         self.signals = signals(graph, plan, shapes)
@@ -168,7 +168,7 @@ class _Builder:
         return -1 if index is None else self.junctions[index]
 
 
-def _cubics(form: Shape, coefficients: np.ndarray) -> tuple[Cubic, ...]:
+def _cubics(form: RoadShape, coefficients: np.ndarray) -> tuple[Cubic, ...]:
     return tuple(Cubic(float(s), *map(float, row)) for s, row in zip(form.s, coefficients, strict=True))
 
 

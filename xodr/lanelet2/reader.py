@@ -23,7 +23,7 @@ from xodr.lanelet2.osm import MapProjection, Osm, Relation, Tags, read
 CROSSWALK = "crosswalk"
 
 
-class Kind(NamedTuple):
+class LaneletKind(NamedTuple):
     """OpenDRIVE type of a lanelet. type: lane type, or `CROSSWALK` for an object on the road."""
 
     type: str
@@ -63,7 +63,7 @@ _MARKS = {
 _LINES = {"line_thin": "solid", "line_thick": "solid", "curbstone": "curb", "road_border": "curb"}
 
 
-def kind_of(relation: Relation) -> Kind | None:
+def kind_of(relation: Relation) -> LaneletKind | None:
     """Return the OpenDRIVE type of a lanelet; None if its subtype is unknown. Lanelets without a subtype are roads."""
     tags = relation.tags
     subtype = tags.get("subtype") or "road"
@@ -73,7 +73,7 @@ def kind_of(relation: Relation) -> Kind | None:
     usual = "rural" if tags.get("location") == "nonurban" else "town"
     road_type = _ROAD_TYPES.get(subtype, usual)
     limit = speed_limit(relation)
-    return Kind(lane_type, road_type, _TYPE_LIMITS.get(lane_type, _LIMITS[road_type]) if limit is None else limit)
+    return LaneletKind(lane_type, road_type, _TYPE_LIMITS.get(lane_type, _LIMITS[road_type]) if limit is None else limit)
 
 
 def speed_limit(relation: Relation) -> float | None:
@@ -231,7 +231,7 @@ def _lanelets(osm: Osm, projection: MapProjection) -> Lanelets:
     return Lanelets(lanes, crosswalks, rules.priorities, projection.geo, notes)
 
 
-def _lane(relation: Relation, kind: Kind, bounds: LaneletBounds, rules: Regulations) -> Lanelet:
+def _lane(relation: Relation, kind: LaneletKind, bounds: LaneletBounds, rules: Regulations) -> Lanelet:
     limit = rules.limits.get(relation.id) if speed_limit(relation) is None else None
     left, right = (mark_of(way.tags) for way in bounds.ways)
     return Lanelet(

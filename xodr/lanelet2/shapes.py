@@ -280,7 +280,7 @@ _SHARPEST = 0.8
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
-class Shape(NamedTuple):
+class RoadShape(NamedTuple):
     """A reference line and the borders.
 
     start, plan: of the reference line. s: where the pieces of the borders begin, (m,). t: their coefficients, from
@@ -304,7 +304,7 @@ class Shape(NamedTuple):
         return [float(value) for value in ds ** np.arange(4) @ self.t[-1]]
 
 
-def shape(lines: list[Points], start: Mouth, end: Mouth) -> Shape:
+def shape(lines: list[Points], start: Mouth, end: Mouth) -> RoadShape:
     """The geometry of the road between two mouths whose borders (from left to right) are the given lines."""
     line = _reference_line(between(lines[0], start.frame, end.frame), between(lines[-1], start.frame, end.frame), start, end)
     knots = _arc_lengths(line)
@@ -318,7 +318,7 @@ def shape(lines: list[Points], start: Mouth, end: Mouth) -> Shape:
     borders = _smooth(s, samples, ends, slopes)
     first = line(line.x[:1])[0]
     heading = math.atan2(*line(line.x[:1], 1)[0][::-1])
-    return Shape(
+    return RoadShape(
         PlanPose(float(first[0]), float(first[1]), heading), tuple(_pieces(line, knots)), borders.x[:-1], _by_power(borders)
     )
 

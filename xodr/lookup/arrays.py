@@ -50,7 +50,7 @@ class OnChord(NamedTuple):
         return OnChord(*(values[rows] for values in self))
 
 
-class Part(NamedTuple):
+class RoadPart(NamedTuple):
     """A part of a road that does not bend back on itself.
 
     s: its knots. x, y: its line, a cubic of the distance from each knot (coefficients by power, (4, knots - 1)).
@@ -112,7 +112,7 @@ def _cubic(coefficients: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatAr
     return a + u * (b + u * (c + u * d)), b + u * (2.0 * c + 3.0 * u * d), 2.0 * c + 6.0 * u * d
 
 
-def parts(road: Road) -> list[Part]:
+def parts(road: Road) -> list[RoadPart]:
     """A road cut into parts."""
     knots = np.array(_knots(road))
     pieces = np.array([(*road.line.at(a), *road.line.at(_inside(b))) for a, b in pairwise(knots.tolist())])
@@ -144,7 +144,7 @@ def _turned(pieces: FloatArray) -> FloatArray:
     return np.cumsum(np.abs(ends - begins) + np.abs(begins - np.append(begins[:1], ends[:-1])))
 
 
-def _part(road: Road, knots: FloatArray, pieces: FloatArray, turned: FloatArray) -> Part:
+def _part(road: Road, knots: FloatArray, pieces: FloatArray, turned: FloatArray) -> RoadPart:
     x0, y0, h0, x1, y1, h1 = pieces.T
     length = np.diff(knots)
     x = _hermite(x0, np.cos(h0), x1, np.cos(h1), length)
@@ -153,7 +153,7 @@ def _part(road: Road, knots: FloatArray, pieces: FloatArray, turned: FloatArray)
     sagitta = float(np.diff(knots[chords]).max()) * 2.0 * _COARSE / 4.0  # twice as much as an arc is away from its chord
     room = _room(road, float(knots[0]), float(knots[-1])) + (sagitta if turned[-1] > turned[0] else 0.0)
     west, east, south, north = (min(x0.min(), x1[-1]), max(x0.max(), x1[-1]), min(y0.min(), y1[-1]), max(y0.max(), y1[-1]))
-    return Part(road, knots, x, y, chords, room, (west - room, east + room, south - room, north + room))
+    return RoadPart(road, knots, x, y, chords, room, (west - room, east + room, south - room, north + room))
 
 
 def _hermite(a: FloatArray, slope_a: FloatArray, b: FloatArray, slope_b: FloatArray, length: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.lookup import arrays
-from xodr.lookup.arrays import OnChord, Part
+from xodr.lookup.arrays import OnChord, RoadPart
 from xodr.lookup.locate import CONVERGED, ON_SURFACE, OTHER_LEVEL
 from xodr.model import PERMANENT, RoadError
 from xodr.network import RoadNetwork
@@ -93,7 +93,7 @@ def lanes_under(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike |
 
 
 @lru_cache(maxsize=8)
-def _parts(network: RoadNetwork) -> list[Part]:
+def _parts(network: RoadNetwork) -> list[RoadPart]:
     return [part for road in network.roads.values() for part in arrays.parts(road)]
 
 
@@ -119,7 +119,7 @@ class _Best:
         self.rank = np.full((4, count), np.inf)
         self.places = Places(np.full(count, None, object), np.zeros(count, np.int64), *np.zeros((3, count)))
 
-    def offer(self, rows: IntArray, part: Part, users: _Users, reach: float) -> None:
+    def offer(self, rows: IntArray, part: RoadPart, users: _Users, reach: float) -> None:
         """Take those of a part's places that are better, and not further away than `reach` (m)."""
         start = part.on_chords(users.x, users.y)
         near = np.flatnonzero(start.distance <= part.room + reach)
@@ -140,7 +140,7 @@ class _Best:
             column[rows] = values[better]
 
 
-def _project(part: Part, x: FloatArray, y: FloatArray, start: OnChord) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _project(part: RoadPart, x: FloatArray, y: FloatArray, start: OnChord) -> tuple[FloatArray, FloatArray, FloatArray]:
     """s and t of the feet of perpendiculars onto a part, and the distance of each position from its surface: 0 on it."""
     road, s = part.road, start.s.copy()
     moving = np.arange(len(x))
@@ -166,7 +166,7 @@ def _project(part: Part, x: FloatArray, y: FloatArray, start: OnChord) -> tuple[
     return np.where(beyond, s + ahead, s), t, np.where(gap <= ON_SURFACE, 0.0, gap)
 
 
-def _bisect(part: Part, x: FloatArray, y: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+def _bisect(part: RoadPart, x: FloatArray, y: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Find the s at which "ahead" changes sign; works at kinks of the line too."""
     for _ in range(_MOST_HALVINGS):
         middle = 0.5 * (low + high)
@@ -200,7 +200,7 @@ def _lanes(road: Road, s: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArr
     return lane_id, offset, against
 
 
-def _mismatch(part: Part, s: FloatArray, t: FloatArray, against: BoolArray, users: _Users) -> tuple[FloatArray, FloatArray]:
+def _mismatch(part: RoadPart, s: FloatArray, t: FloatArray, against: BoolArray, users: _Users) -> tuple[FloatArray, FloatArray]:
     """Height on another level (m), and angle between heading and the lane's traffic (rad, coarse)."""
     road, height = part.road, np.zeros(len(s))
     angle: FloatArray = np.zeros(len(s))

@@ -26,7 +26,7 @@ from schemas.common.storage import Stamp, cache_folder, is_own, keep, read_bytes
 from schemas.xml import parse
 from xodr.network import RoadNetwork
 from xodr.reader import load
-from xodr.sumo_net.net import SignalLink, SumoNet, Track, text
+from xodr.sumo_net.net import LaneTrack, SignalLink, SumoNet, text
 from xodr.sumo_net.plain import PlainNetwork, SumoLane, plain_network
 
 _log = logging.getLogger(__name__)
@@ -193,7 +193,7 @@ def _connections(network: etree._Element) -> _Connections:
     }
 
 
-def _tracks(plain: PlainNetwork, connections: _Connections) -> list[tuple[str, Track]]:
+def _tracks(plain: PlainNetwork, connections: _Connections) -> list[tuple[str, LaneTrack]]:
     """Every SUMO lane with what it is in the road network; lanes inside junctions with all that they pass, longest first."""
     found = list(plain.lanes.items())
     onward = {
@@ -248,7 +248,7 @@ def _build(path: Path | None, _stamp: Stamp, _folder: Path) -> SumoNet:
     return SumoNet(
         entry.network,
         index["left_hand"],
-        [(sumo_lane, Track(*track)) for sumo_lane, *track in index["tracks"]],
+        [(sumo_lane, LaneTrack(*track)) for sumo_lane, *track in index["tracks"]],
         {signal: tuple(SignalLink(*link) for link in links) for signal, links in index["signals"].items()},
         index["fallback"],
     )

@@ -100,7 +100,7 @@ DOCK = "dock"
 """Edge far from all roads that every kind of participant may use: where they are inserted before they are moved."""
 
 
-class Track(NamedTuple):
+class LaneTrack(NamedTuple):
     """A SUMO lane in the road network: s at the SUMO lane's beginning and at its end, in the direction of travel."""
 
     road_id: str
@@ -130,7 +130,7 @@ class SumoNet:
         self,
         path: Path,
         left_hand: bool,
-        tracks: Iterable[tuple[str, Track]],
+        tracks: Iterable[tuple[str, LaneTrack]],
         signals: Mapping[str, tuple[SignalLink, ...]],
         fallback: str | None = None,
     ) -> None:
@@ -138,7 +138,7 @@ class SumoNet:
         self.left_hand = left_hand
         self.signals = dict(signals)
         self.fallback = fallback
-        self._tracks: dict[str, Track] = {}
+        self._tracks: dict[str, LaneTrack] = {}
         self._lanes: dict[tuple[str, int], list[tuple[float, str]]] = defaultdict(list)
         for sumo_lane, track in tracks:
             self._tracks.setdefault(sumo_lane, track)
@@ -147,7 +147,7 @@ class SumoNet:
             places.sort()
 
     @property
-    def sumo_lanes(self) -> Mapping[str, Track]:
+    def sumo_lanes(self) -> Mapping[str, LaneTrack]:
         """Every SUMO lane that stands for a lane of the road network. In junctions it may pass several: the longest is named."""
         return self._tracks
 
@@ -158,7 +158,7 @@ class SumoNet:
             return None
         return places[max(bisect_right(places, s, key=lambda place: place[0]) - 1, 0)][1]
 
-    def track(self, sumo_lane: str) -> Track | None:
+    def track(self, sumo_lane: str) -> LaneTrack | None:
         """Return the road and lane of a SUMO lane; None for SUMO's own, such as the dock."""
         return self._tracks.get(sumo_lane)
 

@@ -33,9 +33,9 @@ from xodr.sumo_net.net import (
     SPEED_LIMITS,
     USUAL_SPEED_LIMIT,
     LaneConnection,
+    LaneTrack,
     Nodes,
     Point,
-    Track,
     Use,
     centre_line,
     lane_connections,
@@ -135,8 +135,8 @@ class PlainNetwork:
     nodes: etree._Element = field(default_factory=lambda: etree.Element("nodes"))
     edges: etree._Element = field(default_factory=lambda: etree.Element("edges"))
     connections: etree._Element = field(default_factory=lambda: etree.Element("connections"))
-    lanes: dict[str, Track] = field(default_factory=dict)
-    inside: dict[tuple[SumoLane, SumoLane], tuple[Track, ...]] = field(default_factory=dict)
+    lanes: dict[str, LaneTrack] = field(default_factory=dict)
+    inside: dict[tuple[SumoLane, SumoLane], tuple[LaneTrack, ...]] = field(default_factory=dict)
     signals: dict[tuple[SumoLane, SumoLane], tuple[str, ...]] = field(default_factory=dict)
     outlines: dict[str, list[Point]] = field(default_factory=dict)
 
@@ -254,7 +254,7 @@ class _Writer:
         element = _element(self.plain.edges, "edge", **attributes, shape=shape)
         for index, lane in enumerate(lanes):
             _add_lane(element, index, road, lane, piece, text(centre_line(road, lane, start, end)))
-            self.plain.lanes[f"{edge}_{index}"] = Track(road.id, lane.id, start, end)
+            self.plain.lanes[f"{edge}_{index}"] = LaneTrack(road.id, lane.id, start, end)
         self.end_nodes[edge] = nodes[1]
         return {lane.id: SumoLane(edge, index) for index, lane in enumerate(lanes)}
 
@@ -292,13 +292,13 @@ class _Writer:
         source, target = self.mouths.get(connection.source), self.mouths.get(connection.target)
         if source is None or target is None:
             return
-        tracks: list[Track] = []
+        tracks: list[LaneTrack] = []
         shape: list[Point] = []
         for link in connection.via:
             road = self.network.roads[link.road_id]
             for section, lane_id in stretches(road, link):
                 start, end = (section.s, section.end) if link.at_start else (section.end, section.s)
-                tracks.append(Track(road.id, lane_id, start, end))
+                tracks.append(LaneTrack(road.id, lane_id, start, end))
                 shape += centre_line(road, section.lanes[lane_id], start, end)
         self.shapes.setdefault((source, target), shape)
         self.plain.inside[source, target] = (*self.plain.inside.get((source, target), ()), *tracks)

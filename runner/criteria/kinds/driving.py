@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from runner.criteria.criterion import Contact, Drive, Finding, criterion, duration_of, intervals
+from runner.criteria.criterion import Contact, CriterionFinding, Drive, criterion, duration_of, intervals
 from xodr.lookup import arrays
 from xodr.lookup.placing import lanes_under, place
 
@@ -39,15 +39,15 @@ def on_lanes(drive: Drive, place: tuple[np.ndarray, np.ndarray], types: frozense
     parameters={"duration": 0.0},
     on_roads=True,
 )
-def off_road(drive: Drive, duration: float) -> Finding:
+def off_road(drive: Drive, duration: float) -> CriterionFinding:
     """Add up the times off the lanes."""
     off = ~on_lanes(drive, drive.centre(), CARRIAGEWAY)
     total = duration_of(off, drive.columns["time"])
     if not off.any():
-        return Finding(True, 0.0, "stayed on lanes for driving and parking")
+        return CriterionFinding(True, 0.0, "stayed on lanes for driving and parking")
     since = drive.columns["time"][intervals(off)[0][0]]
     reason = f"was off all lanes for driving and parking for {total:.2f} s, first at {since:.2f} s"
-    return Finding(total <= duration, total, f"{reason} ({duration:g} s are allowed)")
+    return CriterionFinding(total <= duration, total, f"{reason} ({duration:g} s are allowed)")
 
 
 @criterion(
@@ -57,7 +57,7 @@ def off_road(drive: Drive, duration: float) -> Finding:
     parameters={"duration": 0.0},
     on_roads=True,
 )
-def on_sidewalk(drive: Drive, duration: float) -> Finding:
+def on_sidewalk(drive: Drive, duration: float) -> CriterionFinding:
     """Look at the box's centre, and where that is off the carriageway at its corners."""
     time, corners = drive.columns["time"], drive.corners()
     on_carriageway = on_lanes(drive, drive.centre(), CARRIAGEWAY)
@@ -66,11 +66,11 @@ def on_sidewalk(drive: Drive, duration: float) -> Finding:
     sidewalk |= outside & np.any([on_lanes(drive, corner, SIDEWALK) for corner in corners], axis=0)
     wrong = sidewalk | outside
     if not wrong.any():
-        return Finding(True, 0.0, "was on no sidewalk and did not leave the carriageway")
+        return CriterionFinding(True, 0.0, "was on no sidewalk and did not leave the carriageway")
     total, first = duration_of(wrong, time), intervals(wrong)[0][0]
     where = "on a sidewalk" if sidewalk[first] else "off the carriageway"
     reason = f"was on sidewalks or off the carriageway for {total:.2f} s, first {where} at {time[first]:.2f} s"
-    return Finding(total <= duration, total, f"{reason} ({duration:g} s are allowed)")
+    return CriterionFinding(total <= duration, total, f"{reason} ({duration:g} s are allowed)")
 
 
 @criterion(
@@ -79,7 +79,7 @@ def on_sidewalk(drive: Drive, duration: float) -> Finding:
     summary="no corner of its box comes from one lane to another while it is outside of junctions",
     on_roads=True,
 )
-def keep_lane(drive: Drive) -> Finding:
+def keep_lane(drive: Drive) -> CriterionFinding:
     """Follow the four corners from row to row, and compare lanes within one lane section.
 
     Corners that swing out behind a junction do not count while the reference point still is inside.
@@ -95,11 +95,11 @@ def keep_lane(drive: Drive) -> Finding:
         lanes.append(places)
     times = np.flatnonzero(crossed & outside[1:])
     if not len(times):
-        return Finding(True, 0.0, "crossed no lane marking")
+        return CriterionFinding(True, 0.0, "crossed no lane marking")
     row = int(times[0])
     here = next(corner for corner in lanes if corner.lane_id[row] != corner.lane_id[row + 1])
     way = f"from lane {here.lane_id[row]} to lane {here.lane_id[row + 1]} of road {here.road_id[row]}"
-    return Finding(False, float(len(times)), f"crossed a lane marking at {columns['time'][row + 1]:.2f} s, {way}")
+    return CriterionFinding(False, float(len(times)), f"crossed a lane marking at {columns['time'][row + 1]:.2f} s, {way}")
 
 
 def _stretches(drive: Drive, road_ids: np.ndarray, s: np.ndarray) -> np.ndarray:
@@ -125,18 +125,18 @@ _AGAINST = math.radians(120.0)
     summary="outside junctions it does not drive on a lane whose traffic comes towards it",
     on_roads=True,
 )
-def wrong_lane(drive: Drive) -> Finding:
+def wrong_lane(drive: Drive) -> CriterionFinding:
     """Compare the heading with the direction of the lane under the reference point."""
     columns = drive.columns
     wrong = np.array(
         [_against(drive, *row) for row in zip(*(columns[name] for name in ("road_id", "lane_id", "s", "h")), strict=True)]
     )
     if not wrong.any():
-        return Finding(True, 0.0, "drove on no lane of the opposite direction")
+        return CriterionFinding(True, 0.0, "drove on no lane of the opposite direction")
     distance = float(drive.steps[wrong[1:]].sum())
     first = intervals(wrong)[0][0]
     where = f"lane {columns['lane_id'][first]} of road {columns['road_id'][first]}"
-    return Finding(
+    return CriterionFinding(
         False, distance, f"drove {distance:.1f} m against the traffic, first at {columns['time'][first]:.2f} s on {where}"
     )
 
@@ -159,15 +159,15 @@ def _against(drive: Drive, road_id: str, lane_id: int, s: float, h: float) -> bo
     parameters={"duration": 0.0},
     on_roads=True,
 )
-def end_of_road(drive: Drive, duration: float) -> Finding:
+def end_of_road(drive: Drive, duration: float) -> CriterionFinding:
     """Find when it first was on another road than at the beginning."""
     roads, time = drive.columns["road_id"], drive.columns["time"]
     left = np.flatnonzero(roads != roads[0])
     if not len(left):
-        return Finding(True, 0.0, f"stayed on road {roads[0]}")
+        return CriterionFinding(True, 0.0, f"stayed on road {roads[0]}")
     when, after = float(time[left[0]]), float(time[-1] - time[left[0]])
     reason = f"left road {roads[0]} for road {roads[left[0]]} at {when:.2f} s, {after:.2f} s before the end"
-    return Finding(after <= duration, after, f"{reason} ({duration:g} s are allowed)")
+    return CriterionFinding(after <= duration, after, f"{reason} ({duration:g} s are allowed)")
 
 
 _STANDING = 0.1
@@ -181,7 +181,7 @@ _SAME_TIME, _SAME_PLACE = 5.0, 5.0
     unit="collisions",
     summary="it hits no other participant while it moves; being hit in standstill does not count",
 )
-def collision(drive: Drive) -> Finding:
+def collision(drive: Drive) -> CriterionFinding:
     """Count the collisions."""
     counted: list[tuple[Contact, int]] = []
     standing: list[Contact] = []
@@ -197,10 +197,12 @@ def collision(drive: Drive) -> Finding:
     if counted:
         contact, row = counted[0]
         speed = abs(columns["speed"][max(row - 1, 0)])
-        return Finding(False, float(len(counted)), f"hit {contact.other} at {contact.time:.2f} s with {speed:.1f} m/s")
+        return CriterionFinding(False, float(len(counted)), f"hit {contact.other} at {contact.time:.2f} s with {speed:.1f} m/s")
     if standing:
-        return Finding(True, 0.0, f"no collision: it stood when {standing[0].other} touched it at {standing[0].time:.2f} s")
-    return Finding(True, 0.0, "no collision")
+        return CriterionFinding(
+            True, 0.0, f"no collision: it stood when {standing[0].other} touched it at {standing[0].time:.2f} s"
+        )
+    return CriterionFinding(True, 0.0, "no collision")
 
 
 def _same(contact: Contact, row: int, before: Contact, place: int, columns: dict[str, np.ndarray]) -> bool:
@@ -217,14 +219,14 @@ def _same(contact: Contact, row: int, before: Contact, place: int, columns: dict
     summary="it is never slower than `min_speed` (m/s) for longer than `max_time` (s)",
     parameters={"min_speed": None, "max_time": None},
 )
-def actor_blocked(drive: Drive, min_speed: float, max_time: float) -> Finding:
+def actor_blocked(drive: Drive, min_speed: float, max_time: float) -> CriterionFinding:
     """Find the longest time below the speed."""
     time = drive.columns["time"]
     slow = [(float(time[b] - time[a]), float(time[a])) for a, b in intervals(np.abs(drive.columns["speed"]) < min_speed)]
     longest, since = max(slow, default=(0.0, 0.0))
     blocked = longest > max_time
     when = f" from {since:.2f} s on" if slow else ""
-    return Finding(
+    return CriterionFinding(
         not blocked, longest, f"was slower than {min_speed:g} m/s for {longest:.2f} s{when}, {max_time:g} s are allowed"
     )
 
@@ -235,38 +237,42 @@ def actor_blocked(drive: Drive, min_speed: float, max_time: float) -> Finding:
     summary="the way divided by the time of the run is more than `velocity` (m/s)",
     parameters={"velocity": None},
 )
-def average_velocity(drive: Drive, velocity: float) -> Finding:
+def average_velocity(drive: Drive, velocity: float) -> CriterionFinding:
     """Divide the way of the reference point by the simulation time."""
     time = float(drive.columns["time"][-1])
     if time <= 0.0:
-        return Finding(None, None, "the run has no duration")
+        return CriterionFinding(None, None, "the run has no duration")
     average = float(drive.steps.sum()) / time
     fast = average > velocity
-    return Finding(fast, average, f"drove {average:.2f} m/s on average, {'more' if fast else 'not more'} than {velocity:g} m/s")
+    return CriterionFinding(
+        fast, average, f"drove {average:.2f} m/s on average, {'more' if fast else 'not more'} than {velocity:g} m/s"
+    )
 
 
 @criterion(
     "MaxVelocityTest", unit="m/s", summary="it never drives faster than `max_velocity` (m/s)", parameters={"max_velocity": None}
 )
-def max_velocity(drive: Drive, max_velocity: float) -> Finding:
+def max_velocity(drive: Drive, max_velocity: float) -> CriterionFinding:
     """Find the greatest speed, forwards or backwards."""
     speed = np.abs(drive.columns["speed"])
     fastest = float(speed.max())
     over = np.flatnonzero(speed > max_velocity)
     if len(over):
         since = drive.columns["time"][over[0]]
-        return Finding(False, fastest, f"drove up to {fastest:.2f} m/s, from {since:.2f} s on more than {max_velocity:g} m/s")
-    return Finding(True, fastest, f"drove {fastest:.2f} m/s at most, {max_velocity:g} m/s are allowed")
+        return CriterionFinding(
+            False, fastest, f"drove up to {fastest:.2f} m/s, from {since:.2f} s on more than {max_velocity:g} m/s"
+        )
+    return CriterionFinding(True, fastest, f"drove {fastest:.2f} m/s at most, {max_velocity:g} m/s are allowed")
 
 
 @criterion(
     "DrivenDistanceTest", unit="m", summary="it drives further than `distance_success` (m)", parameters={"distance_success": None}
 )
-def driven_distance(drive: Drive, distance_success: float) -> Finding:
+def driven_distance(drive: Drive, distance_success: float) -> CriterionFinding:
     """Measure the way of the reference point."""
     distance = float(drive.steps.sum())
     far = distance > distance_success
-    return Finding(far, distance, f"drove {distance:.1f} m, {'more' if far else 'not more'} than {distance_success:g} m")
+    return CriterionFinding(far, distance, f"drove {distance:.1f} m, {'more' if far else 'not more'} than {distance_success:g} m")
 
 
 @criterion(
@@ -275,12 +281,12 @@ def driven_distance(drive: Drive, distance_success: float) -> Finding:
     summary="it comes into the rectangle from (`min_x`, `min_y`) to (`max_x`, `max_y`) of the road network (m)",
     parameters={"min_x": None, "max_x": None, "min_y": None, "max_y": None},
 )
-def reached_region(drive: Drive, min_x: float, max_x: float, min_y: float, max_y: float) -> Finding:
+def reached_region(drive: Drive, min_x: float, max_x: float, min_y: float, max_y: float) -> CriterionFinding:
     """Find the least distance of the box's centre from the rectangle, and when it is inside."""
     x, y = drive.centre()
     inside = np.flatnonzero((min_x < x) & (x < max_x) & (min_y < y) & (y < max_y))
     if len(inside):
-        return Finding(True, 0.0, f"reached the region at {drive.columns['time'][inside[0]]:.2f} s")
+        return CriterionFinding(True, 0.0, f"reached the region at {drive.columns['time'][inside[0]]:.2f} s")
     away = np.hypot(np.maximum(np.maximum(min_x - x, x - max_x), 0.0), np.maximum(np.maximum(min_y - y, y - max_y), 0.0))
     nearest = float(away.min())
-    return Finding(False, nearest, f"did not reach the region; the nearest that it came was {nearest:.1f} m")
+    return CriterionFinding(False, nearest, f"did not reach the region; the nearest that it came was {nearest:.1f} m")

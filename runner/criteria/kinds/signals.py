@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runner.criteria.criterion import Drive, Finding, criterion
+from runner.criteria.criterion import CriterionFinding, Drive, criterion
 from runner.worlds.sumo_translation import RED, RED_YELLOW, link_state
 from xodr.model import Signal
 from xodr.road import Road
 
 
-class Crossing(NamedTuple):
+class LineCrossing(NamedTuple):
     """The reference point passes a signal's line: when (s), and the row of the drive."""
 
     time: float
@@ -40,10 +40,10 @@ class _Line(NamedTuple):
         return self.orientation not in ("+", "-") or (self.orientation == "+") == forwards
 
 
-def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[Crossing]:
+def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[LineCrossing]:
     """All lines of certain signals that a drive passes in the direction of its lane, in ascending time."""
     lines: dict[str, list[_Line]] = {}
-    found: list[Crossing] = []
+    found: list[LineCrossing] = []
     columns = drive.columns
     for row in range(1, len(columns["time"])):
         for road_id, lane_id, low, high, forwards, entered in _ways(drive, row):
@@ -55,7 +55,7 @@ def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[Crossing]:
             for line in lines[road_id]:
                 passed = entered if road.junction_id is not None else (low < line.s <= high if forwards else low <= line.s < high)
                 if passed and line.holds(lane_id, forwards):
-                    found.append(Crossing(float(columns["time"][row]), row, line.signal))
+                    found.append(LineCrossing(float(columns["time"][row]), row, line.signal))
     return found
 
 
@@ -94,25 +94,29 @@ _FOR_WALKERS = "1000002"
 @criterion(
     "RunningRedLightTest", unit="red lights", summary="it crosses no stop line of a traffic light that is red", on_roads=True
 )
-def running_red_light(drive: Drive) -> Finding:
+def running_red_light(drive: Drive) -> CriterionFinding:
     """Look up the state of each light in the moment in which the reference point passes its line."""
     found = crossings(drive, _is_light)
     states = [_state(drive, crossing) for crossing in found]
     red = [c for c, state in zip(found, states, strict=True) if state is not None and link_state(state) in (RED, RED_YELLOW)]
     if red:
-        return Finding(False, float(len({c.row for c in red})), f"ran the red light {red[0].signal.id} at {red[0].time:.2f} s")
+        return CriterionFinding(
+            False, float(len({c.row for c in red})), f"ran the red light {red[0].signal.id} at {red[0].time:.2f} s"
+        )
     dark = [c for c, state in zip(found, states, strict=True) if state is None]
     if dark:
         reason = f"passed the light {dark[0].signal.id} at {dark[0].time:.2f} s, to which the scenario gives no state"
-        return Finding(None, None, reason)
-    return Finding(True, 0.0, f"traffic lights passed: {len(found)}, none of them red" if found else "came past no traffic light")
+        return CriterionFinding(None, None, reason)
+    return CriterionFinding(
+        True, 0.0, f"traffic lights passed: {len(found)}, none of them red" if found else "came past no traffic light"
+    )
 
 
 def _is_light(signal: Signal) -> bool:
     return signal.dynamic and signal.type != _FOR_WALKERS
 
 
-def _state(drive: Drive, crossing: Crossing) -> str | None:
+def _state(drive: Drive, crossing: LineCrossing) -> str | None:
     """The state of a crossing's light at that time; None where it has none."""
     history = drive.lights.get(crossing.signal.id, [])
     index = bisect_right(history, crossing.time, key=itemgetter(0)) - 1
@@ -131,20 +135,22 @@ _NEAR, _STANDING = 4.0, 0.1
     summary="it stops (slower than 0.1 m/s) within the last 4 m before each stop sign",
     on_roads=True,
 )
-def running_stop(drive: Drive) -> Finding:
+def running_stop(drive: Drive) -> CriterionFinding:
     """Look for a standstill with the front close to each line, up to the moment in which the reference point passes it."""
     found = crossings(drive, _is_stop_sign)
     ran = [crossing for crossing in found if not _stopped(drive, crossing)]
     if ran:
-        return Finding(False, float(len(ran)), f"ran the stop sign {ran[0].signal.id} at {ran[0].time:.2f} s")
-    return Finding(True, 0.0, f"stop signs passed: {len(found)}, all after a stop" if found else "came past no stop sign")
+        return CriterionFinding(False, float(len(ran)), f"ran the stop sign {ran[0].signal.id} at {ran[0].time:.2f} s")
+    return CriterionFinding(
+        True, 0.0, f"stop signs passed: {len(found)}, all after a stop" if found else "came past no stop sign"
+    )
 
 
 def _is_stop_sign(signal: Signal) -> bool:
     return not signal.dynamic and signal.type in _TYPES
 
 
-def _stopped(drive: Drive, crossing: Crossing) -> bool:
+def _stopped(drive: Drive, crossing: LineCrossing) -> bool:
     """Whether it stood shortly before a crossing."""
     before = np.concatenate([[0.0], np.cumsum(drive.steps)])[: crossing.row + 1]
     front = drive.track.box.x + drive.track.box.length / 2

@@ -13,7 +13,7 @@ from runner.measures.measure import Extreme, RunMeasure, measure
 
 if TYPE_CHECKING:
     from runner.measures.criticality import Criticality
-    from runner.measures.relations import Motion
+    from runner.measures.relations import MotionRows
 
 _KMH, _MPH = 3.6, 3600.0 / 1609.344
 """Per m/s"""
@@ -28,7 +28,7 @@ FIXED = "miscellaneous"
 """Kind of participants that do not move when they are hit."""
 
 
-def mass(motion: Motion) -> float:
+def mass(motion: MotionRows) -> float:
     """Mass of a participant (kg), declared or assumed; infinite for a fixed object."""
     if motion.kind == FIXED:
         return math.inf
@@ -55,11 +55,11 @@ def pedestrian_risk(speed: float) -> float:
     return 1.0 / (1.0 + math.exp(6.9 - 0.090 * speed * _KMH))
 
 
-def _is_unprotected(motion: Motion) -> bool:
+def _is_unprotected(motion: MotionRows) -> bool:
     return motion.kind == "pedestrian" or motion.category in UNPROTECTED
 
 
-def _risk(motion: Motion, other: Motion, speed: float) -> float:
+def _risk(motion: MotionRows, other: MotionRows, speed: float) -> float:
     """Probability of a fatality in an entity."""
     if motion.kind == FIXED:
         return 0.0
@@ -78,7 +78,7 @@ class _OfContact(RunMeasure):
             return None
         return Extreme(self.value(run.ego, opponent, impact.speed), impact.time, impact.other)
 
-    def value(self, ego: Motion, other: Motion, speed: float) -> float:
+    def value(self, ego: MotionRows, other: MotionRows, speed: float) -> float:
         """The measure of a contact at a relative speed (m/s)."""
         raise NotImplementedError
 
@@ -94,7 +94,7 @@ class ImpactSpeed(_OfContact):
     source = "-"
     most = 60.0
 
-    def value(self, ego: Motion, other: Motion, speed: float) -> float:
+    def value(self, ego: MotionRows, other: MotionRows, speed: float) -> float:
         return speed
 
 
@@ -109,7 +109,7 @@ class ChangeOfVelocity(_OfContact):
     source = "conservation of momentum; masses as declared, else by category"
     most = 40.0
 
-    def value(self, ego: Motion, other: Motion, speed: float) -> float:
+    def value(self, ego: MotionRows, other: MotionRows, speed: float) -> float:
         return change_of_velocity(speed, mass(ego), mass(other))
 
 
@@ -123,5 +123,5 @@ class FatalityRisk(_OfContact):
     source = "Joksch (1993); Rosén and Sander (2009)"
     most = 1.0
 
-    def value(self, ego: Motion, other: Motion, speed: float) -> float:
+    def value(self, ego: MotionRows, other: MotionRows, speed: float) -> float:
         return max(_risk(ego, other, speed), _risk(other, ego, speed))

@@ -12,7 +12,7 @@ import runner
 from generation.logical.library import SCENARIOS, maneuver_scenarios
 from generation.logical.maneuvers import ManeuverScenario
 from recognition.maneuvers.parameters import JERK, PARAMETERS, declared_name
-from runner.measures.relations import Motion, relations
+from runner.measures.relations import MotionRows, relations
 from runner.recording import Track
 
 PLOTS = dict(maneuver_scenarios())
@@ -38,7 +38,7 @@ class Run:
 
     def gap(self, time: float) -> float:
         ego, leader = (self.tracks[name] for name in ("Ego", self.plot.maneuver.leader))
-        follower, lead = (Motion.from_columns(each.name, each.box, each.columns) for each in (ego, leader))
+        follower, lead = (MotionRows.from_columns(each.name, each.box, each.columns) for each in (ego, leader))
         view = relations(follower, [lead]).view
         return float(view.ahead[self.row(time)])
 
@@ -178,7 +178,7 @@ def test_the_leader_that_cuts_out_just_evades_the_slower_one(name: str) -> None:
     parameters = {name: str(value) for name, value in given.items()}
     done = runner.run(SCENARIOS / f"{name}.xosc", parameters=parameters, sut=None, world="kinematic", timestep=STEP)
     tracks = done.recording.locate().tracks
-    motions = [Motion.from_columns(name, tracks[name].box, tracks[name].columns) for name in ("CutOut", "Slow")]
+    motions = [MotionRows.from_columns(name, tracks[name].box, tracks[name].columns) for name in ("CutOut", "Slow")]
     assert float(relations(motions[0], motions[1:]).view.ahead[round(5.0 / STEP)]) == pytest.approx(10.0, abs=0.7)
 
 

@@ -13,7 +13,7 @@ from urllib.parse import unquote
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.loop.findings import Finding, Stage
+from generation.loop.findings import LoopStage, StageFinding
 from generation.loop.loop import chosen, run_loop
 from generation.loop.page import PAGE, write
 from generation.settings import Ask, LoopSettings
@@ -43,7 +43,7 @@ def go(folder: Path, out: Path, stop_at: str = "", processes: int = 1) -> list[t
     """Run the loop, interrupted when a stage is finished; the stages, and whether each was done now."""
     told = []
 
-    def report(stage: Stage, found: Finding, seconds: float | None) -> None:
+    def report(stage: LoopStage, found: StageFinding, seconds: float | None) -> None:
         told.append((stage.name, seconds is not None))
         if stage.name == stop_at:
             raise KeyboardInterrupt

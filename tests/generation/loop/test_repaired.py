@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.loop.findings import Finding, Stage
+from generation.loop.findings import LoopStage, StageFinding
 from generation.loop.loop import run_loop
 from generation.settings import Ask, LoopSettings
 from runner.settings import RunSettings
@@ -27,7 +27,7 @@ def go(folder: Path, out: Path, settings: LoopSettings = SETTINGS) -> list[str]:
     """Run the loop; the stages that were done now."""
     done = []
 
-    def report(stage: Stage, found: Finding, seconds: float | None) -> None:
+    def report(stage: LoopStage, found: StageFinding, seconds: float | None) -> None:
         if seconds is not None:
             done.append(stage.name)
 

@@ -16,26 +16,26 @@ from generation.loop.findings import (
     Checked,
     DensitySource,
     EdgeCase,
-    Finding,
-    Labelled,
     LabelledScenario,
     LoopResult,
+    LoopStage,
     Measured,
     Ran,
     Recognised,
+    RecognisedRun,
     Refused,
     Searched,
     SearchedRegion,
     SearchRange,
     ShownRun,
-    Stage,
+    StageFinding,
     closing,
     summary,
 )
 from generation.loop.runs import FinishedStages
 from schemas.common.errors import UsageError
 
-COUNT = Stage("count")
+COUNT = LoopStage("count")
 CASE = EdgeCase("a.xosc", None, {"Gap": 5.0}, CaseVerdict.COLLISION, CarefulDriver.AVOIDS, -1.5, 0.25)
 RUN = ShownRun(
     "a", "failed", "completed", "collision with Lead at 2.00 s", 3.0, {"min_ttc": None}, "round_1/runs/a/replay.html#t=1"
@@ -43,7 +43,7 @@ RUN = ShownRun(
 REGION = SearchedRegion(
     rule="gap ≤ 5 m", precision=0.9, recall=0.8, failures=5, draws=30, drawn=1, low=0.01, high=0.2, severity=4.0, cases=["a.xosc"]
 )
-FINDINGS: list[tuple[Finding, str]] = [
+FINDINGS: list[tuple[StageFinding, str]] = [
     (Recognised(classes={"highway cut in": 2}, states={"known": 2}), "2 scenarios recognised: 2 known"),
     (Measured(kinds={"cut_in": 3}, failures={"b": "no such file"}), "manoeuvres measured: 3 cut_in"),
     (
@@ -66,7 +66,7 @@ FINDINGS: list[tuple[Finding, str]] = [
         "1 run: 0 passed, 1 failed, 0 inconclusive, 0 with errors; 11 parameter sets of 1 variation file left out (--sample)",
     ),
     (
-        Labelled(runs={"a": [LabelledScenario("highway cut in", "cut_in/one.xosc")]}),
+        RecognisedRun(runs={"a": [LabelledScenario("highway cut in", "cut_in/one.xosc")]}),
         "1 scenario recognised about the ego in 1 run of edge cases",
     ),
     (Checked(files=2, problems=["a.xosc:1: wrong"]), "2 files checked, 1 problem, the first: a.xosc:1: wrong"),
@@ -80,20 +80,20 @@ def stages(out: Path, told: list[tuple[str, bool]], **settings: Any) -> Finished
 
 
 @pytest.mark.parametrize(("found", "words"), FINDINGS, ids=lambda value: type(value).__name__)
-def test_a_finished_stage_is_not_done_again(found: Finding, words: str, tmp_path: Path) -> None:
+def test_a_finished_stage_is_not_done_again(found: StageFinding, words: str, tmp_path: Path) -> None:
     told: list[tuple[str, bool]] = []
     assert stages(tmp_path / "out", told).once(COUNT, type(found), lambda: found) is found
     assert stages(tmp_path / "out", told).once(COUNT, type(found), lambda: pytest.fail("it was done")) == found
     assert told == [("count", True), ("count", False)]
-    assert summary(Stage("search", 2, "cut_in"), found) == f"round 2: {words}"
+    assert summary(LoopStage("search", 2, "cut_in"), found) == f"round 2: {words}"
 
 
 def test_a_stage_that_was_interrupted_is_done_again(tmp_path: Path) -> None:
-    def interrupted() -> Finding:
+    def interrupted() -> StageFinding:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        stages(tmp_path / "out", []).once(COUNT, Finding, interrupted)
+        stages(tmp_path / "out", []).once(COUNT, StageFinding, interrupted)
     assert stages(tmp_path / "out", []).once(COUNT, Measured, lambda: Measured(kinds={"a": 1})).kinds == {"a": 1}
 
 
@@ -118,7 +118,7 @@ def test_a_stage_of_other_content_is_done_again_without_what_was_made_of_the_old
 
 
 def test_each_stage_of_each_round_has_a_file_of_its_own() -> None:
-    names = [Stage("check"), Stage("run", 1), Stage("search", 2, "cut_in")]
+    names = [LoopStage("check"), LoopStage("run", 1), LoopStage("search", 2, "cut_in")]
     assert [each.name for each in names] == ["check", "round_1_run", "round_2_search_cut_in"]
 
 

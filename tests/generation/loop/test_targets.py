@@ -8,7 +8,7 @@ import numpy as np
 
 from generation.logical.library import SCENARIOS
 from generation.loop.findings import Refused
-from generation.loop.inputs import LIBRARY, Target, of_classes, of_inputs, of_scenario
+from generation.loop.inputs import LIBRARY, SearchTarget, of_classes, of_inputs, of_scenario
 from generation.pipeline import LEAST
 from generation.search.space import Space
 from generation.settings import Ask
@@ -29,14 +29,14 @@ def test_the_librarys_scenario_of_every_class_can_be_searched() -> None:
     for name in LIBRARY.values():
         path = SCENARIOS / f"{name}.xosc"
         target = of_scenario(path, None)
-        assert isinstance(target, Target), target
+        assert isinstance(target, SearchTarget), target
         assert len(target.recorded(Space.of(path)).within(Space.of(path)).theta) >= LEAST
         assert target.prior.manoeuvres >= LEAST and not target.prior.own
 
 
 def test_a_class_without_enough_manoeuvres_of_its_own_is_varied_by_the_library(tmp_path: Path) -> None:
     (target,) = of_classes(rows("highway cut in"), tmp_path, own(5))
-    assert isinstance(target, Target)
+    assert isinstance(target, SearchTarget)
     assert target.scenario == SCENARIOS / "cut_in_highway.xosc"
     assert (target.name, target.title) == ("highway_cut_in", "highway cut in")
     assert not target.prior.own
@@ -44,7 +44,7 @@ def test_a_class_without_enough_manoeuvres_of_its_own_is_varied_by_the_library(t
 
 def test_manoeuvres_of_the_recordings_are_the_density_where_there_are_enough(tmp_path: Path) -> None:
     (target,) = of_classes(rows("highway cut in"), tmp_path, own(400))
-    assert isinstance(target, Target)
+    assert isinstance(target, SearchTarget)
     assert target.prior.own
     assert len(target.recorded(Space.of(target.scenario)).theta) == 400
 
@@ -67,13 +67,13 @@ def test_options_say_what_to_search_of_the_scenarios_that_declare_what_they_name
     ask = Ask(free=("CutIn_Gap_m=2..40", "Nowhere=1..2"), pinned={"Ego_Speed_mps": "30"})
     simple, named = ({path: path.stem} for path in (SCENARIOS / "simple_cut_in.xosc", SCENARIOS / "cut_in_highway.xosc"))
     (target,) = of_inputs(simple, None, ask)
-    assert isinstance(target, Target) and target.asked is not None
+    assert isinstance(target, SearchTarget) and target.asked is not None
     assert list(target.asked.marginals) == ["CutIn_Gap_m"]
     assert target.prior.manoeuvres == 0
     (refused,) = of_inputs(simple, None, Ask())
     assert isinstance(refused, Refused) and "--kind" in refused.reason
     (target,) = of_inputs(named, None, Ask())
-    assert isinstance(target, Target) and target.asked is None
+    assert isinstance(target, SearchTarget) and target.asked is None
 
 
 def test_a_scenario_is_searched_by_its_variation_files_where_nothing_else_says_what_is_likely(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_a_scenario_is_searched_by_its_variation_files_where_nothing_else_says_w
     found = {each.title: each for each in of_inputs(names, None, Ask())}
     assert found["template"] == Refused("template", "its variation files are searched in its place: near, far")
     assert isinstance(found["alone"], Refused) and "nothing says which values are likely" in found["alone"].reason
-    assert all(isinstance(found[path.stem], Target) for path in files)
+    assert all(isinstance(found[path.stem], SearchTarget) for path in files)
 
 
 def test_variation_files_and_a_scenario_of_which_none_is_searched_do_not_name_each_other(tmp_path: Path) -> None:

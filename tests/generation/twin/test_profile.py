@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from generation.twin.motion import plan, speeds
-from runner.actions.speed import Entry
+from runner.actions.speed import ProfileEntry
 from runner.actions.speed import plan as planned
 from runner.motion.dynamics import EPSILON, tighter
 from runner.participants.declaration import Performance
@@ -24,7 +24,7 @@ def test_a_profile_is_that_of_the_interpreter(
     start: float, target: float, duration: float, jerk: float, limits: Performance
 ) -> None:
     constraints = Performance(max_acceleration_rate=jerk, max_deceleration_rate=jerk)
-    pieces = planned(start, [Entry(duration, target)], tighter(constraints, limits), smooth=True)
+    pieces = planned(start, [ProfileEntry(duration, target)], tighter(constraints, limits), smooth=True)
     profile = plan(*(np.array([value]) for value in (start, target, duration, jerk)), limits)
     begins = [piece.time for piece in pieces]
     for time in np.linspace(0.0, begins[-1] + 1.0, 9):

@@ -20,7 +20,7 @@ from recognition.maneuvers.events import Maneuvers
 from recognition.maneuvers.maneuver import Maneuver, Span
 from recognition.maneuvers.storyboard import paths
 from recognition.sites import site_at
-from runner.measures.relations import Motion, relations
+from runner.measures.relations import MotionRows, relations
 from runner.recording import Recording, Track
 from schemas import check
 from schemas.common.errors import InvalidFile, Unsupported
@@ -141,7 +141,7 @@ def test_the_manoeuvre_happens_as_its_parameters_say(
     recorded = recording.tracks[ego if found.ego_acts or partner is None else partner].columns["lane_id"][[0, -1]]
     assert lanes.tolist() == recorded.tolist()
     if found.other is not None:
-        ego_motion, other = (Motion.from_columns(name, tracks[name].box, tracks[name].columns) for name in ("Ego", "Other"))
+        ego_motion, other = (MotionRows.from_columns(name, tracks[name].box, tracks[name].columns) for name in ("Ego", "Other"))
         rows, _, _, view = relations(ego_motion, [other])
         ahead = dict(zip(ego_motion.time[rows].round(6).tolist(), view.ahead.tolist(), strict=True))
         assert ahead[round(started, 6)] == pytest.approx(values.gap, abs=0.6)

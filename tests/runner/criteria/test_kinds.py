@@ -12,7 +12,7 @@ import pytest
 from lxml import etree
 
 import xodr
-from runner.criteria.criterion import Contact, Drive, Finding, kinds
+from runner.criteria.criterion import Contact, CriterionFinding, Drive, kinds
 from runner.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
 
@@ -48,7 +48,7 @@ def ahead(start: float, end: float, y: float = -1.75, step: float = 1.0) -> list
     return [(start + direction * i, y) for i in range(round(abs(end - start) / step) + 1)]
 
 
-def judge(name: str, driven: Drive, **parameters: float) -> Finding:
+def judge(name: str, driven: Drive, **parameters: float) -> CriterionFinding:
     """What a criterion finds."""
     kind = kinds()[name.casefold()]
     return kind.evaluate(driven, **kind.parameters | parameters)

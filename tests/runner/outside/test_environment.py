@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 from runner.outside import ENVIRONMENT, register
 from runner.outside.environment import ACTIONS, EgoEnv
-from runner.outside.learner import EGO, PARTICIPANT, STATE, EgoStep, Reward
+from runner.outside.learner import EGO, PARTICIPANT, STATE, DrivingReward, EgoStep
 from schemas.common.errors import InvalidFile, UsageError
 from tests.runner.files import distribution, place, scenario, speed_action, story
 from xosc.listing import LIBRARY
@@ -140,10 +140,10 @@ def test_reward_is_what_its_formula_says(tmp_path: Path) -> None:
     seen = env._seen
     assert seen is not None
     step = EgoStep(seen.ego._replace(speed=10.0, acceleration=-4.0), 20.0, 0.1, collided=False, departed=False)
-    assert Reward()(step) == pytest.approx(0.1 * (0.5 - 0.5 * 0.25))
-    assert Reward()(step._replace(collided=True)) == pytest.approx(0.0375 - 20.0)
-    assert Reward(progress=0.0, effort=0.0)(step._replace(departed=True)) == -20.0
-    assert Reward(effort=0.0)(step._replace(target_speed=0.0)) == 0.0
+    assert DrivingReward()(step) == pytest.approx(0.1 * (0.5 - 0.5 * 0.25))
+    assert DrivingReward()(step._replace(collided=True)) == pytest.approx(0.0375 - 20.0)
+    assert DrivingReward(progress=0.0, effort=0.0)(step._replace(departed=True)) == -20.0
+    assert DrivingReward(effort=0.0)(step._replace(target_speed=0.0)) == 0.0
 
 
 def test_wrong_calls_are_refused(tmp_path: Path) -> None:
