@@ -44,8 +44,8 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
 
     Observations are the arrays of `runner.outside.learner.ObservationArrays`. Actions are numbers from −1 to 1: the share of a
     fully pressed throttle (positive) or brake (negative), the share of the greatest steering angle, to the left positive, or the
-    target speed, −1 standstill and 1 the greatest. An episode terminates if the ego has a contact or leaves the road, and is truncated
-    where the scenario or its time limit ends it. `info` has `time` (s), `touched` (names), `departed`, and at the end
+    target speed, −1 standstill and 1 the greatest. An episode terminates if the ego has a contact or leaves the road, and is
+    truncated where the scenario or its time limit ends it. `info` has `time` (s), `touched` (names), `departed`, and at the end
     `inconclusive`: names of causes for which the episode tested nothing (`runner.interpreter.verdict.CAUSES`).
 
     Args:
