@@ -86,6 +86,11 @@ def test_a_hook_refuses_a_broken_file(hook: str, code: int, repository: Path) ->
     assert "cut in.xosc:" in answer.stdout + answer.stderr
 
 
+def test_the_summary_of_a_workflow_that_has_run_nothing_is_empty(tmp_path: Path) -> None:
+    answer = call(STEPS["summary"], tmp_path)
+    assert (answer.returncode, answer.stdout, answer.stderr) == (0, "", "")
+
+
 def test_the_workflow_annotates_what_is_wrong_and_reports_the_runs(repository: Path) -> None:
     assert call(STEPS["check"], repository).returncode == 0
     assert json.loads((repository / "reports" / "check.sarif").read_text())["runs"][0]["results"] == []

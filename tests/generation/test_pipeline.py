@@ -19,8 +19,9 @@ from runner.settings import RunSettings
 from schemas.common.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
-QUICK = SearchSettings(method="draws", budget=60, density="gaussian", processes=1, run=RunSettings(timestep=0.1))
-
+RUN = RunSettings(timestep=0.1, world="kinematic")
+"""Without SUMO, which the searches of test_cli and of the loop have"""
+QUICK = SearchSettings(method="draws", budget=60, density="gaussian", processes=1, run=RUN)
 
 TRAFFIC = partial(of_samples, of_recordings(None, "cut_in"))
 
@@ -59,10 +60,8 @@ def test_too_few_recorded_manoeuvres_are_no_prior(tmp_path: Path) -> None:
 
 
 def test_a_search_is_extended_in_its_folder(tmp_path: Path) -> None:
-    run = RunSettings(timestep=0.1, world="kinematic")
-
     def search(seed: int) -> Generated:
-        return generate(CUT_IN, lambda space: drawn(40), tmp_path, replace(QUICK, budget=6, seed=seed, run=run))
+        return generate(CUT_IN, lambda space: drawn(40), tmp_path, replace(QUICK, budget=6, seed=seed))
 
     assert search(0).reused == 0
     assert search(1).reused == 0
@@ -73,8 +72,8 @@ def test_a_search_is_extended_in_its_folder(tmp_path: Path) -> None:
 
 
 def test_what_was_found_so_far_is_written_after_each_so_many_runs(tmp_path: Path) -> None:
-    run, told = RunSettings(timestep=0.1, world="kinematic"), list[Generated]()
-    settings = replace(QUICK, budget=230, every=100, run=run)
+    told = list[Generated]()
+    settings = replace(QUICK, budget=230, every=100)
     whole = generate(CUT_IN, lambda space: drawn(200), tmp_path / "a", replace(settings, every=None))
     again = generate(CUT_IN, lambda space: drawn(200), tmp_path / "b", settings, interim=told.append)
     assert [len(each.history.theta) for each in told] == [50, 150], "57 draws before, runs in batches of 50"
@@ -86,12 +85,10 @@ def test_what_was_found_so_far_is_written_after_each_so_many_runs(tmp_path: Path
 
 
 def test_a_search_ends_with_its_time_and_goes_on_in_the_next_call(tmp_path: Path) -> None:
-    run = RunSettings(timestep=0.1, world="kinematic")
-    settings = replace(QUICK, budget=60, run=run)
-    cut = generate(CUT_IN, lambda space: drawn(200), tmp_path, replace(settings, minutes=0.0))
+    cut = generate(CUT_IN, lambda space: drawn(200), tmp_path, replace(QUICK, minutes=0.0))
     assert cut.cut and len(cut.history.theta) == 0 and cut.statement.draws == 30
     assert cut.history.theta.shape == (0, len(cut.space.names))
-    whole = generate(CUT_IN, lambda space: drawn(200), tmp_path, settings)
+    whole = generate(CUT_IN, lambda space: drawn(200), tmp_path, QUICK)
     assert (
         not whole.cut
         and len(whole.history.theta) == 30
@@ -100,8 +97,7 @@ def test_a_search_ends_with_its_time_and_goes_on_in_the_next_call(tmp_path: Path
 
 
 def test_failures_outside_the_operational_domain_are_no_edge_cases(tmp_path: Path) -> None:
-    run = RunSettings(sut="cas:brake=2", timestep=0.1, world="kinematic")
-    settings = replace(QUICK, method="draws", budget=120, run=run)
+    settings = replace(QUICK, budget=120, run=replace(RUN, sut="cas:brake=2"))
     free = generate(CUT_IN, TRAFFIC, tmp_path / "a", settings)
     limited = generate(CUT_IN, TRAFFIC, tmp_path / "b", replace(settings, domain=("Ego_Speed_mps=0..30",)))
     speed = free.space.names.index("Ego_Speed_mps")

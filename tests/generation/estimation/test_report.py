@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from generation.logical.library import SCENARIOS
 from generation.pipeline import generate
@@ -17,7 +18,9 @@ from runner.settings import RunSettings
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 
 
-def test_a_search_writes_how_often_the_system_fails(tmp_path: Path) -> None:
+def test_a_search_writes_how_often_the_system_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, fewer in (("_BLOCK", 2048), ("_CONTROLLED", 4096)):  # how narrow intervals are is for test_estimate
+        monkeypatch.setattr(f"generation.estimation.estimate.{name}", fewer)
     space = Space.of(CUT_IN)
     rows = space.draw(200, np.random.default_rng(2))
     run = RunSettings(timestep=0.1)
