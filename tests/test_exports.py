@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import sys
+from copy import copy
 from functools import cache
 from pathlib import Path
 
@@ -16,6 +18,8 @@ import xosc
 from runner.batch.jobs import Job, jobs_of
 from runner.exports import TARGETS, ExportTarget
 from runner.exports.exporting import export_documents, export_runs
+from runner.interpreter import execution
+from runner.interpreter.result import RunResult
 from runner.settings import RunSettings
 from schemas.common.errors import ExitCode, ToolchainError
 from xosc.exports.draft import Folder
@@ -127,8 +131,26 @@ def test_a_document_is_exported_or_refused_with_file_line_and_reason(target: Exp
     assert len(done) == len(LIBRARY)
 
 
+@cache
+def played(scenario: Path, parameters: tuple[tuple[str, str], ...]) -> RunResult:
+    """Run of a job, which all targets export."""
+    return execution.run(scenario, QUICK, parameters=dict(parameters))
+
+
+class Executed:
+    """`runner.interpreter.execution` as exports use it: each job is run once."""
+
+    @staticmethod
+    def run(scenario: Path, settings: RunSettings, parameters: dict[str, str]) -> RunResult:
+        assert settings == QUICK
+        return copy(played(scenario, tuple(parameters.items())))  # exports add what was assumed
+
+
 @pytest.mark.parametrize("target", [target for target in TARGETS.values() if target.of_run], ids=lambda target: target.name)
-def test_a_run_is_exported_or_refused_with_file_and_reason(target: ExportTarget, tmp_path: Path) -> None:
+def test_a_run_is_exported_or_refused_with_file_and_reason(
+    target: ExportTarget, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "runner.interpreter.execution", Executed)
     done = list(export_runs(LIBRARY, target, Folder(tmp_path), QUICK, {}))
     check([each for each in done if each.exit_code != ExitCode.INCONCLUSIVE])  # the short time limit comes before the first event
     assert len(done) == sum(len(jobs(path)) for path in LIBRARY if KINDS[path] != "catalog")
