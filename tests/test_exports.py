@@ -87,8 +87,8 @@ def test_the_library_moves_as_before_in_every_version_that_can_say_it(version: s
         assert all(f"{xosc.load(file).version}" == f"({version.replace('.', ', ')})" for file in files)
         originals, copies = jobs(path), [job for file in files for job in jobs(file)]
         assert len(originals) == len(copies)
-        for number, copy in enumerate(copies):
-            expected, got = original_motion(path, number), motion(copy)
+        for number, job in enumerate(copies):
+            expected, got = original_motion(path, number), motion(job)
             assert expected.keys() == got.keys()
             for name, rows in expected.items():
                 assert np.allclose(rows, got[name], rtol=0.0, atol=1e-6), (path, version, name)
