@@ -68,13 +68,6 @@ class Node:
         above = self.element.getparent()
         return Node(above, _source_of(above, self.path, {})) if above is not None else None
 
-    def ancestors(self) -> Iterator[Node]:
-        """This element and those around it, from the inside."""
-        node: Node | None = self
-        while node is not None:
-            yield node
-            node = node.parent
-
     # attributes -----------------------------------------------------------------------------
 
     def has(self, name: str) -> bool:

@@ -229,7 +229,7 @@ class _Population(_Running):
             self.fill()
 
     def fill(self) -> None:
-        """Bring in those that are missing, as far as there is room."""
+        """Add the missing participants, as far as there is room."""
         missing = self.number - len(self.spawner.present())
         places = self.places() if missing > 0 else []
         while missing > 0 and self.spawner.spawn(self.run, self.candidates(places), self.speed):
@@ -292,7 +292,7 @@ class _Swarm(_Population):
         self.action = action
 
     def act(self, dt: float) -> None:
-        """As long as the central object is there."""
+        """Keep the number while the central object exists."""
         if self.action.central.active and self.action.central.placed:
             super().act(dt)
 

@@ -1,6 +1,6 @@
 """Many runs: every parameter set of every file, in one process or several, interrupted and resumed with nothing lost.
 
-`BatchComparison` holds a batch against an earlier one, run by run: new failures, failures that are gone, and those that remain.
+`BatchComparison` holds a batch against an earlier one, run by run: new, fixed and remaining failures.
 """
 
 from __future__ import annotations
@@ -254,7 +254,7 @@ def _of(job: Job) -> Identity:
 
 @dataclass
 class BatchComparison:
-    """Sorts the runs of a batch by what they were in an earlier one; a run that was not in it counts as one that did not fail.
+    """Sorts the runs of a batch by their outcome in an earlier one; a run that the earlier one lacks counts as not failed.
 
     Attributes:
         title: of the earlier batch.

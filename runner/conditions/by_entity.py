@@ -73,7 +73,7 @@ class StandStillCondition(_Lasting):
     """True once the entity has stood still (below 1 mm/s) for the duration."""
 
     def keeps(self, entity: Entity, run: Instant) -> float:
-        """Until it has stood for so long; a trailer stands for as long as what tows it, which is not a change of its own."""
+        """Until the entity has stood for the duration. A trailer stands as its tractor does, without a change of its own."""
         if entity.controls.tractor is not None or self._lasted(entity.standstill):
             return -math.inf
         entity.patience = min(entity.patience, self.duration - 2.0 * TOLERANCE)

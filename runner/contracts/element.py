@@ -186,7 +186,7 @@ class ByEntityCondition(Condition):
         self.condition.measure_from(self.entities)
 
     def keeps(self, run: Instant) -> float:
-        """While it keeps its value for each of the entities that are present."""
+        """Until the value for a present entity can change."""
         return min((self.condition.keeps(entity, run) for entity in self.entities if entity.active), default=math.inf)
 
     def false_within(self, run: Instant) -> float:

@@ -224,7 +224,7 @@ def relations(ego: MotionRows, others: Sequence[MotionRows]) -> Relations:
 
 @lru_cache(maxsize=1)  # as `joined`
 def common(ego: MotionRows, others: tuple[MotionRows, ...]) -> tuple[MotionRows, MotionRows, IntArray, IntArray, IntArray]:
-    """The ego and all others at the instants at which both are there; the rows of both, and whose each is."""
+    """Return ego and others at their common instants, the rows of both, and the index of the other one by row."""
     everyone, who = joined(others)
     rows, theirs = _common(ego.time, everyone.time, who)
     return ego.at(rows), everyone if len(theirs) == len(who) else everyone.at(theirs), rows, theirs, who[theirs]

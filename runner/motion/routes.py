@@ -149,7 +149,7 @@ class AssignedRoute:
         return self._back
 
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
-        """Whether one of them is the next leg."""
+        """Whether a lane reached is on the next leg."""
         index = self._find(road_id, forward)
         following = self._following(index) if index is not None else None
         return following is not None and any((link.road_id, link.at_start) == following[:2] for link in links)

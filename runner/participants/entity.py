@@ -158,7 +158,7 @@ class Entity(EntityState):
         self.reset()
 
     def reset(self) -> None:
-        """As it is before a run, and without trailer."""
+        """Reset state and controls to those before a run, and detach trailers."""
         EntityState.__init__(self)
         self.controls = Controls(controllers=dict(self.declared.controllers))
 
@@ -184,7 +184,7 @@ class Entities(dict[str, Entity]):
         tractor.controls.trailer, trailer.controls.tractor = trailer, tractor
 
     def reset(self) -> None:
-        """As before a run: everyone's state, the trailers on their hitches, no one but those declared."""
+        """Reset all entities, put trailers on their hitches, and remove entities that were added in the run."""
         for name in [name for name, entity in self.items() if entity.spawned]:
             del self[name]
         for entity in self.values():
@@ -210,7 +210,7 @@ class Displacement:
     than `c` to each other before it has grown by (d - c) / 2, however they drive, and wherever actions put them.
 
     Args:
-        run: whose participants they are.
+        run: run of the entities.
     """
 
     def __init__(self, run: Stepping) -> None:

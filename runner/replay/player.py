@@ -48,7 +48,7 @@ _GROUP = 7
 
 
 def pack(values: ArrayLike, step: float, order: int = 1) -> str:
-    """A series of numbers as text.
+    """Return a series of numbers as text.
 
     Args:
         values: finite numbers.
