@@ -170,6 +170,10 @@ class Smoothed(NamedTuple):
     columns: Columns
 
 
+_MOVED, _UNITS = 3.0, 2.0
+"""Way in a second (m) by which speeds are compared with it, and the greatest ratio of both; in mph they are 2.24 times as high"""
+
+
 def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: Report, noise: Noise | None = None) -> Smoothed:
     """Cut tracks where they jump, and smooth them.
 
@@ -180,8 +184,9 @@ def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: R
         noise: of the recording.
 
     Raises:
-        InvalidFile: nothing is left of any track, or their motion can't be computed.
+        InvalidFile: nothing is left of any track, their motion can't be computed, or their speeds are not in m/s.
     """
+    _require_units(rows, columns)
     broken = breaks(rows, *centres(rows, who, columns))
     rest = parted(rows, broken.heads, _LEAST)
     if not len(rest.rows):
@@ -200,6 +205,18 @@ def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: R
     rows, columns = rest.rows.among(kept), {name: values[kept] for name, values in columns.items()}
     _tell_hard(report, rows, who, columns["acceleration"], Bounds(*(each[kept] for each in seen.bounds)))
     return Smoothed(rows, who, columns)
+
+
+def _require_units(rows: Rows, columns: Columns) -> None:
+    """Refuse speeds of more than `_UNITS` times those at which the places move."""
+    ahead, here = max(round(1.0 / rows.step), 1), np.arange(len(rows))
+    there = np.minimum(here + ahead, rows.last)
+    moved = np.hypot(columns["x"][there] - columns["x"], columns["y"][there] - columns["y"])
+    chosen = (there - here == ahead) & (moved >= _MOVED)
+    if chosen.any():
+        ratio = float(np.median(np.abs(columns["speed"][chosen]) * ahead * rows.step / moved[chosen]))
+        if ratio > _UNITS:
+            raise InvalidFile(f"the speeds are {ratio:.2f} times those at which the places move: they are not in m/s")
 
 
 def centres(rows: Rows, who: Sequence[Participant], columns: Columns) -> tuple[FloatArray, FloatArray]:

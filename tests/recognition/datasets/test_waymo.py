@@ -180,6 +180,11 @@ def _lane(key: str, value: object) -> Callable[[dict[str, Any]], Any]:
     return lambda document: document["roads"][3].update({key: value})
 
 
+def _faster(document: dict[str, Any]) -> None:
+    for one in document["objects"]:
+        one["velocity"] = [{axis: 3.6 * value for axis, value in each.items()} for each in one["velocity"]]
+
+
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
@@ -194,6 +199,7 @@ def _lane(key: str, value: object) -> Callable[[dict[str, Any]], Any]:
         (_first("heading", [90.0] * STEPS), "object 1: heading 90 is no angle in rad"),
         (_first("length", 0.0), "object 1: 0 is no size"),
         (_first("length", 450.0), "participant 5: 450 m by 1.9 m is no size of a truck"),
+        (_faster, r"the speeds are 3\.60 times those at which the places move: they are not in m/s"),
         (_first("valid", [1] * STEPS), "object 1: there is no id, or valid has other values than true and false"),
         (_first("position", [[0.0, 0.0]] * STEPS), "object 1: position is no list of x and y"),
         (lambda document: document["roads"].clear(), "the scene has no lanes"),
