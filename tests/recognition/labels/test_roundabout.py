@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.labels import Label
+from recognition.labels import Label, Rules
+from recognition.labels.scene import alone, events, prepare
 from recognition.sites import Site
-from runner.recording import Track
+from runner.recording import Recording, Track
 from tests.recognition.driving import STEP, labels, of, route, site, track
 from xodr.builders import roundabout
 
@@ -25,11 +26,19 @@ def car(place: Site, name: str, roads: tuple[str, ...], *, arm: str = "1", s: fl
 
 
 def test_once_half_round_enters_circulates_and_exits(ring: Site) -> None:
-    events = labels(ring, car(ring, "ego", ("102", "201", "303")))
-    assert of(events, "ego") == [Label.ROUNDABOUT_ENTERING, Label.ROUNDABOUT_CIRCULATING, Label.ROUNDABOUT_EXITING]
-    times = [event.time for event in events]
+    found = labels(ring, car(ring, "ego", ("102", "201", "303")))
+    assert of(found, "ego") == [Label.ROUNDABOUT_ENTERING, Label.ROUNDABOUT_CIRCULATING, Label.ROUNDABOUT_EXITING]
+    times = [event.time for event in found]
     assert times[0] == pytest.approx((50.0 + 22.5) / 7.0, abs=0.5)  # rest of the arm and the entry lane
     assert (np.diff(times) > 1.49).all()
+
+
+@pytest.mark.parametrize(("label", "kept"), [(Label.ROUNDABOUT_ENTERING, False), (Label.LEFT_TURN, True)])
+def test_merging_wins_over_turns_but_not_over_entering(ring: Site, label: Label, kept: bool) -> None:
+    scene = prepare(Recording([car(ring, "ego", ("102", "201", "303"))], STEP, None), ring, Rules())
+    row = np.array([60])
+    (event,) = events(scene, "test", [alone(Label.MERGING, row, arrival_gap=row * 0.1), alone(label, row)])
+    assert event.label is (Label.MERGING if kept else label)
 
 
 def test_round_and_round_circulates_several_times(ring: Site) -> None:
