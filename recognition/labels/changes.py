@@ -390,7 +390,7 @@ def passages(scene: SceneRows) -> Passages:
     row = np.where(straight, row, np.clip(scene.centred(row), first, last))
     origin = np.where(entered, scene.strip[first], _neighbours(scene.site.lanes.preceding, scene.strip[first]))
     target = np.where(arrived, scene.strip[last], _neighbours(scene.site.lanes.following, scene.strip[last]))
-    lights = scene.role[start] == ROLES.index(Role.SIGNALISED)
+    lights = np.isin(inside[start], junction_of[scene.strip[scene.has_role(Role.SIGNALISED)]])
     roads = np.where(origin != NOWHERE, road_of[origin], NOWHERE)
     return Passages(first, last, arrived, row, turn, inside[start], lights, origin, target, roads)
 

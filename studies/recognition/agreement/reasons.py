@@ -16,6 +16,7 @@ def reasons(scene: Scene) -> list[str]:
     why[(turn < rules.straight) & ~crossed] = "straight, no crossing traffic"
     why[(turn >= rules.straight) & (turn < rules.turn[0])] = f"turns {rules.straight:.0f} to {rules.turn[0]:.0f}° inside"
     why[turn > rules.turn[1]] = f"turns more than {rules.turn[1]:.0f}°"
+    why[np.isnan(turn)] = "too little of it recorded"
     why[~scene.complete[passages.row]] = "window not whole"
     why[passages.signalised & (not rules.signalised)] = "traffic lights"
     first = np.searchsorted(scene.track[passages.row], np.arange(len(scene.names)))
