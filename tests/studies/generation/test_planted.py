@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes.outcomes import Evaluator, Outcomes
 from generation.recorded import of_recordings, of_samples
 from generation.search.methods.cover import draws
 from generation.search.problem import History, Problem, Realism, Reward, Search
@@ -35,6 +36,7 @@ from studies.generation.planted.study import (
 )
 from studies.generation.planted.systems import DEVELOPMENT, REPORTED, SHAPES, UNDRIVEN, Plan, Pool, plant
 from studies.generation.planted.together import together
+from studies.generation.problem import Posed
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 SPACE = Space.of(CUT_IN)
@@ -102,6 +104,32 @@ def test_a_driver_of_a_name_is_the_base_and_sleeps_in_the_regions(posed: Problem
     found, base = planted(pool.theta[rows]), posed.twin(pool.theta[rows], "fsm")
     assert held.any() and found.collision[held].all()
     np.testing.assert_array_equal(found.clearance[~held], base.clearance[~held])
+
+
+def test_failures_of_the_base_are_counted_apart(posed: Problem, pool: Pool) -> None:
+    assert posed.prior is not None and posed.twin is not None
+    planted = plant(Plan("box", 1, 0.02, False, UNDRIVEN), SPACE, posed.prior, posed.twin, pool, 3)
+    theta = pool.theta[pool.hits[:60]]
+    held = planted.within(theta, pool.undriven.take(pool.hits[:60]))[0]
+    found = judged(planted, posed, pool, History(theta, planted(theta), np.zeros(60)))
+    assert found.own == pytest.approx(1.0 - held.mean()) and 0.0 < found.own < 1.0
+    own = theta[~held]
+    nothing = judged(planted, posed, pool, History(own, planted(own), np.zeros(len(own))))
+    assert (nothing.regions, nothing.far, nothing.own) == (0.0, 0.0, 1.0)
+
+
+def test_systems_that_the_twin_does_not_play_are_run(posed: Problem) -> None:
+    run = list[str | None]()
+
+    def sumo(theta: np.ndarray, sut: str | None = None) -> Outcomes:
+        run.append(sut)
+        return Outcomes.of(len(theta))
+
+    posing, theta = Posed(posed, cast(Evaluator, sumo)), posed.real[:2]
+    assert len(posing.plays(theta, "adas")) == len(posing.plays(theta, "cas")) == 2
+    assert run == ["adas"]
+    posing._replace(problem=replace(posed, twin=None)).plays(theta, "cas")
+    assert run == ["adas", "cas"]
 
 
 @pytest.mark.parametrize("method", [cells, sobol, maximin, subset, level_sets])
