@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from generation import pages as shared
 from generation.loop import page as loop_page
 from generation.report import report as report_module
 from recognition.catalogue import page as catalogue_page
@@ -18,7 +17,7 @@ from runner.replay import page as replay_page
 from tests.runner.chromium import Browser
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = [Path(str(each.__file__)).parent for each in (replay_page, shared, loop_page, catalogue_page)] + [
+FOLDERS = [Path(str(each.__file__)).parent for each in (replay_page, loop_page, catalogue_page)] + [
     Path(str(report_module.__file__)).parent / "page"
 ]
 SOURCES = sorted(path for folder in FOLDERS for path in folder.rglob("*.*") if path.suffix in (".js", ".css"))

@@ -223,7 +223,8 @@ def test_a_chosen_set_keeps_the_number_that_it_has_in_runs(xosc_export: Command,
     sets = distribution(tmp_path, "sets", {"Gap": (20.0, 40.0, 10.0)})
     assert xosc_export(sets, "--to", "1.0", "--out", tmp_path / "out").code == 0
     assert sorted(path.name for path in (tmp_path / "out").glob("*.xosc")) == ["sets~000001.xosc", "sets~000002.xosc"]
-    assert xosc_export(path, "--to", "1.0", "--out", tmp_path / "alone", "--only", "7").code == 0
+    answer = xosc_export(path, "--to", "1.0", "--out", tmp_path / "alone", "--only", "7")
+    assert answer.code == 2 and "there is none among the files" in answer.err
 
 
 def test_every_target_is_listed(xosc_export: Command) -> None:

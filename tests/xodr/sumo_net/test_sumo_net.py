@@ -19,7 +19,7 @@ from schemas.common.errors import InvalidFile, UsageError
 from tests.conftest import SHARED
 from xodr import builders, sumo_net
 from xodr.builders import RoadMap
-from xodr.sumo_net import SumoNet, Track, building
+from xodr.sumo_net import LaneTrack, SumoNet, building
 from xodr.sumo_net.building import CacheEntry, NetconvertFailed, _build
 from xodr.sumo_net.net import use_of
 
@@ -65,7 +65,7 @@ def shapes(net: SumoNet) -> dict[str, list[tuple[float, float]]]:
     }
 
 
-def exact(network: xodr.RoadNetwork, track: Track, share: float) -> xodr.Pose:
+def exact(network: xodr.RoadNetwork, track: LaneTrack, share: float) -> xodr.Pose:
     """Pose on a track's centre line in the direction of travel, a hair inside its ends so that its own section is meant."""
     s = track.start + (track.end - track.start) * min(max(share, 1e-9), 1 - 1e-9)
     own = network.road(track.road_id)
@@ -73,7 +73,7 @@ def exact(network: xodr.RoadNetwork, track: Track, share: float) -> xodr.Pose:
     return pose if track.end > track.start else pose._replace(h=pose.h + math.pi)
 
 
-def aside(network: xodr.RoadNetwork, track: Track, point: tuple[float, float], share: float) -> tuple[float, float]:
+def aside(network: xodr.RoadNetwork, track: LaneTrack, point: tuple[float, float], share: float) -> tuple[float, float]:
     """Distance of a point from a track's centre line, and the share of the track where it is; `share` is a first guess."""
     for _ in range(30):
         pose = exact(network, track, share)
@@ -254,8 +254,8 @@ def signal(s: float, orientation: str = "+", kind: str = "1000001", dynamic: str
 
 def test_a_light_on_the_open_road_holds_traffic_where_it_stands(tmp_path: Path) -> None:
     net = sumo_net.build(written(road("1", extra=signal(60)), tmp_path))
-    assert net.track("1/0+_0") == Track("1", -1, 0, 60)
-    assert net.track("1/1+_0") == Track("1", -1, 60, 100)
+    assert net.track("1/0+_0") == LaneTrack("1", -1, 0, 60)
+    assert net.track("1/1+_0") == LaneTrack("1", -1, 60, 100)
     (link,) = net.signals["7"]
     libsumo.start(["sumo", "-n", str(net.path), "--no-step-log"])
     try:
