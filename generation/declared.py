@@ -13,9 +13,9 @@ import numpy as np
 from lxml import etree
 
 import xosc
-from generation.density.limits import EGO, ROLES, Role
 from generation.density.marginals import Choices, Marginal, marginal, uniform
 from generation.density.models import UNIFORM
+from generation.density.roles import EGO, ROLES, Role
 from generation.recorded import Recorded, kind_of, of_recordings, of_samples, of_statements
 from generation.search.space import Space
 from generation.settings import Ask

@@ -14,9 +14,9 @@ import numpy as np
 
 from generation.density.base import Density
 from generation.density.gate import EVERYWHERE, NEAR, NO_DRAWS, Domain, Gate, Share, Statement, replay_shares
-from generation.density.limits import roles_of
 from generation.density.models import DEFAULT, UNIFORM
 from generation.density.prior import Prior
+from generation.density.roles import roles_of
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
 from generation.outcomes.judges import Cases, Drivers, agrees, choose, remembering

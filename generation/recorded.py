@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import xosc
-from generation.density.limits import NUISANCES, ROLES, Role, roles_of
 from generation.density.marginals import Admits, DeclaredPrior, JointPrior, Marginal, uniform
 from generation.density.models import judge
 from generation.density.prior import Box, Prior, RecordedPrior
+from generation.density.roles import NUISANCES, ROLES, Role, roles_of
 from generation.logical.maneuvers import MANEUVERS
 from generation.logical.pairs import PAIRS, PairUnits, pair_units
 from generation.search.space import Space, free_option, numbers

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from generation.density.limits import ROLES
 from generation.density.models import JUDGE, UNIFORM, models
+from generation.density.roles import ROLES
 from generation.search.methods import DEFAULT as METHOD
 from generation.search.methods import offered
 from runner.settings import RunSettings

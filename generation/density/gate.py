@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from generation.density.limits import EGO, EGO_SPEED, Role
+from generation.density.roles import EGO, EGO_SPEED, Role
 from generation.outcomes.judges import Drivers, survivors
 from generation.outcomes.outcomes import Outcomes
 from schemas.common.array_types import BoolArray, FloatArray

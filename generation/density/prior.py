@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from generation.density.base import Components, Density, folds
-from generation.density.limits import NUISANCES, ByRole, LeastGap, Limits, Role
+from generation.density.limits import ByRole, LeastGap, Limits
 from generation.density.models import model
+from generation.density.roles import NUISANCES, Role
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.density.limits import NUISANCES
 from generation.density.prior import Prior
+from generation.density.roles import NUISANCES
 from generation.recorded import Recorded
 from generation.search.space import Space
 from recognition.maneuvers.units import Exposure

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from generation.density.limits import AHEAD, BEGINS, BEHIND, EGO_SPEED, Role
+from generation.density.roles import AHEAD, BEGINS, BEHIND, EGO_SPEED, Role
 from generation.logical import roads
 from generation.logical.maneuvers import EGO
 from generation.logical.roads import GEOMETRIES, ROADS, header, scenario_tags

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from generation.density.limits import AHEAD, BEGINS, EGO, EGO_SPEED, LEAST, NUISANCES, Role, by_actor, reading
+from generation.density.limits import LEAST, by_actor, reading
+from generation.density.roles import AHEAD, BEGINS, EGO, EGO_SPEED, NUISANCES, Role
 from generation.outcomes.judges import JUDGES, Cases, Drivers, matrix
 from generation.pipeline import Generated, evidence
 from generation.search.space import Space, distinctive

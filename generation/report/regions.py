@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from generation.density.gate import NEAR, Share
-from generation.density.limits import roles_of
+from generation.density.roles import roles_of
 from generation.pipeline import Generated
 from generation.report.counterexamples import Measure, measures
 from generation.search.space import distinctive

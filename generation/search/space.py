@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 import xosc
-from generation.density.limits import NUISANCES, ON_REQUEST, roles_of
+from generation.density.roles import NUISANCES, ON_REQUEST, roles_of
 from recognition.maneuvers.parameters import DECLARED, Parameter
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError, nearest

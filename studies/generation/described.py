@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.density.limits import EGO_SPEED, roles_of
+from generation.density.roles import EGO_SPEED, roles_of
 from generation.search.space import Space
 from schemas.common.array_types import FloatArray
 from studies.generation.adversary.course import START, Scene

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.density.limits import roles_of
 from generation.density.models import JUDGE
+from generation.density.roles import roles_of
 from generation.logical.library import SCENARIOS
 from generation.outcomes.judges import JUDGES
 from generation.recorded import of_recordings, of_samples

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.density.limits import EGO_SPEED, roles_of
 from generation.density.models import JUDGE
 from generation.density.prior import until_possible
+from generation.density.roles import EGO_SPEED, roles_of
 from generation.outcomes.judges import JUDGES
 from generation.outcomes.outcomes import Episode, Outcomes, Simulator
 from generation.recorded import of_recordings, of_samples

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from generation.density.gate import R157_SPEED, Domain
-from generation.density.limits import roles_of
+from generation.density.roles import roles_of
 from generation.logical.library import SCENARIOS
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from generation.density.limits import Role
+from generation.density.roles import Role
 from generation.estimation.probability import PER_DISTANCE, PER_HOUR, Driving, Probability, driving, probability
 from generation.logical.library import SCENARIOS
 from generation.logical.pairs import PAIRS, PairUnits, pair_units

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.limits import Role, roles_of
+from generation.density.roles import Role, roles_of
 from generation.report.counterexamples import Measure, Region, measures, region, unit_of
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter

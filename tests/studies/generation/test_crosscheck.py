@@ -7,8 +7,8 @@ import importlib.util
 import numpy as np
 import pytest
 
-from generation.density.limits import roles_of
 from generation.density.prior import Box, RecordedPrior
+from generation.density.roles import roles_of
 from generation.outcomes.outcomes import Outcomes
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
