@@ -25,7 +25,7 @@ from schemas.common.errors import ToolchainError, UsageError, describe
 from schemas.common.options import CATALOG_PATH, ROAD_PATH, resign, sections
 from schemas.common.packages import leave_working_folder_out, missing, version
 from schemas.common.policy import UNTRUSTED, CommandPolicy, in_force, of_command
-from schemas.common.storage import DRAFT, cache_folder, drafted, own_cache, search_path, writing
+from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
 from schemas.common.text import of_service, one_line
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -400,8 +400,8 @@ def expand(arguments: Iterable[str]) -> list[Path]:
     """The files meant by command line arguments: each once, in the order of the arguments and sorted within each.
 
     A file is taken as it is, whatever its name, and also where it does not exist; a folder stands for the scenario and
-    road files in it and below it; a glob (`**` for any depth) for the scenario and road files that it matches, and for
-    those in the folders that it matches.
+    road files in it and below it, see `files_in`; a glob (`**` for any depth) for the scenario and road files that it
+    matches, and for those in the folders that it matches.
 
     Raises:
         UsageError: a folder or a glob stands for no file.
@@ -427,7 +427,14 @@ def _expand(argument: str) -> list[Path]:
 def files_in(path: Path) -> list[Path]:
     """The scenario and road files in a folder and below it, sorted; a file itself, if it is one.
 
-    Drafts that a killed command has left in the folder are none.
+    Names that begin with a dot are left out: drafts that a killed command has left, and environments as .venv, which hold
+    files of packages.
     """
-    candidates = sorted(each for each in path.rglob("*") if not each.name.startswith(DRAFT)) if path.is_dir() else [path]
+    candidates = sorted(_visible(path)) if path.is_dir() else [path]
     return [candidate for candidate in candidates if candidate.suffix.lower() in SUFFIXES and candidate.is_file()]
+
+
+def _visible(folder: Path) -> Iterator[Path]:
+    for parent, folders, files in os.walk(folder):
+        folders[:] = [each for each in folders if not each.startswith(".")]
+        yield from (Path(parent, each) for each in files if not each.startswith("."))

@@ -82,6 +82,15 @@ def test_globs_folders_and_files_count_once(project):
     assert output.startswith("3 files checked")
 
 
+def test_names_with_a_dot_are_left_out_of_folders_and_taken_where_they_are_named(project):
+    for inner in (".venv/lib/broken.xosc", ".draft-broken.xosc"):
+        path = project.folder / inner
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("<broken>")
+    assert run(project.folder, "-q") == (0, "")
+    assert run(project.folder / ".venv")[0] == run(project.folder / ".draft-broken.xosc")[0] == 1
+
+
 def test_missing_file_is_a_problem(project):
     code, output = run(project.folder / "none.xosc")
     assert code == 3
