@@ -164,7 +164,7 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
 def _between_through(scene: Scene, row: IntArray) -> BoolArray:
     """Whether neither of the lanes that a change leads from and to is a ramp or turns in a junction, where lanes overlap.
 
-    What ends a turn through a junction on another lane is no change of lane either.
+    A turn through a junction may end on another lane: that is no lane change.
     """
     return scene.through[row] & scene.through[row - 1] & ~scene.turning[row]
 

@@ -149,7 +149,7 @@ class LaneGraph:
         return next((steps for a, b in pairs if (steps := self._beside(a, b))), None)
 
     def _splits(self, one: int, other: int) -> int:
-        """Return the lanes to the left by which a strip that follows leaves another one that does, and goes on beside it."""
+        """Return the number of lanes to the left by which `other` bears away where `one` splits into lanes side by side."""
         for sibling in self.following[one]:
             steps = self._related(sibling, other, both=False)
             if steps and self._aside(other) > self._aside(sibling):

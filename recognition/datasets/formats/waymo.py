@@ -161,7 +161,7 @@ def _lit_lanes(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
 
 
 def _object(one: Mapping[str, Any], path: Path, element: str, ego: str) -> _Object | Exclusion:
-    """A participant; one that is left out if it has no size of what moves, as boxes of groups of vehicles have."""
+    """A participant; an exclusion if its box is larger than any vehicle, such as the box of a group of them."""
     kind = value(one, "type", str, path, element)
     if kind not in _CATEGORIES:
         raise InvalidFile(f"type {kind!r} is none of {', '.join(_CATEGORIES)}", path=path, element=element)

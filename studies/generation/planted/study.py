@@ -136,7 +136,7 @@ def judged(planted: Planted, problem: Problem, pool: Pool, history: History) -> 
     within, hit = failing[held.any(axis=0)], held.any(axis=1)
     assert problem.prior is not None
     strange = 1.0 - float(problem.prior.foreseeable(theta).mean()) if failing.size else 0.0
-    own = 1.0 - len(within) / max(len(failing), 1) if failing.size else 0.0
+    own = 1.0 - len(within) / len(failing) if failing.size else 0.0
     if not within.size:
         return Found(0.0, 0.0, 0.0, len(history.outcomes) + 1, strange, own)
     drawn = pool.hits
