@@ -82,7 +82,7 @@ def main() -> None:
             in_parts(folder, out, options.labels)
             return
         start = time.perf_counter()
-        command = [sys.executable, "-m", "recognition.cli", str(folder), "--labels", options.labels]
+        command = [sys.executable, "-m", "recognition.xosc_recognize", str(folder), "--labels", options.labels]
         subprocess.run([*command, "--out", str(out), "--jobs", str(options.jobs)], check=True)
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         took, processors = time.perf_counter() - start, used.ru_utime + used.ru_stime

@@ -69,7 +69,8 @@ def _killed_and_resumed(paths: list[str], out: Path, longest: float, draw: rando
 
 
 def _run(paths: list[str], out: Path) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "runner.cli", *paths, "--world", "kinematic", "--out", str(out), "--resume", "--jobs", "2"]
+    options = ["--world", "kinematic", "--out", str(out), "--resume", "--jobs", "2"]
+    command = [sys.executable, "-m", "runner.xosc_run", *paths, *options]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
 
 

@@ -84,7 +84,7 @@ def _load(outcome: Outcome, settings: RunSettings) -> Load:
 
 def _command(files: list[Path], settings: RunSettings, jobs: int) -> float:
     """Seconds of the command, start-up included."""
-    command = [sys.executable, "-m", "runner.cli", *map(str, files), "--sut", str(settings.sut), "--world", settings.world]
+    command = [sys.executable, "-m", "runner.xosc_run", *map(str, files), "--sut", str(settings.sut), "--world", settings.world]
     command += ["--timestep", str(settings.timestep), "--jobs", str(jobs), "--quiet"]
     start = _spent()
     subprocess.run(command, stdout=subprocess.DEVNULL, check=False)

@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 
 SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "simple_cut_in.xosc"
-RUN = [sys.executable, "-m", "runner.cli"]
+RUN = [sys.executable, "-m", "runner.xosc_run"]
 COMMANDS = {
     "python -c 'import libsumo'": [sys.executable, "-c", "import libsumo"],
     "xosc-run --help": [*RUN, "--help"],

@@ -26,8 +26,8 @@ KEPT_FRAGMENTS = {"xosc_toolchain.start": "entry points of all commands: it answ
 """Fragments with a single importer, each with the reason"""
 MOST_OF_A_NAME = 4
 """Modules of one name"""
-ENTRY_POINTS = ("__init__", "__main__", "cli")
-"""Names that Python or commands ask for"""
+ENTRY_POINTS = ("__init__", "__main__")
+"""Names that Python asks for"""
 SHARED_NAMES = frozenset(
     """
     Block Condition Conflict Control Driver Entry Episode Estimate Event Exposure Flow Known Labelled Lane

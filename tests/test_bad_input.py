@@ -12,7 +12,7 @@ from random import Random
 
 import pytest
 
-from runner import cli
+from runner import xosc_run
 from schemas import check
 from schemas.common.storage import MAX_BYTES
 from tests.mutation import BOMB, EXTERNAL, OWN_SCENARIOS, sources, write_mutant
@@ -31,7 +31,7 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
         monkeypatch.setattr(sys, "path", list(sys.path))
         monkeypatch.setattr(sys, "argv", ["xosc-run", "--world", "kinematic", "--max-time", "3", *map(str, paths)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            xosc_run.main()
         return int(end.value.code or 0), *capsys.readouterr()
 
     return call
@@ -182,7 +182,7 @@ def test_a_file_that_is_too_large_is_refused_by_its_size(tmp_path: Path) -> None
     with path.open("wb") as file:
         file.truncate(MAX_BYTES + 1)
     limit = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({MAX_BYTES}, {MAX_BYTES})); "
-    code = f"{limit}import sys; sys.argv = ['xosc-run', {str(path)!r}]; from runner.cli import main; main()"
+    code = f"{limit}import sys; sys.argv = ['xosc-run', {str(path)!r}]; from runner.xosc_run import main; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (
         3,

@@ -210,7 +210,7 @@ def test_without_the_module_that_limits_memory_the_option_is_refused(monkeypatch
 
 SPAWNED = """
 import multiprocessing, sys
-from runner.cli import main
+from runner.xosc_run import main
 
 if __name__ == "__main__":
     multiprocessing.set_start_method("spawn")

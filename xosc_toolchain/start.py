@@ -12,15 +12,15 @@ from functools import partial
 from importlib import import_module
 
 MODULES = {
-    "xosc": "xosc_toolchain.cli",
-    "xosc-list": "xosc.cli",
-    "xosc-run": "runner.cli",
-    "xosc-replay": "runner.replay.cli",
-    "xosc-check": "schemas.cli",
-    "xosc-recognize": "recognition.cli",
-    "xosc-generate": "generation.cli",
-    "xosc-loop": "generation.loop.cli",
-    "xosc-export": "runner.exports.cli",
+    "xosc": "xosc_toolchain.xosc",
+    "xosc-list": "xosc.xosc_list",
+    "xosc-run": "runner.xosc_run",
+    "xosc-replay": "runner.replay.xosc_replay",
+    "xosc-check": "schemas.xosc_check",
+    "xosc-recognize": "recognition.xosc_recognize",
+    "xosc-generate": "generation.xosc_generate",
+    "xosc-loop": "generation.loop.xosc_loop",
+    "xosc-export": "runner.exports.xosc_export",
 }
 """The module with the function `main` of each command"""
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")

@@ -204,8 +204,8 @@ def test_readme_and_tutorials_do_what_they_say_one_after_the_other(
         shutil.copytree(ROOT / library, tmp_path / library)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
-    for name, fewer in (("_MOST", 2), ("_STARTS", 1)):  # how well densities fit is for tests/generation/density
-        monkeypatch.setattr(f"generation.density.models.mixtures.{name}", fewer)
+    for constant, fewer in (("_MOST", 2), ("_STARTS", 1)):  # how well densities fit is for tests/generation/density
+        monkeypatch.setattr(f"generation.density.models.mixtures.{constant}", fewer)
     for page in READING:
         try:
             play(page, tmp_path, do, execute)

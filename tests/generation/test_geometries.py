@@ -12,7 +12,7 @@ import schemas
 import xosc
 from generation.logical.library import SCENARIOS
 from generation.outcomes.judges import COLLISION
-from tests.generation.test_cli import call
+from tests.generation.test_xosc_generate import call
 from xosc.tags import read
 
 QUICK = (

@@ -20,7 +20,7 @@ from schemas.common.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 RUN = RunSettings(timestep=0.1, world="kinematic")
-"""Without SUMO, which the searches of test_cli and of the loop have"""
+"""Without SUMO, which the searches of test_xosc_generate and of the loop have"""
 QUICK = SearchSettings(method="draws", budget=60, density="gaussian", processes=1, run=RUN)
 
 TRAFFIC = partial(of_samples, of_recordings(None, "cut_in"))

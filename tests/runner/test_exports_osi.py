@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import runner
 import xosc
-from runner import cli
+from runner import xosc_run
 from runner.exports import osi
 from runner.exports.moments import box_centre
 from schemas.common.errors import UsageError
@@ -136,7 +136,7 @@ def test_the_same_run_gives_the_same_bytes(result: runner.RunResult, suffix: str
 
 def test_the_command_writes_a_trace_beside_its_table(path: Path, tmp_path: Path) -> None:
     arguments = [str(path), "--world", "kinematic", "--sut", "none", "--osi", str(tmp_path / "t.osi")]
-    assert CliRunner().invoke(cli.app, arguments).exit_code == 0
+    assert CliRunner().invoke(xosc_run.app, arguments).exit_code == 0
     assert read(tmp_path / "t.osi")[0].map_reference == "curve.xodr"
 
 

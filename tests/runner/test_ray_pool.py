@@ -120,7 +120,7 @@ def test_what_can_not_be_written_is_said_and_not_entered(variation: Path) -> Non
     assert pq.read_table("out/runs.parquet")["state"].to_pylist().count("error") == 1
 
 
-COMMAND = [sys.executable, "-m", "runner.cli", "--world", "kinematic", "--sut", "none"]
+COMMAND = [sys.executable, "-m", "runner.xosc_run", "--world", "kinematic", "--sut", "none"]
 
 
 def test_the_command_starts_a_cluster_of_its_own(variation: Path) -> None:

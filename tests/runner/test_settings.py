@@ -11,8 +11,8 @@ import typer
 
 import runner
 from runner import RunSettings, exports
-from runner.cli import app
-from runner.exports.cli import app as export_app
+from runner.exports.xosc_export import app as export_app
+from runner.xosc_run import app
 from schemas.common.errors import InvalidFile, UsageError
 from tests.runner.files import scenario
 

@@ -17,7 +17,7 @@ import xosc
 from runner.exports import osi
 from runner.exports.moments import box_centre
 from runner.recording import Track
-from runner.replay import cli
+from runner.replay import xosc_replay
 from runner.traces.maps import road_of
 from runner.traces.reading import read
 from schemas import osi_traces
@@ -109,7 +109,7 @@ def test_the_road_that_is_named_counts_before_lanes(exported: Path, result: runn
 
 
 def test_replays_show_traces(exported: Path) -> None:
-    answer = CliRunner().invoke(cli.app, [str(exported)])
+    answer = CliRunner().invoke(xosc_replay.app, [str(exported)])
     assert (answer.exit_code, answer.stdout.strip()) == (0, str(exported.with_suffix(".html")))
     assert "nothing was tested" in exported.with_suffix(".html").read_text(encoding="utf-8")
 

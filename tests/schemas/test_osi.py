@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import runner
 import xosc
 from runner.exports import osi
-from schemas import check, cli
+from schemas import check, xosc_check
 from schemas.osi_rules import MOST, READABLE, all_osi_rules
 from tests.runner.test_traces import mcap, truths, write
 
@@ -62,12 +62,12 @@ def test_a_damaged_trace_is_a_problem(tmp_path: Path) -> None:
 
 
 def test_the_command_lists_the_rules() -> None:
-    listed = CliRunner().invoke(cli.app, ["--rules"]).stdout
+    listed = CliRunner().invoke(xosc_check.app, ["--rules"]).stdout
     assert all(rule.uid in listed for rule in all_osi_rules())
 
 
 @pytest.mark.parametrize("form", ["json", "junit", "xqar", "sarif"])
 def test_reports_name_the_rules(form: str, tmp_path: Path) -> None:
     path = write(tmp_path / "trace.osi", [each.SerializeToString() for each in truths()])
-    answer = CliRunner().invoke(cli.app, [str(path), "--format", form])
+    answer = CliRunner().invoke(xosc_check.app, [str(path), "--format", form])
     assert answer.exit_code == 1 and "message 1 and 19 more: version is not set" in answer.stdout

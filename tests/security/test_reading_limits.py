@@ -26,8 +26,8 @@ resource.setrlimit(resource.RLIMIT_AS, ({_BYTES}, {_BYTES}))
 sys.argv = sys.argv[1:]
 runpy.run_module(sys.argv[0], run_name="__main__")
 """
-CHECK = ("schemas.cli",)
-RUN = ("runner.cli", "--dry-run", "--world", "kinematic")
+CHECK = ("schemas.xosc_check",)
+RUN = ("runner.xosc_run", "--dry-run", "--world", "kinematic")
 
 
 def limited(command: tuple[str, ...], path: Path) -> tuple[int, list[str]]:

@@ -27,9 +27,10 @@ from xosc.distributions.values import UserDefinedDistribution
 
 COMMANDS = [*([name] for name in SCRIPTS), *(["xosc-recognize", each] for each in ("catalogue", "label", "record", "train"))]
 FUNCTIONS = (
-    "schemas.cli:xosc_check", "xosc.cli:xosc_list", "runner.cli:xosc_run", "runner.exports.cli:xosc_export",
-    "runner.replay.cli:xosc_replay", "generation.cli:xosc_generate", "generation.loop.cli:xosc_loop",
-    "recognition.cli:catalogue", "recognition.cli:label", "recognition.cli:record",
+    "schemas.xosc_check:xosc_check", "xosc.xosc_list:xosc_list", "runner.xosc_run:xosc_run",
+    "runner.exports.xosc_export:xosc_export", "runner.replay.xosc_replay:xosc_replay",
+    "generation.xosc_generate:xosc_generate", "generation.loop.xosc_loop:xosc_loop",
+    "recognition.xosc_recognize:catalogue", "recognition.xosc_recognize:label", "recognition.xosc_recognize:record",
     "recognition.training.command:train",
 )  # fmt: skip
 """All commands, as functions"""

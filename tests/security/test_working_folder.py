@@ -86,7 +86,7 @@ def started(*call: str, **variables: str) -> subprocess.CompletedProcess[str]:
         ["xosc-list", "."],
         ["xosc-export", "scenario.xosc", "--to", "1.0", "--out", "out"],
         ["xosc-recognize", ".", "--out", "out"],
-        ["-P", "-m", "runner.cli", "scenario.xosc", "--dry-run"],
+        ["-P", "-m", "runner.xosc_run", "scenario.xosc", "--dry-run"],
     ],
     ids=" ".join,
 )

@@ -13,7 +13,7 @@ import pytest
 import xosc_toolchain as xt
 from tests.commands import SCRIPTS, Command
 from xosc_toolchain import start
-from xosc_toolchain.cli import COMMANDS, SHELLS
+from xosc_toolchain.xosc import COMMANDS, SHELLS
 
 ROOT = Path(__file__).parents[2]
 CUT_IN = ROOT / "xosc" / "library" / "simple_cut_in.xosc"

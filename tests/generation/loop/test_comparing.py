@@ -12,10 +12,10 @@ from urllib.parse import unquote
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.loop.cli import app
 from generation.loop.findings import Against, Checked, Compared, KnownFailure, LoopResult, Ran, Recognised, closing
 from generation.loop.loop import run_loop
 from generation.loop.page import PAGE, write
+from generation.loop.xosc_loop import app
 from generation.report.regression import Fate
 from generation.settings import Ask, LoopSettings
 from runner.settings import RunSettings

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.loop.cli import main
 from generation.loop.findings import closing
 from generation.loop.inputs import Inputs
 from generation.loop.loop import run_loop
+from generation.loop.xosc_loop import main
 from generation.settings import LoopSettings
 from runner.settings import RunSettings
 from schemas.common.command_line import progress_bar

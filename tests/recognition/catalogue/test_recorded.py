@@ -47,5 +47,6 @@ def test_scenes_of_real_vehicles_are_sound_and_repeat_the_recording(recordings: 
 def test_two_lanes_of_a_junction_do_not_bring_sumo_down(recordings: Path, tmp_path: Path) -> None:
     """Vehicle 44 straddles two lanes that turn, when vehicle 60 comes up behind it: SUMO 1.28 did not survive that."""
     build(recordings / TRACKS / "k733_2020-09-15", tmp_path)
-    command = [sys.executable, "-m", "runner.cli", "--sut", "none", str(tmp_path / "vehicles" / "k733_2020-09-15_000_41.xosc")]
+    scenario = tmp_path / "vehicles" / "k733_2020-09-15_000_41.xosc"
+    command = [sys.executable, "-m", "runner.xosc_run", "--sut", "none", str(scenario)]
     assert subprocess.run(command, capture_output=True, timeout=120).returncode in (0, 1)

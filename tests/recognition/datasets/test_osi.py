@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import runner
 import xosc
-from recognition import cli, datasets
+from recognition import datasets, xosc_recognize
 from recognition.catalogue.whole import write_replay
 from recognition.sites import site_of
 from runner.exports import osi
@@ -89,6 +89,6 @@ def test_a_trace_without_roads_is_replayed_on_a_plane(tmp_path: Path) -> None:
 def test_a_catalogue_is_made_of_a_trace_on_a_given_road(trace: Path, tmp_path: Path) -> None:
     arguments = ["catalogue", str(trace), "--out", str(tmp_path / "catalogue"), "--labels", "rules"]
     road = LIBRARY.parents[1] / "xodr" / "library" / "highway_straight.xodr"
-    answer = CliRunner().invoke(cli.app, [*arguments, "--road", str(road)])
+    answer = CliRunner().invoke(xosc_recognize.app, [*arguments, "--road", str(road)])
     assert answer.exit_code == 0, answer.output
     assert list((tmp_path / "catalogue").rglob("*.xosc"))

@@ -11,7 +11,7 @@ import typer
 from shapely import Polygon
 from typer.testing import CliRunner
 
-from recognition import cli
+from recognition import xosc_recognize
 from recognition.datasets import Source
 from recognition.datasets import open as open_data_set
 from recognition.datasets.table import read_table
@@ -216,7 +216,7 @@ def test_folders_with_recordings_are_left_alone(recorded: Path) -> None:
 
 def test_the_command_records_and_says_what(tmp_path: Path) -> None:
     app = typer.Typer()
-    app.command()(cli.record)
+    app.command()(xosc_recognize.record)
     result = CliRunner().invoke(app, [str(tmp_path), "--scale", str(LEAST), "--site", "roundabout", "--jobs", "2"])
     assert result.exit_code == 0
     assert result.stdout == f"3 recordings in {tmp_path}\n"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recognition import cli
+from recognition import xosc_recognize
 from recognition.catalogue.pipeline import SHIPPED
 from recognition.encoder.config import PRESETS, Preset, Schedule, TokenArchitecture
 from recognition.encoder.model import Encoder, untrained
@@ -41,7 +41,7 @@ def windows(folder: Path, recordings: int = 8, of_each: int = 12) -> Path:
 def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     monkeypatch.setattr(sys, "argv", ["xosc-recognize", *map(str, arguments)])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        xosc_recognize.main()
     return int(end.value.code or 0)
 
 

@@ -324,7 +324,7 @@ def test_an_interrupted_batch_goes_on_where_it_was(
     (tmp_path / "slow.py").write_text(SLOW_SYSTEM)
     out, journal = tmp_path / "out", tmp_path / "out" / "runs.jsonl"
     arguments = [str(variation), "--world", "kinematic", "--sut", "slow:Slow", "--out", str(out)]
-    begun = [sys.executable, "-m", "runner.cli", *arguments, "--jobs", str(processes)]
+    begun = [sys.executable, "-m", "runner.xosc_run", *arguments, "--jobs", str(processes)]
     pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
     first = subprocess.Popen(begun, cwd=tmp_path, stdout=nothing, stderr=pipe, text=True, preexec_fn=_hear)
     deadline = time.monotonic() + 60
@@ -404,7 +404,7 @@ def no_space(result: RunResult) -> None:
 
 
 def test_a_folder_that_takes_no_files_is_one_line(tmp_path: Path, variation: Path) -> None:
-    command = [sys.executable, "-m", "runner.cli", str(variation), "--world", "kinematic", "--sut", "none", "--out", "out"]
+    command = [sys.executable, "-m", "runner.xosc_run", str(variation), "--world", "kinematic", "--sut", "none", "--out", "out"]
 
     def no_room() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
@@ -438,7 +438,7 @@ def greedy(result: RunResult) -> None:
 
 def test_no_worker_outlives_a_killed_batch(tmp_path: Path, variation: Path) -> None:
     (tmp_path / "slow.py").write_text(SLOW_SYSTEM.replace("time.sleep", "open(f'alive-{os.getpid()}', 'w'); time.sleep"))
-    command = [sys.executable, "-m", "runner.cli", str(variation), "--world", "kinematic", "--sut", "slow:Slow", "-j", "2"]
+    command = [sys.executable, "-m", "runner.xosc_run", str(variation), "--world", "kinematic", "--sut", "slow:Slow", "-j", "2"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 60
     while len(workers := [int(p.name.partition("-")[2]) for p in tmp_path.glob("alive-*")]) < 2:

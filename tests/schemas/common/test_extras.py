@@ -45,7 +45,7 @@ class Blocked(importlib.abc.MetaPathFinder):
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 
 sys.meta_path.insert(0, Blocked())
-from recognition.cli import main
+from recognition.xosc_recognize import main
 main()
 """
 

@@ -409,7 +409,7 @@ def test_an_error_that_many_runs_share_is_told_once(xosc_run: Command, tmp_path:
 
 def test_the_terminal_shows_totals_and_names_as_wide_as_it_is(tmp_path: Path, passing: Path) -> None:
     variation = distribution(tmp_path, "variation", {"Gap": (20, 70, 10), "Ego_Speed": (10, 12, 1)}, of="passing")
-    command = [sys.executable, "-m", "runner.cli", "--world", "kinematic", str(variation), "--only", "0-3"]
+    command = [sys.executable, "-m", "runner.xosc_run", "--world", "kinematic", str(variation), "--only", "0-3"]
     ours, theirs = os.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
     environment = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
@@ -435,7 +435,7 @@ def test_the_terminal_shows_totals_and_names_as_wide_as_it_is(tmp_path: Path, pa
 def test_a_closed_pipe_is_no_error(tmp_path: Path) -> None:
     scenario(tmp_path, stop=0.05)
     variation = distribution(tmp_path, "variation", {"Gap": (20, 80, 1)})
-    command = [sys.executable, "-m", "runner.cli", "--world", "kinematic", str(variation)]
+    command = [sys.executable, "-m", "runner.xosc_run", "--world", "kinematic", str(variation)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdout is not None
     assert process.stderr is not None
@@ -448,7 +448,7 @@ def test_a_closed_pipe_is_no_error(tmp_path: Path) -> None:
 def test_any_bytes_in_a_file_name_and_any_encoding_of_the_terminal(tmp_path: Path, passing: Path) -> None:
     name = bytes(tmp_path) + b"/odd-\xff-\xc3\xa4.xosc"
     Path(name.decode("utf-8", "surrogateescape")).write_bytes(passing.read_bytes())
-    command = [sys.executable, "-m", "runner.cli", "--world", "kinematic", name, "--out", "out", "--junit", "junit.xml"]
+    command = [sys.executable, "-m", "runner.xosc_run", "--world", "kinematic", name, "--out", "out", "--junit", "junit.xml"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, env={"PYTHONIOENCODING": "ascii"}, timeout=60)
     assert (done.returncode, done.stderr) == (0, b"")
     assert b"PASSED" in done.stdout
@@ -458,5 +458,5 @@ def test_any_bytes_in_a_file_name_and_any_encoding_of_the_terminal(tmp_path: Pat
 
 
 def test_help_imports_no_simulator_and_no_numerics() -> None:
-    code = "import sys, runner.cli; print(*[m for m in ('libsumo', 'numpy', 'lxml', 'pyarrow', 'xosc') if m in sys.modules])"
+    code = "import sys, runner.xosc_run; print(*[m for m in ('libsumo', 'numpy', 'lxml', 'pyarrow', 'xosc') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == ""

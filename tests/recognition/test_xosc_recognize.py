@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
-from recognition import cli
+from recognition import xosc_recognize
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
 from runner.settings import RunSettings
@@ -36,7 +36,7 @@ def recognize(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str
     def call(*arguments: object) -> Answer:
         monkeypatch.setattr(sys, "argv", ["xosc-recognize", *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            xosc_recognize.main()
         return Answer(int(end.value.code or 0), *capsys.readouterr())
 
     return call
@@ -182,8 +182,8 @@ def test_version(recognize: Command) -> None:
 
 def test_help_names_all_commands_and_loads_nothing_heavy() -> None:
     code = (
-        "import sys; from recognition import cli; sys.argv = ['xosc-recognize', '--help']\n"
-        "try: cli.main()\n"
+        "import sys; from recognition import xosc_recognize; sys.argv = ['xosc-recognize', '--help']\n"
+        "try: xosc_recognize.main()\n"
         "except SystemExit as end: print(end.code)\n"
         "print([name for name in ('torch', 'sklearn', 'numpy', 'matplotlib', 'libsumo', 'scipy') if name in sys.modules])"
     )

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import schemas
-from generation.cli import main
 from generation.logical.library import SCENARIOS
+from generation.xosc_generate import main
 from runner.sut import Control, Observation, Participant
 from schemas.common.storage import alone
 

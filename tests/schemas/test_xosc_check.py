@@ -9,7 +9,7 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
-from schemas.cli import app, main
+from schemas.xosc_check import app, main
 
 runner = CliRunner()
 
@@ -126,8 +126,8 @@ def test_rules_are_listed():
 def test_version_and_help_load_nothing_that_they_do_not_need():
     assert run("--version")[1].startswith("xosc-check ")
     code = (
-        "import sys; from schemas import cli; sys.argv = ['xosc-check', '--help']\n"
-        "try: cli.main()\n"
+        "import sys; from schemas import xosc_check; sys.argv = ['xosc-check', '--help']\n"
+        "try: xosc_check.main()\n"
         "except SystemExit as end: print(end.code)\n"
         "print([name for name in ('lxml', 'xmlschema', 'numpy', 'schemas.checks.registry') if name in sys.modules])"
     )
@@ -138,7 +138,7 @@ def test_version_and_help_load_nothing_that_they_do_not_need():
 
 
 def test_pipe_that_closes_is_no_error(project):
-    command = f"{sys.executable} -m schemas.cli --format json {project.folder} | true"
+    command = f"{sys.executable} -m schemas.xosc_check --format json {project.folder} | true"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
     assert done.stderr == ""
 
