@@ -9,7 +9,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # Modules are compiled when they are first imported: most of what is installed never is.
 PIP := pip install --no-compile --quiet --disable-pip-version-check
 
-.PHONY: demo test test-studies readers lint types install docs docs-site clean
+.PHONY: demo test test-slow test-studies readers lint types install docs docs-site clean
 
 # What an extra brings. The pip of Python 3.11 takes a third more processor time for it than today's.
 $(VENV)/.with-%: pyproject.toml constraints.txt
@@ -28,8 +28,13 @@ demo: $(or $(wildcard $(DEVELOPMENT)),$(VENV)/.with-search)  ## edge cases of ad
 	-$(BIN)/xosc-run generation/loop/demo/scenarios --sut cas --sample 10 --quiet --out out/demo_cas --replay
 	$(BIN)/xosc-replay out/demo/scenarios out/demo_cas
 
-test: install  ## the tests of the product, in parallel
-	$(BIN)/python -m pytest -n auto --dist worksteal --ignore tests/studies
+# What no target runs.
+OTHERS := not study and not every
+test: install  ## the tests of the product without the slow ones, in parallel
+	$(BIN)/python -m pytest -n auto --dist worksteal -m '$(OTHERS) and not slow' --ignore tests/studies
+
+test-slow: install  ## the slow tests of the product: whole searches, loops, libraries and recordings
+	$(BIN)/python -m pytest -n auto --dist worksteal -m '$(OTHERS) and slow' --ignore tests/studies
 
 test-studies: install  ## the tests of studies/, which no command uses
 	$(BIN)/python -m pytest -n auto --dist worksteal tests/studies

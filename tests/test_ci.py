@@ -91,6 +91,7 @@ def test_the_summary_of_a_workflow_that_has_run_nothing_is_empty(tmp_path: Path)
     assert (answer.returncode, answer.stdout, answer.stderr) == (0, "", "")
 
 
+@pytest.mark.slow
 def test_the_workflow_annotates_what_is_wrong_and_reports_the_runs(repository: Path) -> None:
     assert call(STEPS["check"], repository).returncode == 0
     assert json.loads((repository / "reports" / "check.sarif").read_text())["runs"][0]["results"] == []

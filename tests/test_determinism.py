@@ -29,6 +29,7 @@ def tables(folder: Path, seed: int, processes: int) -> dict[str, bytes]:
     return {path.parent.name: path.read_bytes() for path in folder.glob("*/trajectories.parquet")}
 
 
+@pytest.mark.slow
 def test_batches_with_sumo_traffic_are_the_same_bytes_in_one_process_and_in_two(tmp_path: Path) -> None:
     serial, parallel = tables(tmp_path / "serial", 3, 1), tables(tmp_path / "parallel", 3, 2)
     assert len(serial) > 5

@@ -69,6 +69,7 @@ def jobs(path: Path) -> list[Job]:
     return [job for job in found if isinstance(job, Job)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_library_moves_as_before_in_every_version_that_can_say_it(version: str, tmp_path: Path) -> None:
     exported = 0
@@ -124,6 +125,7 @@ def test_public_scenarios_move_as_before(target: str, corpora: Path, tmp_path: P
     assert same >= 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [target for target in TARGETS.values() if not target.of_run], ids=lambda target: target.name)
 def test_a_document_is_exported_or_refused_with_file_line_and_reason(target: ExportTarget, tmp_path: Path) -> None:
     done = list(export_documents(LIBRARY, target, Folder(tmp_path)))
@@ -146,6 +148,7 @@ class Executed:
         return copy(played(scenario, tuple(parameters.items())))  # exports add what was assumed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [target for target in TARGETS.values() if target.of_run], ids=lambda target: target.name)
 def test_a_run_is_exported_or_refused_with_file_and_reason(
     target: ExportTarget, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

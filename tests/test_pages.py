@@ -66,6 +66,7 @@ def test_scripts_define_nothing_that_nobody_uses() -> None:
     assert [name for name in defined if used[name] < 2] == []
 
 
+@pytest.mark.slow
 def test_scripts_parse(tmp_path: Path) -> None:
     """By node where it is installed, else by Chromium; the tests of the pages run them."""
     node = shutil.which("node")

@@ -218,6 +218,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_spawned_processes_give_the_same_bytes(tmp_path: Path) -> None:
     """As on Windows and macOS, where nothing of the parent's memory is there."""
     scenario(tmp_path / "files")

@@ -36,6 +36,7 @@ def write_system(limit: float) -> None:
     invalidate_caches()
 
 
+@pytest.mark.slow
 def test_a_day_with_one_controller(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     init = place("Ego", 100, "${$Ego_speed_kph / 3.6}") + place("Lead", 160, 0)

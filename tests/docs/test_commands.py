@@ -41,7 +41,8 @@ NOT_RUN = {
     "make demo": "installs everything anew; its target is looked up below, and what it consists of is in the tutorials",
     "make docs": "installs everything anew; test_reference and tests/runner/test_coverage compare what it writes",
     "make lint types test": "installs everything anew; continuous integration runs it",
-    "make test": "is what runs this",
+    "make test": "is what runs the tests",
+    "make test-slow": "is what runs this",
     'pip install ".[all]"': "is what make install does, but for development",
     "pip install .": "continuous integration installs the wheel into an empty environment and runs a scenario there",
     'pip install "xosc-toolchain[osi]"': "needs a package index; the extra is a part of the one for development",
@@ -197,6 +198,7 @@ def require_named_files(page: Path, folder: Path) -> None:
     assert not lost
 
 
+@pytest.mark.slow
 def test_readme_and_tutorials_do_what_they_say_one_after_the_other(
     tmp_path: Path, do: Do, execute: Do, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -219,6 +221,7 @@ def test_reading_has_every_tutorial_once() -> None:
     assert sorted(READING) == sorted({ROOT / "README.md", *TUTORIALS.glob("*.md")})
 
 
+@pytest.mark.slow
 def test_pages_on_extending_do_what_they_say(tmp_path: Path) -> None:
     """In a clone that has the new kinds of all pages; their tests are run at once."""
     for part in (*PRODUCT, "tests"):

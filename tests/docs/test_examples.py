@@ -32,6 +32,7 @@ def example_of(value: Any) -> doctest.DocTest:
     return doctest.DocTestParser().get_doctest(inspect.getdoc(value) or "", {}, value.__qualname__, None, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_the_example_gives_what_it_prints(name: str) -> None:
     example = example_of(inspect.unwrap(EXAMPLES[name]))

@@ -27,6 +27,7 @@ def built(folder: Path, caplog: pytest.LogCaptureFixture, **settings: object) ->
     return caplog.messages
 
 
+@pytest.mark.slow
 def test_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     assert built(tmp_path, caplog) == []
     pages = list(tmp_path.rglob("*.html"))

@@ -32,6 +32,7 @@ def drawn(n: int) -> Recorded:
     return Recorded(Space.of(CUT_IN).draw(n, rng), np.array([f"r{each % 5}" for each in range(n)]))
 
 
+@pytest.mark.slow
 def test_an_interrupted_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path: Path) -> None:
     settings, batches = replace(QUICK, budget=90), list[int]()
 
@@ -59,6 +60,7 @@ def test_too_few_recorded_manoeuvres_are_no_prior(tmp_path: Path) -> None:
         generate(CUT_IN, lambda space: drawn(LEAST - 1), tmp_path, QUICK)
 
 
+@pytest.mark.slow
 def test_a_search_is_extended_in_its_folder(tmp_path: Path) -> None:
     def search(seed: int) -> Generated:
         return generate(CUT_IN, lambda space: drawn(40), tmp_path, replace(QUICK, budget=6, seed=seed))
@@ -71,6 +73,7 @@ def test_a_search_is_extended_in_its_folder(tmp_path: Path) -> None:
     assert runs.read_text().count("\n") == 6
 
 
+@pytest.mark.slow
 def test_what_was_found_so_far_is_written_after_each_so_many_runs(tmp_path: Path) -> None:
     told = list[Generated]()
     settings = replace(QUICK, budget=230, every=100)
@@ -84,6 +87,7 @@ def test_what_was_found_so_far_is_written_after_each_so_many_runs(tmp_path: Path
         assert one.read_bytes() == other.read_bytes(), "reports in between change nothing"
 
 
+@pytest.mark.slow
 def test_a_search_ends_with_its_time_and_goes_on_in_the_next_call(tmp_path: Path) -> None:
     cut = generate(CUT_IN, lambda space: drawn(200), tmp_path, replace(QUICK, minutes=0.0))
     assert cut.cut and len(cut.history.theta) == 0 and cut.statement.draws == 30
@@ -96,6 +100,7 @@ def test_a_search_ends_with_its_time_and_goes_on_in_the_next_call(tmp_path: Path
     )
 
 
+@pytest.mark.slow
 def test_failures_outside_the_operational_domain_are_no_edge_cases(tmp_path: Path) -> None:
     settings = replace(QUICK, budget=120, run=replace(RUN, sut="cas:brake=2"))
     free = generate(CUT_IN, TRAFFIC, tmp_path / "a", settings)

@@ -35,6 +35,7 @@ def old(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_scenario_becomes_edge_cases(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -53,6 +54,7 @@ def test_a_scenario_becomes_edge_cases(
     assert not any(schemas.check(path) for path in (tmp_path / "out").rglob("*.xosc"))
 
 
+@pytest.mark.slow
 def test_a_search_that_finds_nothing_says_why(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -111,6 +113,7 @@ class Broken:
         return Control()
 
 
+@pytest.mark.slow
 def test_the_same_call_gives_the_same_bytes(old: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert call(monkeypatch, CUT_IN, "--out", tmp_path, *QUICK, "--violations", "-q") == 0
     one, other = (

@@ -38,6 +38,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["1.0", "1.1", "1.2", "1.3", "esmini", "carla"])
 def test_the_exported_library_passes_all_checks(target: str, read: Read, tmp_path: Path) -> None:
     exported = [done for done in export_documents(LIBRARY, TARGETS[target], Folder(tmp_path)) if done.exit_code == 0]

@@ -77,6 +77,7 @@ def compare(
         assert list(watched.triggering) == held
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", RULES)
 @given(moves(3), st.floats(0.0, 50.0), st.booleans(), st.booleans())
 def test_a_distance_condition_sleeps_through_nothing(rule: str, steps: Steps, value: float, freespace: bool, every: bool) -> None:

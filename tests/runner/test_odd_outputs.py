@@ -12,6 +12,7 @@ from tests.runner.files import scenario
 QUICK = ("--world", "kinematic", "--quiet")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "out"),
     [

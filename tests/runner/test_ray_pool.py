@@ -22,6 +22,8 @@ from tests.runner.files import SLOW_SYSTEM, distribution, scenario
 
 ray = pytest.importorskip("ray", reason="Ray is not installed (extra: ray)")
 
+pytestmark = pytest.mark.slow  # a cluster of its own
+
 SYSTEMS = SLOW_SYSTEM.replace("pass", "open('attempts.txt', 'a').write(f'{os.getpid()}\\n')")
 
 

@@ -77,6 +77,7 @@ def view(browser: Browser, page: Path, tmp_path: Path) -> Callable[..., dict[tup
     return opened
 
 
+@pytest.mark.slow
 def test_each_camera_shows_the_road_and_who_is_there(view: Callable[..., dict[tuple[int, int, int], int]]) -> None:
     chase, driver, free = view("chase"), view("driver"), view("free")
     for found in (chase, driver, free):

@@ -37,6 +37,7 @@ def test_a_run_becomes_a_page_in_its_folder(command: Command, run: Path) -> None
     assert command("xosc-replay", "--quiet", run) == (0, "", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".html", ".png", ".gif"])
 def test_two_runs_become_one_file_and_always_the_same(
     command: Command, batch: Path, run: Path, tmp_path: Path, suffix: str

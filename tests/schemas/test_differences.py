@@ -183,6 +183,7 @@ def roads() -> tuple[etree._ElementTree, ...]:
     return (*library, etree.ElementTree(etree.fromstring(SOUND.encode())), etree.ElementTree(etree.fromstring(layered.encode())))
 
 
+@pytest.mark.slow
 def test_road_networks_have_the_same_verdict(road_schemas: tuple[int, Any, Any]) -> None:
     minor, made, official = road_schemas
     verdicts = [made.is_valid(tree) for tree in stamped(roads(), minor)]

@@ -137,6 +137,7 @@ def test_all_commands_are_here() -> None:
     assert {call[0] for call in CALLS.values()} == set(SCRIPTS) - {"xosc"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 def test_an_operation_that_fails(call: str, fresh: Callable[[str], Path], command: Command) -> None:
     out, counting = fresh(call), Failure(-1)
@@ -215,6 +216,7 @@ def largest(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", [call for call in CALLS if call not in UNLIMITED])
 def test_files_that_can_not_grow(call: str, fresh: Callable[[str], Path], command: Command) -> None:
     out = fresh(call)

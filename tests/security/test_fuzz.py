@@ -89,6 +89,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
     return corpus, round_, forked, odd
 
 
+@pytest.mark.slow
 def test_what_ever_failed_fails_no_more_and_a_short_round_finds_nothing(played: Played) -> None:
     """The same inputs each time, of most kinds, in one process; the workflow `fuzz` takes others each night."""
     corpus, round_, _, _ = played
@@ -97,6 +98,7 @@ def test_what_ever_failed_fails_no_more_and_a_short_round_finds_nothing(played: 
     assert {0, 1, 3} <= {each.code for each in round_}
 
 
+@pytest.mark.slow
 def test_an_input_has_the_same_answer_in_a_forked_child(played: Played) -> None:
     _, round_, forked, _ = played
     told = [(each.number, each.kind, each.source, each.changes, each.code, each.defect, each.message) for each in forked]
@@ -105,6 +107,7 @@ def test_an_input_has_the_same_answer_in_a_forked_child(played: Played) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_an_input_that_ends_or_spoils_its_process_is_told_by_that(played: Played) -> None:
     died, hung, after, alone = played[3]
     assert died == f"{DIED} ({int(signal.SIGABRT)})" and hung == HUNG

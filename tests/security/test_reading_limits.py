@@ -112,6 +112,7 @@ ATTACKS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...], int]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_an_attack_takes_seconds_and_bounded_memory(attack: str, tmp_path: Path) -> None:
     write, command, code = ATTACKS[attack]

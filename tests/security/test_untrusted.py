@@ -334,6 +334,7 @@ SLOW = {
 """A call of each command that works on files one by one, and what takes long in it"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", SLOW)
 def test_every_command_ends_work_that_takes_too_long(
     contributed: Path, command: Command, monkeypatch: pytest.MonkeyPatch, call: str

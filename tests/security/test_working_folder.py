@@ -76,6 +76,7 @@ def started(*call: str, **variables: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(program, capture_output=True, text=True, env=environment, timeout=120)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "call",
     [

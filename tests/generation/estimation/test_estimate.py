@@ -44,6 +44,7 @@ def test_weights_of_draws_have_the_mean_1() -> None:
     assert weights.mean() == pytest.approx(1.0, abs=4 * weights.std() / np.sqrt(20_000))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controlled", [False, True])
 def test_intervals_cover_the_truth(controlled: bool) -> None:
     found = [
@@ -83,6 +84,7 @@ def searched(seed: int) -> Known:
     return Known(theta, failing(theta).collision)
 
 
+@pytest.mark.slow
 def test_runs_of_before_make_the_proposal_without_a_twin() -> None:
     found = [estimate(PRIOR, failing, failing, searched(seed), None, EstimateSettings(300, seed)) for seed in range(2)]
     chances = [each.probabilities[FAILURE] for each in found]

@@ -18,6 +18,7 @@ from runner.settings import RunSettings
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 
 
+@pytest.mark.slow
 def test_a_search_writes_how_often_the_system_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, fewer in (("_BLOCK", 2048), ("_CONTROLLED", 4096)):  # how narrow intervals are is for test_estimate
         monkeypatch.setattr(f"generation.estimation.estimate.{name}", fewer)

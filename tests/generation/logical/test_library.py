@@ -15,6 +15,7 @@ from recognition.maneuvers.parameters import PARAMETERS
 NAMES = [name for name, _ in maneuver_scenarios()]
 
 
+@pytest.mark.slow
 def test_the_checked_in_files_are_up_to_date(tmp_path: Path) -> None:
     folders = {"xosc": SCENARIOS, "xodr": ROADS}
     made = {name: tmp_path / name / "library" for name in folders}

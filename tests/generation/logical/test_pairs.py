@@ -125,6 +125,7 @@ def test_one_who_acts_alone_leaves_the_other_one_where_it_is(tmp_path: Path) -> 
         assert np.ptp(recording.tracks[name].columns["speed"]) > 0.0
 
 
+@pytest.mark.slow
 def test_only_what_needs_both_counts(tmp_path: Path) -> None:
     space = Space.of(path_of(NAMES[0]))
     alone = {name: Twin(path, space) for name, path in acting_alone(path_of(NAMES[0]), tmp_path).items()}

@@ -27,6 +27,7 @@ from xosc.exports import standard
 from xosc.exports.draft import Folder
 
 BAR = partial(progress_bar, quiet=True)
+pytestmark = pytest.mark.slow  # five whole loops
 WEAK, STRONG = "cas:brake=2", "cas:sensor_range=150"
 NAMES = "cut_in_highway", "cut_out_highway"
 

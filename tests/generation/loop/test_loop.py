@@ -38,6 +38,8 @@ SETTINGS = LoopSettings(
 )
 BAR = partial(progress_bar, quiet=True)
 
+pytestmark = pytest.mark.slow  # two whole loops
+
 
 def go(folder: Path, out: Path, stop_at: str = "", processes: int = 1) -> list[tuple[str, bool]]:
     """Run the loop, interrupted when a stage is finished; the stages, and whether each was done now."""

@@ -35,6 +35,7 @@ def go(folder: Path, out: Path, settings: LoopSettings = SETTINGS) -> list[str]:
     return done
 
 
+@pytest.mark.slow
 def test_only_what_a_mended_scenario_decides_is_done_again(tmp_path: Path) -> None:
     folder, out = tmp_path / "mine", tmp_path / "out"
     for name in ("cut_in_highway", "congestion_highway"):
@@ -47,6 +48,7 @@ def test_only_what_a_mended_scenario_decides_is_done_again(tmp_path: Path) -> No
     assert go(folder, out) == [name for name in first if name != "round_1_search_congestion_highway"]
 
 
+@pytest.mark.slow
 def test_a_scenario_without_its_road_is_named_and_searched_once_it_is_there(tmp_path: Path) -> None:
     folder, out = tmp_path / "mine", tmp_path / "out"
     standard.export(SCENARIOS / "cut_in_highway.xosc", "1.3", Folder(folder))

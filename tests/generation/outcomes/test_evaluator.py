@@ -57,6 +57,7 @@ def test_outcomes_do_not_depend_on_the_number_of_processes_nor_on_what_ran_befor
     assert same(evaluator(theta[::-1].copy()), Outcomes(*(getattr(two, name)[::-1] for name in two.__dataclass_fields__)))
 
 
+@pytest.mark.slow
 def test_on_a_ray_cluster_outcomes_are_the_same(evaluator: Evaluator) -> None:
     pytest.importorskip("ray", reason="Ray is not installed (extra: ray)")
     theta = SPACE.draw(6, np.random.default_rng(2))

@@ -77,6 +77,7 @@ def test_slices_show_runs_that_took_place(folder: Path) -> None:
     assert 0.5 < found["region"]["accuracy"] <= 1.0
 
 
+@pytest.mark.slow
 def test_the_same_search_gives_the_same_page(folder: Path) -> None:
     before = (folder / "report.html").read_bytes()
     generated = searched(SUT, np.array([HARD, WEAK, EASY]), drawn=200)

@@ -26,6 +26,7 @@ def build(path: Path, out: Path) -> Summary:
     return pipeline.build([path], out, SETTINGS, ByRules, partial(progress_bar, quiet=True))
 
 
+@pytest.mark.slow
 def test_scenes_of_real_vehicles_are_sound_and_repeat_the_recording(recordings: Path, tmp_path: Path) -> None:
     path = recordings / TRACKS / "k729_2022-03-16" / "vehicle_tracks_004.csv"
     summary = build(path, tmp_path)

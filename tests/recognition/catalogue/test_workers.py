@@ -62,6 +62,7 @@ def test_several_share_one_recording(scenes: str, recordings: Path, tmp_path: Pa
     assert len(shown[-1][2]) == -(-written // 2) > 2 and max(shown[0][2]) < 1, "one recording is shown in parts"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damaged", ["", "arrow", "jsonl"])
 def test_what_was_read_before_an_interruption_is_not_read_again_unless_it_is_damaged(
     recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damaged: str

@@ -148,6 +148,7 @@ KINDS = ["cut", "overwrite", "drop line", "repeat line", "other line", "drop val
 DAMAGE = st.builds(Damage, st.sampled_from(KINDS), st.floats(0, 1), st.floats(0, 1), st.sampled_from(NASTY))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data(), damages=st.lists(DAMAGE, min_size=1, max_size=3))

@@ -216,6 +216,7 @@ def test_vehicle_file_without_boxes_is_refused(tmp_path: Path) -> None:
 # real recordings ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_taf_bw_reads_whole(recordings: Path) -> None:
     sources = datasets.open(recordings / "taf_bw").sources
     assert len(sources) == 27

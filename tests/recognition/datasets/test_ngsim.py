@@ -289,6 +289,7 @@ def test_other_text_beside_recordings_is_none(tmp_path: Path) -> None:
 # real recordings ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "tracks", "remark"),
     [

@@ -164,6 +164,7 @@ def test_vehicle_that_stops_before_it_reverses_at_the_end_keeps_all_rows(tmp_pat
     assert report.rows == N and not report.exclusions
 
 
+@pytest.mark.slow
 def test_no_vehicle_of_real_recordings_moves_beyond_what_is_possible(recordings: Path) -> None:
     for source in datasets.open(recordings / "taf_bw").sources:
         for track in source.load().tracks.values():

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import xosc
 from recognition.catalogue.cut import Scope
@@ -72,6 +73,7 @@ def test_of_our_own_recordings(tmp_path: Path) -> None:
     assert count >= 5
 
 
+@pytest.mark.slow
 def test_of_real_recordings(recordings: Path, tmp_path: Path) -> None:
     with tarfile.open(recordings / "ngsim" / "USA_ngsim_commonroad_xml.tar.xz") as archive:
         chosen = [each for each in archive.getmembers() if "USA_US101-1_" in each.name]

@@ -40,6 +40,7 @@ def test_maps_of_all_kinds_are_valid(kind: str, tmp_path: Path) -> None:
         assert not [problem for problem in check(path) if problem.severity == "error"]
 
 
+@pytest.mark.slow
 def test_a_family_is_recorded_with_one_recording_of_each_site(tmp_path: Path) -> None:
     record(tmp_path, scale=0.3, seed=9, families=2)
     sources = open_data_set(tmp_path).sources

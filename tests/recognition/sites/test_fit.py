@@ -82,6 +82,7 @@ def test_a_map_whose_lanes_lead_elsewhere_is_refused(tmp_path: Path) -> None:
         site_of(source, source.load(), tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tracks", "map"), [("k733_2018-05-02", "k729_2022-03-16"), ("k729_2022-03-16", "k733_2018-05-02")])
 def test_the_map_of_another_junction_is_refused(recordings: Path, tmp_path: Path, tracks: str, map: str) -> None:
     """Each with its own origin, which is the middle of the junction, so that one lies upon the other."""

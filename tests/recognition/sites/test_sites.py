@@ -74,6 +74,7 @@ def test_scenarios_without_lanelets_are_refused_by_their_own_file(tmp_path: Path
         site_of(*opened(tmp_path, tmp_path / "roads"))
 
 
+@pytest.mark.slow
 def test_lanelet2_maps_become_roads_once(recordings: Path, tmp_path: Path) -> None:
     sources = [one for one in datasets.open(recordings / "taf_bw", tmp_path).sources if one.site == "k733_2018-05-02"]
     places = [site_of(source, source.load(), tmp_path) for source in (sources[0], sources[0])]
@@ -135,6 +136,7 @@ def test_traffic_in_other_directions_shows_no_straight_road() -> None:
         straight_road(Recording([], STEP, None), "site")
 
 
+@pytest.mark.slow
 def test_phases_of_lights_beside_the_tracks_make_junctions_signalised(recordings: Path, tmp_path: Path) -> None:
     found = {}
     for site in ("k729_2022-03-16", "k733_2018-05-02", "k733_2020-09-15"):

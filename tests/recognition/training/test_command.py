@@ -50,6 +50,7 @@ def delta(model: TRFE) -> float:
     return model.known.screening.delta
 
 
+@pytest.mark.slow
 def test_a_model_is_trained_and_recognises(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -75,6 +76,7 @@ def test_a_model_is_trained_and_recognises(
     assert all(row["class"] == row["rule_class"] for row in rows if row["rule_class"])
 
 
+@pytest.mark.slow
 def test_an_encoder_is_pretrained_on_recordings_without_labels_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

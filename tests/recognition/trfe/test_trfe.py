@@ -181,6 +181,7 @@ def test_classes_that_only_changes_tell_apart_are_unknown_and_discovered() -> No
     assert watching.recognise(again).features.shape == again.shape
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["reading-b", "vote-threshold", "no-ucs", "no-oc", "k-means", "nvp", "cosine"])
 def test_variants_discover_too(name: str) -> None:
     variant = VARIANTS[name]

@@ -312,6 +312,7 @@ def _hear() -> None:
         signal.signal(each, signal.SIG_DFL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "processes"),
     [(signal.SIGINT, 1), (signal.SIGINT, 2), (signal.SIGTERM, 1), (signal.SIGHUP, 2), (signal.SIGKILL, 1), (signal.SIGKILL, 2)],

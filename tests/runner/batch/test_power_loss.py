@@ -44,6 +44,7 @@ def batch(variation: Path, out: Path) -> None:
         list(run_batch(jobs_of([variation], {}, True), QUICK, out=out, resume=True, tell=lambda line: None))
 
 
+@pytest.mark.slow
 def test_a_power_cut_at_any_operation_loses_no_run_that_is_entered(tmp_path: Path, variation: Path) -> None:
     batch(variation, tmp_path / "plain")
     expected = files(tmp_path / "plain")
@@ -72,6 +73,7 @@ def test_a_power_cut_at_any_operation_loses_no_run_that_is_entered(tmp_path: Pat
     assert {("synced", 0), ("synced", 1), ("synced", 2)} <= entered, "entries survive as soon as they are synced"
 
 
+@pytest.mark.slow
 def test_an_error_of_any_operation_is_one_line_and_loses_nothing(tmp_path: Path, variation: Path) -> None:
     batch(variation, tmp_path / "plain")
     expected = files(tmp_path / "plain")

@@ -50,6 +50,7 @@ main()
 """
 
 
+@pytest.mark.slow
 def test_rules_label_without_the_extra_that_models_need(tmp_path: Path, command: Command) -> None:
     assert command("xosc-run", LIBRARY / "simple_cut_in.xosc", "--world", "kinematic", "--out", tmp_path / "runs").code == 0
     program = BLOCKED.format(blocked={library for library, extra in _EXTRAS.items() if extra == "recognition"})

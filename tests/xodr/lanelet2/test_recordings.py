@@ -53,6 +53,7 @@ def test_every_connection_of_real_lanelets_is_one_of_lanes(site: str, conversion
         assert lane == target or target in following | beyond, "a part cut off for a junction may come between"
 
 
+@pytest.mark.slow
 def test_recorded_cars_drive_on_the_lanes(site: str, conversion: Conversion, recordings: Path) -> None:
     network = xodr.load(conversion.path)
     offsets = []

@@ -139,6 +139,7 @@ def corpus_roads() -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*.xodr"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", corpus_roads() or [pytest.param("", marks=pytest.mark.skip(reason="no corpora beside this checkout"))]
 )
