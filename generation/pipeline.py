@@ -23,7 +23,7 @@ from generation.outcomes.judges import Cases, Drivers, agrees, choose, rememberi
 from generation.outcomes.outcomes import Episodes, Evaluate, Evaluator, Outcomes
 from generation.recorded import Recorded
 from generation.search.methods import method
-from generation.search.problem import Counting, History, Memory, Problem, Realism, Reward, counted
+from generation.search.problem import Counting, History, Memory, Realism, Reward, SearchProblem, counted
 from generation.search.space import Space, apart, distinctive
 from generation.settings import SearchSettings
 from generation.twin.episodes import Twin
@@ -174,7 +174,7 @@ def generate(
             return generated
 
         course = _Course(counted(runs, progress), reward, unseen, settings, lambda history: interim(made(history, False)))
-        problem = Problem(space, course, reward, real.theta, found, prior, screen)
+        problem = SearchProblem(space, course, reward, real.theta, found, prior, screen)
         try:
             return made(search(problem, settings.budget - len(unguided), settings.seed))
         except _TimeOver:
@@ -314,7 +314,7 @@ def system_digest(scenario: Path, run: RunSettings) -> str:
 
 
 def _estimate(
-    problem: Problem, recorded: Recorded, run: Evaluate, drivers: Drivers, episodes: Episodes, settings: SearchSettings
+    problem: SearchProblem, recorded: Recorded, run: Evaluate, drivers: Drivers, episodes: Episodes, settings: SearchSettings
 ) -> Estimate:
     """Estimate the failure rate of the system."""
     assert problem.prior is not None

@@ -136,7 +136,7 @@ class Recorded(NamedTuple):
         return self._replace(theta=self.theta[inside], recordings=self.recordings[inside], errors=errors, values=values)
 
 
-class Scenario(NamedTuple):
+class RecordedScenario(NamedTuple):
     """A scenario of a catalogue, names of its searchable parameters, and what is recorded of them in all its like."""
 
     path: Path
@@ -294,7 +294,7 @@ def _drawn(marginals: Mapping[str, Marginal], n: int) -> dict[str, FloatArray]:
     return {name: each.sample(n, generator) for name, each in marginals.items()}
 
 
-def of_catalogue(path: Path) -> Iterator[Scenario]:
+def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
     """For each folder in a catalogue the scenario in the middle of those that declare the same parameters.
 
     The recorded parameters are the values that those scenarios declare; most of a kind win where there are several kinds. Where
@@ -311,7 +311,7 @@ def of_catalogue(path: Path) -> Iterator[Scenario]:
             names = max(kinds, key=lambda each: len(kinds[each]))
             files, rows, recordings = zip(*kinds[names], strict=True)
             theta = np.array(rows)
-            yield Scenario(files[_middle(theta)], names, Recorded(theta, np.array(recordings, np.str_)))
+            yield RecordedScenario(files[_middle(theta)], names, Recorded(theta, np.array(recordings, np.str_)))
 
 
 def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:

@@ -30,9 +30,8 @@ ENTRY_POINTS = ("__init__", "__main__")
 """Names that Python asks for"""
 SHARED_NAMES = frozenset(
     """
-    Block Condition Conflict Control Driver Entry Episode Estimate Event Exposure Flow Known Labelled Lane
-    LaneMotion Lanelet Limits Maneuver Moment Pairs Parameter Part Participant Pose Problem Relations Replay
-    Report Role Rule Scenario Scene Schedule Site Smoothed Stage Steps Unit Vehicle View Written
+    Conflict Entry Estimate Event Exposure Known Labelled LaneMotion Lanelet Limits Maneuver Moment Pairs
+    Participant Relations Role Scene Schedule Site Stage Vehicle View Written
     """.split()  # noqa: SIM905  # a list of one line each is forty lines
 )
 """Names of public classes that several product modules have: the list only shrinks"""

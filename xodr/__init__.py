@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from schemas.common.packages import public
 from xodr.graph.routes import Relative, RoadPath
 from xodr.graph.travel import Travel
-from xodr.model import LaneLink, Pose, RoadError, RoadPoint
+from xodr.model import LaneLink, RoadError, RoadPoint, WorldPose
 from xodr.network import RoadNetwork
 from xodr.reader import load
 from xodr.road import Road
 
-__all__ = ["LaneLink", "Pose", "Relative", "Road", "RoadError", "RoadNetwork", "RoadPath", "RoadPoint", "Travel", "load"]
+__all__ = ["LaneLink", "Relative", "Road", "RoadError", "RoadNetwork", "RoadPath", "RoadPoint", "Travel", "WorldPose", "load"]
 
 if TYPE_CHECKING:
     __version__: str

@@ -30,7 +30,7 @@ class RoadError(InvalidFile):
     """A road, lane or junction was asked for that the road network does not have."""
 
 
-class Pose(NamedTuple):
+class WorldPose(NamedTuple):
     """Position [m] and orientation [rad] in the world.
 
     h: heading of the road (+s direction), not wrapped. pitch: rotation about the left-pointing axis, so positive where

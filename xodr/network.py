@@ -22,10 +22,10 @@ from xodr.model import (
     Junction,
     LaneLink,
     LaneSection,
-    Pose,
     RoadError,
     RoadPoint,
     Signal,
+    WorldPose,
 )
 from xodr.road import Road
 
@@ -140,7 +140,7 @@ class RoadNetwork:
         """The same place for a road user that keeps to another layer of lanes."""
         return point if point.layer == layer else self.point(point.road_id, point.s, point.t, layer)
 
-    def pose(self, point: RoadPoint) -> Pose:
+    def pose(self, point: RoadPoint) -> WorldPose:
         """World pose of a road point; h is the road's heading, not the lane's traffic direction."""
         return self.roads[point.road_id].pose(point.s, point.t)
 

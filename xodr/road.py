@@ -18,7 +18,6 @@ from xodr.model import (
     PERMANENT,
     Lane,
     LaneSection,
-    Pose,
     RoadError,
     RoadLink,
     RoadObject,
@@ -27,6 +26,7 @@ from xodr.model import (
     Signal,
     SignalReference,
     Structure,
+    WorldPose,
 )
 
 
@@ -114,11 +114,11 @@ class Road:
 
     # geometry -------------------------------------------------------------------------------
 
-    def pose(self, s: float, t: float = 0.0) -> Pose:
+    def pose(self, s: float, t: float = 0.0) -> WorldPose:
         """World pose of (s, t); before 0 and beyond the length the road goes on straight."""
         if self.flat:
             x, y, h = self.from_above(s, t)
-            return Pose(x, y, 0.0, h, 0.0, 0.0)
+            return WorldPose(x, y, 0.0, h, 0.0, 0.0)
         roll = self.superelevation(s)
         slope = self.elevation.slope(s)
         z = self.elevation(s) + (self.surface.height(s, t) if self.surface else 0.0)
@@ -127,7 +127,7 @@ class Road:
             z += tilted * math.sin(roll)
             t += tilted * (math.cos(roll) - 1.0)
         x, y, h = self.from_above(s, t)
-        return Pose(x, y, z, h, -math.atan(slope), roll)
+        return WorldPose(x, y, z, h, -math.atan(slope), roll)
 
     def from_above(self, s: float, aside: float) -> tuple[float, float, float]:
         """x, y and heading of the place `aside` [m] to the left of the reference line, measured horizontally."""

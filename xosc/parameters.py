@@ -29,7 +29,7 @@ LONGEST_TEXT = 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class ParameterDeclaration:
     """A declared name with its value.
 
     Attributes:
@@ -45,7 +45,7 @@ class Parameter:
     text: str
 
 
-class Variable(Parameter):
+class Variable(ParameterDeclaration):
     """A variable with its initial value (1.2 and later)."""
 
     __slots__ = ()
@@ -91,7 +91,7 @@ class ParameterScope:
         remarks: Remarks | None = None,
     ) -> None:
         self._remarks = remarks or Remarks()
-        self._visible: dict[str, Parameter] = dict(outer._visible) if outer else {}
+        self._visible: dict[str, ParameterDeclaration] = dict(outer._visible) if outer else {}
         self._declared: dict[str, Node] = dict(outer._declared) if outer else {}
         self.declarations = _by_name(declarations)
         self._declared |= self.declarations
@@ -110,7 +110,7 @@ class ParameterScope:
             self._visible[name] = self._evaluate(name, sources[name])
 
     @property
-    def own(self) -> dict[str, Parameter]:
+    def own(self) -> dict[str, ParameterDeclaration]:
         """The parameters declared here, by name, as in the file."""
         return {name: self._visible[name] for name in self.declarations}
 
@@ -174,7 +174,7 @@ class ParameterScope:
             return value
         return operand(parameter.value, parameter.text)
 
-    def _evaluate(self, name: str, source: Assignment) -> Parameter:
+    def _evaluate(self, name: str, source: Assignment) -> ParameterDeclaration:
         declaration = self.declarations[name]
         try:
             kind = type_named(self.literal(declaration.get("parameterType")))
@@ -193,7 +193,7 @@ class ParameterScope:
             message = f"the value of the parameter {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
             self._remarks.add(source.remark(TYPED, message))
         value = typed(kind, spelled)
-        return Parameter(name, kind, value, literal(kind, value, spelled))
+        return ParameterDeclaration(name, kind, value, literal(kind, value, spelled))
 
     def _repair(self, assignment: Assignment, rule: str, fault: str, assumption: str) -> None:
         """Tell a repair, or refuse it where the assignment is not to be repaired."""
@@ -201,7 +201,7 @@ class ParameterScope:
             raise assignment.error(fault)
         self._remarks.add(assignment.remark(rule, f"{fault}; {assumption}"))
 
-    def _holds(self, parameter: Parameter, constraint: Node) -> bool:
+    def _holds(self, parameter: ParameterDeclaration, constraint: Node) -> bool:
         """Whether one ValueConstraint holds."""
         try:
             limit = typed(parameter.type, meant(parameter.type, self.literal(constraint.get("value"))))

@@ -20,7 +20,7 @@ from schemas.values import quoted
 from xosc.carla import is_for_carla, to_standard
 from xosc.document import Document, load
 from xosc.node import LINE, SOURCE, Node
-from xosc.parameters import OPERATORS, Assignment, Parameter, ParameterScope, Variable, monitors, variables
+from xosc.parameters import OPERATORS, Assignment, ParameterDeclaration, ParameterScope, Variable, monitors, variables
 from xosc.repairs import attributes
 
 Argument = str | float | int | bool
@@ -57,7 +57,7 @@ class Resolved(Document):
         for_carla: whether it is written for CARLA's scenario_runner, whose triggers are others than the standard's.
     """
 
-    parameters: dict[str, Parameter]
+    parameters: dict[str, ParameterDeclaration]
     variables: dict[str, Variable]
     monitors: dict[str, bool]
     logic_file: Path | None

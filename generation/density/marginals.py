@@ -55,7 +55,7 @@ class Marginal(Protocol):
 
 
 @dataclass(frozen=True)
-class Steps:
+class PiecewiseConstant:
     """Pieces of constant density: one for a range, several for a histogram.
 
     Attributes:
@@ -160,7 +160,7 @@ def uniform(low: float, high: float) -> Marginal:
     """
     if not (np.isfinite([low, high]).all() and low < high):
         raise UsageError(f"{low:g}..{high:g} is no range: two finite numbers are expected, the lower one first")
-    return Steps((low, high))
+    return PiecewiseConstant((low, high))
 
 
 @singledispatch
@@ -195,7 +195,7 @@ def _histogram(of: Histogram) -> Marginal | str:
         if low > edges[-1]:
             edges, weights = [*edges, low], [*weights, 0.0]
         edges, weights = [*edges, high], [*weights, weight]
-    return Steps(tuple(edges), tuple(weights))
+    return PiecewiseConstant(tuple(edges), tuple(weights))
 
 
 @marginal.register

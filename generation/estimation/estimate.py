@@ -11,7 +11,7 @@ import numpy as np
 
 from generation.density.models.kernels import KDE, scott
 from generation.density.prior import Prior, until_possible
-from generation.estimation.probability import Control, Driving, Probability, Rate, probability
+from generation.estimation.probability import ControlVariate, Driving, Probability, Rate, probability
 from generation.outcomes.judges import Drivers, survivors
 from generation.outcomes.outcomes import Evaluate, Outcomes, joined
 from generation.search.problem import Plays
@@ -313,7 +313,7 @@ def estimate(
         control = None
         if controls is not None:
             same, more = (_events(each)[name] for each in controls)
-            control = Control(same, more, controls[1].weights)
+            control = ControlVariate(same, more, controls[1].weights)
         found = probability(failing, real.weights, drawn.greatest, control)
         probabilities[name] = found._replace(density=_spread(ratios[:, failing], real.weights[failing]))
     probabilities = {name: each.within(probabilities[FAILURE]) for name, each in probabilities.items()}

@@ -80,7 +80,7 @@ class Probability(NamedTuple):
         return shown if self.stable else f"{shown}, unstable: {self.counted}"
 
 
-class Control(NamedTuple):
+class ControlVariate(NamedTuple):
     """The same event on a cheap twin.
 
     Attributes:
@@ -93,7 +93,7 @@ class Control(NamedTuple):
     weights: FloatArray
 
 
-def probability(failing: BoolArray, weights: FloatArray, greatest: float, control: Control | None = None) -> Probability:
+def probability(failing: BoolArray, weights: FloatArray, greatest: float, control: ControlVariate | None = None) -> Probability:
     """Of an event, by importance sampling with the twin as control variate.
 
     P = mean(w·f) − β (mean(w·g) − G), f the event, g that on the twin, G its mean over many draws, β the regression of the first

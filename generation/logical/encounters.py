@@ -10,7 +10,7 @@ from typing import Any
 
 from generation.logical import roads
 from generation.logical.maneuvers import EGO
-from generation.logical.roads import ROADS, Course, Crossing, Lane, LibraryRoad, Limits, Meeting, header, meeting, scenario_tags
+from generation.logical.roads import ROADS, Course, Crossing, LaneId, LibraryRoad, Limits, Meeting, header, meeting, scenario_tags
 from recognition.labels import Label
 from xodr.network import RoadNetwork
 from xosc import maneuvers
@@ -69,7 +69,7 @@ _JUNCTIONS = {
 
 def _course(origin: str, target: str, lane: int = 1) -> Course:
     """From an arm to another one, each in its lane of this number, counted from the middle of the road."""
-    return Course(Lane(origin, lane), Lane(target, -lane))
+    return Course(LaneId(origin, lane), LaneId(target, -lane))
 
 
 EAST, NORTH, WEST, SOUTH = "1", "2", "3", "4"
@@ -90,7 +90,7 @@ def _at_junctions() -> dict[str, Encounter]:
             ),
             f"unsignalised_right_turn_{name}": Encounter(
                 f"The ego turns right, a pedestrian crosses the road it turns into, {where}", "right turn", Label.RIGHT_TURN,
-                file, _course(SOUTH, EAST, 2), "Pedestrian", Crossing(Lane(EAST, -2), 6.0), WALKING, 2.0,
+                file, _course(SOUTH, EAST, 2), "Pedestrian", Crossing(LaneId(EAST, -2), 6.0), WALKING, 2.0,
             ),
             f"unsignalised_straight_cross_{name}": Encounter(
                 f"The ego goes straight on and crosses another vehicle's way, {where}", "straight cross", Label.STRAIGHT_CROSS,
@@ -111,7 +111,7 @@ ENCOUNTERS = _at_junctions() | {
     ),
     "roundabout_exiting": Encounter(
         "The ego leaves a roundabout, a pedestrian crosses the exit", "roundabout exiting", Label.ROUNDABOUT_EXITING,
-        "roundabout", _course("4", "2"), "Pedestrian", Crossing(Lane("2", -1), 6.0), WALKING, 2.0,
+        "roundabout", _course("4", "2"), "Pedestrian", Crossing(LaneId("2", -1), 6.0), WALKING, 2.0,
     ),
     "roundabout_circulating": Encounter(
         "The ego goes round in a roundabout, a vehicle enters before it", "roundabout circulating", Label.ROUNDABOUT_CIRCULATING,

@@ -15,14 +15,14 @@ from recognition.maneuvers.parameters import BRAKING, CUT_IN, CUT_OUT, DECLARED,
 from schemas.common.errors import UsageError
 from xosc import maneuvers
 from xosc.document import Document
-from xosc.maneuvers import Condition, Conditions
+from xosc.maneuvers import Conditions, TriggerCondition
 from xosc.tags import Tag
 
 EGO = "Ego"
 
 
 @dataclass(frozen=True)
-class Maneuver:
+class LogicalManeuver:
     """A manoeuvre of an actor near the ego, or of the ego behind a leader.
 
     Attributes:
@@ -65,56 +65,56 @@ class Maneuver:
 JUNCTIONS = ("four_way_intersection", "t_junction")
 EVERYWHERE = ("highway", "sharp_curve", "narrow_road", *JUNCTIONS)
 MANEUVERS = {
-    "free_cruise": Maneuver(
+    "free_cruise": LogicalManeuver(
         "The ego drives freely, its leader far ahead slows down a little",
         "Lead", "Lead", "right", "right", 0, BRAKING, ("free_highway",), Label.FREE_CRUISE, pace=1.0,
     ),
-    "car_following": Maneuver(
+    "car_following": LogicalManeuver(
         "The ego follows a leader that slows down a little",
         "Lead", "Lead", "right", "right", 0, BRAKING, ("highway",), Label.CAR_FOLLOWING, pace=1.0,
     ),
-    "braking_leader": Maneuver(
+    "braking_leader": LogicalManeuver(
         "The ego's leader brakes a little, as suddenly as its jerk says",
         "Lead", "Lead", "right", "right", 0, BRAKING, ("highway",), Label.CAR_FOLLOWING, jerk=3.0, pace=1.0,
     ),
-    "cut_in": Maneuver(
+    "cut_in": LogicalManeuver(
         "A vehicle cuts in from the left in front of the ego",
         "CutIn", "CutIn", "right", "left", -1, CUT_IN, EVERYWHERE, Label.CUT_IN, Label.URBAN_CUT_IN,
     ),
-    "cut_out": Maneuver(
+    "cut_out": LogicalManeuver(
         "The ego's leader leaves its lane to the left, in front of a slower vehicle",
         "CutOut", "CutOut", "right", "right", 1, CUT_OUT, EVERYWHERE, Label.CUT_OUT, Label.URBAN_CUT_OUT, ahead="Slow",
     ),
-    "lane_change_left": Maneuver(
+    "lane_change_left": LogicalManeuver(
         "The ego changes to the left behind a leader",
         EGO, "Lead", "right", "right", 1, LANE_CHANGE, EVERYWHERE, Label.LANE_CHANGE_LEFT, Label.LANE_CHANGE_LEFT,
     ),
-    "lane_change_right": Maneuver(
+    "lane_change_right": LogicalManeuver(
         "The ego changes to the right behind a leader",
         EGO, "Lead", "left", "left", -1, LANE_CHANGE, EVERYWHERE, Label.LANE_CHANGE_RIGHT, Label.LANE_CHANGE_RIGHT,
     ),
-    "congestion": Maneuver(
+    "congestion": LogicalManeuver(
         "The ego's leader brakes at the end of a queue that fills both lanes",
         "Lead", "Lead", "right", "right", 0, BRAKING, EVERYWHERE, braking=(0.0, 10.0), beside="Queue",
         dense=16.0,
     ),
-    "merging": Maneuver(
+    "merging": LogicalManeuver(
         "A vehicle merges in front of the ego",
         "Merging", "Merging", "left", "right", 1, CUT_IN, ("on_ramp",), Label.CUT_IN,
     ),
-    "diverging": Maneuver(
+    "diverging": LogicalManeuver(
         "The ego's leader leaves the motorway",
         "Diverging", "Diverging", "left", "left", -1, CUT_OUT, ("off_ramp",), Label.CUT_OUT,
     ),
-    "ramp_entering": Maneuver(
+    "ramp_entering": LogicalManeuver(
         "The ego enters a motorway behind a leader on it",
         EGO, "Lead", "right", "left", 1, LANE_CHANGE, ("on_ramp",), Label.RAMP_ENTERING, pace=1.0,
     ),
-    "ramp_exiting": Maneuver(
+    "ramp_exiting": LogicalManeuver(
         "The ego leaves a motorway behind a leader that stays on it",
         EGO, "Lead", "left", "left", -1, LANE_CHANGE, ("exit_lane",), Label.RAMP_EXITING, pace=1.0,
     ),
-    "turn_off": Maneuver(
+    "turn_off": LogicalManeuver(
         "The ego's leader brakes and turns off to the right",
         "TurnOff", "TurnOff", "right", "right", 0, BRAKING, JUNCTIONS, braking=(2.0, 8.0), turns=True,
     ),
@@ -140,7 +140,7 @@ class ManeuverScenario:
 
     name: str
     situation: str
-    maneuver: Maneuver
+    maneuver: LogicalManeuver
     geometry: Geometry
 
     @property
@@ -293,7 +293,7 @@ class ManeuverScenario:
             raise UsageError(f"a vehicle can't turn off {self.geometry.description}")
         return [roads.take_route(self.maneuver.leader, self.geometry.file, self.geometry.turn)]
 
-    def _start(self) -> list[Condition]:
+    def _start(self) -> list[TriggerCondition]:
         """When the time is over and the gap reached.
 
         A change of speed with a jerk begins earlier, by half the time in which its acceleration builds up: so it is about where

@@ -28,7 +28,7 @@ from xosc.tags import Tag
 
 
 @dataclass(frozen=True)
-class Part:
+class AdversaryPart:
     """Part of one of two adversaries.
 
     Attributes:
@@ -65,11 +65,11 @@ class Pair:
 
     description: str
     ego_lane: int
-    first: Part
-    second: Part | Follower
+    first: AdversaryPart
+    second: AdversaryPart | Follower
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[AdversaryPart, ...]:
         """Parts ahead of the ego."""
         return (self.first,) if isinstance(self.second, Follower) else (self.first, self.second)
 
@@ -82,15 +82,15 @@ class Pair:
 PAIRS = {
     "cut_in_before_braking_leader": Pair(
         "A vehicle cuts in from the left in front of the ego, behind a leader that brakes",
-        -2, Part("CutIn", -1, -1, CUT_IN), Part("Lead", -2, 0, BRAKING),
+        -2, AdversaryPart("CutIn", -1, -1, CUT_IN), AdversaryPart("Lead", -2, 0, BRAKING),
     ),
     "squeezed": Pair(
         "Two vehicles cut in in front of the ego, from the left and from the right",
-        -2, Part("Left", -1, -1, CUT_IN), Part("Right", -3, 1, CUT_IN),
+        -2, AdversaryPart("Left", -1, -1, CUT_IN), AdversaryPart("Right", -3, 1, CUT_IN),
     ),
     "merge_beside_tail_gater": Pair(
         "A vehicle merges from the right in front of the ego, behind which a tail-gater drives",
-        -2, Part("Merging", -3, 1, CUT_IN), Follower("TailGater"),
+        -2, AdversaryPart("Merging", -3, 1, CUT_IN), Follower("TailGater"),
     ),
 }  # fmt: skip
 """By name."""
@@ -198,10 +198,10 @@ class PairScenario:
         """The parameters of each by role."""
         return {part.actor: {role: f"${declared_name(part.actor, role)}" for role in ROLES} for part in self.pair.parts}
 
-    def _begin(self, part: Part) -> str:
+    def _begin(self, part: AdversaryPart) -> str:
         return str(LEAD_IN) if part is self.pair.first else f"${part.actor}_{BEGIN}"
 
-    def _opening(self, part: Part) -> str:
+    def _opening(self, part: AdversaryPart) -> str:
         return f"({self._terms[part.actor]['start_speed']} - ${EGO}_Speed_mps)"
 
     # parts of the scenario
@@ -211,7 +211,7 @@ class PairScenario:
         place = maneuvers.lane_position(_PLACE.road, self.pair.ego_lane, s)
         return [maneuvers.teleport(place), maneuvers.speed(f"${EGO}_Speed_mps")]
 
-    def _init(self, part: Part) -> list[Any]:
+    def _init(self, part: AdversaryPart) -> list[Any]:
         """Return initial actions that give the parameters' gaps once the first manoeuvre begins."""
         gaps = [self._terms[each.actor]["gap"] for each in self.pair.parts[: self.pair.parts.index(part) + 1]]
         ahead = f"{' + '.join(gaps)} + {len(gaps) * LENGTH} - {self._opening(part)} * {LEAD_IN}"
@@ -224,7 +224,7 @@ class PairScenario:
         place = maneuvers.relative_lane_position(EGO, 0, f"${{-({gap} + {LENGTH})}}")
         return [maneuvers.teleport(place), maneuvers.speed(f"${EGO}_Speed_mps"), maneuvers.keep_distance(EGO, gap, REACTION)]
 
-    def _maneuver(self, part: Part) -> Any:
+    def _maneuver(self, part: AdversaryPart) -> Any:
         actor, begin = part.actor, self._begin(part)
         start = [storyboard.started(f"${{{begin}}}"), storyboard.gap_reached(EGO, actor, f"${{{_EVER}}}")]
         lanes = part.change if actor != self.without else 0
@@ -268,10 +268,10 @@ class PairUnits(ABC):
     """
 
     every: Samples
-    first: Part
+    first: AdversaryPart
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[AdversaryPart, ...]:
         """Parts ahead of the ego."""
         return (self.first,)
 
@@ -341,7 +341,7 @@ class AheadUnits(PairUnits):
         second: role of the second one. ego_lane: where the ego drives. units: the pairs.
     """
 
-    second: Part
+    second: AdversaryPart
     ego_lane: int
     units: Pairs
 
@@ -351,7 +351,7 @@ class AheadUnits(PairUnits):
         return f"{self.first.kind} with {self.second.kind}"
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[AdversaryPart, ...]:
         """Parts ahead of the ego."""
         return self.first, self.second
 
@@ -441,7 +441,7 @@ class BehindUnits(PairUnits):
         return np.ones(len(values[f"{EGO}_Speed_mps"]), bool)
 
 
-def _alone(every: Samples, part: Part, nearest: bool) -> Alone:
+def _alone(every: Samples, part: AdversaryPart, nearest: bool) -> Alone:
     units = every.of_kind(part.kind)
     values = _acting(part.actor, units)
     roles = {declared_name(part.actor, role): Role(part.actor, role) for role in ROLES}

@@ -98,7 +98,7 @@ _SAME = 1.0
 """Ways that come closer than this meet, m."""
 
 
-class Lane(NamedTuple):
+class LaneId(NamedTuple):
     """A lane of an arm: road and lane id."""
 
     road: str
@@ -108,14 +108,14 @@ class Lane(NamedTuple):
 class Course(NamedTuple):
     """A way of a vehicle: from a lane that leads to the junction to one that leads away from it."""
 
-    origin: Lane
-    target: Lane
+    origin: LaneId
+    target: LaneId
 
 
 class Crossing(NamedTuple):
     """A way of a pedestrian: across an arm, from the right of the lane that leads away on it, `s` (m) from the junction."""
 
-    lane: Lane
+    lane: LaneId
     s: float
 
 
@@ -219,7 +219,9 @@ class Geometry:
 _straight = partial(Geometry, "highway_straight", "on a straight motorway", "1", -1, -2, speeds=(5.0, 42.0))
 _rural = partial(Geometry, speeds=(5.0, 20.0), gaps=(0.5, 60.0), ego_speed=17.0, gap=13.0)
 _urban = partial(Geometry, speeds=(4.0, 15.0), gaps=(0.5, 40.0), ego_speed=12.0, gap=10.0)
-_arm = partial(_urban, road="3", left=1, right=2, spot=5.0, side=-1, ends_there=True, turn=Course(Lane("3", 2), Lane("4", -2)))
+_arm = partial(
+    _urban, road="3", left=1, right=2, spot=5.0, side=-1, ends_there=True, turn=Course(LaneId("3", 2), LaneId("4", -2))
+)
 
 GEOMETRIES = {
     "highway": _straight(spot=650.0, gaps=(0.5, 150.0)),

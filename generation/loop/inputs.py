@@ -15,7 +15,7 @@ from generation.declared import Asked, NothingToVary, asked_of, scenario_of
 from generation.logical.library import SCENARIOS
 from generation.loop.findings import DensitySource, Refused
 from generation.pipeline import LEAST
-from generation.recorded import Recorded, Scenario, kind_of, of_catalogue, of_samples
+from generation.recorded import Recorded, RecordedScenario, kind_of, of_catalogue, of_samples
 from generation.search.space import Space
 from generation.settings import Ask
 from recognition import datasets
@@ -173,7 +173,7 @@ def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | N
             yield Refused(title, _why_not(found.get(folder)))
 
 
-def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> SearchTarget | None:
+def _of_catalogue(folder: str, title: str, scenario: RecordedScenario | None) -> SearchTarget | None:
     """The catalogue's own scenario; None where there are too few of its like."""
     if scenario is None:
         return None
@@ -182,7 +182,7 @@ def _of_catalogue(folder: str, title: str, scenario: Scenario | None) -> SearchT
     return SearchTarget(folder, title, scenario.path, scenario.on, DensitySource(count, own=True)) if count >= LEAST else None
 
 
-def _why_not(scenario: Scenario | None) -> str:
+def _why_not(scenario: RecordedScenario | None) -> str:
     if scenario is None:
         return "nothing is recorded of parameters by which it could be varied"
     return f"{len(scenario.recorded.theta)} manoeuvres with another participant are recorded, {LEAST} make a density"

@@ -148,7 +148,7 @@ Evaluate = Callable[[FloatArray], Outcomes]
 
 
 @dataclass(frozen=True)
-class Episode(Job):
+class SimulationJob(Job):
     """A run.
 
     Args:
@@ -223,7 +223,9 @@ class Evaluator(Simulator):
             sut: name of the system under test, where another one than that of the settings is to drive.
         """
         values = ({**self.space.pinned, **self.space.values(row)} for row in theta)
-        return self.of(Episode(str(number), self.scenario, self.scenario, each, sut=sut) for number, each in enumerate(values))
+        return self.of(
+            SimulationJob(str(number), self.scenario, self.scenario, each, sut=sut) for number, each in enumerate(values)
+        )
 
 
 def measures(result: RunResult, rss: str) -> dict[str, Any]:
@@ -266,7 +268,7 @@ def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:
     from runner.interpreter.execution import run
 
     try:
-        chosen = replace(settings, sut=job.sut) if isinstance(job, Episode) and job.sut is not None else settings
+        chosen = replace(settings, sut=job.sut) if isinstance(job, SimulationJob) and job.sut is not None else settings
         if chosen.end_after_collision is None:  # measures are of the whole encounter, with every driver
             chosen = replace(chosen, end_after_collision=False)
         with limited():

@@ -91,7 +91,7 @@ LIKELIEST, NEAREST = "likeliest_failure", "nearest_failure"
 
 
 @dataclass(frozen=True)
-class Unit:
+class RecordedUnit:
     """A recorded unit: its recording, values of what is searched, distance from a point as a share of the ranges (root mean
     square over all that distinguishes cases)."""
 
@@ -117,7 +117,7 @@ class Counterexample:
     scenario: Path
     replay: Path
     reproduced: bool
-    recorded: Unit | None
+    recorded: RecordedUnit | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +181,7 @@ def _others(generated: Generated) -> Cases:
     return Cases(points, outcomes.take(rows), rewards[rows], likelihood, {})
 
 
-class Replay(NamedTuple):
+class FailureReplay(NamedTuple):
     """A failure that is played from its file: the file, the page that plays it, whether its run ends in a collision."""
 
     scenario: Path
@@ -191,7 +191,7 @@ class Replay(NamedTuple):
 
 def replays(
     scenario: Path, generated: Generated, settings: SearchSettings, drivers: Drivers, out: Path, rows: Mapping[str, int]
-) -> dict[str, Replay]:
+) -> dict[str, FailureReplay]:
     """Write and play failures of the executed runs.
 
     Args:
@@ -209,11 +209,11 @@ def replays(
     cases = Cases(points, outcomes.take(executed), rewards[executed], generated.prior.log_density(points), judged)
     writer = Writer(scenario, generated.space, out, settings.run)
     files = writer.concrete(cases, evidence(settings), [names[row] for row in chosen])
-    played = {row: Replay(file, *_played(file, settings)) for row, file in zip(chosen, files, strict=True)}
+    played = {row: FailureReplay(file, *_played(file, settings)) for row, file in zip(chosen, files, strict=True)}
     return {name: played[row] for name, row in rows.items()}
 
 
-def nearest(generated: Generated, point: FloatArray) -> Unit | None:
+def nearest(generated: Generated, point: FloatArray) -> RecordedUnit | None:
     """The recorded unit that is most like a point (d,)."""
     if generated.gate.replayed is None:
         return None
@@ -221,7 +221,7 @@ def nearest(generated: Generated, point: FloatArray) -> Unit | None:
     distances = _distances(space, point, real.theta)
     row = int(distances.argmin())
     values = dict(zip(space.names, real.theta[row].tolist(), strict=True))
-    return Unit(str(real.recordings[row]), values, float(distances[row]))
+    return RecordedUnit(str(real.recordings[row]), values, float(distances[row]))
 
 
 def _distances(space: Space, point: FloatArray, others: FloatArray) -> FloatArray:

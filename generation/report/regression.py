@@ -13,7 +13,7 @@ import numpy as np
 
 from generation.density.gate import NEAR
 from generation.outcomes.judges import COLLISION
-from generation.outcomes.outcomes import Episode, Outcomes, Simulator
+from generation.outcomes.outcomes import Outcomes, SimulationJob, Simulator
 from generation.pipeline import Generated, estimate_file, evaluator_of, summary_file, system_digest
 from generation.report.regions import LINKED, grouped
 from generation.search.space import Space, apart, distinctive
@@ -167,7 +167,7 @@ def regression(before: Before, scenario: Path, tried: Tried, settings: SearchSet
     if unknown:
         raise UsageError(f"--against: the scenario has no parameter {unknown[0]} any more", path=before.folder)
     with Simulator(run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray) as simulator:
-        jobs = (Episode(str(number), scenario, scenario, dict(each)) for number, each in enumerate(before.values))
+        jobs = (SimulationJob(str(number), scenario, scenario, dict(each)) for number, each in enumerate(before.values))
         replayed = simulator.of(jobs)
     far = _far(tried, before, settings.choice.apart)
     alike = np.array([not row.all() for row in far[:, tried.failing]], bool)

@@ -18,9 +18,9 @@ from generation.pipeline import Generated, evaluator_of
 from generation.report.counterexamples import (
     Counterexample,
     Counterexamples,
+    FailureReplay,
     Measure,
     Region,
-    Replay,
     counterexamples,
     limits,
     region,
@@ -145,7 +145,7 @@ Json = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Report:
+class SearchReport:
     """A search with what a report adds to it.
 
     Attributes:
@@ -159,7 +159,7 @@ class Report:
     generated: Generated
     region: Region | str
     regions: Sequence[FailureRegion]
-    members: Mapping[str, Replay]
+    members: Mapping[str, FailureReplay]
     counterexamples: Counterexamples
     against: Regression | None = None
 
@@ -185,7 +185,7 @@ def render(scenario: Path, generated: Generated, settings: SearchSettings, out: 
     with evaluator_of(scenario, generated.space, settings) as drivers:
         examples = counterexamples(scenario, generated, settings, drivers, out)
         members = replays(scenario, generated, settings, drivers, out, rows)
-    report = Report(scenario, settings, generated, region(of, failing), found, members, examples, against)
+    report = SearchReport(scenario, settings, generated, region(of, failing), found, members, examples, against)
     write_object({"regions": _regions(report, of, out)}, out / f"{scenario.stem}_regions.json")
     title = f"{scenario.stem}: how {system_name(settings.run.sut)} fails"
     write_page(out / REPORT, page(title, _STYLES, _SCRIPTS, _data(report, of, out)))
@@ -203,7 +203,7 @@ def _member(number: int, name: str) -> str:
     return f"region_{number}_{name}"
 
 
-def _data(report: Report, of: Sequence[Measure], out: Path) -> Json:
+def _data(report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
     """Return the data of the page."""
     generated, scenario, sut = report.generated, report.scenario, system_name(report.settings.run.sut)
     return {
@@ -270,7 +270,7 @@ def _region(found: Region | str) -> Json:
     return {**scores, "weights": [[index, round(weight, 3)] for index, weight in found.weights.items()], "slices": slices}
 
 
-def _regions(report: Report, of: Sequence[Measure], out: Path) -> list[Json]:
+def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Json]:
     """Regions with the measures and replays of two members, and rates of the driving that an estimate knows."""
     estimate = report.generated.estimate
     driving = estimate.driving if estimate is not None else ""
@@ -303,7 +303,7 @@ def _runs(generated: Generated, of: Sequence[Measure]) -> Json:
     return {"values": values, "fails": [bool(failing[row]) for row in rows], "total": len(failing), "spread": _rounded(spread)}
 
 
-def _example(each: Counterexample, report: Report, of: Sequence[Measure], out: Path) -> Json:
+def _example(each: Counterexample, report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
     found, space = report.counterexamples, report.generated.space
     theta, unit = found.cases.theta[each.row], each.recorded
     recorded = None if unit is None else {"recording": unit.recording, "distance": round(unit.distance, 3)}
@@ -330,14 +330,14 @@ def _example(each: Counterexample, report: Report, of: Sequence[Measure], out: P
     }
 
 
-def _cases(report: Report, of: Sequence[Measure]) -> Iterator[Json]:
+def _cases(report: SearchReport, of: Sequence[Measure]) -> Iterator[Json]:
     cases, against = report.generated.cases, report.against
     for row in range(len(cases)):
         fate = None if against is None else against.found[row]
         yield {"number": row, "fate": fate, **_case(report, cases, row, of)}
 
 
-def _case(report: Report, cases: Cases, row: int, of: Sequence[Measure]) -> Json:
+def _case(report: SearchReport, cases: Cases, row: int, of: Sequence[Measure]) -> Json:
     """Measures, outcome and drivers of a case."""
     outcomes = cases.outcomes
     by_name = {each.name: float(each.values[0]) for each in measured(report.generated, cases.theta[row : row + 1])}
@@ -359,7 +359,7 @@ def _end(outcomes: Outcomes, row: int) -> str:
     return "collides" if outcomes.collision[row] else "survives"
 
 
-def _against(report: Report, out: Path) -> Json | None:
+def _against(report: SearchReport, out: Path) -> Json | None:
     found = report.against
     if found is None:
         return None
@@ -380,7 +380,7 @@ def _against(report: Report, out: Path) -> Json | None:
     }
 
 
-def _settings(report: Report) -> dict[str, str]:
+def _settings(report: SearchReport) -> dict[str, str]:
     settings, generated = report.settings, report.generated
     name = judge(settings.density, generated.recorded.pairs is not None)
     units = f"{name}, {len(generated.recorded.theta)} units within the limits"

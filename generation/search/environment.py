@@ -10,7 +10,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from generation.search.methods.mcsg import Edits, single
-from generation.search.problem import Problem
+from generation.search.problem import SearchProblem
 
 
 class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -23,7 +23,7 @@ class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         problem: space, evaluator and reward; episodes start from its real parameters, or from `options["theta"]` of `reset`.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: SearchProblem) -> None:
         d = len(problem.space.parameters)
         self.observation_space = spaces.Box(0.0, 1.0, (2 * d,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)

@@ -166,7 +166,7 @@ class History(Episodes):
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class SearchProblem:
     """One search problem, the same for all methods.
 
     Attributes:
@@ -193,7 +193,7 @@ class Problem:
         return self.real if self.found is None else self.found
 
 
-Search = Callable[[Problem, int, int], History]
+Search = Callable[[SearchProblem, int, int], History]
 """Spends a budget of simulator calls on a problem, all that is drawn by a seed."""
 
 
@@ -205,7 +205,7 @@ class Calls:
         budget: how many points may be evaluated in all.
     """
 
-    def __init__(self, problem: Problem, budget: int) -> None:
+    def __init__(self, problem: SearchProblem, budget: int) -> None:
         self.problem, self.left = problem, budget
         self._parts: list[Episodes] = []
 

@@ -48,7 +48,7 @@ class Situation(NamedTuple):
         return found
 
 
-class Driver(Protocol):
+class DriverModel(Protocol):
     """A system under test in n cases."""
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
@@ -162,7 +162,7 @@ class _Bound(_Memory):
         return self._begun.copy(), np.full(len(seen.speed), -self._system.brake)
 
 
-_KINDS: dict[type, Callable[[Any, int], Driver]] = {
+_KINDS: dict[type, Callable[[Any, int], DriverModel]] = {
     CollisionAvoidance: _Avoidance,
     EmergencyBraking: _Emergency,
     IntelligentDriver: _Following,
@@ -171,7 +171,7 @@ _KINDS: dict[type, Callable[[Any, int], Driver]] = {
 }
 
 
-def driver(system: str | System | None, n: int) -> Driver:
+def driver(system: str | System | None, n: int) -> DriverModel:
     """A system under test in n cases.
 
     Raises:

@@ -14,7 +14,7 @@ import numpy as np
 
 from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
 from generation.search.space import DIGITS, Space
-from generation.twin.drivers import Driver, Situation, driver
+from generation.twin.drivers import DriverModel, Situation, driver
 from generation.twin.motion import Body, Changing, JerkChanging, Keeping, driven
 from generation.twin.script import Script, read, value
 from runner.measures.criticality import lateral_violation, longitudinal_violation
@@ -87,7 +87,9 @@ class _Part(Protocol):
 class _Episodes:
     """Cases side by side; those that are over are taken out."""
 
-    def __init__(self, script: Script, parameters: Mapping[str, FloatArray], who: Driver, dt: float, rss: RssParameters) -> None:
+    def __init__(
+        self, script: Script, parameters: Mapping[str, FloatArray], who: DriverModel, dt: float, rss: RssParameters
+    ) -> None:
         self._n = n = len(next(iter(parameters.values())))
         self._script, self._driver, self._dt, self._rss = script, who, dt, rss
         self._bodies = {each.name: _placed(each, script, parameters, n) for each in script.actors}

@@ -41,7 +41,7 @@ class Attention(nn.Module):
         return self.out(F.scaled_dot_product_attention(query, key, value, mask).transpose(-3, -2).flatten(-2))
 
 
-class Block(nn.Module):
+class AttentionBlock(nn.Module):
     """One block: tokens (n, frames, places, dim) to the same."""
 
     def __init__(self, architecture: Sizes) -> None:
@@ -139,7 +139,7 @@ class TokenEncoder(Encoder):
         self.embedding = nn.Linear(architecture.patch * architecture.frame, dim)
         self.time = nn.Parameter(torch.empty(frames // architecture.patch, dim))
         self.kind = nn.Parameter(torch.empty(2, 1, dim))
-        self.blocks = nn.ModuleList(Block(architecture) for _ in range(architecture.depth))
+        self.blocks = nn.ModuleList(AttentionBlock(architecture) for _ in range(architecture.depth))
         if not self.time.is_meta:
             nn.init.normal_(self.time, std=_SPREAD)
             nn.init.normal_(self.kind, std=_SPREAD)
@@ -247,7 +247,7 @@ class GridEncoder(Encoder):
         self.embedding = nn.Linear(depth * channels * height * width, dim)
         self.place = nn.Parameter(_drawn(places, dim))
         self.time = nn.Parameter(_drawn(self._times, 1, dim))
-        self.blocks = nn.ModuleList(Block(architecture) for _ in range(architecture.depth))
+        self.blocks = nn.ModuleList(AttentionBlock(architecture) for _ in range(architecture.depth))
 
     def forward(self, grids: Tensor) -> Tensor:
         """Features (n, dim) of grids (n, frames, channels, rows, columns), uint8 or floats from 0 to 255.

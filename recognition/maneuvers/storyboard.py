@@ -22,7 +22,7 @@ from xodr.network import RoadNetwork
 from xosc import maneuvers
 from xosc.document import Document
 from xosc.files import FileHeader
-from xosc.maneuvers import Condition, Conditions, Dynamics, Number
+from xosc.maneuvers import Conditions, Dynamics, Number, TriggerCondition
 from xosc.versions import Version
 
 GAP, START_SPEED, START_TIME, END_SPEED, DURATION, FINAL_SPEED, REST_TIME = (each.name for each in PARAMETERS.values())
@@ -134,7 +134,7 @@ _PATIENCE = 10.0
 """Time (s), beyond the expected one, after which a scenario without its gap ends"""
 
 
-def started(delay: str) -> Condition:
+def started(delay: str) -> TriggerCondition:
     """That the time until the manoeuvre is over.
 
     Args:
@@ -143,13 +143,13 @@ def started(delay: str) -> Condition:
     return replace(maneuvers.simulation_time(0.0, "greaterOrEqual"), delay=delay)
 
 
-def gap_reached(follower: str, leader: str, gap: str) -> Condition:
+def gap_reached(follower: str, leader: str, gap: str) -> TriggerCondition:
     """That the gap between two is no longer than one (m), along the lane."""
     return maneuvers.relative_distance(follower, leader, gap, "lessOrEqual", coordinates="lane")
 
 
 def events(
-    change: str, settle: str, parameters: Mapping[str, str], actor: str, lanes: int, start: Conditions | list[Condition]
+    change: str, settle: str, parameters: Mapping[str, str], actor: str, lanes: int, start: Conditions | list[TriggerCondition]
 ) -> list[Any]:
     """The events of the actor: its change of speed and lane over the duration, then the change to the final speed.
 
@@ -176,7 +176,7 @@ def _sped(parameters: Mapping[str, str], over_time: Dynamics) -> Any:
     return maneuvers.speed_profile([(parameters["end_speed"], over_time.value)], "follow", parameters[JERK])
 
 
-def changed(change: str, after: str) -> Condition:
+def changed(change: str, after: str) -> TriggerCondition:
     """That an event has been complete for a time.
 
     Args:
@@ -185,7 +185,7 @@ def changed(change: str, after: str) -> Condition:
     return replace(maneuvers.element_state("event", change, "completeState"), delay=after)
 
 
-def ends(change: str, parameters: Mapping[str, str]) -> list[list[Condition]]:
+def ends(change: str, parameters: Mapping[str, str]) -> list[list[TriggerCondition]]:
     """The scene's ends: the rest time after the change, or when the gap never came.
 
     Args:
@@ -325,7 +325,7 @@ _MARGIN = 5.0
 """Distance (m) of a front from the road's end at which the scene ends"""
 
 
-def _road_ends(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) -> list[list[Condition]]:
+def _road_ends(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) -> list[list[TriggerCondition]]:
     """Stop conditions for participants near the end of their roads, where they could only stop dead.
 
     Raises:

@@ -22,7 +22,7 @@ from xosc.rules.values import DECLARED_TYPE_UID
 if TYPE_CHECKING:
     from runner.contracts.registry import Context
     from runner.contracts.run import Instant
-    from xosc.parameters import Parameter
+    from xosc.parameters import ParameterDeclaration
 
 
 @condition("SimulationTimeCondition")
@@ -167,7 +167,9 @@ class _NamedValueCondition(Condition):
         return self.expected.describe(f"{self.what} {self.name}", self.value(run))
 
 
-def _declared(node: Node, attribute: str, declared: Mapping[str, Parameter], context: Context) -> tuple[str, _Expected]:
+def _declared(
+    node: Node, attribute: str, declared: Mapping[str, ParameterDeclaration], context: Context
+) -> tuple[str, _Expected]:
     """Name of a declared parameter or variable, and the value to compare with, read as its type says."""
     name = node.get(attribute)
     if name not in declared:

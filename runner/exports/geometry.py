@@ -220,7 +220,7 @@ class RunnerGeometry:
 
     def _put(self, entity: Entity, roads: Roads, start: InitialState) -> None:
         from runner.motion.placement import in_world
-        from xodr.model import Pose as PoseOnRoad
+        from xodr.model import WorldPose
 
         assert self._network is not None and start.road is not None and start.pose is not None
         if start.centred:
@@ -228,7 +228,7 @@ class RunnerGeometry:
             return
         x, y, z, h = start.pose
         hint = self._network.road(start.road).lane_point(start.s, start.lane)
-        roads.place(entity, in_world(self._network, PoseOnRoad(x, y, z, h, 0.0, 0.0), z_known=False, hint=hint))
+        roads.place(entity, in_world(self._network, WorldPose(x, y, z, h, 0.0, 0.0), z_known=False, hint=hint))
 
 
 def _storyboard(document: Document) -> Iterator[etree._Element]:

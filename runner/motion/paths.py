@@ -1,6 +1,6 @@
 """Curves that entities follow off their lane, by arc length: polylines, clothoids, sampled curves, and chains of them.
 
-Lengths and speeds are horizontal, as on roads. A path answers `at(s) -> Pose` for every step of every follower, so it is
+Lengths and speeds are horizontal, as on roads. A path answers `at(s) -> WorldPose` for every step of every follower, so it is
 prepared when it is built; beyond its ends it goes on straight. The heading is the tangent's where none was given.
 """
 
@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 from xodr.geometry import PlanElement
-from xodr.model import Pose
+from xodr.model import WorldPose
 
 _SAME_PLACE = 1e-9
 """Distance (m) within which two points of a path are one."""
@@ -27,7 +27,7 @@ class Path(Protocol):
 
     length: float
 
-    def at(self, s: float) -> Pose:
+    def at(self, s: float) -> WorldPose:
         """Position (m) and orientation (rad) at s."""
         ...
 
@@ -52,7 +52,7 @@ class _Stretch(NamedTuple):
 
     start: float
     length: float
-    pose: Pose
+    pose: WorldPose
     dx: float
     dy: float
     dz: float
@@ -80,17 +80,17 @@ class Polyline:
         self._stretches = [_stretch(a, b, start) for (a, b), start in ends if math.hypot(b.x - a.x, b.y - a.y) > _SAME_PLACE]
         if not self._stretches:
             only = corners[0]
-            pose = Pose(only.x, only.y, only.z, only.h or 0.0, only.pitch or 0.0, only.roll or 0.0)
+            pose = WorldPose(only.x, only.y, only.z, only.h or 0.0, only.pitch or 0.0, only.roll or 0.0)
             self._stretches = [_Stretch(0.0, 0.0, pose, math.cos(pose.h), math.sin(pose.h), 0.0, 0.0, 0.0, 0.0)]
         self._starts = [stretch.start for stretch in self._stretches]
 
-    def at(self, s: float) -> Pose:
+    def at(self, s: float) -> WorldPose:
         """Position and orientation at s."""
         start, length, pose, dx, dy, dz, dh, dp, dr = self._stretches[max(bisect_right(self._starts, s) - 1, 0)]
         u = s - start
         turned = min(max(u, 0.0), length)
         x, y, z, h, pitch, roll = pose
-        return Pose(x + u * dx, y + u * dy, z + u * dz, h + turned * dh, pitch + turned * dp, roll + turned * dr)
+        return WorldPose(x + u * dx, y + u * dy, z + u * dz, h + turned * dh, pitch + turned * dp, roll + turned * dr)
 
     def knots(self) -> list[float]:
         """The corners."""
@@ -106,7 +106,7 @@ def _stretch(a: Corner, b: Corner, start: float) -> _Stretch:
     roll, roll_end = (corner.roll or 0.0 for corner in (a, b))
     turns = (math.remainder(end - begin, math.tau) for begin, end in ((h, h_end), (pitch, pitch_end), (roll, roll_end)))
     rates = ((b.x - a.x), (b.y - a.y), (b.z - a.z), *turns)
-    return _Stretch(start, length, Pose(a.x, a.y, a.z, h, pitch, roll), *(rate / length for rate in rates))
+    return _Stretch(start, length, WorldPose(a.x, a.y, a.z, h, pitch, roll), *(rate / length for rate in rates))
 
 
 class Segments:
@@ -126,13 +126,13 @@ class Segments:
         self.length = self.stations[-1]
         self._starts = self.stations[:-1]
 
-    def at(self, s: float) -> Pose:
+    def at(self, s: float) -> WorldPose:
         """Position and orientation at s."""
         inside = min(max(s, 0.0), self.length)
         index = bisect_right(self._starts, inside) - 1
         x, y, h = self._segments[index].at(inside - self._starts[index])
         beyond = s - inside
-        return Pose(x + beyond * math.cos(h), y + beyond * math.sin(h), self._z, h, 0.0, 0.0)
+        return WorldPose(x + beyond * math.cos(h), y + beyond * math.sin(h), self._z, h, 0.0, 0.0)
 
     def knots(self) -> list[float]:
         """Knots of the segments."""
@@ -163,7 +163,7 @@ class Sampled:
         self._starts = [sample.s for sample in samples[:-1]]
         self.length = samples[-1].s
 
-    def at(self, s: float) -> Pose:
+    def at(self, s: float) -> WorldPose:
         """Position and orientation at s."""
         inside = min(max(s, 0.0), self.length)
         index = bisect_right(self._starts, inside) - 1
@@ -179,7 +179,7 @@ class Sampled:
         tangent = a.tangent + u * (b.tangent - a.tangent)
         beyond = s - inside
         slope = (b.z - a.z) / span
-        return Pose(
+        return WorldPose(
             x + beyond * math.cos(tangent),
             y + beyond * math.sin(tangent),
             a.z + (inside - a.s) * slope,
@@ -206,7 +206,7 @@ class Chain:
         self.first, self.then, self.begin = first, then, begin
         self.length = first.length + then.length - begin
 
-    def at(self, s: float) -> Pose:
+    def at(self, s: float) -> WorldPose:
         """Position and orientation at s."""
         return self.first.at(s) if s < self.first.length else self.then.at(s - self.first.length + self.begin)
 
@@ -216,7 +216,7 @@ class Chain:
         return [*self.first.knots(), *(knot + shift for knot in self.then.knots() if knot > self.begin)]
 
 
-class Smoothed(Sampled):
+class SmoothCurve(Sampled):
     """A smooth curve through corners, with the s (m) of each.
 
     Cubics in the length of the chords join the corners. Tangents at inner corners are those of a parabola through the corner and
@@ -239,10 +239,10 @@ class Smoothed(Sampled):
         super().__init__(samples)
 
 
-def smoothed(corners: Sequence[Corner]) -> Polyline | Smoothed:
+def smoothed(corners: Sequence[Corner]) -> Polyline | SmoothCurve:
     """A smooth curve through corners; a line where they are at two places at most."""
     places = {(corner.x, corner.y) for corner in corners}
-    return Smoothed(corners) if len(places) > 2 else Polyline(corners)
+    return SmoothCurve(corners) if len(places) > 2 else Polyline(corners)
 
 
 def _tangents(chords: Sequence[float], slopes: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -283,7 +283,7 @@ def _sample(
         samples.append(Sample(s, x, y, a.z + u * (b.z - a.z), tangent, h))
 
 
-def approach(x: float, y: float, h: float, z: float, target: Pose) -> Sampled:
+def approach(x: float, y: float, h: float, z: float, target: WorldPose) -> Sampled:
     """A smooth way from a pose to a point of a path, leaving and arriving in the given directions.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from xodr.model import Pose, RoadPoint
+from xodr.model import RoadPoint, WorldPose
 
 if TYPE_CHECKING:
     from runner.participants.declaration import EntityState
@@ -46,7 +46,7 @@ _OTHER_LEVEL = 2.0
 """Height (m) above or below a road's surface from which a pose has nothing to do with that road."""
 
 
-def tilted(pose: Pose, h: float) -> tuple[float, float]:
+def tilted(pose: WorldPose, h: float) -> tuple[float, float]:
     """Pitch and roll (rad) of something that stands on a surface and faces h, given the pose along the road."""
     if not (pose.pitch or pose.roll):
         return 0.0, 0.0
@@ -89,7 +89,7 @@ def facing(placement: Placement, road: Road, point: RoadPoint, along: float | No
     return placement._replace(point=point, direction=direction, heading_offset=turn)
 
 
-def in_world(network: RoadNetwork | None, pose: Pose, z_known: bool = True, hint: RoadPoint | None = None) -> Placement:
+def in_world(network: RoadNetwork | None, pose: WorldPose, z_known: bool = True, hint: RoadPoint | None = None) -> Placement:
     """A placement at a world pose, tied to the road under it where there is one.
 
     Args:
@@ -111,6 +111,6 @@ def in_world(network: RoadNetwork | None, pose: Pose, z_known: bool = True, hint
     return facing(placement, network.road_of(point), point)
 
 
-def pose_of(entity: EntityState) -> Pose:
+def pose_of(entity: EntityState) -> WorldPose:
     """Return the pose of an entity, taken as level."""
-    return Pose(entity.x, entity.y, entity.z, entity.h, 0.0, 0.0)
+    return WorldPose(entity.x, entity.y, entity.z, entity.h, 0.0, 0.0)

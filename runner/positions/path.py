@@ -14,7 +14,7 @@ from runner.motion.placement import Placement, in_world
 from runner.motion.trajectories import Trajectory
 from runner.positions.lane import misplaced
 from runner.positions.world import Orientation, on_road
-from xodr.model import Pose, RoadError
+from xodr.model import RoadError, WorldPose
 from xosc.rules.positions import ROAD_LENGTH_UID
 
 if TYPE_CHECKING:
@@ -133,5 +133,5 @@ class TrajectoryPosition(Position):
         pose, h = path.at(self.s), tangent(path, self.s)
         x, y = pose.x - self.t * math.sin(h), pose.y + self.t * math.cos(h)
         orientation = self.orientation
-        pose = Pose(x, y, pose.z, orientation.heading(h), pose.pitch + orientation.pitch, pose.roll + orientation.roll)
+        pose = WorldPose(x, y, pose.z, orientation.heading(h), pose.pitch + orientation.pitch, pose.roll + orientation.roll)
         return in_world(self.context.network, pose, z_known=not track.grounded)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from runner.contracts import registry
 from runner.contracts.element import FixedPosition, Position
 from runner.motion.placement import Placement, facing, in_world, tilted, wrap
-from xodr.model import Pose
+from xodr.model import WorldPose
 
 if TYPE_CHECKING:
     from runner.contracts.registry import Context
@@ -83,7 +83,7 @@ class WorldPosition(FixedPosition):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> WorldPosition:
         """Read the attributes."""
-        pose = Pose(node.finite("x"), node.finite("y"), *(node.finite(name, 0.0) for name in ("z", "h", "p", "r")))
+        pose = WorldPose(node.finite("x"), node.finite("y"), *(node.finite(name, 0.0) for name in ("z", "h", "p", "r")))
         return cls(node, in_world(context.network, pose, z_known=node.has("z")))
 
 
@@ -107,7 +107,7 @@ class _RelativePosition(Position):
         pitch, roll = orientation.pitch, orientation.roll
         if not orientation.absolute:
             pitch, roll = pitch + entity.pitch, roll + entity.roll
-        pose = Pose(x, y, entity.z + self.dz, h, pitch, roll)
+        pose = WorldPose(x, y, entity.z + self.dz, h, pitch, roll)
         return in_world(run.roads.network if run else None, pose, hint=run.roads.road_point(entity) if run else None)
 
 

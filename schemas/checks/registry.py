@@ -39,7 +39,7 @@ _STANDARDS = {"xosc": OPENSCENARIO, "xodr": OPENDRIVE}
 
 
 @dataclass(frozen=True)
-class Rule:
+class RegisteredRule:
     """A registered rule.
 
     Attributes:
@@ -82,7 +82,7 @@ class Rule:
             yield document.problem(self.uid, level or self.level, message, element)
 
 
-_rules: dict[str, Rule] = {}
+_rules: dict[str, RegisteredRule] = {}
 _PACKAGES = ("xosc.rules", "xodr.rules")
 """Packages whose modules register the rules of a standard, loaded by name: they are a floor above"""
 
@@ -100,14 +100,14 @@ def rule(
     def register(check: Check) -> Check:
         if uid in _rules:
             raise ValueError(f"the rule {uid} is registered twice")
-        _rules[uid] = Rule(uid, level, kinds, since, precondition, check)
+        _rules[uid] = RegisteredRule(uid, level, kinds, since, precondition, check)
         return check
 
     return register
 
 
 @cache
-def all_rules() -> tuple[Rule, ...]:
+def all_rules() -> tuple[RegisteredRule, ...]:
     """Every rule, preconditions first, then by uid."""
     import_module("schemas.checks.structure")
     for package in _PACKAGES:

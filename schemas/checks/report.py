@@ -12,7 +12,7 @@ from urllib.parse import quote
 from lxml import etree
 
 from schemas.checks import LEVELS, Problem
-from schemas.checks.registry import Rule, all_rules
+from schemas.checks.registry import RegisteredRule, all_rules
 from schemas.common.packages import version
 from schemas.common.text import one_line, sarif_text, xml_text
 from schemas.osi_rules import OsiRule, all_osi_rules
@@ -157,7 +157,7 @@ def _sarif_result(problem: Problem, index: int) -> dict[str, Any]:
 
 def _rules(standard: str | None) -> list[tuple[str, str]]:
     """Uid and description of the rules of a standard, "xosc", "xodr" or "osi"; of all where it is None."""
-    rules: list[Rule | OsiRule] = [*all_rules(), *all_osi_rules()]
+    rules: list[RegisteredRule | OsiRule] = [*all_rules(), *all_osi_rules()]
     return [(rule.uid, rule.description) for rule in rules if standard in (None, rule.uid.split(":")[1])]
 
 
@@ -169,6 +169,6 @@ FORMATS = {"text": text, "json": as_json, "junit": junit, "xqar": xqar, "sarif":
 """Report formats by the names that the command line knows."""
 
 
-def listing(rules: Sequence[Rule | OsiRule]) -> str:
+def listing(rules: Sequence[RegisteredRule | OsiRule]) -> str:
     """The rules, one line each: level, uid, description."""
     return "".join(f"{rule.level:<8}{rule.uid}\n        {rule.description}\n" for rule in rules)

@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 
 from generation.outcomes.judges import REFERENCES
 from generation.search.methods.cover import cover
-from generation.search.problem import BATCH, Problem
+from generation.search.problem import BATCH, SearchProblem
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 from studies.generation.problem import Posed
@@ -60,17 +60,17 @@ def measured(posed: Posed, draws: int, finds: int, seed: int) -> list[Agreement]
     return found + [_compared(posed, problem, "uniform draws", others, system) for system in REFERENCES]
 
 
-def _finds(problem: Problem, most: int, seed: int) -> FloatArray:
+def _finds(problem: SearchProblem, most: int, seed: int) -> FloatArray:
     """Failures that a search on the twin alone finds."""
     assert problem.twin is not None
     if not most:
         return np.empty((0, len(problem.space.parameters)))
-    alone = Problem(problem.space, problem.twin, problem.reward, problem.real, None, problem.prior, problem.twin)
+    alone = SearchProblem(problem.space, problem.twin, problem.reward, problem.real, None, problem.prior, problem.twin)
     found = cover(alone, max(2 * most, BATCH), seed)
     return found.theta[found.outcomes.collision & found.outcomes.executed][:most]
 
 
-def _compared(posed: Posed, problem: Problem, name: str, theta: FloatArray, system: str | None) -> Agreement:
+def _compared(posed: Posed, problem: SearchProblem, name: str, theta: FloatArray, system: str | None) -> Agreement:
     assert problem.twin is not None
     sut = None if system is None else REFERENCES[system]
     sumo, twin = posed.sumo(theta, sut), problem.twin(theta, sut)

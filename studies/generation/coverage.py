@@ -19,7 +19,7 @@ from generation.estimation.probability import Probability
 from generation.outcomes.outcomes import Evaluate, Outcomes
 from generation.recorded import Recorded
 from generation.search.methods.cover import cover
-from generation.search.problem import Problem
+from generation.search.problem import SearchProblem
 from generation.search.space import Space
 from schemas.common.array_types import FloatArray
 from schemas.common.storage import Records
@@ -60,7 +60,7 @@ def resampled(recorded: Recorded, generator: np.random.Generator) -> Recorded:
 
 
 def coverage(
-    problem: Problem,
+    problem: SearchProblem,
     recorded: Recorded,
     systems: Mapping[str, Evaluate],
     density: str,
@@ -102,7 +102,7 @@ def _refitted(space: Space, recorded: Recorded, density: str, repetition: int) -
     return resampled(recorded, np.random.default_rng([7, repetition])).prior(space, density)
 
 
-def _sought(problem: Problem, system: Evaluate) -> Known:
+def _sought(problem: SearchProblem, system: Evaluate) -> Known:
     """Runs of a search."""
     found = cover(replace(problem, evaluate=system, twin=None), _SOUGHT, 0)
     return Known(found.theta, found.outcomes.collision)

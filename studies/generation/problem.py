@@ -10,7 +10,7 @@ from typing import NamedTuple
 from generation.declared import asked_of
 from generation.density.models import DEFAULT, JUDGE
 from generation.outcomes.outcomes import Evaluator, Outcomes
-from generation.search.problem import Problem, Realism, Reward
+from generation.search.problem import Realism, Reward, SearchProblem
 from generation.search.space import Space
 from generation.settings import Ask
 from generation.twin.episodes import Twin
@@ -22,7 +22,7 @@ from schemas.common.errors import Unsupported
 class Posed(NamedTuple):
     """Problem, and an evaluator that runs its scenario on SUMO with any system under test."""
 
-    problem: Problem
+    problem: SearchProblem
     sumo: Evaluator
 
     def plays(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
@@ -69,4 +69,4 @@ def posed(
     except Unsupported:
         twin = None
     with Evaluator(scenario, space, run=run, processes=processes) as sumo:
-        yield Posed(Problem(space, sumo, reward, real.theta, None, units.prior(space, JUDGE), twin), sumo)
+        yield Posed(SearchProblem(space, sumo, reward, real.theta, None, units.prior(space, JUDGE), twin), sumo)

@@ -9,7 +9,7 @@ from typing import Any
 from torch import nn
 
 from generation.outcomes.outcomes import Episodes
-from generation.search.problem import Calls, History, Problem, Search
+from generation.search.problem import Calls, History, Search, SearchProblem
 from schemas.common.array_types import FloatArray
 from schemas.common.packages import optional
 
@@ -28,7 +28,7 @@ class GeneticSettings:
 
 
 def evolve(
-    problem: Problem,
+    problem: SearchProblem,
     budget: int,
     seed: int,
     start: FloatArray,
@@ -70,7 +70,7 @@ def perceptron(inputs: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(inputs, HIDDEN), nn.Tanh(), nn.Linear(HIDDEN, HIDDEN), nn.Tanh(), nn.Linear(HIDDEN, outputs))
 
 
-def rewarded(search: Search, problem: Problem, budget: int, seed: int, **changes: Any) -> History:
+def rewarded(search: Search, problem: SearchProblem, budget: int, seed: int, **changes: Any) -> History:
     """Search by the problem's reward with some changes; the history has the problem's own rewards.
 
     Args:

@@ -10,7 +10,7 @@ from generation.density.gate import Share
 from generation.density.prior import Prior
 from generation.estimation.estimate import Known
 from generation.search.methods.cover import cover
-from generation.search.problem import Plays, Problem
+from generation.search.problem import Plays, SearchProblem
 
 _SEED = 1_000_000
 """No seed of an estimate"""
@@ -21,7 +21,7 @@ def crude(prior: Prior, twin: Plays, draws: int) -> Share:
     return Share.of(twin(prior.sample(draws, np.random.default_rng(_SEED))))
 
 
-def searched(problem: Problem, budget: int, seed: int) -> Known:
+def searched(problem: SearchProblem, budget: int, seed: int) -> Known:
     """The runs of a search on the twin as if it were SUMO, with nothing to screen what is run."""
     assert problem.twin is not None
     found = cover(replace(problem, evaluate=problem.twin, twin=None), budget, seed)

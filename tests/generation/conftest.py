@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from generation.density.models.kernels import KDE
-from generation.search.problem import Problem, Realism, Reward
+from generation.search.problem import Realism, Reward, SearchProblem
 from tests.generation.kinematic import SPACE, Kinematic, driven
 
 
@@ -17,6 +17,6 @@ def realism() -> Realism:
 
 
 @pytest.fixture
-def problem(realism: Realism) -> Problem:
+def problem(realism: Realism) -> SearchProblem:
     """Cut-ins in front of an ego at 30 m/s, by kinematics alone."""
-    return Problem(SPACE, Kinematic(), Reward(realism), np.array(driven(300)))
+    return SearchProblem(SPACE, Kinematic(), Reward(realism), np.array(driven(300)))

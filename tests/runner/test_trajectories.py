@@ -15,7 +15,7 @@ from runner.motion.nurbs import ControlPoint, sampled
 from runner.motion.paths import Chain, Corner, Path, Polyline, Segments, approach, nearest, tangent, turns_back
 from runner.motion.schedules import Schedule, smooth, steady
 from xodr.geometry import Arc, Line, Spiral, Start
-from xodr.model import Pose
+from xodr.model import WorldPose
 
 COORDINATE = st.floats(-200.0, 200.0)
 POINTS = st.lists(st.tuples(COORDINATE, COORDINATE), min_size=2, max_size=8)
@@ -91,7 +91,7 @@ def test_headings_of_a_polyline_are_interpolated_the_short_way_round_where_they_
 def test_corners_at_one_place_leave_a_path_without_length() -> None:
     path = Polyline([Corner(3, 4, 0, h=1.0), Corner(3, 4, 0)])
     assert path.length == 0.0
-    assert path.at(0.0) == Pose(3, 4, 0, 1.0, 0.0, 0.0)
+    assert path.at(0.0) == WorldPose(3, 4, 0, 1.0, 0.0, 0.0)
 
 
 @given(st.floats(0.0, 1.0))

@@ -7,10 +7,10 @@ They return scenariogeneration's objects (`Any`: it carries no types), so that w
 from xosc.files import FileHeader
 from xosc.maneuvers.actions import (
     STEP,
-    Condition,
     Conditions,
     Dynamics,
     Reaction,
+    TriggerCondition,
     add_entity,
     assign_route,
     collision,
@@ -44,13 +44,13 @@ from xosc.maneuvers.files import CATALOG_KINDS, Form, catalog, extended, scenari
 __all__ = [
     "CATALOG_KINDS",
     "STEP",
-    "Condition",
     "Conditions",
     "Dynamics",
     "FileHeader",
     "Form",
     "Number",
     "Reaction",
+    "TriggerCondition",
     "add_entity",
     "assign_route",
     "catalog",

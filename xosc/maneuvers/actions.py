@@ -14,7 +14,7 @@ from xosc.maneuvers.entities import Number, PolylineTrajectory, declarations, en
 
 
 @dataclass(frozen=True)
-class Condition:
+class TriggerCondition:
     """A condition, which becomes part of a start or a stop trigger.
 
     Attributes:
@@ -39,15 +39,15 @@ class Condition:
         return sg.EntityTrigger(f"{self.name} of {self.entity}", delay, edge, self.condition, self.entity, triggeringpoint=point)
 
 
-Conditions = Condition | Sequence[Condition] | Sequence[Sequence[Condition]]
+Conditions = TriggerCondition | Sequence[TriggerCondition] | Sequence[Sequence[TriggerCondition]]
 """A condition; conditions that have to hold together; or groups of such, of which one is enough."""
 
 
 def trigger(conditions: Conditions, point: str) -> Any:
     """A trigger that fires when its conditions hold."""
-    listed = [conditions] if isinstance(conditions, Condition) else conditions
-    single = [each for each in listed if isinstance(each, Condition)]
-    groups = [single] if single else [each for each in listed if not isinstance(each, Condition)]
+    listed = [conditions] if isinstance(conditions, TriggerCondition) else conditions
+    single = [each for each in listed if isinstance(each, TriggerCondition)]
+    groups = [single] if single else [each for each in listed if not isinstance(each, TriggerCondition)]
     if not groups or not all(groups):
         raise UsageError(f"a {point} trigger needs at least one condition")
     built = sg.Trigger(point)
@@ -59,12 +59,12 @@ def trigger(conditions: Conditions, point: str) -> Any:
     return built
 
 
-def simulation_time(value: Number, rule: str = "greaterThan", *, edge: str = "none") -> Condition:
+def simulation_time(value: Number, rule: str = "greaterThan", *, edge: str = "none") -> TriggerCondition:
     """`SimulationTimeCondition`: the time since the start, s."""
-    return Condition("simulation time", sg.SimulationTimeCondition(number(value), enum_value("Rule", rule)), edge)
+    return TriggerCondition("simulation time", sg.SimulationTimeCondition(number(value), enum_value("Rule", rule)), edge)
 
 
-def element_state(kind: str, name: str, state: str = "endTransition", *, edge: str = "none") -> Condition:
+def element_state(kind: str, name: str, state: str = "endTransition", *, edge: str = "none") -> TriggerCondition:
     """`StoryboardElementStateCondition`: an element has a state or passes a transition.
 
     Args:
@@ -74,12 +74,12 @@ def element_state(kind: str, name: str, state: str = "endTransition", *, edge: s
         edge: of the condition.
     """
     element = enum_value("StoryboardElementType", kind), name, enum_value("StoryboardElementState", state)
-    return Condition(f"{name} {state}", sg.StoryboardElementStateCondition(*element), edge)
+    return TriggerCondition(f"{name} {state}", sg.StoryboardElementStateCondition(*element), edge)
 
 
-def collision(entity: str, other: str, *, edge: str = "none") -> Condition:
+def collision(entity: str, other: str, *, edge: str = "none") -> TriggerCondition:
     """`CollisionCondition`: `entity` touches `other`."""
-    return Condition(f"collision with {other}", sg.CollisionCondition(other), edge, entity)
+    return TriggerCondition(f"collision with {other}", sg.CollisionCondition(other), edge, entity)
 
 
 def distance(
@@ -92,7 +92,7 @@ def distance(
     coordinates: str = "entity",
     freespace: bool = True,
     edge: str = "none",
-) -> Condition:
+) -> TriggerCondition:
     """`DistanceCondition`: the distance of `entity` to a position, m; see `relative_distance`."""
     condition = sg.DistanceCondition(
         number(value),
@@ -100,7 +100,7 @@ def distance(
         position,
         **_measured(kind, coordinates, freespace),
     )
-    return Condition("distance", condition, edge, entity)
+    return TriggerCondition("distance", condition, edge, entity)
 
 
 def relative_distance(
@@ -113,7 +113,7 @@ def relative_distance(
     coordinates: str = "entity",
     freespace: bool = True,
     edge: str = "none",
-) -> Condition:
+) -> TriggerCondition:
     """`RelativeDistanceCondition`: the distance of `entity` to `other`, m.
 
     Args:
@@ -134,12 +134,12 @@ def relative_distance(
         freespace=freespace,
         coordinate_system=enum_value("CoordinateSystem", coordinates),
     )
-    return Condition("relative distance", condition, edge, entity)
+    return TriggerCondition("relative distance", condition, edge, entity)
 
 
-def traveled_distance(entity: str, value: Number, *, edge: str = "none") -> Condition:
+def traveled_distance(entity: str, value: Number, *, edge: str = "none") -> TriggerCondition:
     """Return a `TraveledDistanceCondition`: `entity` has moved that far (m) since the start."""
-    return Condition("traveled distance", sg.TraveledDistanceCondition(number(value)), edge, entity)
+    return TriggerCondition("traveled distance", sg.TraveledDistanceCondition(number(value)), edge, entity)
 
 
 def time_headway(
@@ -152,7 +152,7 @@ def time_headway(
     coordinates: str = "entity",
     freespace: bool = True,
     edge: str = "none",
-) -> Condition:
+) -> TriggerCondition:
     """`TimeHeadwayCondition`: the distance of `entity` to `other` over the speed of `entity`, s; see `relative_distance`."""
     condition = sg.TimeHeadwayCondition(
         other,
@@ -160,7 +160,7 @@ def time_headway(
         enum_value("Rule", rule),
         **_measured(kind, coordinates, freespace),
     )
-    return Condition("time headway", condition, edge, entity)
+    return TriggerCondition("time headway", condition, edge, entity)
 
 
 def time_to_collision(
@@ -173,7 +173,7 @@ def time_to_collision(
     coordinates: str = "entity",
     freespace: bool = True,
     edge: str = "none",
-) -> Condition:
+) -> TriggerCondition:
     """`TimeToCollisionCondition`: the distance of `entity` to `other` over their closing speed, s; see `relative_distance`."""
     condition = sg.TimeToCollisionCondition(
         number(value),
@@ -181,7 +181,7 @@ def time_to_collision(
         entity=other,
         **_measured(kind, coordinates, freespace),
     )
-    return Condition("time to collision", condition, edge, entity)
+    return TriggerCondition("time to collision", condition, edge, entity)
 
 
 def _measured(kind: str, coordinates: str, freespace: bool) -> dict[str, Any]:

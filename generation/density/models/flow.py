@@ -15,7 +15,7 @@ from recognition.training.windows import seeded
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import UsageError
 
-DENSITIES = {"flow": {"class": "Flow", "title": "normalizing flow (RealNVP)"}}
+DENSITIES = {"flow": {"class": "NormalizingFlow", "title": "normalizing flow (RealNVP)"}}
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Couplings:
     decay: float = 1e-4
 
 
-class Flow(Density):
+class NormalizingFlow(Density):
     """Real-valued non-volume-preserving transformation of whitened samples to a standard normal.
 
     L. Dinh, J. Sohl-Dickstein, S. Bengio, Density estimation using Real NVP, ICLR 2017.

@@ -21,7 +21,7 @@ from scipy.spatial.distance import cdist
 
 from generation.density.prior import Prior
 from generation.outcomes.judges import survivors
-from generation.search.problem import BATCH, Calls, History, Plays, Problem
+from generation.search.problem import BATCH, Calls, History, Plays, SearchProblem
 from generation.search.space import apart, distinctive
 from generation.search.surrogate import Forest, Frame, GaussianProcess
 from schemas.common.array_types import FloatArray, IntArray
@@ -67,7 +67,7 @@ class CoverSettings:
     unpreventable: float = 0.2
 
 
-def draws(problem: Problem, budget: int, seed: int) -> History:
+def draws(problem: SearchProblem, budget: int, seed: int) -> History:
     """Draws of the density.
 
     Raises:
@@ -79,7 +79,7 @@ def draws(problem: Problem, budget: int, seed: int) -> History:
     return calls.history
 
 
-def cover(problem: Problem, budget: int, seed: int, settings: CoverSettings = CoverSettings()) -> History:
+def cover(problem: SearchProblem, budget: int, seed: int, settings: CoverSettings = CoverSettings()) -> History:
     """Spend the budget.
 
     Raises:
@@ -88,7 +88,7 @@ def cover(problem: Problem, budget: int, seed: int, settings: CoverSettings = Co
     return _Search(problem, _prior_of(problem), budget, seed, settings).run()
 
 
-def _prior_of(problem: Problem) -> Prior:
+def _prior_of(problem: SearchProblem) -> Prior:
     if problem.prior is None:
         raise UsageError("this search needs a prior of what is foreseeable")
     return problem.prior
@@ -101,7 +101,7 @@ Predict = Callable[[FloatArray], FloatArray]
 class _Search:
     """A search under way."""
 
-    def __init__(self, problem: Problem, prior: Prior, budget: int, seed: int, settings: CoverSettings) -> None:
+    def __init__(self, problem: SearchProblem, prior: Prior, budget: int, seed: int, settings: CoverSettings) -> None:
         self._calls, self._prior, self._space, self._settings = Calls(problem, budget), prior, problem.space, settings
         self._generator = np.random.default_rng(seed)
         self._frame, self._told = Frame.of(problem.space, prior, self._generator), distinctive(problem.space)

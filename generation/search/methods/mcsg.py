@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from generation.density.base import Whitening
 from generation.outcomes.outcomes import Episodes
-from generation.search.problem import Calls, History, Problem
+from generation.search.problem import Calls, History, SearchProblem
 from generation.search.space import Space, diverse
 from recognition.training.windows import seeded
 from schemas.common.array_types import FloatArray
@@ -301,7 +301,7 @@ class EliteStarts:
     back to where traffic is, and it grows with time, so that it is critical first.
     """
 
-    def __init__(self, problem: Problem, settings: McsgSettings) -> None:
+    def __init__(self, problem: SearchProblem, settings: McsgSettings) -> None:
         self._problem, self._settings = problem, settings
         self._theta, self._critical, self._excess = np.empty((0, len(problem.space.parameters))), np.empty(0), np.empty(0)
 
@@ -326,7 +326,7 @@ class EliteStarts:
 class RealStarts:
     """Real scenarios, or what was found before; no episode is carried on."""
 
-    def __init__(self, problem: Problem, settings: McsgSettings) -> None:
+    def __init__(self, problem: SearchProblem, settings: McsgSettings) -> None:
         self._starts = problem.starts
 
     def add(self, episodes: Episodes) -> None:
@@ -338,12 +338,12 @@ class RealStarts:
 
 
 def mcsg(
-    problem: Problem,
+    problem: SearchProblem,
     budget: int,
     seed: int,
     settings: McsgSettings = McsgSettings(),
     edits: Callable[[Space, FloatArray], Moves] = coordinated,
-    starts: Callable[[Problem, McsgSettings], Starts] = EliteStarts,
+    starts: Callable[[SearchProblem, McsgSettings], Starts] = EliteStarts,
 ) -> History:
     """Spend the budget in three equal stages: coarse bins, fine bins around the best edits, and these with Gaussian noise.
 
@@ -373,6 +373,6 @@ def mcsg(
     return calls.history
 
 
-def mcsg_published(problem: Problem, budget: int, seed: int, settings: McsgSettings = McsgSettings()) -> History:
+def mcsg_published(problem: SearchProblem, budget: int, seed: int, settings: McsgSettings = McsgSettings()) -> History:
     """MCSG as published: no elite, and edits of single parameters."""
     return mcsg(problem, budget, seed, settings, edits=single, starts=RealStarts)

@@ -6,7 +6,7 @@ import numpy as np
 
 from generation.outcomes.outcomes import Outcomes
 from generation.search.methods.mcsg import McsgSettings, RealStarts, mcsg, single
-from generation.search.problem import COLLISION, RISK, SAFE, History, Problem
+from generation.search.problem import COLLISION, RISK, SAFE, History, SearchProblem
 from schemas.common.array_types import FloatArray
 from studies.generation.strategies import GeneticSettings, evolve, rewarded
 
@@ -29,7 +29,7 @@ METHODS = {
 }
 
 
-def exclusive(problem: Problem, budget: int, seed: int) -> History:
+def exclusive(problem: SearchProblem, budget: int, seed: int) -> History:
     """MCSG by the exclusive reward."""
     return rewarded(mcsg, problem, budget, seed, criticality=exclusive_reward)
 
@@ -39,32 +39,32 @@ def exclusive_reward(outcomes: Outcomes) -> FloatArray:
     return np.where(outcomes.collision, COLLISION, SAFE + RISK * outcomes.r_risk)
 
 
-def no_coordination(problem: Problem, budget: int, seed: int) -> History:
+def no_coordination(problem: SearchProblem, budget: int, seed: int) -> History:
     """MCSG with edits that no other parameter follows."""
     return mcsg(problem, budget, seed, edits=single)
 
 
-def no_elite(problem: Problem, budget: int, seed: int) -> History:
+def no_elite(problem: SearchProblem, budget: int, seed: int) -> History:
     """MCSG that carries no scenario on."""
     return mcsg(problem, budget, seed, starts=RealStarts)
 
 
-def no_kde(problem: Problem, budget: int, seed: int) -> History:
+def no_kde(problem: SearchProblem, budget: int, seed: int) -> History:
     """MCSG, rewarded for criticality alone."""
     return rewarded(mcsg, problem, budget, seed, weight=0.0)
 
 
-def no_learning(problem: Problem, budget: int, seed: int) -> History:
+def no_learning(problem: SearchProblem, budget: int, seed: int) -> History:
     """MCSG with a learning rate of 0."""
     return mcsg(problem, budget, seed, McsgSettings(rate=0.0))
 
 
-def no_maneuver(problem: Problem, budget: int, seed: int) -> History:
+def no_maneuver(problem: SearchProblem, budget: int, seed: int) -> History:
     """MCSG on the knots of trajectories, which the study gives it in place of manoeuvre parameters."""
     return mcsg(problem, budget, seed)
 
 
-def no_rl(problem: Problem, budget: int, seed: int) -> History:
+def no_rl(problem: SearchProblem, budget: int, seed: int) -> History:
     """From a population of real scenarios.
 
     Raises:

@@ -12,7 +12,7 @@ from generation.density.models import JUDGE
 from generation.density.prior import until_possible
 from generation.density.roles import EGO_SPEED, roles_of
 from generation.outcomes.judges import JUDGES
-from generation.outcomes.outcomes import Episode, Outcomes, Simulator
+from generation.outcomes.outcomes import Outcomes, SimulationJob, Simulator
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
 from recognition.maneuvers.parameters import CUT_IN
@@ -133,7 +133,7 @@ def _run(files: list[Path], settings: Settings) -> dict[str, Outcomes]:
     """Run the files with the system under test, and with the judges."""
     systems = dict.fromkeys([system_name(settings.run.sut), *JUDGES])
     with Simulator(run=settings.run, processes=settings.processes, ray=settings.ray) as simulator:
-        jobs = [Episode(f"{name} {path.stem}", path, path, {}, sut=name) for name in systems for path in files]
+        jobs = [SimulationJob(f"{name} {path.stem}", path, path, {}, sut=name) for name in systems for path in files]
         outcomes = simulator.of(jobs)
     return {name: outcomes.take(np.arange(len(files)) + number * len(files)) for number, name in enumerate(systems)}
 

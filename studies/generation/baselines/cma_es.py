@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.search.problem import Calls, History, Problem
+from generation.search.problem import Calls, History, SearchProblem
 from schemas.common.packages import optional
 
 METHODS = {"cma-es": {"title": "CMA-ES", "meaning": "evolution strategy on MCSG's reward, with restarts", "realistic": True}}
@@ -28,7 +28,7 @@ class CmaSettings:
     sigma: float = 0.2
 
 
-def cma_es(problem: Problem, budget: int, seed: int, settings: CmaSettings = CmaSettings()) -> History:
+def cma_es(problem: SearchProblem, budget: int, seed: int, settings: CmaSettings = CmaSettings()) -> History:
     """From a real scenario; anew from another one whenever it has converged.
 
     Raises:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.search.problem import History, Problem
+from generation.search.problem import History, SearchProblem
 from studies.generation.strategies import GeneticSettings, evolve
 
 METHODS = {"gacs": {"title": "GACS", "meaning": "genetic algorithm on criticality", "realistic": False}}
 
 
 def gacs(
-    problem: Problem,
+    problem: SearchProblem,
     budget: int,
     seed: int,
     settings: GeneticSettings = GeneticSettings(),  # noqa: B008 - frozen

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from generation.search.problem import Calls, History, Problem
+from generation.search.problem import Calls, History, SearchProblem
 from schemas.common.packages import optional
 
 METHODS = {"ibo": {"title": "IBO", "meaning": "Bayesian optimisation of criticality", "realistic": False}}
@@ -28,7 +28,7 @@ class BayesSettings:
     batch: int = 1
 
 
-def ibo(problem: Problem, budget: int, seed: int, settings: BayesSettings = BayesSettings()) -> History:
+def ibo(problem: SearchProblem, budget: int, seed: int, settings: BayesSettings = BayesSettings()) -> History:
     """Optuna's Gaussian process sampler.
 
     Raises:

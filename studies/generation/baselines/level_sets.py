@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.search.problem import Calls, History, Problem
+from generation.search.problem import Calls, History, SearchProblem
 from generation.search.space import diverse
 from generation.search.surrogate import BORDER, Frame, GaussianProcess
 from schemas.common.array_types import FloatArray
@@ -43,7 +43,7 @@ _MOST = 3000
 """Runs that the process holds at most"""
 
 
-def level_sets(problem: Problem, budget: int, seed: int, settings: LevelSettings = LevelSettings()) -> History:
+def level_sets(problem: SearchProblem, budget: int, seed: int, settings: LevelSettings = LevelSettings()) -> History:
     """Spend the budget.
 
     Raises:

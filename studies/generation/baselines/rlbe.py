@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.distributions import Normal
 
 from generation.search.methods.mcsg import Edits, single
-from generation.search.problem import Calls, History, Problem
+from generation.search.problem import Calls, History, SearchProblem
 from recognition.training.windows import seeded
 from studies.generation.strategies import perceptron
 
@@ -51,7 +51,7 @@ class _Steps(NamedTuple):
     returns: Tensor
 
 
-def rlbe(problem: Problem, budget: int, seed: int, settings: PPOSettings = PPOSettings()) -> History:
+def rlbe(problem: SearchProblem, budget: int, seed: int, settings: PPOSettings = PPOSettings()) -> History:
     """Gaussian edits of one parameter after the other, rewarded at the end by the problem's reward."""
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     with seeded(seed):

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from generation.search.problem import Calls, History, Problem
+from generation.search.problem import Calls, History, SearchProblem
 from recognition.training.windows import seeded
 from schemas.common.array_types import FloatArray, IntArray
 from studies.generation.strategies import perceptron
@@ -54,7 +54,7 @@ class DQNSettings:
     target: int = 5
 
 
-def rltester(problem: Problem, budget: int, seed: int, settings: DQNSettings = DQNSettings()) -> History:
+def rltester(problem: SearchProblem, budget: int, seed: int, settings: DQNSettings = DQNSettings()) -> History:
     """Walks through the unit cube from uniform starts; the reward of a step is −min TTC of the scenario that it leads to."""
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     d = len(problem.space.parameters)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.search.problem import BATCH, Calls, History, Problem
+from generation.search.problem import BATCH, Calls, History, SearchProblem
 
 METHODS = {
     "conscend": {"title": "ConScenD", "meaning": "replays recorded parameters, no search", "realistic": True},
@@ -17,7 +17,7 @@ METHODS = {
 }
 
 
-def random(problem: Problem, budget: int, seed: int, batch: int = BATCH) -> History:
+def random(problem: SearchProblem, budget: int, seed: int, batch: int = BATCH) -> History:
     """Uniform draws from the box."""
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     while calls.left:
@@ -25,7 +25,7 @@ def random(problem: Problem, budget: int, seed: int, batch: int = BATCH) -> Hist
     return calls.history
 
 
-def kde(problem: Problem, budget: int, seed: int, batch: int = BATCH) -> History:
+def kde(problem: SearchProblem, budget: int, seed: int, batch: int = BATCH) -> History:
     """Draws from the density, those outside brought to the box's limits."""
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     while calls.left:
@@ -33,7 +33,7 @@ def kde(problem: Problem, budget: int, seed: int, batch: int = BATCH) -> History
     return calls.history
 
 
-def conscend(problem: Problem, budget: int, seed: int, batch: int = BATCH) -> History:
+def conscend(problem: SearchProblem, budget: int, seed: int, batch: int = BATCH) -> History:
     """Every recorded row once, in a drawn order; then again in another, until the budget is spent.
 
     Tang et al., ConScenD: Concrete Scenarios from the highD Dataset According to ALKS Regulation UNECE R157 in OpenX, 2021.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.search.problem import Calls, History, Problem
+from generation.search.problem import Calls, History, SearchProblem
 from generation.search.surrogate import Frame, scores
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
@@ -36,7 +36,7 @@ class SubsetSettings:
     levels: int = 6
 
 
-def subset(problem: Problem, budget: int, seed: int, settings: SubsetSettings = SubsetSettings()) -> History:
+def subset(problem: SearchProblem, budget: int, seed: int, settings: SubsetSettings = SubsetSettings()) -> History:
     """Spend the budget: a simulation that reached the failures, or its last level, is followed by another.
 
     Raises:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from generation.outcomes.outcomes import Episodes, Evaluate
-from generation.search.problem import History, Problem
+from generation.search.problem import History, SearchProblem
 from generation.search.space import diverse
 from generation.settings import Choice
 from schemas.common.array_types import BoolArray, FloatArray
@@ -54,7 +54,7 @@ def taken(episodes: Episodes, chosen: BoolArray) -> Episodes:
     return Episodes(episodes.theta[chosen], episodes.outcomes.take(chosen), episodes.rewards[chosen])
 
 
-def measure(episodes: Episodes, problem: Problem) -> Measures:
+def measure(episodes: Episodes, problem: SearchProblem) -> Measures:
     """The measures of episodes."""
     outcomes, unit = episodes.outcomes, problem.space.unit(episodes.theta)
     log_likelihood, plausible = problem.reward.realism.judged(episodes.theta)

@@ -17,7 +17,7 @@ from generation.outcomes.judges import CAREFUL
 from generation.outcomes.outcomes import Evaluate, Evaluator
 from generation.recorded import Recorded
 from generation.search.methods import method
-from generation.search.problem import History, Memory, Problem, Realism, Reward, counted
+from generation.search.problem import History, Memory, Realism, Reward, SearchProblem, counted
 from generation.search.space import Space
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.common.array_types import FloatArray
@@ -160,11 +160,11 @@ class Study:
         found: float | None = self.store.read(_place(key))["avoidable"]
         return found
 
-    def _posed(self, scenario: Path, space: Space, real: FloatArray) -> Problem:
+    def _posed(self, scenario: Path, space: Space, real: FloatArray) -> SearchProblem:
         """The problem of a scenario, given its recorded parameters."""
         realism = Realism.fitted(self.settings.density, real, self.recorded.recordings)
         reward = Reward(realism, self.settings.weight)
-        return Problem(space, self._evaluators(self.settings.sut, scenario, space), reward, real)
+        return SearchProblem(space, self._evaluators(self.settings.sut, scenario, space), reward, real)
 
     def _judge(self, key: Key, history: History, scenario: Path, space: Space) -> None:
         """Have the careful and competent driver of UN R157 drive the collisions."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from generation.search.problem import History, Problem, Reward
+from generation.search.problem import History, Reward, SearchProblem
 from studies.generation.knots.motion import Setting, maneuvers_of
 
 
@@ -20,7 +20,7 @@ class Trajectories(NamedTuple):
 
     scenario: Path
     setting: Setting
-    problem: Problem
+    problem: SearchProblem
 
     def as_maneuvers(self, history: History, reward: Reward) -> History:
         """A search of trajectories as the manoeuvres nearest to them, and what these would have been rewarded with."""

@@ -7,12 +7,12 @@ from scipy.spatial.distance import cdist
 from scipy.stats import norm, qmc
 
 from generation.density.prior import Prior
-from generation.search.problem import Calls, History, Problem
+from generation.search.problem import Calls, History, SearchProblem
 from generation.search.surrogate import Frame
 from schemas.common.array_types import FloatArray, IntArray
 
 
-def cells(problem: Problem, budget: int, seed: int) -> History:
+def cells(problem: SearchProblem, budget: int, seed: int) -> History:
     """One draw in each cell of equal probability: a design that covers the density evenly."""
     assert problem.prior is not None
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
@@ -21,7 +21,7 @@ def cells(problem: Problem, budget: int, seed: int) -> History:
     return calls.history
 
 
-def sobol(problem: Problem, budget: int, seed: int) -> History:
+def sobol(problem: SearchProblem, budget: int, seed: int) -> History:
     """Sobol points in the foreseeable set, spread beyond the density by `_WIDE`.
 
     I. M. Sobol, On the distribution of points in a cube and the approximate evaluation of integrals, 1967.
@@ -43,7 +43,7 @@ _DRAWN = 512
 """Sobol points at a time"""
 
 
-def maximin(problem: Problem, budget: int, seed: int) -> History:
+def maximin(problem: SearchProblem, budget: int, seed: int) -> History:
     """Foreseeable draws, each the one that is furthest from those before: a design that covers the foreseeable set evenly.
 
     M. E. Johnson, L. M. Moore, D. Ylvisaker, Minimax and maximin distance designs, 1990.

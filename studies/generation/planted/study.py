@@ -18,7 +18,7 @@ from generation.outcomes.outcomes import Outcomes
 from generation.pipeline import drawn_of
 from generation.search.methods.cover import cover, draws
 from generation.search.methods.mcsg import mcsg, mcsg_published
-from generation.search.problem import History, Plays, Problem, Search
+from generation.search.problem import History, Plays, Search, SearchProblem
 from generation.search.space import Space, distinctive
 from schemas.common.array_types import FloatArray
 from schemas.common.storage import Records
@@ -125,7 +125,7 @@ class Result(NamedTuple):
     stated: Stated
 
 
-def judged(planted: Planted, problem: Problem, pool: Pool, history: History) -> Found:
+def judged(planted: Planted, problem: SearchProblem, pool: Pool, history: History) -> Found:
     """Judge a search by the failing draws of the pool; failures of the base outside the regions are counted apart."""
     failing = np.flatnonzero(history.outcomes.collision & history.outcomes.executed)
     theta = history.theta[failing]
@@ -150,7 +150,7 @@ _STATED = 40
 """Repetitions of unguided draws"""
 
 
-def stated(planted: Planted, problem: Problem, pool: Pool, history: History) -> Stated:
+def stated(planted: Planted, problem: SearchProblem, pool: Pool, history: History) -> Stated:
     """Make the product's statement after a search: its unguided draws are runs of the pool, in place of its last runs."""
     unguided = drawn_of(len(history.theta))
     sought = history.theta[: len(history.theta) - unguided]
@@ -182,7 +182,7 @@ class Benchmark(NamedTuple):
         first: seed of the first system. methods: names in `ROWS`. budget: runs of a search.
     """
 
-    problem: Problem
+    problem: SearchProblem
     plays: Plays
     pool: Pool
     plans: Sequence[Plan]

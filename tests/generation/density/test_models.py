@@ -14,7 +14,7 @@ from scipy.stats import gaussian_kde, multivariate_normal
 
 from generation.density.base import Density, Whitening, folds
 from generation.density.models import JUDGE, judge, model, models
-from generation.density.models.flow import Couplings, Flow
+from generation.density.models.flow import Couplings, NormalizingFlow
 from generation.density.models.kernels import KDE, Independent, scott
 from generation.density.models.mixtures import Gaussian, Mixture, Student
 from generation.density.prior import fitted, held_out, others
@@ -24,7 +24,9 @@ from schemas.common.errors import UsageError
 MEAN = np.array([30.0, 25.0, 2.0])
 COVARIANCE = np.array([[25.0, 12.0, 0.5], [12.0, 16.0, 0.2], [0.5, 0.2, 0.25]])
 QUICK = replace(Couplings(), epochs=25)
-EVERY: dict[str, Callable[[], Density]] = {name: partial(model, name) for name in models()} | {"flow": lambda: Flow(QUICK)}
+EVERY: dict[str, Callable[[], Density]] = {name: partial(model, name) for name in models()} | {
+    "flow": lambda: NormalizingFlow(QUICK)
+}
 
 
 def normal(n: int, seed: int = 0) -> FloatArray:
@@ -139,7 +141,7 @@ def test_folds_test_every_row_once_and_divide_no_group(groups: list[int]) -> Non
     ],
     ids=["constant", "dependent", "nan", "flat", "few"],
 )
-@pytest.mark.parametrize("make", [KDE, Gaussian, Mixture, Flow])
+@pytest.mark.parametrize("make", [KDE, Gaussian, Mixture, NormalizingFlow])
 def test_samples_that_hold_no_density_are_refused(make: type[Density], rows: FloatArray, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         make().fit(rows)
@@ -147,7 +149,7 @@ def test_samples_that_hold_no_density_are_refused(make: type[Density], rows: Flo
 
 def test_every_model_is_found() -> None:
     assert next(iter(models())) == "kde"
-    assert {KDE, Independent, Gaussian, Mixture, Flow} <= {type(model(name)) for name in models()}
+    assert {KDE, Independent, Gaussian, Mixture, NormalizingFlow} <= {type(model(name)) for name in models()}
 
 
 def test_other_mistakes_are_refused() -> None:

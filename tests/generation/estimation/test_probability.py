@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.estimation.probability import Control, Probability, Rate, probability
+from generation.estimation.probability import ControlVariate, Probability, Rate, probability
 
 
 def draws(n: int, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
@@ -45,7 +45,7 @@ def test_a_twin_that_is_right_leaves_its_own_uncertainty_only() -> None:
     u, weights = draws(300)
     more, heavy = draws(40_000, 4)
     plain = probability(u < 0.1, weights, 1.0)
-    controlled = probability(u < 0.1, weights, 1.0, Control(u < 0.1, more < 0.1, heavy))
+    controlled = probability(u < 0.1, weights, 1.0, ControlVariate(u < 0.1, more < 0.1, heavy))
     assert controlled.value == pytest.approx((more < 0.1).mean())
     assert controlled.deviation < 0.12 * plain.deviation
 
@@ -54,7 +54,7 @@ def test_a_twin_that_is_wrong_does_no_harm() -> None:
     u, weights = draws(4000)
     more, heavy = draws(40_000, 4)
     plain = probability(u < 0.1, weights, 1.0)
-    controlled = probability(u < 0.1, weights, 1.0, Control(u > 0.7, more > 0.7, heavy))
+    controlled = probability(u < 0.1, weights, 1.0, ControlVariate(u > 0.7, more > 0.7, heavy))
     assert controlled.value == pytest.approx(plain.value, abs=3 * plain.deviation)
     assert controlled.deviation < 1.05 * plain.deviation
 

@@ -11,7 +11,7 @@ from generation.logical.library import SCENARIOS
 from generation.outcomes.outcomes import Outcomes
 from generation.recorded import of_recordings, of_samples
 from generation.search.methods.cover import CoverSettings, _Search, cover
-from generation.search.problem import Problem, Realism, Reward
+from generation.search.problem import Realism, Reward, SearchProblem
 from generation.search.space import Space
 from generation.search.surrogate import Forest, GaussianProcess
 from schemas.common.array_types import BoolArray, FloatArray
@@ -37,21 +37,21 @@ def fails(theta: FloatArray) -> Outcomes:
 
 
 @pytest.fixture(scope="module")
-def posed() -> Problem:
+def posed() -> SearchProblem:
     recorded = of_samples(of_recordings(None, "cut_in"), SPACE)
     real = recorded.within(SPACE)
     reward = Reward(Realism.fitted("gaussian", real.theta, real.recordings))
-    return Problem(SPACE, fails, reward, real.theta, None, recorded.prior(SPACE, "gaussian"))
+    return SearchProblem(SPACE, fails, reward, real.theta, None, recorded.prior(SPACE, "gaussian"))
 
 
-def test_the_budget_is_spent_on_possible_points_and_a_seed_repeats_itself(posed: Problem) -> None:
+def test_the_budget_is_spent_on_possible_points_and_a_seed_repeats_itself(posed: SearchProblem) -> None:
     found, again = (cover(posed, 150, 1) for _ in range(2))
     assert len(found.theta) == 150
     assert posed.prior is not None and posed.prior.possible(found.theta).all()
     np.testing.assert_array_equal(found.theta, again.theta)
 
 
-def test_each_finding_is_covered_though_another_fails_more_often(posed: Problem) -> None:
+def test_each_finding_is_covered_though_another_fails_more_often(posed: SearchProblem) -> None:
     assert posed.prior is not None
     drawn = posed.prior.sample(300, np.random.default_rng(1))
     found = cover(posed, 300, 1)
@@ -60,14 +60,16 @@ def test_each_finding_is_covered_though_another_fails_more_often(posed: Problem)
 
 
 @pytest.mark.parametrize("blind", [Forest, GaussianProcess])
-def test_what_one_model_cannot_see_the_other_one_finds(blind: type, posed: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_one_model_cannot_see_the_other_one_finds(
+    blind: type, posed: SearchProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert posed.prior is not None
     monkeypatch.setattr(blind, "failing", lambda self, x: np.zeros(len(x)))
     found = cover(posed, 160, 1).outcomes.collision.sum()
     assert found > 1.25 * fails(posed.prior.sample(160, np.random.default_rng(1))).collision.sum()
 
 
-def test_a_guided_run_counts_no_more_where_another_one_is(posed: Problem) -> None:
+def test_a_guided_run_counts_no_more_where_another_one_is(posed: SearchProblem) -> None:
     """Many sure candidates in the region of most failures, and one unsure one in another: the second run goes there."""
     assert posed.prior is not None
     search = _Search(posed, posed.prior, 100, 1, CoverSettings())
@@ -78,12 +80,12 @@ def test_a_guided_run_counts_no_more_where_another_one_is(posed: Problem) -> Non
     assert search._most(candidates, worth, traffic, np.ones(4), 2)[1] == 5
 
 
-def test_without_a_failure_every_run_is_still_spent(posed: Problem) -> None:
+def test_without_a_failure_every_run_is_still_spent(posed: SearchProblem) -> None:
     found = cover(replace(posed, evaluate=lambda theta: Outcomes.of(len(theta))), 90, 1)
     assert len(found.theta) == 90 and not found.outcomes.collision.any()
 
 
-def test_a_twin_guides_by_its_verdicts_and_unprevented_failures_count_less(posed: Problem) -> None:
+def test_a_twin_guides_by_its_verdicts_and_unprevented_failures_count_less(posed: SearchProblem) -> None:
     def twin(theta: FloatArray, sut: str | None = None) -> Outcomes:
         """Careful drivers survive at great gaps alone."""
         found = fails(theta)
@@ -95,6 +97,6 @@ def test_a_twin_guides_by_its_verdicts_and_unprevented_failures_count_less(posed
     assert fast(guided).sum() > 2 * fast(posed.prior.sample(150, np.random.default_rng(1))).sum()  # type: ignore[union-attr]
 
 
-def test_a_problem_without_a_prior_is_refused(posed: Problem) -> None:
+def test_a_problem_without_a_prior_is_refused(posed: SearchProblem) -> None:
     with pytest.raises(UsageError, match="needs a prior"):
         cover(replace(posed, prior=None), 10, 0)

@@ -18,7 +18,7 @@ from generation.density.models.mixtures import Gaussian
 from generation.outcomes.outcomes import Outcomes
 from generation.search.environment import ScenarioEnv
 from generation.search.methods.mcsg import Bins, Edits, McsgSettings, Policy, coordinated, mcsg, single
-from generation.search.problem import Calls, History, Memory, Problem, Realism, Reward, additive
+from generation.search.problem import Calls, History, Memory, Realism, Reward, SearchProblem, additive
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from schemas.common.array_types import FloatArray
@@ -54,13 +54,13 @@ def test_realism_costs_nothing_where_traffic_is_and_all_of_its_weight_far_away(r
         Realism.of(realism.density, np.zeros(9))
 
 
-def test_the_environment_passes_gymnasiums_checker(problem: Problem) -> None:
+def test_the_environment_passes_gymnasiums_checker(problem: SearchProblem) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(ScenarioEnv(problem), skip_render_check=True)
 
 
-def test_an_episode_is_an_edit_of_each_parameter_and_one_call(problem: Problem) -> None:
+def test_an_episode_is_an_edit_of_each_parameter_and_one_call(problem: SearchProblem) -> None:
     env = ScenarioEnv(problem)
     start = problem.real[3]
     observation, _ = env.reset(options={"theta": start})
@@ -113,7 +113,7 @@ def test_new_bins_are_weighed_as_the_old_ones_they_lie_in() -> None:
     assert policy.bins.holding(1, torch.tensor([-9.0, -1.9, 0.0, 1.9, 9.0])).tolist() == [0, 0, 2, 4, 4]
 
 
-def test_mcsg_finds_plausible_collisions_where_traffic_has_hardly_any(problem: Problem) -> None:
+def test_mcsg_finds_plausible_collisions_where_traffic_has_hardly_any(problem: SearchProblem) -> None:
     found = mcsg(problem, 1500, 2)
     last = slice(-500, None)
     drawn = Kinematic()(driven(2000, seed=5)).collision.mean()
@@ -124,7 +124,7 @@ def test_mcsg_finds_plausible_collisions_where_traffic_has_hardly_any(problem: P
 
 
 @pytest.mark.parametrize("budget", [1, 49, 160])
-def test_the_budget_is_spent_exactly_and_a_seed_decides_everything(problem: Problem, budget: int) -> None:
+def test_the_budget_is_spent_exactly_and_a_seed_decides_everything(problem: SearchProblem, budget: int) -> None:
     one, two = mcsg(problem, budget, 3), mcsg(problem, budget, 3)
     assert len(one.theta) == len(one.rewards) == len(one.outcomes) == budget
     assert np.array_equal(one.theta, two.theta)
@@ -142,12 +142,12 @@ def test_any_number_of_parameters_can_be_searched(d: int) -> None:
 
     density = Gaussian().fit(real)
     reward = Reward(Realism.of(density, density.log_density(real)))
-    found = mcsg(Problem(space, evaluate, reward, real), 300, 0, McsgSettings(batch=20))
+    found = mcsg(SearchProblem(space, evaluate, reward, real), 300, 0, McsgSettings(batch=20))
     assert found.theta.shape == (300, d)
     assert found.rewards[-100:].mean() > found.rewards[:100].mean()
 
 
-def test_an_interrupted_search_goes_on_to_the_same_end(problem: Problem, tmp_path: Path) -> None:
+def test_an_interrupted_search_goes_on_to_the_same_end(problem: SearchProblem, tmp_path: Path) -> None:
     whole = mcsg(problem, 240, 1)
 
     class Interrupted(Kinematic):
@@ -168,7 +168,7 @@ def test_an_interrupted_search_goes_on_to_the_same_end(problem: Problem, tmp_pat
     assert fresh.calls == 240 - 130  # three batches, of 50, 30 and 50, were remembered
 
 
-def test_a_search_with_another_budget_or_seed_reuses_what_is_the_same(problem: Problem, tmp_path: Path) -> None:
+def test_a_search_with_another_budget_or_seed_reuses_what_is_the_same(problem: SearchProblem, tmp_path: Path) -> None:
     path, simulator = tmp_path / "calls.jsonl", Kinematic()
     mcsg(replace(problem, evaluate=Memory(simulator, path)), 20, 1)
     memory = Memory(simulator, path)
@@ -181,7 +181,7 @@ def test_a_search_with_another_budget_or_seed_reuses_what_is_the_same(problem: P
     np.testing.assert_array_equal(theta[-5:], problem.real[:5])
 
 
-def test_memory_answers_known_and_new_points_in_their_order_in_little_space(problem: Problem, tmp_path: Path) -> None:
+def test_memory_answers_known_and_new_points_in_their_order_in_little_space(problem: SearchProblem, tmp_path: Path) -> None:
     def nothing(theta: FloatArray) -> Outcomes:
         return Outcomes.of(len(theta), min_ttc=theta[:, 0])
 
@@ -199,7 +199,7 @@ def test_memory_answers_known_and_new_points_in_their_order_in_little_space(prob
 
 
 @pytest.mark.parametrize("harm", ["edited", "removed", "cut", "appended"])
-def test_damaged_answers_are_asked_again(problem: Problem, tmp_path: Path, harm: str) -> None:
+def test_damaged_answers_are_asked_again(problem: SearchProblem, tmp_path: Path, harm: str) -> None:
     path, simulator = tmp_path / "calls.jsonl", Kinematic()
     asked = problem.real[:5]
     first = Memory(simulator, path)(asked)
@@ -230,7 +230,7 @@ def test_memory_refuses_what_is_not_its_own(tmp_path: Path) -> None:
         Memory(Kinematic(), path)
 
 
-def test_histories_are_read_as_they_were_written(problem: Problem, tmp_path: Path) -> None:
+def test_histories_are_read_as_they_were_written(problem: SearchProblem, tmp_path: Path) -> None:
     found = mcsg(problem, 30, 0)
     found.save(tmp_path / "history.npz")
     again = History.load(tmp_path / "history.npz")
@@ -242,7 +242,7 @@ def test_histories_are_read_as_they_were_written(problem: Problem, tmp_path: Pat
         History.load(tmp_path / "history.npz")
 
 
-def test_calls_keep_to_the_box_and_the_budget(problem: Problem) -> None:
+def test_calls_keep_to_the_box_and_the_budget(problem: SearchProblem) -> None:
     calls = Calls(problem, 5)
     first = calls(np.full((3, 7), 1e9))
     assert np.allclose(first.theta, SPACE.high)

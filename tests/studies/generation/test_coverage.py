@@ -9,7 +9,7 @@ import numpy as np
 from generation.logical.library import SCENARIOS
 from generation.outcomes.outcomes import Outcomes
 from generation.recorded import of_recordings, of_samples
-from generation.search.problem import Problem, Realism, Reward
+from generation.search.problem import Realism, Reward, SearchProblem
 from generation.search.space import Space
 from schemas.common.storage import Records
 from studies.generation.coverage import Estimated, coverage, markdown, resampled
@@ -35,7 +35,7 @@ def test_recordings_are_drawn_whole() -> None:
 def test_estimates_are_near_the_truth_and_are_kept(tmp_path: Path) -> None:
     real = RECORDED.within(SPACE)
     reward = Reward(Realism.fitted("gaussian", real.theta, real.recordings))
-    problem = Problem(SPACE, narrow, reward, real.theta, None, RECORDED.prior(SPACE, "gaussian"), None)
+    problem = SearchProblem(SPACE, narrow, reward, real.theta, None, RECORDED.prior(SPACE, "gaussian"), None)
     found = list(coverage(problem, RECORDED, {"narrow": narrow}, "gaussian", 2, 300, Records(tmp_path / "a.jsonl")))
     assert [each.repetition for each in found] == [0, 1]
     assert all(0.5 * each.true < each.value < 2.0 * each.true and each.low < each.value < each.high for each in found)

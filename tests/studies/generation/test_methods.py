@@ -10,7 +10,7 @@ import pytest
 
 from generation.outcomes.outcomes import Outcomes
 from generation.search.methods import method, offered
-from generation.search.problem import Problem
+from generation.search.problem import SearchProblem
 from schemas.common.errors import UsageError
 from studies.generation.ablations.mcsg import exclusive_reward
 from studies.generation.methods import ABLATIONS, METHODS, TRAJECTORIES
@@ -21,7 +21,7 @@ QUICK = [name for name in METHODS if name not in ("ibo", "cover", "draws", "leve
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_every_method_spends_its_budget_exactly_and_repeats_by_its_seed(name: str, problem: Problem) -> None:
+def test_every_method_spends_its_budget_exactly_and_repeats_by_its_seed(name: str, problem: SearchProblem) -> None:
     one, two = (method(name, METHODS)(problem, 110, 5) for _ in range(2))
     assert one.theta.shape == (110, 7)
     assert len(one.outcomes) == len(one.rewards) == 110
@@ -31,28 +31,28 @@ def test_every_method_spends_its_budget_exactly_and_repeats_by_its_seed(name: st
     assert not np.array_equal(one.theta, method(name, METHODS)(problem, 110, 6).theta)
 
 
-def test_bayesian_optimisation_begins_with_sobol_points_and_then_improves(problem: Problem) -> None:
+def test_bayesian_optimisation_begins_with_sobol_points_and_then_improves(problem: SearchProblem) -> None:
     found = method("ibo", METHODS)(problem, 24, 0)
     unit = problem.space.unit(found.theta[:16])
     assert ((unit < 0.5).sum(axis=0) == 8).all()  # a Sobol sequence's first 16 points: half of them in each half
     assert len(found.theta) == 24
 
 
-def test_replaying_repeats_nothing_before_all_is_replayed(problem: Problem) -> None:
+def test_replaying_repeats_nothing_before_all_is_replayed(problem: SearchProblem) -> None:
     found = method("conscend", METHODS)(problem, 350, 0)
     first = {tuple(row) for row in found.theta[:300].tolist()}
     assert first == {tuple(row) for row in problem.real.tolist()}
 
 
 @pytest.mark.parametrize(("name", "least"), [("gacs", 0.2), ("no-rl", 0.0), ("cma-es", 0.0), ("rlbe", 0.0)])
-def test_searches_end_better_than_they_begin(name: str, least: float, problem: Problem) -> None:
+def test_searches_end_better_than_they_begin(name: str, least: float, problem: SearchProblem) -> None:
     found = method(name, METHODS)(problem, 900, 0)
     gain = found.rewards[-300:] if name != "gacs" else found.outcomes.collision[-300:]
     before = found.rewards[:100] if name != "gacs" else found.outcomes.collision[:100]
     assert gain.mean() > before.mean() + least
 
 
-def test_the_tester_shortens_times_to_collision(problem: Problem) -> None:
+def test_the_tester_shortens_times_to_collision(problem: SearchProblem) -> None:
     times = np.minimum(method("rltester", METHODS)(problem, 1500, 0).outcomes.min_ttc, 10.0)
     assert times[-500:].mean() < times[:250].mean() - 0.5
 
@@ -62,7 +62,7 @@ def test_unknown_methods_and_missing_libraries_are_named() -> None:
         method("magic")
 
 
-def test_the_exclusive_form_pays_a_collision_the_same_whatever_its_risk(problem: Problem) -> None:
+def test_the_exclusive_form_pays_a_collision_the_same_whatever_its_risk(problem: SearchProblem) -> None:
     rows = Kinematic()(problem.real[:4])
     found = Outcomes(**{**vars(rows), "collision": np.arange(4) > 1, "r_risk": np.array([0.0, 1.0, 0.0, 1.0])})
     assert exclusive_reward(found).tolist() == pytest.approx([-0.1, 0.1, 0.25, 0.25])

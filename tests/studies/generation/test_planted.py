@@ -13,7 +13,7 @@ from generation.logical.library import SCENARIOS
 from generation.outcomes.outcomes import Evaluator, Outcomes
 from generation.recorded import of_recordings, of_samples
 from generation.search.methods.cover import draws
-from generation.search.problem import History, Problem, Realism, Reward, Search
+from generation.search.problem import History, Realism, Reward, Search, SearchProblem
 from generation.search.space import Space
 from generation.search.surrogate import Frame
 from generation.twin.episodes import Twin
@@ -43,16 +43,16 @@ SPACE = Space.of(CUT_IN)
 
 
 @pytest.fixture(scope="module")
-def posed() -> Problem:
+def posed() -> SearchProblem:
     recorded = of_samples(of_recordings(None, "cut_in"), SPACE)
     real = recorded.within(SPACE)
     twin = Twin(CUT_IN, SPACE)
     reward = Reward(Realism.fitted("gaussian", real.theta, real.recordings))
-    return Problem(SPACE, twin, reward, real.theta, None, recorded.prior(SPACE, "gaussian"), twin)
+    return SearchProblem(SPACE, twin, reward, real.theta, None, recorded.prior(SPACE, "gaussian"), twin)
 
 
 @pytest.fixture(scope="module")
-def pool(posed: Problem, tmp_path_factory: pytest.TempPathFactory) -> Pool:
+def pool(posed: SearchProblem, tmp_path_factory: pytest.TempPathFactory) -> Pool:
     path = tmp_path_factory.mktemp("pool") / "pool.npz"
     assert posed.prior is not None and posed.twin is not None
     found = Pool.of(posed.prior, posed.twin, 3000, path)
@@ -66,7 +66,9 @@ def test_development_and_reported_shapes_are_apart() -> None:
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("gradient", [False, True])
-def test_regions_have_their_probability_and_nothing_fails_outside(shape: str, gradient: bool, posed: Problem, pool: Pool) -> None:
+def test_regions_have_their_probability_and_nothing_fails_outside(
+    shape: str, gradient: bool, posed: SearchProblem, pool: Pool
+) -> None:
     assert posed.prior is not None and posed.twin is not None
     planted = plant(Plan(shape, 2, 0.02, gradient), SPACE, posed.prior, posed.twin, pool, 3)
     inside = planted.within(pool.theta, pool.undriven) & pool.undriven.collision
@@ -79,7 +81,7 @@ def test_regions_have_their_probability_and_nothing_fails_outside(shape: str, gr
     assert bool(np.any(found.max_drac[passed] > 4.0)) == gradient, "it gets worse only where there is a gradient"
 
 
-def test_a_search_is_judged_by_regions_and_recall(posed: Problem, pool: Pool) -> None:
+def test_a_search_is_judged_by_regions_and_recall(posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.twin is not None
     planted = plant(Plan("box", 2, 0.04, False), SPACE, posed.prior, posed.twin, pool, 3)
     own = replace(posed, evaluate=planted)
@@ -96,7 +98,7 @@ def test_a_search_is_judged_by_regions_and_recall(posed: Problem, pool: Pool) ->
     assert stated(planted, own, pool, whole).missed < 0.2 * len(every) / len(pool.theta)
 
 
-def test_a_driver_of_a_name_is_the_base_and_sleeps_in_the_regions(posed: Problem, pool: Pool) -> None:
+def test_a_driver_of_a_name_is_the_base_and_sleeps_in_the_regions(posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.twin is not None
     planted = plant(Plan("box", 1, 0.02, False, "fsm"), SPACE, posed.prior, posed.twin, pool, 3)
     rows = pool.hits[:60]
@@ -106,7 +108,7 @@ def test_a_driver_of_a_name_is_the_base_and_sleeps_in_the_regions(posed: Problem
     np.testing.assert_array_equal(found.clearance[~held], base.clearance[~held])
 
 
-def test_failures_of_the_base_are_counted_apart(posed: Problem, pool: Pool) -> None:
+def test_failures_of_the_base_are_counted_apart(posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.twin is not None
     planted = plant(Plan("box", 1, 0.02, False, UNDRIVEN), SPACE, posed.prior, posed.twin, pool, 3)
     theta = pool.theta[pool.hits[:60]]
@@ -118,7 +120,7 @@ def test_failures_of_the_base_are_counted_apart(posed: Problem, pool: Pool) -> N
     assert (nothing.regions, nothing.far, nothing.own) == (0.0, 0.0, 1.0)
 
 
-def test_systems_that_the_twin_does_not_play_are_run(posed: Problem) -> None:
+def test_systems_that_the_twin_does_not_play_are_run(posed: SearchProblem) -> None:
     run = list[str | None]()
 
     def sumo(theta: np.ndarray, sut: str | None = None) -> Outcomes:
@@ -133,7 +135,7 @@ def test_systems_that_the_twin_does_not_play_are_run(posed: Problem) -> None:
 
 
 @pytest.mark.parametrize("method", [cells, sobol, maximin, subset, level_sets])
-def test_rows_spend_their_budget_on_what_traffic_does(method: Search, posed: Problem, pool: Pool) -> None:
+def test_rows_spend_their_budget_on_what_traffic_does(method: Search, posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.twin is not None
     planted = plant(Plan("box", 1, 0.04, True), SPACE, posed.prior, posed.twin, pool, 3)
     own = replace(posed, evaluate=planted, twin=None)
@@ -144,7 +146,7 @@ def test_rows_spend_their_budget_on_what_traffic_does(method: Search, posed: Pro
     assert len(np.unique(one.theta[:, 0])) > 100
 
 
-def test_searches_in_lockstep_find_what_each_finds_alone(posed: Problem, pool: Pool) -> None:
+def test_searches_in_lockstep_find_what_each_finds_alone(posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.twin is not None
     plan, calls = Plan("box", 1, 0.04, True), list[int]()
 
@@ -165,13 +167,13 @@ def test_searches_in_lockstep_find_what_each_finds_alone(posed: Problem, pool: P
         )
 
 
-def test_an_error_in_lockstep_is_the_callers(posed: Problem) -> None:
+def test_an_error_in_lockstep_is_the_callers(posed: SearchProblem) -> None:
     assert posed.twin is not None
     with pytest.raises(ZeroDivisionError):
         together([lambda plays: len(plays(np.empty((0, len(SPACE.names))), UNDRIVEN)) / 0], posed.twin)
 
 
-def test_results_are_kept_and_read_again(posed: Problem, pool: Pool, tmp_path: Path) -> None:
+def test_results_are_kept_and_read_again(posed: SearchProblem, pool: Pool, tmp_path: Path) -> None:
     assert posed.twin is not None
     benchmark = Benchmark(posed, posed.twin, pool, [Plan("box", 1, 0.04, True)], 3, ["draws"], 120)
     found = list(benchmark.results(1, Records(tmp_path / "a.jsonl")))
@@ -181,7 +183,7 @@ def test_results_are_kept_and_read_again(posed: Problem, pool: Pool, tmp_path: P
     assert (tmp_path / "a.jsonl").read_bytes() == before
 
 
-def test_a_pool_that_is_too_small_is_refused(posed: Problem, pool: Pool) -> None:
+def test_a_pool_that_is_too_small_is_refused(posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.twin is not None
     with pytest.raises(ValueError, match="10 are needed"):
         plant(Plan("box", 1, 1e-4, False), SPACE, posed.prior, posed.twin, pool, 0)
@@ -208,7 +210,7 @@ def test_each_plan_of_a_generator_has_shapes_of_that_generator() -> None:
     assert {each.shape for each in PLANS["reported"]} == REPORTED.keys()
 
 
-def test_a_design_has_one_draw_in_each_cell_of_equal_probability(posed: Problem) -> None:
+def test_a_design_has_one_draw_in_each_cell_of_equal_probability(posed: SearchProblem) -> None:
     assert posed.prior is not None
     generator = np.random.default_rng(2)
     frame = Frame.of(SPACE, posed.prior, generator)

@@ -65,7 +65,7 @@ def shapes(net: SumoNet) -> dict[str, list[tuple[float, float]]]:
     }
 
 
-def exact(network: xodr.RoadNetwork, track: LaneTrack, share: float) -> xodr.Pose:
+def exact(network: xodr.RoadNetwork, track: LaneTrack, share: float) -> xodr.WorldPose:
     """Pose on a track's centre line in the direction of travel, a hair inside its ends so that its own section is meant."""
     s = track.start + (track.end - track.start) * min(max(share, 1e-9), 1 - 1e-9)
     own = network.road(track.road_id)

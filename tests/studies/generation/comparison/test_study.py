@@ -13,7 +13,7 @@ import xosc
 from generation.outcomes.outcomes import Outcomes
 from generation.pipeline import generate
 from generation.recorded import Recorded
-from generation.search.problem import History, Problem
+from generation.search.problem import History, SearchProblem
 from generation.search.space import Space
 from generation.settings import Choice, SearchSettings
 from schemas.common.array_types import FloatArray
@@ -164,7 +164,7 @@ def test_figures_are_drawn_for_what_is_there(done: Study, tmp_path: Path) -> Non
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in drawn)
 
 
-def test_measures_are_means_over_what_took_place(problem: Problem) -> None:
+def test_measures_are_means_over_what_took_place(problem: SearchProblem) -> None:
     theta = np.repeat(problem.real[:2], 2, axis=0)
     outcomes = Outcomes.of(
         4,
@@ -183,7 +183,7 @@ def test_measures_are_means_over_what_took_place(problem: Problem) -> None:
     assert measure(half, problem).edge_cases == 0.0
 
 
-def test_avoidable_is_what_the_careful_driver_survives(problem: Problem) -> None:
+def test_avoidable_is_what_the_careful_driver_survives(problem: SearchProblem) -> None:
     theta = np.repeat(problem.real[:1], 9, axis=0)
     hit = Kinematic()(theta)
     every = Outcomes(**{**vars(hit), "collision": np.ones(9, bool)})
@@ -197,7 +197,7 @@ def test_avoidable_is_what_the_careful_driver_survives(problem: Problem) -> None
     assert avoided(History(theta, none, np.zeros(9)), Kinematic()) is None
 
 
-def test_curves_are_means_over_a_window(problem: Problem) -> None:
+def test_curves_are_means_over_a_window(problem: SearchProblem) -> None:
     theta = np.repeat(problem.real[:1], 4, axis=0)
     outcomes = Outcomes(**{**vars(Kinematic()(theta)), "r_risk": np.array([0.0, 1.0, 1.0, 0.0])})
     found = curves(History(theta, outcomes, np.arange(4.0)), window=2)
