@@ -32,7 +32,7 @@ from scenariogeneration import xosc as sg
 
 from recognition import datasets
 from recognition.catalogue import index, recordings, write
-from recognition.catalogue.cut import Part, Scene, SceneCutter, Scope
+from recognition.catalogue.cut import Excerpt, Part, SceneCutter, Scope
 from recognition.catalogue.model import ByModel, load
 from recognition.catalogue.pipeline import SHIPPED, ByRules, build
 from recognition.catalogue.recordings import CatalogueSettings
@@ -183,13 +183,13 @@ def compare(folder: Path, scratch: Path) -> None:
     print(f"their trajectories: {text:.2f} s, of objects {objects:.2f} s: {objects / text:.1f} times as long")
 
 
-def _motion(part: Part, scene: Scene) -> MotionRows:
+def _motion(part: Part, scene: Excerpt) -> MotionRows:
     columns = part.track.columns
     inside = (columns["time"] >= scene.start) & (columns["time"] <= scene.end)
     return MotionRows.from_columns(part.name, part.track.box, {name: values[inside] for name, values in columns.items()})
 
 
-def _objects(part: Part, scene: Scene) -> sg.Trajectory:
+def _objects(part: Part, scene: Excerpt) -> sg.Trajectory:
     """A trajectory as scenariogeneration builds it."""
     places = zip(*(part.column(name).tolist() for name in ("x", "y", "h")), strict=True)
     built = sg.Trajectory(part.name, False)

@@ -18,9 +18,9 @@ import numpy as np
 
 from recognition import datasets
 from recognition.datasets import cache_roads
-from recognition.labels import Event, Label, Rules, label
+from recognition.labels import Label, LabelledEvent, Rules, label
 from recognition.labels.scene import Scene, prepare
-from recognition.sites import Role, site_of
+from recognition.sites import LaneRole, site_of
 from schemas.common.errors import ToolchainError
 
 _BACK = 1.0
@@ -75,9 +75,9 @@ def share(found: Counter[tuple[str, bool]], crossed: Counter[tuple[str, bool]], 
 def crossings(scene: Scene) -> Iterator[Crossing]:
     """The borders that egos cross, but those that they cross back at once."""
     steps, back = scene.changes.step, scene.rows(_BACK)
-    overlapping = scene.has_role(Role.RING, Role.ENTRY, Role.EXIT, Role.INSIDE, Role.SIGNALISED)
-    ramp = scene.has_role(Role.ON_RAMP, Role.OFF_RAMP, Role.WEAVING)
-    main = scene.has_role(Role.MAIN)
+    overlapping = scene.has_role(LaneRole.RING, LaneRole.ENTRY, LaneRole.EXIT, LaneRole.INSIDE, LaneRole.SIGNALISED)
+    ramp = scene.has_role(LaneRole.ON_RAMP, LaneRole.OFF_RAMP, LaneRole.WEAVING)
+    main = scene.has_role(LaneRole.MAIN)
     beside = (np.abs(steps) == 1) & scene.egos[scene.track] & ~overlapping
     for row in np.flatnonzero(beside).tolist():
         about = steps[max(row - back, scene.first[row]) : min(row + back, scene.last[row]) + 1]
@@ -86,7 +86,7 @@ def crossings(scene: Scene) -> Iterator[Crossing]:
             yield Crossing(scene.names[scene.track[row]], float(scene.time[row]), bool(steps[row] > 0), kind)
 
 
-def shown(crossing: Crossing, events: list[Event]) -> bool:
+def shown(crossing: Crossing, events: list[LabelledEvent]) -> bool:
     """Whether an event shows a crossing."""
     labels = (_TO[crossing.left], *_RAMPS)
     return any(each.ego == crossing.ego and each.label in labels and abs(each.time - crossing.time) <= _NEAR for each in events)

@@ -20,7 +20,7 @@ from xodr.lookup.arrays import lane_borders
 from xodr.network import RoadNetwork
 from xodr.road import Road
 
-__all__ = ["CHANNELS", "VELOCITY_STEP", "Channel", "Grid", "Moments", "Site", "covered", "rasterise"]
+__all__ = ["CHANNELS", "VELOCITY_STEP", "Channel", "Grid", "MappedSite", "Moments", "covered", "rasterise"]
 
 Channel = Literal["others", "ego", "speed", "velocity_x", "velocity_y", "area", "borders"]
 """Name of a channel; `CHANNELS` says what each holds."""
@@ -277,7 +277,7 @@ _POINTS = 2.0
 """Points on a box along the shorter edge of a cell, in each direction."""
 
 
-class Site(Protocol):
+class MappedSite(Protocol):
     """Site of a recording: the grids need its road network only."""
 
     @property
@@ -301,7 +301,7 @@ class Boxes(NamedTuple):
     own: BoolArray
 
 
-def rasterise(recording: Recording, moments: Moments, grid: Grid, site: Site | None = None) -> NDArray[np.uint8]:
+def rasterise(recording: Recording, moments: Moments, grid: Grid, site: MappedSite | None = None) -> NDArray[np.uint8]:
     """Grids about egos, from the frames nearest to the requested times, without interpolation.
 
     Args:

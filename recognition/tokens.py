@@ -16,7 +16,7 @@ from recognition.labels.classes import Rules
 from recognition.labels.scene import ABSENT, Scene, prepare
 from recognition.sites import Site
 from recognition.sites.lanes import NOWHERE, LaneGraph
-from recognition.sites.roles import ROLES, Role
+from recognition.sites.roles import ROLES, LaneRole
 from runner.recording import Recording
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
@@ -139,7 +139,7 @@ _REACH = 250.0
 """Ways are followed so far, m."""
 
 
-class Relations(NamedTuple):
+class StripRelations(NamedTuple):
     """Relations of pairs of strips.
 
     Attributes:
@@ -154,7 +154,7 @@ class Relations(NamedTuple):
     merging: BoolArray
 
 
-def relations(graph: LaneGraph, one: IntArray, other: IntArray) -> Relations:
+def relations(graph: LaneGraph, one: IntArray, other: IntArray) -> StripRelations:
     """Relations of pairs of strips; of NOWHERE there is none."""
     ways, side = _ways(graph), len(graph.strips) + 1
     pairs = (one - NOWHERE) * side + other - NOWHERE
@@ -163,7 +163,7 @@ def relations(graph: LaneGraph, one: IntArray, other: IntArray) -> Relations:
     which = (np.cumsum(there) - 1)[pairs]
     found = [ways.relation(pair // side + NOWHERE, pair % side + NOWHERE) for pair in np.flatnonzero(there).tolist()]
     base, lanes, same, merging = (np.array(values) for values in zip(*found, strict=True)) if found else ([], [], [], [])
-    return Relations(
+    return StripRelations(
         np.asarray(base, np.float64)[which], np.asarray(lanes, np.int64)[which],
         np.asarray(same, bool)[which], np.asarray(merging, bool)[which],
     )  # fmt: skip
@@ -385,7 +385,7 @@ def _rows(scene: Scene) -> Values:
         "lane_ahead": np.where(on, np.clip(lanes.length[place] - scene.along, 0.0, _FAR), 0.0),
         "limit": np.where(on & np.isfinite(limit), limit, 0.0), "has_limit": on & np.isfinite(limit),
     }  # fmt: skip
-    role = np.where(scene.role == ROLES.index(Role.SIGNALISED), ROLES.index(Role.INSIDE), scene.role)
+    role = np.where(scene.role == ROLES.index(LaneRole.SIGNALISED), ROLES.index(LaneRole.INSIDE), scene.role)
     found |= {f"role_{name}": role == code for code, name in enumerate(ROLES)}
     return {name: np.asarray(values, np.float32) for name, values in found.items()}
 

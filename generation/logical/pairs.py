@@ -19,7 +19,7 @@ from generation.logical.roads import GEOMETRIES, ROADS, header, scenario_tags
 from recognition.labels import Label
 from recognition.maneuvers import storyboard
 from recognition.maneuvers.parameters import BRAKING, CUT_IN, PARAMETERS, declared_name
-from recognition.maneuvers.units import LENGTH, MOST_LAG, Exposure, Followed, Pairs, Samples, followed, pairs
+from recognition.maneuvers.units import LENGTH, MOST_LAG, Exposure, Followed, PairedUnits, Samples, followed, pairs
 from schemas.common.array_types import BoolArray, FloatArray
 from xosc import maneuvers
 from xosc.document import Document
@@ -343,7 +343,7 @@ class AheadUnits(PairUnits):
 
     second: AdversaryPart
     ego_lane: int
-    units: Pairs
+    units: PairedUnits
 
     @property
     def kind(self) -> str:

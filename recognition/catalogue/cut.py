@@ -142,7 +142,7 @@ class Part(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Scene:
+class Excerpt:
     """A stretch of a recording; times are those of the recording, s."""
 
     start: float
@@ -184,7 +184,7 @@ class SceneCutter:
         self._tracks = list(recording.tracks.values())
         self._rows = _Rows.of(self._tracks, [self._frames(track) for track in self._tracks])
 
-    def cut(self, ego: str, start: float, end: float, involved: Collection[str] | None = None) -> Scene:
+    def cut(self, ego: str, start: float, end: float, involved: Collection[str] | None = None) -> Excerpt:
         """Return the scene of an ego from its first row to its last one between two times (s).
 
         Args:
@@ -202,7 +202,7 @@ class SceneCutter:
             name = _free(f"{other.category}_{other.name}".replace("::", "_").replace("$", "_"), taken)
             beside = involved is not None and other.name not in involved
             parts.append(self._part(name, other, rows, self.scope.bystanders if beside else self.scope.tolerance))
-        return Scene(start, end, tuple(parts))
+        return Excerpt(start, end, tuple(parts))
 
     def _others(self, ego: Track, mine: IntArray, start: float, end: float) -> Iterator[Track]:
         """Yield the tracks near the ego for two frames or more."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition.datasets.source import Exclusion
-from recognition.labels.classes import Event, Label
+from recognition.labels.classes import Label, LabelledEvent
 from runner.recording import Recording, Track
 from xodr.model import RoadPoint
 from xodr.network import RoadNetwork
@@ -80,7 +80,7 @@ class Detection:
     moments: int
 
 
-def by_rules(event: Event) -> Moment:
+def by_rules(event: LabelledEvent) -> Moment:
     """The moment of a rule's event, without a model."""
     return Moment(
         event.ego, event.time, event.label.title, KNOWN, event.label, partner=event.partner, tags=event.tags, why=event.why
@@ -136,7 +136,7 @@ class EgoRequirements:
     on_road: float = 0.5
 
 
-class Vehicle(NamedTuple):
+class EgoVehicle(NamedTuple):
     """A vehicle that is an ego: its name, when it was recorded first and last (s), and how it passes."""
 
     name: str
@@ -145,7 +145,7 @@ class Vehicle(NamedTuple):
     passage: str
 
 
-def vehicles(recording: Recording, network: RoadNetwork, needs: EgoRequirements) -> tuple[list[Vehicle], list[Exclusion]]:
+def vehicles(recording: Recording, network: RoadNetwork, needs: EgoRequirements) -> tuple[list[EgoVehicle], list[Exclusion]]:
     """The vehicles that are egos, and an exclusion for each other vehicle.
 
     The recording must have its road coordinates.
@@ -159,7 +159,7 @@ def vehicles(recording: Recording, network: RoadNetwork, needs: EgoRequirements)
             exclusions.append(Exclusion(track.name, len(track.columns["time"]), "; ".join(reasons)))
         else:
             time = track.columns["time"]
-            found.append(Vehicle(track.name, float(time[0]), float(time[-1]), passage(track)))
+            found.append(EgoVehicle(track.name, float(time[0]), float(time[-1]), passage(track)))
     return found, exclusions
 
 
@@ -270,7 +270,7 @@ def of_findings(recording: str, findings: Iterable[Detection], around: Around) -
     return _distinct(episodes)
 
 
-def of_vehicles(recording: str, vehicles: Iterable[Vehicle], findings: Sequence[Detection]) -> list[Episode]:
+def of_vehicles(recording: str, vehicles: Iterable[EgoVehicle], findings: Sequence[Detection]) -> list[Episode]:
     """A scenario for each vehicle, of all that was recorded of it."""
     episodes = []
     for ego, start, end, passage in vehicles:

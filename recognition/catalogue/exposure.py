@@ -24,7 +24,7 @@ _LEVEL = 0.95
 _HOUR, _KM = 3600.0, 1000.0
 
 
-class Exposure(NamedTuple):
+class Mileage(NamedTuple):
     """Motor vehicles that were not parked: their number, the sum of their times (s) and of their distances (m)."""
 
     vehicles: int
@@ -32,16 +32,16 @@ class Exposure(NamedTuple):
     distance: float
 
 
-def exposure_of(recording: Recording, rules: Rules) -> Exposure:
+def exposure_of(recording: Recording, rules: Rules) -> Mileage:
     """Return the exposure of a recording: that of the vehicles that rules may find as egos."""
     motor = [track for track in recording.tracks.values() if track.kind == "vehicle" and track.category in EGOS]
     moving = [track.columns for track in motor if len(track.columns["time"]) and not is_parked(track, rules)]
     time = sum(float(np.ptp(columns["time"])) for columns in moving)
     distance = sum(float(np.hypot(np.diff(columns["x"]), np.diff(columns["y"])).sum()) for columns in moving)
-    return Exposure(len(moving), time, distance)
+    return Mileage(len(moving), time, distance)
 
 
-def rates(rows: Iterable[Mapping[str, Any]], sites: Sequence[tuple[str, Exposure]]) -> list[dict[str, Any]]:
+def rates(rows: Iterable[Mapping[str, Any]], sites: Sequence[tuple[str, Mileage]]) -> list[dict[str, Any]]:
     """Return the rates of all classes at all sites and at all sites together.
 
     A class that occurs at one site has a row for each: its upper limit says what absence shows. Rates are absent without
@@ -52,12 +52,12 @@ def rates(rows: Iterable[Mapping[str, Any]], sites: Sequence[tuple[str, Exposure
         sites: site and exposure of each recording.
     """
     events = Counter((str(row["site"]), str(row["class"])) for row in rows)
-    total: dict[str, Exposure] = {}
+    total: dict[str, Mileage] = {}
     for site, one in sites:
         for name in (site, EVERYWHERE):
-            before = total.get(name, Exposure(0, 0.0, 0.0))
+            before = total.get(name, Mileage(0, 0.0, 0.0))
             vehicles, time, distance = before.vehicles + one.vehicles, before.time + one.time, before.distance + one.distance
-            total[name] = Exposure(vehicles, time, distance)
+            total[name] = Mileage(vehicles, time, distance)
     for (_, title), count in list(events.items()):
         events[EVERYWHERE, title] += count
     for (site, _), count in list(events.items()):
@@ -70,7 +70,7 @@ def rates(rows: Iterable[Mapping[str, Any]], sites: Sequence[tuple[str, Exposure
     ]
 
 
-def _row(site: str, title: str, count: int, seen: Exposure) -> dict[str, Any]:
+def _row(site: str, title: str, count: int, seen: Mileage) -> dict[str, Any]:
     hours, km = seen.time / _HOUR, seen.distance / _KM
     row = {"site": site, "class": title, "events": count, "vehicles": seen.vehicles}
     row |= {"vehicle_hours": round(hours, 4), "vehicle_km": round(km, 3)}

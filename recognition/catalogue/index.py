@@ -9,11 +9,11 @@ from typing import Any
 
 from recognition.catalogue import exposure
 from recognition.catalogue.detect import plain
-from recognition.catalogue.exposure import Exposure, rates
+from recognition.catalogue.exposure import Mileage, rates
 from recognition.catalogue.page import Film, catalogue_page, lanes
 from recognition.catalogue.recordings import loaded
 from recognition.catalogue.store import Store
-from recognition.catalogue.write import CatalogueConfig, Entries, Written, write_catalog
+from recognition.catalogue.write import CatalogueConfig, Entries, PendingCatalog, write_catalog
 from recognition.datasets import Exclusion, Report, Source
 from runner.measures.measure import measures
 from schemas.common.errors import InvalidFile
@@ -141,7 +141,7 @@ class Catalogue:
         self._roads: dict[str, str] = {}
         self._films: dict[str, Film] = {}
         self._lanes: dict[str, list[list[int]]] = {}
-        self._exposures: list[tuple[str, Exposure]] = []
+        self._exposures: list[tuple[str, Mileage]] = []
 
     def road(self, path: Path) -> str:
         """Write the road of a site, once for each content; its name in the catalogue."""
@@ -154,7 +154,7 @@ class Catalogue:
             self._lanes[self._roads[key]] = lanes(loaded(path))
         return self._roads[key]
 
-    def register(self, source: Source, report: Report, seen: Exposure, exclusions: Iterable[Exclusion]) -> None:
+    def register(self, source: Source, report: Report, seen: Mileage, exclusions: Iterable[Exclusion]) -> None:
         """Enter a recording into the index, with its exposure, what reading it found, and which vehicles are no egos."""
         self._exposures.append((source.site, seen))
         found: dict[str, float] = {"rows": report.rows, "tracks": report.tracks, "missing_rows": report.missing}
@@ -164,7 +164,7 @@ class Catalogue:
         self._recordings.append({**recording, "excluded_rows": excluded, "remarks": report.remarks})
         self.exclusions += ({"recording": source.name, **exclusion._asdict()} for exclusion in exclusions)
 
-    def take(self, written: Written) -> None:
+    def take(self, written: PendingCatalog) -> None:
         """Take in what has been written of a recording."""
         self.rows += written.rows
         self._films |= written.films

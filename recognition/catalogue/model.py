@@ -13,7 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from recognition.catalogue.detect import DISCOVERED, KNOWN, MODEL, RULES, UNKNOWN, WINDOW, Moment, by_rules
-from recognition.labels.classes import Event, Label, Rules
+from recognition.labels.classes import Label, LabelledEvent, Rules
 from recognition.labels.scene import is_parked
 from recognition.sites import Site
 from recognition.sites.lanes import on_lanes
@@ -117,7 +117,9 @@ class ByModel:
         """Source of the labels that sort the moments."""
         return MODEL if self._sorts else RULES
 
-    def look(self, name: str, recording: Recording, site: Site, events: list[Event], advance: Callable[[float], None]) -> None:
+    def look(
+        self, name: str, recording: Recording, site: Site, events: list[LabelledEvent], advance: Callable[[float], None]
+    ) -> None:
         """Recognise the moments of a recording; the unknown ones wait in the model's buffer."""
         candidates = [*map(by_rules, events), *self._regular(recording, site, events)]
         inside = visible(recording, [(moment.ego, moment.time) for moment in candidates], self._view)
@@ -155,7 +157,7 @@ class ByModel:
             self._model.buffer.remove(np.ones(len(self._model.buffer), dtype=bool))
         storage.save(self._model, folder)
 
-    def _regular(self, recording: Recording, site: Site, events: list[Event]) -> list[Moment]:
+    def _regular(self, recording: Recording, site: Site, events: list[LabelledEvent]) -> list[Moment]:
         """Moments on lanes at the stride, away from the events, of vehicles that are not parked."""
         taken: dict[str, list[float]] = {}
         for event in events:

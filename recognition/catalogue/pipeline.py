@@ -26,7 +26,7 @@ from recognition.catalogue.store import digests, write_unless_edited
 from recognition.catalogue.write import AUTHOR
 from recognition.datasets import Source
 from recognition.datasets.formats import runs
-from recognition.labels import Event
+from recognition.labels import LabelledEvent
 from recognition.sites import Site
 from runner.batch.pool import executor
 from runner.recording import Recording
@@ -118,7 +118,7 @@ class Recogniser(Protocol):
         """Source of the labels that sort the moments: `RULES` or `MODEL`."""
         ...
 
-    def look(self, name: str, recording: Recording, site: Site, events: list[Event], advance: Advance) -> None:
+    def look(self, name: str, recording: Recording, site: Site, events: list[LabelledEvent], advance: Advance) -> None:
         """Take in a recording and the events that rules have found in it."""
         ...
 
@@ -133,9 +133,9 @@ class ByRules:
     sorted_by = detect.RULES
 
     def __init__(self) -> None:
-        self._events: dict[str, list[Event]] = {}
+        self._events: dict[str, list[LabelledEvent]] = {}
 
-    def look(self, name: str, recording: Recording, site: Site, events: list[Event], advance: Advance) -> None:
+    def look(self, name: str, recording: Recording, site: Site, events: list[LabelledEvent], advance: Advance) -> None:
         """Keep the events."""
         self._events[name] = events
         advance(1.0)
@@ -309,7 +309,7 @@ LABELS = "labels.json"
 """File in the folder of the runs with what was found in each, and the digests of the files written"""
 
 
-class Labelled(NamedTuple):
+class LabelledRuns(NamedTuple):
     """Labelled windows of simulated runs.
 
     findings: of each run, by its name. written, edited: files written, and those left alone because a person has edited them.
@@ -322,7 +322,7 @@ class Labelled(NamedTuple):
 
 def label_runs(
     folder: Path, settings: CatalogueSettings, recogniser: Recogniser, bar: Bar, *, in_place: bool = False
-) -> Labelled:
+) -> LabelledRuns:
     """Label the runs in a folder and annotate their scenarios.
 
     Beside a scenario come `<name>_labelled.xosc`, a copy whose FileHeader has the tags as properties (from version 1.2 on), and
@@ -351,7 +351,7 @@ def label_runs(
     written = {str(path): digest(content) for path, content in files.items() if path not in edited}
     table = {"files": written, "runs": {name: [_told(each) for each in listed] for name, listed in found.items()}}
     _write(record, (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode(), {}, True)
-    return Labelled(found, [Path(name) for name in written], edited)
+    return LabelledRuns(found, [Path(name) for name in written], edited)
 
 
 def _annotations(

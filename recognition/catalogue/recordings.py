@@ -18,11 +18,11 @@ from pyarrow import feather
 from recognition import datasets
 from recognition.catalogue import detect
 from recognition.catalogue.cut import Scope
-from recognition.catalogue.detect import Around, Episode, Moment, Vehicle, of_findings, of_vehicles
-from recognition.catalogue.exposure import Exposure, exposure_of
-from recognition.catalogue.write import CatalogueConfig, CatalogWriter, Material, Written
+from recognition.catalogue.detect import Around, EgoVehicle, Episode, Moment, of_findings, of_vehicles
+from recognition.catalogue.exposure import Mileage, exposure_of
+from recognition.catalogue.write import CatalogueConfig, CatalogWriter, Material, PendingCatalog
 from recognition.datasets import Cut, Exclusion, Gap, Report, Source, cache_roads
-from recognition.labels import Event, Rules, label
+from recognition.labels import LabelledEvent, Rules, label
 from recognition.sites import Roles, Site, site_of
 from runner.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
@@ -210,9 +210,9 @@ class LabelledRecording(NamedTuple):
 
     ground: PlacedRecording
     report: Report
-    exposure: Exposure
-    events: list[Event]
-    egos: list[Vehicle]
+    exposure: Mileage
+    events: list[LabelledEvent]
+    egos: list[EgoVehicle]
     exclusions: list[Exclusion]
 
 
@@ -227,7 +227,7 @@ class Block(NamedTuple):
 class Done(NamedTuple):
     """Written scenarios of a recording, and errors."""
 
-    written: Written
+    written: PendingCatalog
     error: ToolchainError | None
 
 
@@ -242,7 +242,7 @@ def opened(paths: tuple[Path, ...], road: Path | None = None) -> list[Source]:
 
 
 @limited()
-def looked(source: Source, rules: Rules) -> tuple[Recording, Site, list[Event]]:
+def looked(source: Source, rules: Rules) -> tuple[Recording, Site, list[LabelledEvent]]:
     """A recording, placed on the roads of its site, and the events that rules find in it.
 
     Raises:

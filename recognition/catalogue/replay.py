@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.catalogue.cut import EGO, Part, Scene
+from recognition.catalogue.cut import EGO, Excerpt, Part
 from runner.participants.declaration import BoundingBox
 from runner.recording import Track
 from xosc import maneuvers
@@ -81,7 +81,7 @@ _OF_EACH = ("ScenarioObject", "Private", "ManeuverGroup")
 """Elements of which a scenario has one for each participant"""
 
 
-def trajectories(scene: Scene) -> list[Any]:
+def trajectories(scene: Excerpt) -> list[Any]:
     """Entries of a trajectory catalogue: one for each participant, under its name, at times from the scene's start."""
     return [_trajectory(part, scene.start) for part in scene.parts]
 
@@ -95,7 +95,7 @@ def _trajectory(part: Part, start: float) -> Any:
 def scenario(
     path: Path,
     header: FileHeader,
-    scene: Scene,
+    scene: Excerpt,
     *,
     road: str,
     entries: dict[str, Entry],
@@ -133,7 +133,7 @@ class _Participant(NamedTuple):
     leaves: bool
 
 
-def _participant(part: Part, scene: Scene, entry: Entry) -> _Participant:
+def _participant(part: Part, scene: Excerpt, entry: Entry) -> _Participant:
     first, last = part.rows[0], part.rows[-1]
     columns = part.track.columns
     begins, ends = float(columns["time"][first]), float(columns["time"][last])
@@ -216,7 +216,7 @@ def _ceiling(values: np.ndarray) -> float:
     return float(np.floor(values.max())) + 1.0
 
 
-def whole(path: Path, header: FileHeader, scene: Scene, *, road: str | None, version: Version) -> Document:
+def whole(path: Path, header: FileHeader, scene: Excerpt, *, road: str | None, version: Version) -> Document:
     """The scenario that replays a scene without catalogues: everything is in one file, but the road.
 
     Args:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from recognition.catalogue import replay
-from recognition.catalogue.cut import EGO, Part, Scene, SceneCutter, Scope
+from recognition.catalogue.cut import EGO, Excerpt, Part, SceneCutter, Scope
 from recognition.catalogue.detect import Detection, Episode, plain
 from recognition.catalogue.page import Film, film
 from recognition.catalogue.replay import entry
@@ -70,7 +70,7 @@ _PARTICIPANTS = {
 }
 
 
-def criticality_of(scene: Scene) -> dict[str, float | None]:
+def criticality_of(scene: Excerpt) -> dict[str, float | None]:
     """The ego's extremes of criticality in the recorded scene, by name (`runner.measures.measure`).
 
     `collision_time` is when its box first touches another one, s from the scene's start: recorded sizes can be wrong.
@@ -81,13 +81,13 @@ def criticality_of(scene: Scene) -> dict[str, float | None]:
     return extremes | {"collision_time": found.impact.time - scene.start if found.impact is not None else None}
 
 
-def _motion(part: Part, scene: Scene) -> MotionRows:
+def _motion(part: Part, scene: Excerpt) -> MotionRows:
     """A participant within the scene."""
     moving = replace(_cut(part.track, scene.start, scene.end), name=part.name)
     return replace(moving, kind=part.track.kind, category=part.track.category, mass=part.track.mass)
 
 
-def tags(name: str, title: str, scene: Scene, facts: Mapping[str, Any]) -> list[Tag]:
+def tags(name: str, title: str, scene: Excerpt, facts: Mapping[str, Any]) -> list[Tag]:
     """The tags of a scenario.
 
     Args:
@@ -176,7 +176,7 @@ Entries = dict[CatalogFile, dict[str, Any]]
 """Entries of OpenSCENARIO catalogues by their names, for each catalogue; as scenariogeneration has them"""
 
 
-class Written(NamedTuple):
+class PendingCatalog(NamedTuple):
     """Parts of the catalogue that remain to be written after the scenarios of a recording.
 
     rows: of the index. entries: of OpenSCENARIO catalogues that other recordings have entries of, too.
@@ -233,9 +233,9 @@ class CatalogWriter:
                 write_catalog(self._store, place, self._entries.pop(place), self._config.version)
 
     @property
-    def written(self) -> Written:
+    def written(self) -> PendingCatalog:
         """Return the result of writing so far."""
-        return Written(self._rows, self._films, self._entries, self._store.written, self._store.edited)
+        return PendingCatalog(self._rows, self._films, self._entries, self._store.written, self._store.edited)
 
     def _enter(self, entries: Iterable[_Entry]) -> None:
         for each in entries:
@@ -295,7 +295,7 @@ class CatalogWriter:
         entries += [context.entry("Route", route.name, route, context.recorded) for route in followed.routes.values()]
         entries += [context.entry("Trajectory", path.name, path, episode.name) for path in followed.trajectories.values()]
         path = self._store.root / episode.folder / f"{episode.name}_maneuver.xosc"
-        stage = storyboard.Stage(path, f"../{context.road}", _directories(entries))
+        stage = storyboard.ScenarioFiles(path, f"../{context.road}", _directories(entries))
         document = storyboard.scenario(stage, header, measured, network, other, followed, self._config.version)
         self._enter(entries)
         return to_bytes(document)
@@ -324,7 +324,7 @@ class _Context(NamedTuple):
     material: Material
     road: str
     episode: Episode
-    scene: Scene
+    scene: Excerpt
 
     @property
     def recorded(self) -> str:

@@ -14,7 +14,7 @@ from recognition.datasets.rows import Rows, rate
 from schemas.common.array_types import FloatArray, IntArray
 
 
-class Limits(NamedTuple):
+class KinematicLimits(NamedTuple):
     """Greatest speed and speed in reverse (m/s), acceleration and braking along the path, acceleration across it (m/s²), jerk
     (m/s³), yaw rate (rad/s)."""
 
@@ -27,17 +27,17 @@ class Limits(NamedTuple):
     yaw_rate: float
 
 
-_CAR = Limits(70.0, 5.0, 5.0, 9.0, 8.0, 15.0, 1.0)
-_HEAVY = Limits(35.0, 3.0, 3.0, 8.0, 5.0, 15.0, 0.6)
+_CAR = KinematicLimits(70.0, 5.0, 5.0, 9.0, 8.0, 15.0, 1.0)
+_HEAVY = KinematicLimits(35.0, 3.0, 3.0, 8.0, 5.0, 15.0, 0.6)
 LIMITS = {
     "car": _CAR,
     "van": _CAR._replace(speed=50.0),
     "truck": _HEAVY,
     "bus": _HEAVY,
-    "tram": Limits(25.0, 3.0, 2.0, 4.0, 3.0, 15.0, 0.6),
+    "tram": KinematicLimits(25.0, 3.0, 2.0, 4.0, 3.0, 15.0, 0.6),
     "motorbike": _CAR._replace(speed=80.0, acceleration=8.0),
-    "bicycle": Limits(20.0, 1.0, 3.0, 6.0, 5.0, 15.0, 1.5),
-    "pedestrian": Limits(10.0, 0.0, 5.0, 5.0, 5.0, 30.0, 3.2),
+    "bicycle": KinematicLimits(20.0, 1.0, 3.0, 6.0, 5.0, 15.0, 1.5),
+    "pedestrian": KinematicLimits(10.0, 0.0, 5.0, 5.0, 5.0, 30.0, 3.2),
 }
 """Sources. Acceleration up to 5 m/s², jerk up to 15 m/s³: Punzo, Borzacchiello and Ciuffo (Transp. Res. C 19, 2011), Montanino
 and Punzo (Transp. Res. B 80, 2015), with no more in the sound part of NGSIM. Braking of 9 m/s² and 8 m/s² across: tyres on dry
@@ -47,7 +47,7 @@ allows at a walking speed of 5 m/s. Speeds are those that catalogue entries of t
 
 
 class Bounds(NamedTuple):
-    """Limits of each row, (n,) each; units as in `Limits`."""
+    """Limits of each row, (n,) each; units as in `KinematicLimits`."""
 
     speed: FloatArray
     reverse: FloatArray

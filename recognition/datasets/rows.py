@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.datasets.source import Exclusion, Gap, Participant, Report
+from recognition.datasets.source import Exclusion, Gap, Report, TrackParticipant
 from recognition.datasets.table import Kind, Table, column_names, read_table
 from runner.recording import Track
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -198,7 +198,7 @@ Columns = dict[str, NDArray[Any]]
 
 def columns_of(
     rows: Rows,
-    who: Sequence[Participant],
+    who: Sequence[TrackParticipant],
     x: FloatArray,
     y: FloatArray,
     h: FloatArray,
@@ -232,7 +232,7 @@ def columns_of(
     }
 
 
-def cut(rows: Rows, who: Sequence[Participant], columns: Columns) -> list[Track]:
+def cut(rows: Rows, who: Sequence[TrackParticipant], columns: Columns) -> list[Track]:
     """The tracks of a recording, each with its part of the columns."""
     ends = rows.starts.tolist()
     return [

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from recognition.datasets import motion_models
 from recognition.datasets.observations import Bounds, Noise, Observations, deviation
 from recognition.datasets.rows import Columns, Parted, Rows, parted
-from recognition.datasets.source import Cut, Exclusion, Participant, Report
+from recognition.datasets.source import Cut, Exclusion, Report, TrackParticipant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import InvalidFile
 
@@ -36,7 +36,7 @@ class Edge(NamedTuple):
     acceleration: float
 
 
-def edges(rows: Rows, who: Sequence[Participant], speed: FloatArray, acceleration: FloatArray) -> list[Edge]:
+def edges(rows: Rows, who: Sequence[TrackParticipant], speed: FloatArray, acceleration: FloatArray) -> list[Edge]:
     """The ends of tracks of vehicles and pedestrians at which they turn back hard.
 
     Args:
@@ -166,7 +166,7 @@ class Smoothed(NamedTuple):
     """Rows, participants and columns after smoothing."""
 
     rows: Rows
-    who: list[Participant]
+    who: list[TrackParticipant]
     columns: Columns
 
 
@@ -174,7 +174,9 @@ _MOVED, _UNITS = 3.0, 2.0
 """Way in a second (m) by which speeds are compared with it, and the greatest ratio of both; in mph they are 2.24 times as high"""
 
 
-def smoothed(rows: Rows, who: Sequence[Participant], columns: Columns, report: Report, noise: Noise | None = None) -> Smoothed:
+def smoothed(
+    rows: Rows, who: Sequence[TrackParticipant], columns: Columns, report: Report, noise: Noise | None = None
+) -> Smoothed:
     """Cut tracks where they jump, and smooth them.
 
     Args:
@@ -219,13 +221,13 @@ def _require_units(rows: Rows, columns: Columns) -> None:
             raise InvalidFile(f"the speeds are {ratio:.2f} times those at which the places move: they are not in m/s")
 
 
-def centres(rows: Rows, who: Sequence[Participant], columns: Columns) -> tuple[FloatArray, FloatArray]:
+def centres(rows: Rows, who: Sequence[TrackParticipant], columns: Columns) -> tuple[FloatArray, FloatArray]:
     """Centres x, y (m) of the boxes of the participants of tracks, from their reference points and headings."""
     behind = rows.each([one.box.x for one in who])
     return columns["x"] + behind * np.cos(columns["h"]), columns["y"] + behind * np.sin(columns["h"])
 
 
-def observed(rows: Rows, who: Sequence[Participant], columns: Columns, astray: BoolArray, noise: Noise) -> Observations:
+def observed(rows: Rows, who: Sequence[TrackParticipant], columns: Columns, astray: BoolArray, noise: Noise) -> Observations:
     """Return the observations of tracks for the smoother; outlying positions (n,) get no weight."""
     x, y = centres(rows, who, columns)
     facing, behind = np.full(len(rows), noise.heading), rows.each([one.box.x for one in who])
@@ -234,7 +236,7 @@ def observed(rows: Rows, who: Sequence[Participant], columns: Columns, astray: B
     return Observations(rows.starts, rows.time, *recorded, bounds, noise)
 
 
-def _names(who: Sequence[Participant], origin: IntArray) -> list[str]:
+def _names(who: Sequence[TrackParticipant], origin: IntArray) -> list[str]:
     """Names of tracks: those of the tracks that they come from, the second part of 7 being 7.2."""
     taken = {one.name for one in who}
     names: list[str] = []
@@ -249,7 +251,7 @@ def _names(who: Sequence[Participant], origin: IntArray) -> list[str]:
     return names
 
 
-def _tell(report: Report, rows: Rows, who: Sequence[Participant], broken: Breaks, rest: Parted, names: list[str]) -> None:
+def _tell(report: Report, rows: Rows, who: Sequence[TrackParticipant], broken: Breaks, rest: Parted, names: list[str]) -> None:
     """Enter cuts and rows that were left out or not trusted."""
     place = np.cumsum(rest.kept) - 1
     for head, off in zip(broken.heads.tolist(), broken.off.tolist(), strict=True):
@@ -267,7 +269,7 @@ def _tell(report: Report, rows: Rows, who: Sequence[Participant], broken: Breaks
         )
 
 
-def _tell_edges(report: Report, who: Sequence[Participant], wrong: Sequence[Edge]) -> None:
+def _tell_edges(report: Report, who: Sequence[TrackParticipant], wrong: Sequence[Edge]) -> None:
     """Enter rows at the ends of tracks that were left out."""
     for edge in wrong:
         count = edge.rows.stop - edge.rows.start
@@ -276,7 +278,7 @@ def _tell_edges(report: Report, who: Sequence[Participant], wrong: Sequence[Edge
         report.rows -= count
 
 
-def _tell_hard(report: Report, rows: Rows, who: Sequence[Participant], acceleration: FloatArray, bounds: Bounds) -> None:
+def _tell_hard(report: Report, rows: Rows, who: Sequence[TrackParticipant], acceleration: FloatArray, bounds: Bounds) -> None:
     """Say which vehicles accelerate or brake at the limit, and when first: their tracks may be wrong there."""
     hard = (acceleration > _HARD * bounds.acceleration) | (acceleration < -_HARD * bounds.braking)
     counts = np.add.reduceat(hard, rows.starts[:-1], dtype=np.int64) if len(hard) else np.zeros(0, np.int64)
@@ -289,7 +291,7 @@ def _tell_hard(report: Report, rows: Rows, who: Sequence[Participant], accelerat
             )
 
 
-def states(rows: Rows, who: Sequence[Participant], seen: Observations, columns: Columns) -> Columns:
+def states(rows: Rows, who: Sequence[TrackParticipant], seen: Observations, columns: Columns) -> Columns:
     """The smoothed columns; what is neither vehicle nor pedestrian stays as it is.
 
     Raises:
@@ -310,7 +312,7 @@ def states(rows: Rows, who: Sequence[Participant], seen: Observations, columns: 
     return {"x": x, "y": y, "h": np.arctan2(np.sin(h), np.cos(h)), "speed": speed, "acceleration": acceleration}
 
 
-def _batches(who: Sequence[Participant], sizes: IntArray) -> Iterator[tuple[str, int, int]]:
+def _batches(who: Sequence[TrackParticipant], sizes: IntArray) -> Iterator[tuple[str, int, int]]:
     """Tracks of one kind that follow each other, from first to before last, with about `_ROWS` rows together."""
     first, count = 0, 0
     for index, (one, size) in enumerate(zip(who, sizes.tolist(), strict=True)):

@@ -260,7 +260,7 @@ _USUAL = {
 """Usual length, width and height of each category, m."""
 
 
-class Participant(NamedTuple):
+class TrackParticipant(NamedTuple):
     """Participant of a track."""
 
     name: str
@@ -279,7 +279,7 @@ def wrong_size(category: str, length: float, width: float) -> str | None:
     return f"{length:g} m by {width:g} m is no size of a {category}" if too_large else None
 
 
-def participant(name: str, category: str, length: float | None = None, width: float | None = None) -> Participant:
+def participant(name: str, category: str, length: float | None = None, width: float | None = None) -> TrackParticipant:
     """A participant of a category of `_USUAL`, with the usual size where none was recorded; m.
 
     Raises:
@@ -293,7 +293,7 @@ def participant(name: str, category: str, length: float | None = None, width: fl
     if wrong:
         raise InvalidFile(wrong, element=f"participant {name}")
     behind = REAR_AXLE * length if kind == "vehicle" else 0.0
-    return Participant(name, kind, category, BoundingBox(behind, 0.0, height / 2, length, width, height))
+    return TrackParticipant(name, kind, category, BoundingBox(behind, 0.0, height / 2, length, width, height))
 
 
 FORMATS = "recognition.datasets.formats"

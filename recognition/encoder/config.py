@@ -78,7 +78,7 @@ class TokenArchitecture:
             raise UsageError("sizes of an encoder are positive, and dim a multiple of heads")
 
 
-class Schedule(NamedTuple):
+class TrainingSchedule(NamedTuple):
     """Training schedule: AdamW with a linear warm-up over the first tenth and a cosine decay to zero.
 
     Attributes:
@@ -96,17 +96,23 @@ class Preset(NamedTuple):
     """An architecture and the schedules of its two trainings."""
 
     architecture: Architecture | TokenArchitecture
-    pretraining: Schedule
-    finetuning: Schedule
+    pretraining: TrainingSchedule
+    finetuning: TrainingSchedule
 
 
 _CPU = Preset(
-    Architecture(dim=128, depth=3, heads=4, patch=(4, 32, 20), front="cnn"), Schedule(1, 256, 1e-3), Schedule(8, 64, 1e-3)
+    Architecture(dim=128, depth=3, heads=4, patch=(4, 32, 20), front="cnn"),
+    TrainingSchedule(1, 256, 1e-3),
+    TrainingSchedule(8, 64, 1e-3),
 )
 PRESETS: dict[str, Preset] = {
-    "tokens": Preset(TokenArchitecture(dim=96, depth=2), Schedule(2, 128, 1e-3), Schedule(6, 96, 1.5e-3)),
+    "tokens": Preset(TokenArchitecture(dim=96, depth=2), TrainingSchedule(2, 128, 1e-3), TrainingSchedule(6, 96, 1.5e-3)),
     "cpu": _CPU,
-    "full": Preset(Architecture(dim=512, depth=8, heads=4, patch=(1, 20, 20)), Schedule(20, 256, 3e-4), Schedule(30, 128, 3e-4)),
+    "full": Preset(
+        Architecture(dim=512, depth=8, heads=4, patch=(1, 20, 20)),
+        TrainingSchedule(20, 256, 3e-4),
+        TrainingSchedule(30, 128, 3e-4),
+    ),
 }
 """`tokens` is what ships. The others read occupancy grids: `cpu` trains at paper scale in minutes on two cores, `full` has the
 size of the publication and wants a GPU."""

@@ -16,7 +16,7 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from recognition.encoder.config import Preset, Schedule
+from recognition.encoder.config import Preset, TrainingSchedule
 from recognition.encoder.model import Encoder, GridEncoder, TokenEncoder, augmented, untrained
 from recognition.training.windows import View, Windows
 from schemas.common.errors import UsageError
@@ -64,7 +64,7 @@ def mixed(where: torch.device) -> torch.autocast:
 def train(
     model: nn.Module,
     inputs: NDArray[Any],
-    schedule: Schedule,
+    schedule: TrainingSchedule,
     loss: Callable[[Tensor, Tensor], Tensor],
     progress: Progress | None = None,
 ) -> None:
@@ -258,7 +258,9 @@ def _chosen(encoder: Encoder, names: Collection[str] | None) -> list[Callable[[A
 _SMOOTHING = 0.05
 
 
-def finetune(encoder: Encoder, windows: Windows, schedule: Schedule, seed: int, progress: Progress | None = None) -> Encoder:
+def finetune(
+    encoder: Encoder, windows: Windows, schedule: TrainingSchedule, seed: int, progress: Progress | None = None
+) -> Encoder:
     """A copy of the encoder, trained with a new head to tell the classes of the windows apart.
 
     Cross-entropy with label smoothing, over augmented windows; those of rare classes weigh more, by the root of how rare they

@@ -6,12 +6,12 @@ No label comes from anything but the recorded motion and the roles of the lanes 
 from __future__ import annotations
 
 from recognition.labels import rules
-from recognition.labels.classes import Event, Label, Rules, counts
+from recognition.labels.classes import Label, LabelledEvent, Rules, counts
 from recognition.labels.scene import events, prepare
 from recognition.sites import Site
 from runner.recording import Recording
 
-__all__ = ["Event", "Label", "Rules", "counts", "label", "passing"]
+__all__ = ["Label", "LabelledEvent", "Rules", "counts", "label", "passing"]
 
 RULES = (
     rules.free_cruise,
@@ -35,7 +35,7 @@ RULES = (
 """The rules in the order of the classes; each finds the events of one class in a scene."""
 
 
-def label(recording: Recording, site: Site, name: str, config: Rules = Rules()) -> list[Event]:  # noqa: B008 - frozen
+def label(recording: Recording, site: Site, name: str, config: Rules = Rules()) -> list[LabelledEvent]:  # noqa: B008 - frozen
     """The events of a recording, by ego and time.
 
     The recording gets the road coordinates that it lacks.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from recognition.labels.classes import Rules
 from recognition.sites import Site
 from recognition.sites.lanes import NOWHERE, LaneGraph
-from recognition.sites.roles import ROLES, Role
+from recognition.sites.roles import ROLES, LaneRole
 from runner.recording import Recording
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
@@ -64,7 +64,7 @@ class SceneRows:
         half = self.rows(0.5 * self.rules.window)
         return np.maximum(np.minimum(np.maximum(row, self.first[row] + half), self.last[row] - half), self.first[row])
 
-    def has_role(self, *roles: Role) -> BoolArray:
+    def has_role(self, *roles: LaneRole) -> BoolArray:
         """Rows on lanes of these roles."""
         return np.isin(self.role, [ROLES.index(role) for role in roles])
 
@@ -158,7 +158,9 @@ def _turns(scene: SceneRows, row: IntArray) -> FloatArray:
 
 def _off_road(scene: SceneRows) -> BoolArray:
     """Rows in junctions and roundabouts, or on no lane."""
-    return scene.has_role(Role.INSIDE, Role.SIGNALISED, Role.ENTRY, Role.RING, Role.EXIT) | (scene.strip == NOWHERE)
+    return scene.has_role(LaneRole.INSIDE, LaneRole.SIGNALISED, LaneRole.ENTRY, LaneRole.RING, LaneRole.EXIT) | (
+        scene.strip == NOWHERE
+    )
 
 
 def _bend(scene: SceneRows, first: int, last: int, off_road: BoolArray) -> float:
@@ -365,7 +367,7 @@ def passages(scene: SceneRows) -> Passages:
     Whatever lanes they are on: those for bicycles overlap others.
     """
     junction_of, road_of = _junctions(scene), scene.site.lanes.road
-    crossings = junction_of[scene.strip[scene.has_role(Role.INSIDE, Role.SIGNALISED)]]
+    crossings = junction_of[scene.strip[scene.has_role(LaneRole.INSIDE, LaneRole.SIGNALISED)]]
     inside = np.where(np.isin(junction_of, crossings), junction_of, NOWHERE)
     inside = np.where(scene.strip != NOWHERE, inside[scene.strip], NOWHERE)
     inside = held(inside, scene.track, scene.rows(scene.rules.flicker))
@@ -390,7 +392,7 @@ def passages(scene: SceneRows) -> Passages:
     row = np.where(straight, row, np.clip(scene.centred(row), first, last))
     origin = np.where(entered, scene.strip[first], _neighbours(scene.site.lanes.preceding, scene.strip[first]))
     target = np.where(arrived, scene.strip[last], _neighbours(scene.site.lanes.following, scene.strip[last]))
-    lights = np.isin(inside[start], junction_of[scene.strip[scene.has_role(Role.SIGNALISED)]])
+    lights = np.isin(inside[start], junction_of[scene.strip[scene.has_role(LaneRole.SIGNALISED)]])
     roads = np.where(origin != NOWHERE, road_of[origin], NOWHERE)
     return Passages(first, last, arrived, row, turn, inside[start], lights, origin, target, roads)
 

@@ -59,7 +59,7 @@ _TITLES = {
 
 
 @dataclass(frozen=True)
-class Event:
+class LabelledEvent:
     """A scenario of a class.
 
     Attributes:
@@ -81,7 +81,7 @@ class Event:
     why: str = ""
 
 
-def counts(events: Iterable[Event]) -> dict[Label, int]:
+def counts(events: Iterable[LabelledEvent]) -> dict[Label, int]:
     """Number of events of each of the 17 classes, also of those without."""
     found = Counter(event.label for event in events)
     return {label: found[label] for label in Label if label is not Label.UNKNOWN}

@@ -9,7 +9,7 @@ import numpy as np
 from recognition.labels.changes import Changes, always, constant, deviation, held, stays
 from recognition.labels.classes import Label
 from recognition.labels.scene import ABSENT, Hits, Scene, ahead_of, alone, near, spaced
-from recognition.sites import Role
+from recognition.sites import LaneRole
 from recognition.sites.lanes import NOWHERE
 from recognition.sites.roles import ROLES
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -176,12 +176,12 @@ def _of(changes: Changes, row: IntArray) -> FloatArray:
 def _steady_on_main(scene: Scene) -> BoolArray:
     """Rows of egos that keep one main lane through the window and its margins, with all frames there."""
     seconds = 0.5 * scene.rules.window + scene.rules.margin
-    main = always(scene.has_role(Role.MAIN), scene.rows(seconds), scene.first, scene.last)
+    main = always(scene.has_role(LaneRole.MAIN), scene.rows(seconds), scene.first, scene.last)
     return main & scene.steady(seconds) & scene.egos[scene.track]
 
 
 def _on_main(scene: Scene, found: Cuts) -> Cuts:
-    return found.where(scene.has_role(Role.MAIN)[found.ego])
+    return found.where(scene.has_role(LaneRole.MAIN)[found.ego])
 
 
 _ROUNDING = 0.01
@@ -208,21 +208,21 @@ def _on_urban(scene: Scene, found: Cuts) -> Cuts:
     """Return the cuts on urban lanes with a low or unknown limit."""
     limit = scene.site.lanes.speed_limit[scene.strip[found.ego]]
     slow = (limit <= scene.rules.urban_speed_limit + _ROUNDING) | np.isinf(limit)
-    return found.where((scene.through & ~scene.has_role(Role.MAIN))[found.ego] & slow)
+    return found.where((scene.through & ~scene.has_role(LaneRole.MAIN))[found.ego] & slow)
 
 
 def ramp_entering(scene: Scene) -> Hits:
     """7: from a ramp, along which ego drove `rules.ramp_length` or more, onto a main lane."""
-    ramp = scene.has_role(Role.ON_RAMP, Role.WEAVING)
-    row, shift = _transitions(scene, ramp, scene.has_role(Role.MAIN))
+    ramp = scene.has_role(LaneRole.ON_RAMP, LaneRole.WEAVING)
+    row, shift = _transitions(scene, ramp, scene.has_role(LaneRole.MAIN))
     way, begin = _way_on(scene, ramp), _course_ends(scene)[0][row]
     return _hits(scene, Label.RAMP_ENTERING, row, way[row] - way[begin], shift, cut=ramp[begin])
 
 
 def ramp_exiting(scene: Scene) -> Hits:
     """8: from a main lane onto a ramp, along which ego drives `rules.ramp_length` or more."""
-    ramp = scene.has_role(Role.OFF_RAMP, Role.WEAVING)
-    row, shift = _transitions(scene, scene.has_role(Role.MAIN), ramp)
+    ramp = scene.has_role(LaneRole.OFF_RAMP, LaneRole.WEAVING)
+    row, shift = _transitions(scene, scene.has_role(LaneRole.MAIN), ramp)
     way, end = _way_on(scene, ramp), _course_ends(scene)[1][row]
     return _hits(scene, Label.RAMP_EXITING, row, way[end] - way[row], shift, cut=ramp[end])
 
@@ -428,20 +428,22 @@ def _vru_conflict(scene: Scene, found: IntArray) -> BoolArray:
 
 def roundabout_entering(scene: Scene) -> Hits:
     """11: from an entry lane into the ring."""
-    row = _passages_between(scene, Role.ENTRY, Role.RING)
+    row = _passages_between(scene, LaneRole.ENTRY, LaneRole.RING)
     return alone(Label.ROUNDABOUT_ENTERING, row, yields=_yields(scene, row))
 
 
 def roundabout_exiting(scene: Scene) -> Hits:
     """12: from the ring into an exit lane."""
-    row = _passages_between(scene, Role.RING, Role.EXIT)
+    row = _passages_between(scene, LaneRole.RING, LaneRole.EXIT)
     return alone(Label.ROUNDABOUT_EXITING, row, speed=scene.speed[row])
 
 
 def roundabout_circulating(scene: Scene) -> Hits:
     """13: in the ring for the whole window and half a window before and after, so that it is apart from entering and exiting."""
     rules = scene.rules
-    inside = scene.complete & always(_roles(scene) == ROLES.index(Role.RING), scene.rows(rules.window), scene.first, scene.last)
+    inside = scene.complete & always(
+        _roles(scene) == ROLES.index(LaneRole.RING), scene.rows(rules.window), scene.first, scene.last
+    )
     row = spaced(scene, inside, rules.ring_spacing, rules.most_windows)
     return alone(Label.ROUNDABOUT_CIRCULATING, row, speed=scene.speed[row])
 
@@ -451,7 +453,7 @@ def _roles(scene: Scene) -> IntArray:
     return held(scene.role, scene.first, scene.rows(scene.rules.flicker))
 
 
-def _passages_between(scene: Scene, before: Role, after: Role) -> IntArray:
+def _passages_between(scene: Scene, before: LaneRole, after: LaneRole) -> IntArray:
     roles = _roles(scene)
     start, _ = stays(roles, scene.first)
     row = start[1:][scene.first[start[1:]] == scene.first[start[1:] - 1]]
@@ -464,7 +466,7 @@ def _yields(scene: Scene, row: IntArray) -> BoolArray:
     rules = scene.rules
     earlier = np.maximum(row[:, None] - np.arange(scene.rows(rules.yield_time) + 1), scene.first[row][:, None])
     slow = scene.speed[earlier].min(axis=1, initial=np.inf) < rules.yield_speed
-    ring = np.flatnonzero(scene.has_role(Role.RING))
+    ring = np.flatnonzero(scene.has_role(LaneRole.RING))
     others = scene.x[ring], scene.y[ring], scene.time[ring], scene.track[ring]
     apart = time_apart(scene.x[row], scene.y[row], scene.time[row], scene.track[row], others)
     return slow | (apart < rules.yield_time)

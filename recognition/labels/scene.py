@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.labels.changes import LaneChanges, Passages, SceneRows, constant, lane_changes, passages, smoothed
-from recognition.labels.classes import CONDITIONS, Event, Label, Rules
-from recognition.sites import Role, Site
+from recognition.labels.classes import CONDITIONS, Label, LabelledEvent, Rules
+from recognition.sites import LaneRole, Site
 from recognition.sites.lanes import NOWHERE, LaneGraph, Strip, place
 from recognition.sites.roles import ROLES
 from runner.measures.criticality import time_headway, time_to_collision
@@ -194,11 +194,13 @@ class Scene(SceneRows):
             return strip.kind in DRIVABLE and several and abs(bend) < limit
 
         inside = np.append([wide(strip) for strip in lanes.strips], False)[self.strip]
-        return self.has_role(Role.MAIN, Role.URBAN, Role.APPROACH) | (self.has_role(Role.INSIDE, Role.SIGNALISED) & inside)
+        return self.has_role(LaneRole.MAIN, LaneRole.URBAN, LaneRole.APPROACH) | (
+            self.has_role(LaneRole.INSIDE, LaneRole.SIGNALISED) & inside
+        )
 
     def least_shift(self, row: IntArray) -> FloatArray:
         """Least lateral displacement (m) of a change into the lane of each row of which not all need be recorded."""
-        share = np.where(self.role[row] == ROLES.index(Role.MAIN), self.rules.partial_shift, self.rules.partial_urban_shift)
+        share = np.where(self.role[row] == ROLES.index(LaneRole.MAIN), self.rules.partial_shift, self.rules.partial_urban_shift)
         return share * self.site.lanes.width[self.strip[row]]
 
     def steady(self, seconds: float) -> BoolArray:
@@ -343,13 +345,13 @@ def alone(label: Label, row: IntArray, **tags: NDArray) -> Hits:
     return Hits(label, row, np.full(len(row), ABSENT, np.int64), tags)
 
 
-def events(scene: Scene, name: str, found: Iterable[Hits]) -> list[Event]:
+def events(scene: Scene, name: str, found: Iterable[Hits]) -> list[LabelledEvent]:
     """The events that stay, in the order of egos' names and time."""
     candidates = [
         (PRECEDENCE.index(hits.label), row, hits, index) for hits in found for index, row in enumerate(hits.row.tolist())
     ]
     taken: dict[int, list[float]] = {}
-    kept: list[Event] = []
+    kept: list[LabelledEvent] = []
     for _, row, hits, index in sorted(candidates, key=lambda one: one[:2]):
         time, times = float(scene.time[row]), taken.setdefault(int(scene.track[row]), [])
         if all(abs(time - other) >= scene.rules.window for other in times):
@@ -358,12 +360,14 @@ def events(scene: Scene, name: str, found: Iterable[Hits]) -> list[Event]:
     return sorted(kept, key=lambda event: (event.ego, event.time))
 
 
-def _event(scene: Scene, name: str, hits: Hits, index: int) -> Event:
+def _event(scene: Scene, name: str, hits: Hits, index: int) -> LabelledEvent:
     row, partner = int(hits.row[index]), int(hits.partner[index])
     other = scene.names[scene.track[partner]] if partner != ABSENT else None
     tags = {key: _plain(values[index]) for key, values in hits.tags.items()}
     why = _why(scene, hits.label, row, partner, tags)
-    return Event(name, scene.names[scene.track[row]], round(float(scene.time[row]), _DIGITS), hits.label, other, tags, why)
+    return LabelledEvent(
+        name, scene.names[scene.track[row]], round(float(scene.time[row]), _DIGITS), hits.label, other, tags, why
+    )
 
 
 def _why(scene: Scene, label: Label, row: int, partner: int, tags: Mapping[str, bool | float]) -> str:

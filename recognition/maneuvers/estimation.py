@@ -16,7 +16,7 @@ from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
-class LaneMotion:
+class LaneCoordinates:
     """Rows of a scene along and across their lanes.
 
     Attributes:
@@ -51,7 +51,7 @@ class LaneMotion:
         return int(self.first[row] + (others[-1] + 1 if len(others) else 0))
 
 
-def lane_motion(scene: Scene) -> LaneMotion:
+def lane_motion(scene: Scene) -> LaneCoordinates:
     """The motion along and across the lanes of all rows of a scene."""
     changes = scene.changes
     dx, dy = np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1])
@@ -61,7 +61,9 @@ def lane_motion(scene: Scene) -> LaneMotion:
     begins = np.diff(changes.course, prepend=-1) != 0
     starts = np.flatnonzero(begins)
     ends = np.append(starts[1:], len(begins)) - 1
-    return LaneMotion(scene, np.cumsum(np.where(begins, 0.0, along)), changes.side, starts[changes.course], ends[changes.course])
+    return LaneCoordinates(
+        scene, np.cumsum(np.where(begins, 0.0, along)), changes.side, starts[changes.course], ends[changes.course]
+    )
 
 
 _WEIGHT = 10.0
@@ -128,7 +130,7 @@ def progress(share: FloatArray) -> FloatArray:
     return 0.5 - 0.5 * np.cos(np.pi * share)
 
 
-def errors(motion: LaneMotion, unit: Unit, row: FloatArray) -> Errors:
+def errors(motion: LaneCoordinates, unit: Unit, row: FloatArray) -> Errors:
     """Return the errors of the reconstruction at 1 Hz through the scene, aligned at the start of the manoeuvre.
 
     Source: METHOD.md §3, RMSE_t and RMSE_s, which are means of these over all units.
@@ -166,7 +168,7 @@ class LaneChange(NamedTuple):
     shift: float
 
 
-def lane_changes(motion: LaneMotion) -> list[LaneChange]:
+def lane_changes(motion: LaneCoordinates) -> list[LaneChange]:
     """The lane changes of a scene in the order of rows, those whose border is crossed as the rules have it."""
     changes = motion.scene.changes
     rows, lacking, margin = changes.row.tolist(), _lacking(motion), motion.scene.rows(_MARGIN)
@@ -183,7 +185,7 @@ def lane_changes(motion: LaneMotion) -> list[LaneChange]:
     return found
 
 
-def _lacking(motion: LaneMotion) -> tuple[BoolArray, BoolArray]:
+def _lacking(motion: LaneCoordinates) -> tuple[BoolArray, BoolArray]:
     """Rows without a lane to the right of their own, and those without one to the left; short stays in a lane don't count."""
     scene = motion.scene
     strips, steps = scene.site.lanes.strips, np.cumsum(scene.changes.step)
@@ -196,7 +198,7 @@ def _lacking(motion: LaneMotion) -> tuple[BoolArray, BoolArray]:
     return own & ~right[scene.strip], own & ~left[scene.strip]
 
 
-def _fitted(motion: LaneMotion, row: int, first: int, last: int, earliest: int) -> LaneChange | None:
+def _fitted(motion: LaneCoordinates, row: int, first: int, last: int, earliest: int) -> LaneChange | None:
     """The lane change across the border at a row within two other rows; None where there is no room for one.
 
     Args:
@@ -225,7 +227,7 @@ _LEAD_IN = 1.0
 """Time (s) before a unit in which its acceleration may begin: units begin where it is already there"""
 
 
-def onset_jerk(motion: LaneMotion, unit: Unit, change: float) -> float:
+def onset_jerk(motion: LaneCoordinates, unit: Unit, change: float) -> float:
     """Greatest jerk (m/s³) towards the greatest acceleration of a unit, from a second before it on.
 
     It is the second difference of the speed over twice `WIDE`: the mean of the jerk in that time, by a triangular window. NaN
@@ -246,7 +248,7 @@ def onset_jerk(motion: LaneMotion, unit: Unit, change: float) -> float:
     return greatest if greatest > 0.0 else np.nan
 
 
-class Estimate(NamedTuple):
+class UnitEstimate(NamedTuple):
     """Estimated parameters of a unit.
 
     Attributes:
@@ -260,7 +262,7 @@ class Estimate(NamedTuple):
     jerk: float
 
 
-def estimate(motion: LaneMotion, unit: Unit) -> Estimate | None:
+def estimate(motion: LaneCoordinates, unit: Unit) -> UnitEstimate | None:
     """The values of a unit's parameters.
 
     The gap is that when the manoeuvre begins. The speeds are those with which the reconstruction comes closest to the recorded
@@ -281,10 +283,10 @@ def estimate(motion: LaneMotion, unit: Unit) -> Estimate | None:
     start_time, duration, rest_time = np.diff(scene.time[[unit.first, unit.start, unit.end, unit.last]]).tolist()
     start, end, final = _speeds(motion, unit, duration, rest_time).tolist()
     jerk = onset_jerk(motion, unit, end - start)
-    return Estimate(Values(gap, start, start_time, end, duration, final, rest_time), other_speed, jerk)
+    return UnitEstimate(Values(gap, start, start_time, end, duration, final, rest_time), other_speed, jerk)
 
 
-def _speeds(motion: LaneMotion, unit: Unit, duration: float, rest_time: float) -> FloatArray:
+def _speeds(motion: LaneCoordinates, unit: Unit, duration: float, rest_time: float) -> FloatArray:
     """Start, end and final speed (3,), m/s."""
     scene = motion.scene
     rows = np.arange(unit.first, unit.last + 1, scene.rows(EVERY))
@@ -309,7 +311,7 @@ class Segmentation:
         changes: its lane changes in the order of rows.
     """
 
-    def __init__(self, motion: LaneMotion) -> None:
+    def __init__(self, motion: LaneCoordinates) -> None:
         self.motion, self.changes = motion, lane_changes(motion)
         self._starts = np.array([change.start for change in self.changes], np.int64)
         self._ends = np.array([change.end for change in self.changes], np.int64)
@@ -340,7 +342,7 @@ class Segmentation:
         return _unit(self.motion, kind, other, start, end, first, last, shift)
 
 
-def segment(motion: LaneMotion, thresholds: Thresholds = Thresholds()) -> list[Unit]:
+def segment(motion: LaneCoordinates, thresholds: Thresholds = Thresholds()) -> list[Unit]:
     """Return the units of a recording, by actor and time; a lane change is a unit for each affected vehicle."""
     segmentation = Segmentation(motion)
     units = [*_lane_changes(segmentation), *_phases(motion, segmentation.changes, thresholds)]
@@ -360,7 +362,7 @@ def _lane_changes(segmentation: Segmentation) -> Iterator[Unit]:
             yield segmentation.of_change(index, kind, other)
 
 
-def _phases(motion: LaneMotion, changes: list[LaneChange], thresholds: Thresholds) -> Iterator[Unit]:
+def _phases(motion: LaneCoordinates, changes: list[LaneChange], thresholds: Thresholds) -> Iterator[Unit]:
     """Braking and acceleration of vehicles that have a follower then, apart from lane changes."""
     scene = motion.scene
     sign = np.where(np.abs(scene.acceleration) > thresholds.acceleration, np.sign(scene.acceleration), 0.0).astype(np.int64)
@@ -381,7 +383,9 @@ def _phases(motion: LaneMotion, changes: list[LaneChange], thresholds: Threshold
         yield _unit(motion, BRAKING if busy[row] < 0 else ACCELERATION, int(scene.track[follower]), row, end, first, last)
 
 
-def _unit(motion: LaneMotion, kind: str, other: int, start: int, end: int, first: int, last: int, shift: float = 0.0) -> Unit:
+def _unit(
+    motion: LaneCoordinates, kind: str, other: int, start: int, end: int, first: int, last: int, shift: float = 0.0
+) -> Unit:
     """A unit whose scene is cut to the actor's course and to what the parameters reach."""
     scene = motion.scene
     first = max(first, int(motion.first[start]), start - scene.rows(PARAMETERS["start_time"].high))

@@ -19,9 +19,9 @@ from recognition.maneuvers.maneuver import (
     EGO_ACTS,
     LONGEST,
     SHORTEST,
-    Conflict,
-    Maneuver,
+    ConflictPoint,
     Passage,
+    RecordedManeuver,
     RecordedPath,
     Span,
     SpeedChange,
@@ -56,7 +56,7 @@ _SIDEWAYS = 1.0
 """Lateral distance (m) of a lane change, at least"""
 
 
-def in_lanes(segmentation: Segmentation, kind: str, ego: str, partner: str | None, span: Span) -> Maneuver:
+def in_lanes(segmentation: Segmentation, kind: str, ego: str, partner: str | None, span: Span) -> RecordedManeuver:
     """The manoeuvre of an event of one of the kinds in `KINDS`; see `Maneuvers.of`.
 
     Raises:
@@ -98,7 +98,7 @@ def _kept_lane(segmentation: Segmentation, kind: str, actor: int, passive: int, 
     return segmentation.between(BRAKING if kind == "following" else ACCELERATION, passive, start, last)
 
 
-def _maneuver(segmentation: Segmentation, kind: str, own: int, unit: Unit) -> Maneuver:
+def _maneuver(segmentation: Segmentation, kind: str, own: int, unit: Unit) -> RecordedManeuver:
     """The manoeuvre of a unit for an ego, by the index of its track."""
     motion, tracks = segmentation.motion, segmentation.motion.scene.recording.tracks
     names, time = motion.scene.names, motion.scene.time
@@ -116,7 +116,7 @@ def _maneuver(segmentation: Segmentation, kind: str, own: int, unit: Unit) -> Ma
         approach = min(LONGEST, begin - float(time[motion.in_lane_since(row)]))
     left = unit.shift > 0.0 if kind in _UNITS else None
     passage = Passage.of(RecordedPath.of(ego), begin) if kind == "ramp" else None
-    return Maneuver(kind, ego, other, left, found.values, found.other_speed, begin, approach, passage)
+    return RecordedManeuver(kind, ego, other, left, found.values, found.other_speed, begin, approach, passage)
 
 
 _SAME = 1.0
@@ -129,7 +129,9 @@ _STEP = 0.25
 """Distance (m) of the points of the ego's way that others are compared with"""
 
 
-def nearest_conflict(recording: Recording, ego: Track, path: RecordedPath, time: float, partner: str | None) -> Conflict | None:
+def nearest_conflict(
+    recording: Recording, ego: Track, path: RecordedPath, time: float, partner: str | None
+) -> ConflictPoint | None:
     """Return the conflict with the least time between the ego and a vehicle whose path meets its own from the side.
 
     Args:
@@ -155,7 +157,7 @@ class _EgoPath:
     def __init__(self, tree: cKDTree, then: FloatArray, begins: float) -> None:
         self._tree, self._then, self._begins = tree, then, begins
 
-    def conflict_with(self, track: Track) -> tuple[float, Conflict] | None:
+    def conflict_with(self, track: Track) -> tuple[float, ConflictPoint] | None:
         """Return the conflict of a track with the path, and the time between both visits (s); None without a conflict."""
         columns = track.columns
         time = columns["time"]
@@ -174,7 +176,7 @@ class _EgoPath:
         if reach <= path.at(self._begins):
             return None
         x, y = (round(float(columns[axis][place]), 3) for axis in ("x", "y"))
-        found = Conflict(track, path, x, y, reach, float(np.interp(reach, path.station, path.time)))
+        found = ConflictPoint(track, path, x, y, reach, float(np.interp(reach, path.station, path.time)))
         return abs(float(time[place] - self._then[nearest[first]])), found
 
 
@@ -190,7 +192,9 @@ _FLICKER = 0.5
 """Stays (s) on another road that don't count: where lanes of a junction overlap, rows may jump between them"""
 
 
-def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, partner: str | None, span: Span) -> Maneuver:
+def passage(
+    recording: Recording, network: RoadNetwork, label: Label, ego: str, partner: str | None, span: Span
+) -> RecordedManeuver:
     """The passage of an event; see `maneuvers.maneuver`.
 
     Raises:
@@ -216,13 +220,13 @@ def passage(recording: Recording, network: RoadNetwork, label: Label, ego: str, 
     delay = min(alone.longest(speeds[0]), start - float(time[0]))
     if conflict is None:
         values = Values(None, speeds[0], delay, speeds[1], duration, speeds[2], rest)
-        return Maneuver("passage", own, None, None, values, 0.0, start, passage=alone)
+        return RecordedManeuver("passage", own, None, None, values, 0.0, start, passage=alone)
     here = float(conflict.path.at(start))
     speed = (conflict.reach - here) / (conflict.time - start)
     delay = min(delay, start - float(conflict.other.columns["time"][0]), here / speed)
     values = Values(conflict.reach - here, speeds[0], delay, speeds[1], duration, speeds[2], rest)
     both = alone._replace(conflict=conflict, continuation=_continuation(conflict, speed, end + rest))
-    return Maneuver("passage", own, conflict.other, None, values, speed, start, passage=both)
+    return RecordedManeuver("passage", own, conflict.other, None, values, speed, start, passage=both)
 
 
 def _inside(track: Track, network: RoadNetwork, time: float, timestep: float, turns: bool) -> tuple[float, float]:
@@ -249,7 +253,7 @@ def _inside(track: Track, network: RoadNetwork, time: float, timestep: float, tu
     return float(at[start]), float(at[min(rows[-1] + 1, len(at) - 1)])
 
 
-def _continuation(conflict: Conflict, speed: float, end: float) -> SpeedChange:
+def _continuation(conflict: ConflictPoint, speed: float, end: float) -> SpeedChange:
     """Return the speed change of the other vehicle from the conflict point (m/s) to its place at the end of the scene (s)."""
     last = min(end, float(conflict.other.columns["time"][-1]))
     duration = last - conflict.time
@@ -288,7 +292,7 @@ class Maneuvers:
     def _segmentation(self) -> Segmentation:
         return Segmentation(lane_motion(prepare(self._recording, self._site, Rules())))
 
-    def of(self, label: Label, ego: str, partner: str | None, span: Span) -> Maneuver:
+    def of(self, label: Label, ego: str, partner: str | None, span: Span) -> RecordedManeuver:
         """The manoeuvre of an event.
 
         Args:
@@ -305,7 +309,7 @@ class Maneuvers:
             raise Unsupported("the manoeuvre is unknown: its class, unknown or discovered, is none of the 17")
         return replace(found, speeds=self._speeds(label, found))
 
-    def _speeds(self, label: Label, found: Maneuver) -> tuple[float, float]:
+    def _speeds(self, label: Label, found: RecordedManeuver) -> tuple[float, float]:
         """Range of speeds (m/s) on the ego's road when the manoeuvre begins: by the limit, else by the kind of road."""
         columns = found.ego.columns
         row = min(int(np.searchsorted(columns["time"], found.begin)), len(columns["time"]) - 1)

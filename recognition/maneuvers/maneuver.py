@@ -22,7 +22,7 @@ EGO_ACTS = ("lane_change", "cruise", "ramp", "passage")
 """Kinds of manoeuvres whose actor is the ego"""
 
 
-class Conflict(NamedTuple):
+class ConflictPoint(NamedTuple):
     """Conflict point of another path with the ego's.
 
     Attributes:
@@ -59,7 +59,7 @@ class Passage(NamedTuple):
 
     path: RecordedPath
     begin: float
-    conflict: Conflict | None = None
+    conflict: ConflictPoint | None = None
     continuation: SpeedChange | None = None
 
     @classmethod
@@ -73,7 +73,7 @@ class Passage(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Maneuver:
+class RecordedManeuver:
     """A manoeuvre.
 
     Attributes:

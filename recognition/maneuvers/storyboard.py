@@ -12,7 +12,7 @@ import numpy as np
 
 from recognition.catalogue.cut import EGO
 from recognition.catalogue.replay import entry
-from recognition.maneuvers.maneuver import LONGEST, Maneuver, RecordedPath
+from recognition.maneuvers.maneuver import LONGEST, RecordedManeuver, RecordedPath
 from recognition.maneuvers.parameters import APART, EGO_SPEED, JERK, OTHER_SPEED, PARAMETERS, STILL
 from runner.positions.lane import travel_s
 from runner.recording import Track
@@ -39,17 +39,17 @@ _BESIDE = 0.1
 """Share of a recorded value by which its range goes beyond it on both sides, at least"""
 
 
-def values(maneuver: Maneuver) -> dict[str, float]:
+def values(maneuver: RecordedManeuver) -> dict[str, float]:
     """The parameters that the manoeuvre has, with their recorded values."""
     return {name: round(value, 3) for name, value in maneuver.values.named.items()}
 
 
-def passive(maneuver: Maneuver) -> str:
+def passive(maneuver: RecordedManeuver) -> str:
     """Name of the other vehicle's speed."""
     return OTHER_SPEED if maneuver.ego_acts else EGO_SPEED
 
 
-def declarations(maneuver: Maneuver, version: Version) -> list[Any]:
+def declarations(maneuver: RecordedManeuver, version: Version) -> list[Any]:
     """Declarations of the seven, with their ranges, and of what else the scenario uses."""
     declared = []
     for name, value in values(maneuver).items():
@@ -67,7 +67,7 @@ def declarations(maneuver: Maneuver, version: Version) -> list[Any]:
     return [*declared, maneuvers.parameter(BEGIN, "double", f"${{{_begin(maneuver, version)}}}")]
 
 
-def _range(name: str, value: float, maneuver: Maneuver) -> tuple[float, float]:
+def _range(name: str, value: float, maneuver: RecordedManeuver) -> tuple[float, float]:
     """Range of a parameter: the usual one, widened to both sides of the recorded value."""
     passage = maneuver.passage
     low, high = maneuver.speeds if name in (START_SPEED, END_SPEED, FINAL_SPEED) else RANGES[name]
@@ -77,8 +77,8 @@ def _range(name: str, value: float, maneuver: Maneuver) -> tuple[float, float]:
     return low, high
 
 
-def _begin(maneuver: Maneuver, version: Version) -> str:
-    """The start time, no longer than everyone can keep a speed until the manoeuvre: the same as `Maneuver.delay`."""
+def _begin(maneuver: RecordedManeuver, version: Version) -> str:
+    """The start time, no longer than everyone can keep a speed until the manoeuvre: the same as `RecordedManeuver.delay`."""
     begin, passage = f"${START_TIME}", maneuver.passage
     if maneuver.approach < LONGEST:
         begin = lesser(begin, f"{maneuver.approach:.3f}", version)
@@ -92,7 +92,7 @@ def _begin(maneuver: Maneuver, version: Version) -> str:
     return begin
 
 
-def _opening(maneuver: Maneuver) -> str:
+def _opening(maneuver: RecordedManeuver) -> str:
     """Speed by which leader and ego move apart."""
     return f"(${OTHER_SPEED} - ${START_SPEED})" if maneuver.ego_acts else f"(${START_SPEED} - ${EGO_SPEED})"
 
@@ -207,7 +207,7 @@ class Paths(NamedTuple):
     trajectories: dict[str, Any]
 
 
-def paths(maneuver: Maneuver, network: RoadNetwork, name: str, other: str) -> Paths:
+def paths(maneuver: RecordedManeuver, network: RoadNetwork, name: str, other: str) -> Paths:
     """Return the paths of the ego and the other vehicle; none for straight on.
 
     Args:
@@ -223,7 +223,7 @@ def paths(maneuver: Maneuver, network: RoadNetwork, name: str, other: str) -> Pa
     return Paths({EGO: route} if route is not None else {}, trajectories)
 
 
-def init(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) -> dict[str, list[Any]]:
+def init(maneuver: RecordedManeuver, network: RoadNetwork, other: str, followed: Paths) -> dict[str, list[Any]]:
     """The actions at the beginning, by participant.
 
     Args:
@@ -243,7 +243,7 @@ def init(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) 
     return started
 
 
-def _ego(maneuver: Maneuver, followed: Paths) -> list[Any]:
+def _ego(maneuver: RecordedManeuver, followed: Paths) -> list[Any]:
     """Return the ego's actions: its recorded start, or the approach to its manoeuvre on its route or path."""
     passage = maneuver.passage
     if passage is None:
@@ -282,13 +282,13 @@ def _facing(track: Track, time: float, network: RoadNetwork) -> int:
     return 1 if np.cos(h - network.road(here.road_id).heading(here.s)) >= 0.0 else -1
 
 
-def _recorded(maneuver: Maneuver) -> Any:
+def _recorded(maneuver: RecordedManeuver) -> Any:
     """The place of the ego when the scene begins."""
     here = _place(maneuver.ego, maneuver.start)
     return maneuvers.teleport(maneuvers.lane_position(here.road_id, here.lane_id, round(here.s, 3), round(here.offset, 3)))
 
 
-def _beside(maneuver: Maneuver, other: Track, network: RoadNetwork) -> list[Any]:
+def _beside(maneuver: RecordedManeuver, other: Track, network: RoadNetwork) -> list[Any]:
     """Ahead of the ego (or, to cut in, beside its lane) by what gives the parameter's gap after the delay."""
     here = _place(maneuver.ego, maneuver.start)
     side = _facing(maneuver.ego, maneuver.start, network)
@@ -310,7 +310,7 @@ class _Left(NamedTuple):
     value: float
 
 
-def _ahead(maneuver: Maneuver, other: Track) -> _Left:
+def _ahead(maneuver: RecordedManeuver, other: Track) -> _Left:
     """Return the distance (m) ahead of the ego at which the other one begins."""
     own, mine = (OTHER_SPEED, START_SPEED) if maneuver.ego_acts else (START_SPEED, EGO_SPEED)
     boxes = round(maneuver.ego.box.x + maneuver.ego.box.length / 2 - other.box.x + other.box.length / 2, 3)
@@ -325,7 +325,7 @@ _MARGIN = 5.0
 """Distance (m) of a front from the road's end at which the scene ends"""
 
 
-def _road_ends(maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths) -> list[list[TriggerCondition]]:
+def _road_ends(maneuver: RecordedManeuver, network: RoadNetwork, other: str, followed: Paths) -> list[list[TriggerCondition]]:
     """Stop conditions for participants near the end of their roads, where they could only stop dead.
 
     Raises:
@@ -347,7 +347,7 @@ def _road_ends(maneuver: Maneuver, network: RoadNetwork, other: str, followed: P
     return found
 
 
-def _ego_left(maneuver: Maneuver, network: RoadNetwork, followed: Paths) -> _Left:
+def _ego_left(maneuver: RecordedManeuver, network: RoadNetwork, followed: Paths) -> _Left:
     """Distance left to the ego, along its path or route, else along its lane."""
     passage, known = maneuver.passage, maneuver.values
     if passage is not None:
@@ -362,7 +362,7 @@ def _ego_left(maneuver: Maneuver, network: RoadNetwork, followed: Paths) -> _Lef
     return _Left(f"{left:.3f}", left)
 
 
-def _other_left(maneuver: Maneuver, network: RoadNetwork) -> _Left:
+def _other_left(maneuver: RecordedManeuver, network: RoadNetwork) -> _Left:
     """Distance left to the other one, on its path beyond the conflict point, else along the lane of the ego."""
     assert maneuver.other is not None and maneuver.values.gap is not None, "there is another one"
     gap, passage = maneuver.values.gap, maneuver.passage
@@ -381,7 +381,7 @@ def _onwards(track: Track, time: float, network: RoadNetwork) -> float:
     return _FAR - beyond
 
 
-def _route(maneuver: Maneuver, network: RoadNetwork, name: str) -> Any | None:
+def _route(maneuver: RecordedManeuver, network: RoadNetwork, name: str) -> Any | None:
     """The route of an ego that leaves its road, from where it is first to where it is last; None for one that needs none."""
     places = [_place(maneuver.ego, time) for time in (maneuver.start, maneuver.end)]
     if places[0].road_id == places[1].road_id or network.route(places) is None:
@@ -400,7 +400,7 @@ _THERE = 0.5
 """Distance (m) from the conflict point within which the other one is there"""
 
 
-class Stage(NamedTuple):
+class ScenarioFiles(NamedTuple):
     """Surroundings of a scenario: its file, the relative road file, and the folders of its catalogues by kind."""
 
     path: Path
@@ -408,7 +408,7 @@ class Stage(NamedTuple):
     catalogs: dict[str, str]
 
 
-def entry_name(maneuver: Maneuver) -> str:
+def entry_name(maneuver: RecordedManeuver) -> str:
     """Name of the entry of the manoeuvre catalogue."""
     if maneuver.passage is not None and maneuver.other is not None:
         return "passage"
@@ -416,12 +416,12 @@ def entry_name(maneuver: Maneuver) -> str:
     return kind if maneuver.other else f"{kind}_without_lead"
 
 
-def catalogue_entries(maneuver: Maneuver) -> list[Any]:
+def catalogue_entries(maneuver: RecordedManeuver) -> list[Any]:
     """The entries of the manoeuvre catalogue, for any participants: the actor's, and the other one's in a passage."""
     return [_change(maneuver), *([_resume()] if _conflict(maneuver) else [])]
 
 
-def _change(maneuver: Maneuver) -> Any:
+def _change(maneuver: RecordedManeuver) -> Any:
     """The actor's parameters, trigger and actions."""
     roles = {role: f"${each.name}" for role, each in PARAMETERS.items()}
     lanes = 0 if maneuver.left is None else 1 if maneuver.left else -1
@@ -448,7 +448,13 @@ def _resume() -> Any:
 
 
 def scenario(
-    stage: Stage, header: FileHeader, maneuver: Maneuver, network: RoadNetwork, other: str, followed: Paths, version: Version
+    stage: ScenarioFiles,
+    header: FileHeader,
+    maneuver: RecordedManeuver,
+    network: RoadNetwork,
+    other: str,
+    followed: Paths,
+    version: Version,
 ) -> Document:
     """The scenario with a manoeuvre.
 
@@ -483,7 +489,7 @@ def scenario(
     )
 
 
-def _others(maneuver: Maneuver, other: str) -> list[tuple[str, Any]]:
+def _others(maneuver: RecordedManeuver, other: str) -> list[tuple[str, Any]]:
     """Return the actions of the vehicle in a passage that is not the actor."""
     continuation = maneuver.passage.continuation if maneuver.passage is not None else None
     if continuation is None:
@@ -497,14 +503,14 @@ def _others(maneuver: Maneuver, other: str) -> list[tuple[str, Any]]:
     return [(other, maneuvers.reference("ManeuverCatalog", _RESUME, assigned))]
 
 
-def _roles(maneuver: Maneuver, other: str) -> dict[str, str]:
+def _roles(maneuver: RecordedManeuver, other: str) -> dict[str, str]:
     """The parameters of the entry that name participants, with the names for an ego that acts."""
     if maneuver.other is None:
         return {"Actor": EGO}
     return {"Actor": EGO} | ({"Other": other} if maneuver.passage is not None else {"Follower": EGO, "Leader": other})
 
 
-def _conflict(maneuver: Maneuver) -> dict[str, float]:
+def _conflict(maneuver: RecordedManeuver) -> dict[str, float]:
     """The parameters of the entry for the conflict point, m."""
     conflict = maneuver.passage.conflict if maneuver.passage is not None else None
     return {"ConflictX_m": conflict.x, "ConflictY_m": conflict.y} if conflict is not None else {}

@@ -16,7 +16,7 @@ from recognition.datasets import Source
 from recognition.datasets import open as open_data
 from recognition.labels.classes import Rules
 from recognition.labels.scene import prepare
-from recognition.maneuvers.estimation import LaneMotion, errors, estimate, lane_motion, segment
+from recognition.maneuvers.estimation import LaneCoordinates, errors, estimate, lane_motion, segment
 from recognition.maneuvers.parameters import ACCELERATION, BRAKING, DECLARED, JERK, PARAMETERS, Unit
 from recognition.sites import site_of
 from schemas.common.array_types import FloatArray, IntArray
@@ -41,7 +41,7 @@ class Exposure:
     counts: Mapping[str, int]
 
     @classmethod
-    def of(cls, motion: LaneMotion, units: Iterable[Unit]) -> Exposure:
+    def of(cls, motion: LaneCoordinates, units: Iterable[Unit]) -> Exposure:
         """Return the exposure of one recording."""
         scene = motion.scene
         steps = np.where((np.diff(scene.track) == 0) & (np.diff(scene.frame) == 1), np.diff(scene.time), 0.0)
@@ -86,7 +86,7 @@ _GAP, _START_SPEED, _DURATION = (list(PARAMETERS).index(role) for role in ("gap"
 
 
 @dataclass(frozen=True, eq=False)
-class Pairs:
+class PairedUnits:
     """Two units each: of the actor that is nearer to the ego, and of the one ahead of that.
 
     Attributes:
@@ -104,7 +104,7 @@ class Pairs:
         return len(self.lag)
 
 
-def pairs(samples: Samples, first: str, second: str) -> Pairs:
+def pairs(samples: Samples, first: str, second: str) -> PairedUnits:
     """The pairs of units of two kinds that overlap in time, have the same ego, and the second actor ahead of the first one.
 
     The second unit's ego may be the first actor instead, then between the two. Speeds before the units are taken to be
@@ -118,7 +118,7 @@ def pairs(samples: Samples, first: str, second: str) -> Pairs:
     ahead = two.theta[:, _GAP] - (two.theta[:, _START_SPEED] - followed) * lag
     ahead -= np.where(behind, 0.0, one.theta[:, _GAP] + LENGTH)
     kept = np.flatnonzero((ahead > 0.0) & (np.abs(lag) < MOST_LAG))
-    return Pairs(one.where(kept), two.where(kept), ahead[kept], lag[kept])
+    return PairedUnits(one.where(kept), two.where(kept), ahead[kept], lag[kept])
 
 
 @dataclass(frozen=True, eq=False)

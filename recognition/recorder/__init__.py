@@ -9,15 +9,15 @@ from schemas.common.packages import public
 if TYPE_CHECKING:
     from recognition.recorder.recorder import record as record
     from recognition.recorder.sites import SITES as SITES
-    from recognition.recorder.sites import Site as Site
+    from recognition.recorder.sites import SimulatedSite as SimulatedSite
 
-__all__ = ["SITES", "Site", "record"]
+__all__ = ["SITES", "SimulatedSite", "record"]
 
 __getattr__, __dir__ = public(
     __name__,
     {
         "SITES": "recognition.recorder.sites",
-        "Site": "recognition.recorder.sites",
+        "SimulatedSite": "recognition.recorder.sites",
         "record": "recognition.recorder.recorder",
     },
 )

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.recorder.simulation import VehicleMotion, motion, overlaps, simulate
-from recognition.recorder.sites import SITES, Site, View, family
+from recognition.recorder.sites import SITES, CameraView, SimulatedSite, family
 from recognition.recorder.traffic import Vehicle, departures, parked
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import ToolchainError, UsageError
@@ -122,7 +122,7 @@ class Sheet:
         upper, lower: y of the lane markings of each carriageway, ascending, m. limit: m/s.
     """
 
-    def __init__(self, network: RoadNetwork, view: View) -> None:
+    def __init__(self, network: RoadNetwork, view: CameraView) -> None:
         road = next(iter(network.roads.values()))
         self.view = view
         self.limit = road.speed_limit(0.0)
@@ -138,7 +138,13 @@ class Sheet:
 
 
 def write_highd(
-    folder: Path, number: int, network: RoadNetwork, view: View, vehicles: Sequence[Vehicle], motion: VehicleMotion, frames: int
+    folder: Path,
+    number: int,
+    network: RoadNetwork,
+    view: CameraView,
+    vehicles: Sequence[Vehicle],
+    motion: VehicleMotion,
+    frames: int,
 ) -> Path:
     """Write a recording into a folder; the track file's path.
 
@@ -295,7 +301,7 @@ _VARIATION = (0.75, 1.25)
 class _Task:
     """A recording to be made: its site, number from 0, length (s), seed and folder."""
 
-    site: Site
+    site: SimulatedSite
     number: int
     length: float
     seed: np.random.SeedSequence
@@ -339,7 +345,7 @@ def record(
     return found
 
 
-def record_one(site: Site, out: Path, length: float, seed: int = 0) -> Path:
+def record_one(site: SimulatedSite, out: Path, length: float, seed: int = 0) -> Path:
     """Record traffic at a site of any kind for so long (s), into a folder `out` / its name; the track file.
 
     Raises:
@@ -352,7 +358,7 @@ def record_one(site: Site, out: Path, length: float, seed: int = 0) -> Path:
     return task.folder / made.name
 
 
-def _verify(scale: float, seed: int, sites: Sequence[str] | None, jobs: int, known: Mapping[str, Site]) -> None:
+def _verify(scale: float, seed: int, sites: Sequence[str] | None, jobs: int, known: Mapping[str, SimulatedSite]) -> None:
     if not scale > 0.0 or not math.isfinite(scale):
         raise UsageError(f"scale={scale!r} must be above 0")
     for name, value, least in (("seed", seed, 0), ("jobs", jobs, 1)):
@@ -388,7 +394,7 @@ def _drafted(tasks: Sequence[_Task], out: Path) -> Iterator[list[_Task]]:
             shutil.rmtree(hidden, ignore_errors=True)
 
 
-def _tasks(site: Site, scale: float, seed: int, out: Path, least: int) -> Iterator[_Task]:
+def _tasks(site: SimulatedSite, scale: float, seed: int, out: Path, least: int) -> Iterator[_Task]:
     total = site.recordings * site.minutes * 60.0 * scale
     count = max(least, round(site.recordings * scale))
     length = float(max(_SHORTEST, round(total / count)))
@@ -425,7 +431,7 @@ def _record(task: _Task) -> Path:
     return write_interaction(task.folder, task.number, vehicles, seen)
 
 
-def _attempt(site: Site, net: SumoNet, length: float, rng: np.random.Generator) -> tuple[list[Vehicle], VehicleMotion]:
+def _attempt(site: SimulatedSite, net: SumoNet, length: float, rng: np.random.Generator) -> tuple[list[Vehicle], VehicleMotion]:
     """New traffic, and what is seen of it."""
     busy = rng.uniform(*_VARIATION)
     flows = [flow._replace(rate=flow.rate * busy) for flow in site.flows]
@@ -437,7 +443,7 @@ def _attempt(site: Site, net: SumoNet, length: float, rng: np.random.Generator) 
     return vehicles, _seen(motion(fronts, [one.length for one in vehicles], rate), site.view, rate, length)
 
 
-def _seen(moving: VehicleMotion, view: View, rate: int, length: float) -> VehicleMotion:
+def _seen(moving: VehicleMotion, view: CameraView, rate: int, length: float) -> VehicleMotion:
     """Return the vehicles in view during the recording; its frames count from 0."""
     moving = moving._replace(frame=moving.frame - round(WARM_UP * rate))
     inside = (view.left <= moving.x) & (moving.x <= view.right) & (view.bottom <= moving.y) & (moving.y <= view.top)

@@ -63,7 +63,7 @@ def kerbside(
 Layout = Literal["highD", "INTERACTION"]
 
 
-class View(NamedTuple):
+class CameraView(NamedTuple):
     """View of the camera, a rectangle of the map, m."""
 
     left: float
@@ -73,7 +73,7 @@ class View(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Site:
+class SimulatedSite:
     """A place with its usual traffic.
 
     Attributes:
@@ -87,7 +87,7 @@ class Site:
     name: str
     layout: Layout
     road_map: Callable[[], RoadMap]
-    view: View
+    view: CameraView
     flows: tuple[Flow, ...]
     fleet: Fleet
     recordings: int
@@ -96,28 +96,28 @@ class Site:
     sensor: Sensor = EXACT
 
 
-def _fixed_motorway(name: str, lanes: int, limit: float, rate: float, recordings: int, minutes: float) -> Site:
+def _fixed_motorway(name: str, lanes: int, limit: float, rate: float, recordings: int, minutes: float) -> SimulatedSite:
     """Both carriageways of a straight motorway; the limit in km/h, the rate in vehicles per hour and direction."""
     build = partial(straight_highway, lanes=lanes, opposite_lanes=lanes, length=1400.0, speed_limit=limit / 3.6)
     flows = (Flow(("1", -1), ("1", -1), rate), Flow(("1", 2), ("1", 2), rate))
-    return Site(name, "highD", build, View(400.0, -30.0, 1250.0, 40.0), flows, MOTORWAY, recordings, minutes)
+    return SimulatedSite(name, "highD", build, CameraView(400.0, -30.0, 1250.0, 40.0), flows, MOTORWAY, recordings, minutes)
 
 
 def _fixed_street(
-    name: str, build: Callable[[], RoadMap], view: View, rate: float, recordings: int, minutes: float,
+    name: str, build: Callable[[], RoadMap], view: CameraView, rate: float, recordings: int, minutes: float,
     parking: tuple[Parking, ...] = (),
-) -> Site:  # fmt: skip
+) -> SimulatedSite:  # fmt: skip
     """A street through a town, with the rate of each direction."""
     flows = (Flow(("1", -1), ("1", -1), rate), Flow(("1", 1), ("1", 1), rate))
-    return Site(name, "INTERACTION", build, view, flows, TOWN, recordings, minutes, parking)
+    return SimulatedSite(name, "INTERACTION", build, view, flows, TOWN, recordings, minutes, parking)
 
 
 def junction(
     name: str, build: Callable[[], RoadMap], reach: float, flows: dict[str, float], recordings: int, minutes: float
-) -> Site:
+) -> SimulatedSite:
     """Roads that lead away from a place; "12": 300 are 300 vehicles per hour from road 1 to road 2."""
     found = tuple(Flow((way[0], 1), (way[1], -1), rate) for way, rate in flows.items())
-    return Site(name, "INTERACTION", build, View(-reach, -reach, reach, reach), found, TOWN, recordings, minutes)
+    return SimulatedSite(name, "INTERACTION", build, CameraView(-reach, -reach, reach, reach), found, TOWN, recordings, minutes)
 
 
 def evenly(arms: str, rate: float) -> dict[str, float]:
@@ -125,15 +125,15 @@ def evenly(arms: str, rate: float) -> dict[str, float]:
     return {f"{here}{there}": rate / (len(arms) - 1) for here, there in permutations(arms, 2)}
 
 
-def _ramp(name: str, build: Callable[[], RoadMap], flows: tuple[Flow, ...], recordings: int, minutes: float) -> Site:
-    return Site(name, "INTERACTION", build, View(330.0, -60.0, 1200.0, 30.0), flows, MOTORWAY, recordings, minutes)
+def _ramp(name: str, build: Callable[[], RoadMap], flows: tuple[Flow, ...], recordings: int, minutes: float) -> SimulatedSite:
+    return SimulatedSite(name, "INTERACTION", build, CameraView(330.0, -60.0, 1200.0, 30.0), flows, MOTORWAY, recordings, minutes)
 
 
 _ENTERING = (Flow(("1", -1), ("2", -1), 1500.0), Flow(("3", -1), ("2", -1), 800.0))
 _EXITING = (Flow(("1", -1), ("2", -1), 2000.0), Flow(("1", -1), ("3", -1), 1000.0))
 _KERB = tuple(Parking(("1", 2 * side), 235.0, 515.0, 14.0, ("1", side)) for side in (-1, 1))
 
-SITES: dict[str, Site] = {
+SITES: dict[str, SimulatedSite] = {
     site.name: site
     for site in (
         _fixed_motorway("motorway_sparse", 3, 130.0, 700.0, 12, 3.0),
@@ -143,16 +143,16 @@ SITES: dict[str, Site] = {
         _ramp("off_ramp", partial(off_ramp, ramp=300.0), _EXITING, 40, 5.0),
         _fixed_street(
             "arterial", partial(narrow_road, lanes=3, opposite_lanes=3, lane_width=3.25, length=700.0, speed_limit=50 / 3.6),
-            View(120.0, -40.0, 580.0, 40.0), 2000.0, 20, 2.0,
+            CameraView(120.0, -40.0, 580.0, 40.0), 2000.0, 20, 2.0,
         ),
         _fixed_street(
             "arterial_curve",
             partial(sharp_curve, radius=500.0, angle=0.7, lanes=2, opposite_lanes=2, approach=250.0, speed_limit=70 / 3.6),
-            View(120.0, -40.0, 660.0, 250.0), 1300.0, 20, 2.0,
+            CameraView(120.0, -40.0, 660.0, 250.0), 1300.0, 20, 2.0,
         ),
         _fixed_street(
             "kerbside", partial(kerbside, lanes=1, kerb=300.0, speed_limit=70 / 3.6),
-            View(120.0, -40.0, 630.0, 40.0), 700.0, 375, 1.0, _KERB,
+            CameraView(120.0, -40.0, 630.0, 40.0), 700.0, 375, 1.0, _KERB,
         ),
         junction("roundabout", roundabout, 120.0, evenly("1234", 350.0), 22, 2.5),
         junction("roundabout_five_arms", partial(roundabout, arms=5, radius=22.0), 120.0, evenly("12345", 300.0), 22, 2.5),
@@ -168,7 +168,7 @@ _KMH = 1.0 / 3.6
 Draw = np.random.Generator
 
 
-def family(seed: int, count: int) -> dict[str, Site]:
+def family(seed: int, count: int) -> dict[str, SimulatedSite]:
     """So many sites, each with a map of its own: `KINDS` one after the other, everything about them drawn.
 
     Lane counts and widths, radii, angles, arms, lights, speed limits, lengths of ramps, density and pace of traffic, and noise,
@@ -206,7 +206,7 @@ def _paced(fleet: Fleet, rng: Draw) -> Fleet:
     )
 
 
-def _motorway(name: str, rng: Draw) -> Site:
+def _motorway(name: str, rng: Draw) -> SimulatedSite:
     """A straight motorway, recorded as highD is."""
     lanes, limit = int(rng.integers(2, 6)), float(rng.uniform(80.0, 140.0))
     width = float(rng.uniform(3.2, 4.0))
@@ -215,10 +215,10 @@ def _motorway(name: str, rng: Draw) -> Site:
     )
     rate = float(rng.uniform(300.0, 1700.0)) * lanes
     flows = (Flow(("1", -1), ("1", -1), rate), Flow(("1", 2), ("1", 2), rate))
-    return Site(name, "highD", build, View(450.0, -30.0, 1050.0, 40.0), flows, _paced(MOTORWAY, rng), 1, 0.7)
+    return SimulatedSite(name, "highD", build, CameraView(450.0, -30.0, 1050.0, 40.0), flows, _paced(MOTORWAY, rng), 1, 0.7)
 
 
-def _bend(name: str, rng: Draw) -> Site:
+def _bend(name: str, rng: Draw) -> SimulatedSite:
     """A motorway in a bend."""
     lanes, limit = int(rng.integers(2, 6)), float(rng.uniform(80.0, 130.0))
     build = partial(
@@ -227,7 +227,9 @@ def _bend(name: str, rng: Draw) -> Site:
         approach=350.0, speed_limit=limit * _KMH,
     )  # fmt: skip
     flows = (Flow(("1", -1), ("1", -1), float(rng.uniform(300.0, 1700.0)) * lanes),)
-    return Site(name, "INTERACTION", build, View(150.0, -450.0, 800.0, 450.0), flows, _paced(MOTORWAY, rng), 1, 0.7)
+    return SimulatedSite(
+        name, "INTERACTION", build, CameraView(150.0, -450.0, 800.0, 450.0), flows, _paced(MOTORWAY, rng), 1, 0.7
+    )
 
 
 def _ramp_sizes(rng: Draw) -> dict[str, float]:
@@ -239,47 +241,47 @@ def _ramp_sizes(rng: Draw) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _on_ramp(name: str, rng: Draw) -> Site:
+def _on_ramp(name: str, rng: Draw) -> SimulatedSite:
     sizes = _ramp_sizes(rng)
     build = partial(on_ramp, acceleration=float(rng.uniform(120.0, 350.0)), **sizes)  # type: ignore[arg-type]
     main = float(rng.uniform(300.0, 1100.0)) * sizes["lanes"]
     flows = (Flow(("1", -1), ("2", -1), main), Flow(("3", -1), ("2", -1), float(rng.uniform(400.0, 900.0))))
-    return Site(name, "INTERACTION", build, View(330.0, -60.0, 1000.0, 30.0), flows, _paced(MOTORWAY, rng), 1, 1.5)
+    return SimulatedSite(name, "INTERACTION", build, CameraView(330.0, -60.0, 1000.0, 30.0), flows, _paced(MOTORWAY, rng), 1, 1.5)
 
 
-def _off_ramp(name: str, rng: Draw) -> Site:
+def _off_ramp(name: str, rng: Draw) -> SimulatedSite:
     sizes = _ramp_sizes(rng)
     build = partial(off_ramp, deceleration=float(rng.uniform(120.0, 350.0)), **sizes)  # type: ignore[arg-type]
     main = float(rng.uniform(300.0, 1100.0)) * sizes["lanes"]
     flows = (Flow(("1", -1), ("2", -1), main), Flow(("1", -1), ("3", -1), float(rng.uniform(400.0, 1000.0))))
-    return Site(name, "INTERACTION", build, View(430.0, -60.0, 1150.0, 30.0), flows, _paced(MOTORWAY, rng), 1, 1.5)
+    return SimulatedSite(name, "INTERACTION", build, CameraView(430.0, -60.0, 1150.0, 30.0), flows, _paced(MOTORWAY, rng), 1, 1.5)
 
 
-def _street(name: str, build: Callable[[], RoadMap], view: View, rate: float, minutes: float, rng: Draw) -> Site:
+def _street(name: str, build: Callable[[], RoadMap], view: CameraView, rate: float, minutes: float, rng: Draw) -> SimulatedSite:
     flows = (Flow(("1", -1), ("1", -1), rate), Flow(("1", 1), ("1", 1), rate))
-    return Site(name, "INTERACTION", build, view, flows, _paced(TOWN, rng), 1, minutes)
+    return SimulatedSite(name, "INTERACTION", build, view, flows, _paced(TOWN, rng), 1, minutes)
 
 
-def _arterial(name: str, rng: Draw) -> Site:
+def _arterial(name: str, rng: Draw) -> SimulatedSite:
     lanes = int(rng.integers(2, 5))
     build = partial(
         narrow_road, lanes=lanes, opposite_lanes=lanes, lane_width=float(rng.uniform(2.8, 3.6)), length=700.0,
         speed_limit=float(rng.uniform(40.0, 70.0)) * _KMH,
     )  # fmt: skip
-    return _street(name, build, View(120.0, -40.0, 580.0, 40.0), float(rng.uniform(300.0, 800.0)) * lanes, 1.0, rng)
+    return _street(name, build, CameraView(120.0, -40.0, 580.0, 40.0), float(rng.uniform(300.0, 800.0)) * lanes, 1.0, rng)
 
 
-def _arterial_bend(name: str, rng: Draw) -> Site:
+def _arterial_bend(name: str, rng: Draw) -> SimulatedSite:
     lanes = int(rng.integers(2, 4))
     build = partial(
         sharp_curve, radius=float(rng.uniform(120.0, 500.0)), angle=float(rng.uniform(0.3, 1.2)),
         turn=str(rng.choice(["left", "right"])), lanes=lanes, opposite_lanes=lanes, lane_width=float(rng.uniform(2.8, 3.6)),
         approach=250.0, speed_limit=float(rng.uniform(45.0, 70.0)) * _KMH,
     )  # fmt: skip
-    return _street(name, build, View(100.0, -400.0, 700.0, 400.0), float(rng.uniform(300.0, 750.0)) * lanes, 1.0, rng)
+    return _street(name, build, CameraView(100.0, -400.0, 700.0, 400.0), float(rng.uniform(300.0, 750.0)) * lanes, 1.0, rng)
 
 
-def _kerbside(name: str, rng: Draw) -> Site:
+def _kerbside(name: str, rng: Draw) -> SimulatedSite:
     lanes = int(rng.integers(1, 3))
     build = partial(
         kerbside,
@@ -288,13 +290,13 @@ def _kerbside(name: str, rng: Draw) -> Site:
         kerb=300.0,
         speed_limit=float(rng.uniform(45.0, 70.0)) * _KMH,
     )
-    site = _street(name, build, View(120.0, -40.0, 630.0, 40.0), float(rng.uniform(400.0, 800.0)), 3.0, rng)
+    site = _street(name, build, CameraView(120.0, -40.0, 630.0, 40.0), float(rng.uniform(400.0, 800.0)), 3.0, rng)
     spacing = float(rng.uniform(12.0, 20.0))
     rows = tuple(Parking(("1", (lanes + 1) * side), 235.0, 515.0, spacing, ("1", side)) for side in (-1, 1))
     return replace(site, parking=rows)
 
 
-def _roundabout(name: str, rng: Draw) -> Site:
+def _roundabout(name: str, rng: Draw) -> SimulatedSite:
     arms, lanes = int(rng.integers(3, 7)), int(rng.integers(1, 3))
     build = partial(
         roundabout, arms=arms, lanes=lanes, lane_width=float(rng.uniform(3.4, 4.8)),
@@ -315,20 +317,20 @@ def _crossing_sizes(rng: Draw) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _crossing(name: str, rng: Draw) -> Site:
+def _crossing(name: str, rng: Draw) -> SimulatedSite:
     build = partial(four_way_intersection, **_crossing_sizes(rng))  # type: ignore[arg-type]
     flows = evenly("1234", float(rng.uniform(150.0, 450.0)))
     return replace(junction(name, build, float(rng.uniform(50.0, 110.0)), flows, 1, 4.0), fleet=_paced(TOWN, rng))
 
 
-def _t_junction(name: str, rng: Draw) -> Site:
+def _t_junction(name: str, rng: Draw) -> SimulatedSite:
     build = partial(t_junction, **_crossing_sizes(rng))  # type: ignore[arg-type]
     usual = {"31": 500.0, "41": 350.0, "13": 300.0, "14": 120.0, "34": 120.0, "43": 150.0}
     flows = {way: rate * float(rng.uniform(0.5, 1.5)) for way, rate in usual.items()}
     return replace(junction(name, build, float(rng.uniform(50.0, 110.0)), flows, 1, 4.0), fleet=_paced(TOWN, rng))
 
 
-KINDS: dict[str, Callable[[str, Draw], Site]] = {
+KINDS: dict[str, Callable[[str, Draw], SimulatedSite]] = {
     "motorway": _motorway,
     "crossing": _crossing,
     "on_ramp": _on_ramp,

@@ -12,7 +12,7 @@ import numpy as np
 
 from recognition.datasets import SiteRoad, Source
 from recognition.sites.lanes import LaneGraph, Strip, graph
-from recognition.sites.roles import Entry, Role, Roles, crosses_or_turns, ramp_roles, ring_strips, roles_of
+from recognition.sites.roles import LaneRole, RoleRange, Roles, crosses_or_turns, ramp_roles, ring_strips, roles_of
 from runner.recording import Recording, Track
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import InvalidFile, UsageError
@@ -147,7 +147,7 @@ _LIGHT = "1000001"
 
 def propose(
     network: RoadNetwork, graph: LaneGraph, lights: frozenset[str] = frozenset(), driven: float = math.inf
-) -> list[Entry]:
+) -> list[RoleRange]:
     """A role for every driving lane, by road, lane and s.
 
     Args:
@@ -166,28 +166,28 @@ class _Proposal:
         self._crossings = {name: lit for name in network.junctions if (lit := self._crossing(name)) is not None}
         driving = [number for number, strip in enumerate(graph.strips) if strip.kind in DRIVABLE]
         self.roles = {number: self._first(number) for number in driving}
-        self.roles |= ramp_roles(graph, {number for number, role in self.roles.items() if role is Role.MAIN})
+        self.roles |= ramp_roles(graph, {number for number, role in self.roles.items() if role is LaneRole.MAIN})
         self._add_approaches()
 
-    def _first(self, number: int) -> Role:
+    def _first(self, number: int) -> LaneRole:
         """The role that a strip has by itself."""
         strip = self._graph.strips[number]
         junction = self._network.roads[strip.road].junction_id
         if number in self._rings:
-            return Role.RING
+            return LaneRole.RING
         if any(after in self._rings for after in self._graph.following[number]):
-            return Role.ENTRY
+            return LaneRole.ENTRY
         if any(before in self._rings for before in self._graph.preceding[number]):
-            return Role.EXIT
+            return LaneRole.EXIT
         if strip.kind in _ENTERING:
-            return Role.ON_RAMP
+            return LaneRole.ON_RAMP
         if strip.kind in _LEAVING:
-            return Role.OFF_RAMP
+            return LaneRole.OFF_RAMP
         if self._fast(strip):
-            return Role.MAIN
+            return LaneRole.MAIN
         if junction in self._crossings:
-            return Role.SIGNALISED if self._crossings[junction] else Role.INSIDE
-        return Role.URBAN
+            return LaneRole.SIGNALISED if self._crossings[junction] else LaneRole.INSIDE
+        return LaneRole.URBAN
 
     def _fast(self, strip: Strip) -> bool:
         """Whether a strip is no urban one. Where the map has neither kind nor limit, crossings and slow traffic make it urban."""
@@ -210,19 +210,19 @@ class _Proposal:
         return lit or bool(junction.controllers) or not self._lights.isdisjoint(incoming | inside)
 
     def _add_approaches(self) -> None:
-        crossings = (Role.INSIDE, Role.SIGNALISED, Role.ENTRY)
+        crossings = (LaneRole.INSIDE, LaneRole.SIGNALISED, LaneRole.ENTRY)
         for number, role in self.roles.items():
-            if role is Role.URBAN and any(self.roles.get(after) in crossings for after in self._graph.following[number]):
-                self.roles[number] = Role.APPROACH
+            if role is LaneRole.URBAN and any(self.roles.get(after) in crossings for after in self._graph.following[number]):
+                self.roles[number] = LaneRole.APPROACH
 
 
-def _entry(strip: Strip, role: Role) -> Entry:
-    return Entry(strip.road, strip.lane, strip.start, strip.end, role)
+def _entry(strip: Strip, role: LaneRole) -> RoleRange:
+    return RoleRange(strip.road, strip.lane, strip.start, strip.end, role)
 
 
-def _joined(entries: list[Entry]) -> list[Entry]:
+def _joined(entries: list[RoleRange]) -> list[RoleRange]:
     """Neighbouring stretches of one lane and role as one."""
-    joined: list[Entry] = []
+    joined: list[RoleRange] = []
     for entry in entries:
         last = joined[-1] if joined else None
         if last and (last.road, last.lane, last.end, last.role) == (entry.road, entry.lane, entry.start, entry.role):
@@ -235,7 +235,7 @@ def _joined(entries: list[Entry]) -> list[Entry]:
 _FREE = 0.95
 """Quantile of the speeds of motor vehicles at which one drives freely, if any does"""
 
-__all__ = ["Entry", "Role", "Roles", "Site", "site_at", "site_of"]
+__all__ = ["LaneRole", "RoleRange", "Roles", "Site", "site_at", "site_of"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -196,7 +196,7 @@ def _centre_line(network: RoadNetwork, graph: LaneGraph, number: int, end: bool 
 _Links = list[list[int]]
 
 
-def ramp_roles(graph: LaneGraph, main: set[int]) -> dict[int, Role]:
+def ramp_roles(graph: LaneGraph, main: set[int]) -> dict[int, LaneRole]:
     """Roles of those among the main lanes that are ramps."""
     return _Ramps(graph, main).roles()
 
@@ -214,11 +214,11 @@ class _Ramps:
             groups.setdefault((strip.road, strip.section, strip.forward), []).append(number)
         self._beside = {number: [other for other in group if other != number] for group in groups.values() for number in group}
 
-    def roles(self) -> dict[int, Role]:
+    def roles(self) -> dict[int, LaneRole]:
         following, preceding = self._graph.following, self._graph.preceding
         leaving, entering = self._ramp(following, preceding), self._ramp(preceding, following)
-        roles = dict.fromkeys(leaving, Role.OFF_RAMP) | dict.fromkeys(entering, Role.ON_RAMP)
-        return roles | dict.fromkeys(leaving & entering, Role.WEAVING)
+        roles = dict.fromkeys(leaving, LaneRole.OFF_RAMP) | dict.fromkeys(entering, LaneRole.ON_RAMP)
+        return roles | dict.fromkeys(leaving & entering, LaneRole.WEAVING)
 
     def _ramp(self, onwards: _Links, back: _Links) -> set[int]:
         """Lanes that leave the others, or begin beside them and lead to such: off-ramps; with links reversed, on-ramps."""
@@ -289,7 +289,7 @@ _TOLERANCE = 0.01
 """Stretches may miss the ends of a road by this, m: files round."""
 
 
-class Role(StrEnum):
+class LaneRole(StrEnum):
     """Role of a lane."""
 
     MAIN = "main"
@@ -318,31 +318,31 @@ class Role(StrEnum):
     """lane that no rule asks for"""
 
 
-ROLES = tuple(Role)
+ROLES = tuple(LaneRole)
 """All roles; their indices are the codes of `Roles.codes`."""
 
 
-class Entry(NamedTuple):
+class RoleRange(NamedTuple):
     """The role of a lane of a road, from one s to another (m)."""
 
     road: str
     lane: int
     start: float
     end: float
-    role: Role
+    role: LaneRole
 
 
 @dataclass(frozen=True)
 class Roles:
     """Roles of all driving lanes of one map. Lanes without an entry (shoulders, pavements) have the role `other`."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[RoleRange, ...]
 
     def codes(self, graph: LaneGraph, strip: IntArray, s: FloatArray) -> IntArray:
         """Index into `ROLES` of each row's role; rows on no strip have that of `other`."""
-        other = ROLES.index(Role.OTHER)
+        other = ROLES.index(LaneRole.OTHER)
         found = np.full(len(graph.strips) + 1, other, np.int64)
-        parts: list[tuple[int, Entry]] = []
+        parts: list[tuple[int, RoleRange]] = []
         for entry in self.entries:
             for number in graph.numbers(entry.road, entry.lane, entry.start, entry.end):
                 piece = graph.strips[number]
@@ -356,7 +356,7 @@ class Roles:
         return codes
 
 
-def roles_of(network: RoadNetwork, proposed: Sequence[Entry], folder: Path) -> Roles:
+def roles_of(network: RoadNetwork, proposed: Sequence[RoleRange], folder: Path) -> Roles:
     """The roles in an edited file, beside the map or in a folder for proposals; without one those proposed, which are written
     into that folder if it allows.
 
@@ -406,9 +406,9 @@ def _document(path: Path) -> dict[str, Any]:
     return document
 
 
-def _checked(listed: Any, network: RoadNetwork, path: Path) -> list[Entry]:
+def _checked(listed: Any, network: RoadNetwork, path: Path) -> list[RoleRange]:
     entries = [_entry(one, number, network, path) for number, one in enumerate(listed, 1)]
-    by_lane: dict[tuple[str, int], Entry] = {}
+    by_lane: dict[tuple[str, int], RoleRange] = {}
     for entry in sorted(entries):
         before = by_lane.get((entry.road, entry.lane))
         if before is not None and before.end > entry.start + _TOLERANCE:
@@ -418,7 +418,7 @@ def _checked(listed: Any, network: RoadNetwork, path: Path) -> list[Entry]:
     return entries
 
 
-def _entry(one: Any, number: int, network: RoadNetwork, path: Path) -> Entry:
+def _entry(one: Any, number: int, network: RoadNetwork, path: Path) -> RoleRange:
     def wrong(message: str) -> InvalidFile:
         return InvalidFile(f"{message}; {_HELP}", path=path, element=f"entry {number}")
 
@@ -437,4 +437,4 @@ def _entry(one: Any, number: int, network: RoadNetwork, path: Path) -> Entry:
     lanes = {lane for section in road.sections if section.end > start and section.s < end for lane in section.lanes if lane}
     if isinstance(one["lane"], bool) or one["lane"] not in lanes:
         raise wrong(f"road {road.id} has no lane {one['lane']!r} from {start:g} to {end:g} m")
-    return Entry(road.id, one["lane"], float(start), float(end), Role(one["role"]))
+    return RoleRange(road.id, one["lane"], float(start), float(end), LaneRole(one["role"]))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from recognition import datasets
 from recognition.grids import Grid, Moments, covered, rasterise
-from recognition.labels import Event, Rules, label, passing
+from recognition.labels import LabelledEvent, Rules, label, passing
 from recognition.sites import Site, site_of
 from recognition.tokens import Tokens, in_parts, tokenise
 from recognition.training import Unit
@@ -77,7 +77,7 @@ STRIDE = 1.0
 _MANY = 1000
 
 
-class Moment(NamedTuple):
+class TrainingMoment(NamedTuple):
     """A labelled moment about an ego; the label is a class, or `BACKGROUND`."""
 
     recording: str
@@ -86,7 +86,9 @@ class Moment(NamedTuple):
     label: int
 
 
-def events_and_background(recording: Recording, site: Site, name: str, rules: Rules) -> tuple[list[Event], list[Moment]]:
+def events_and_background(
+    recording: Recording, site: Site, name: str, rules: Rules
+) -> tuple[list[LabelledEvent], list[TrainingMoment]]:
     """The rules' events of a recording; and moments at the stride, of the class that a rule finds there, or of none.
 
     A rule for something that lasts (cruising, following, circulating) finds few events of it, far apart; at the stride all of it
@@ -106,7 +108,7 @@ def events_and_background(recording: Recording, site: Site, name: str, rules: Ru
             labelled = zip(*_labelled(regular(track.columns["time"], rules.window), own, rules.window), strict=True)
             passages = ways.get(track.name, [])
             found += [
-                Moment(name, track.name, at, which)
+                TrainingMoment(name, track.name, at, which)
                 for at, which in labelled
                 if which != BACKGROUND or not any(start <= at <= end for start, end in passages)
             ]
@@ -358,18 +360,18 @@ def _made(path: Path, cache: Path, view: View, most: int | None, background: boo
     return Windows.load(cache)
 
 
-def _moments(recording: Recording, site: Site, name: str, view: View, background: bool) -> list[Moment]:
+def _moments(recording: Recording, site: Site, name: str, view: View, background: bool) -> list[TrainingMoment]:
     """Events, at junctions with lights too; with `background` also moments at the stride, if the track holds the window."""
     rules = Rules(signalised=True)
     if background:
         events, regular = events_and_background(recording, site, name, rules)
     else:
         events, regular = label(recording, site, name, rules), []
-    found = [*(Moment(one.recording, one.ego, one.time, int(one.label)) for one in events), *regular]
+    found = [*(TrainingMoment(one.recording, one.ego, one.time, int(one.label)) for one in events), *regular]
     return list(compress(found, visible(recording, [(one.ego, one.time) for one in found], view)))
 
 
-def _thinned(found: Sequence[Moment], most: int | None) -> list[Moment]:
+def _thinned(found: Sequence[TrainingMoment], most: int | None) -> list[TrainingMoment]:
     """At most so many moments of each class, drawn, in their order."""
     labels = np.array([one.label for one in found], np.int64)
     return [found[number] for number in np.sort(drawn_of_each(labels, most, np.random.default_rng(0))).tolist()]

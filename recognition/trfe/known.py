@@ -102,7 +102,7 @@ class Labelled(NamedTuple):
         return Labelled(np.concatenate([self.features, other.features]), np.concatenate([self.labels, other.labels]))
 
 
-class Known(NamedTuple):
+class KnownClasses(NamedTuple):
     """Known classes.
 
     Args:
@@ -135,7 +135,7 @@ def labelled(features: ArrayLike, labels: ArrayLike) -> Labelled:
     return Labelled(table, class_labels(labels, len(table), least_classes=2))
 
 
-def learn(fitted: Labelled, calibrating: Labelled, config: Config, steps: Steps) -> Known:
+def learn(fitted: Labelled, calibrating: Labelled, config: Config, steps: Steps) -> KnownClasses:
     """Fit the forest on one set of samples and calibrate the screening on another.
 
     Raises:
@@ -148,7 +148,7 @@ def learn(fitted: Labelled, calibrating: Labelled, config: Config, steps: Steps)
     prototypes = steps.prototypes(*trained.joined(held))
     screening, votes = steps.screening(_delta(trained, held, config, steps), config.seed), forest.vote(held.features)
     screening.fit(votes.counts, held.labels, config.trees, votes.distances)
-    return Known(fitted, calibrating, forest, screening, prototypes)
+    return KnownClasses(fitted, calibrating, forest, screening, prototypes)
 
 
 def _delta(fitted: Labelled, calibrating: Labelled, config: Config, steps: Steps) -> float:
@@ -189,7 +189,7 @@ class Discovery(NamedTuple):
     reference: float
 
 
-def discover(known: Known, buffer: Buffer, config: Config, steps: Steps) -> Discovery:
+def discover(known: KnownClasses, buffer: Buffer, config: Config, steps: Steps) -> Discovery:
     """Sift the buffer, cluster what is kept and judge the clusters; the buffer stays as it is.
 
     Raises:
@@ -229,7 +229,7 @@ def clustering_axes(own: Labelled, unknown: Features, config: Config, steps: Ste
 
 
 def _similarity(
-    features: Features, axes: PrincipalAxes, known: Known, config: Config, steps: Steps
+    features: Features, axes: PrincipalAxes, known: KnownClasses, config: Config, steps: Steps
 ) -> tuple[NDArray[np.float32], float]:
     """S of the unknown samples, and the cohesion of the known classes under the same forest."""
     own, labels = known.calibrating

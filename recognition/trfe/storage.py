@@ -23,7 +23,7 @@ from sklearn.tree import DecisionTreeClassifier
 from recognition.tokens import CHANGES, Tokens
 from recognition.trfe.config import Config, Steps
 from recognition.trfe.forest import Neighbours, VotingForest
-from recognition.trfe.known import Known, Labelled, labelled
+from recognition.trfe.known import KnownClasses, Labelled, labelled
 from recognition.trfe.samples import UNKNOWN, Prototypes, matrix
 from recognition.trfe.screening import EvtJoint
 from recognition.trfe.trfe import TRFE
@@ -157,7 +157,7 @@ def _part(arrays: Arrays, prefix: str) -> Arrays:
     return {name.removeprefix(f"{prefix}."): value for name, value in arrays.items() if name.startswith(f"{prefix}.")}
 
 
-def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier, stored: bytes) -> Known:
+def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier, stored: bytes) -> KnownClasses:
     fitted, calibrating = (labelled(**_part(arrays, name)) for name in ("fitted", "calibrating"))
     prototypes = Prototypes(**_part(arrays, "prototypes"))
     screening = EvtJoint(seed=config.seed).restore(_part(arrays, "screening"))
@@ -169,7 +169,7 @@ def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier, store
     width, seen = fitted.features.shape[1], config.recognising(fitted.features).shape[1]
     if not (width == calibrating.features.shape[1] and seen == prototypes.centres.shape[1] == len(prototypes.mean)):
         raise ValueError("they are of different dimensions")
-    return Known(fitted, calibrating, voting, screening, prototypes)
+    return KnownClasses(fitted, calibrating, voting, screening, prototypes)
 
 
 def _read_model(path: Path) -> tuple[Config, tuple[float, float] | None, Arrays]:

@@ -13,7 +13,7 @@ from recognition.tokens import changes
 from recognition.trfe.candidates import Buffer
 from recognition.trfe.config import Config, Steps
 from recognition.trfe.forest import Votes
-from recognition.trfe.known import FIRST_DISCOVERED, Discovery, Known, Labelled, discover, labelled, learn
+from recognition.trfe.known import FIRST_DISCOVERED, Discovery, KnownClasses, Labelled, discover, labelled, learn
 from recognition.trfe.samples import BACKGROUND, UNKNOWN, Features, matrix
 from recognition.trfe.screening import EvtScreening
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -78,7 +78,7 @@ class TRFE:
         self,
         config: Config | None = None,
         encoders: Sequence[Encoder] = (),
-        known: Known | None = None,
+        known: KnownClasses | None = None,
         steps: Steps | None = None,
     ) -> None:
         self.config = config or Config()
@@ -90,7 +90,7 @@ class TRFE:
         self._known = known
 
     @property
-    def known(self) -> Known:
+    def known(self) -> KnownClasses:
         """The known classes and what was learnt of them.
 
         Raises:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.catalogue.cut import EGO, Part, Scene, SceneCutter, Scope
+from recognition.catalogue.cut import EGO, Excerpt, Part, SceneCutter, Scope
 from recognition.catalogue.index import rows_of
 from recognition.datasets import Source
 from runner.interpreter.execution import run
@@ -81,7 +81,7 @@ def of_catalogue(root: Path, sources: Iterable[Source], scope: Scope, world: str
             yield row["file"], replayed(root / row["file"], scene, world)
 
 
-def replayed(path: Path, scene: Scene, world: str = "sumo") -> Replay:
+def replayed(path: Path, scene: Excerpt, world: str = "sumo") -> Replay:
     """Run a scenario without a system under test, and compare every participant with the scene that it was made from.
 
     Reference points and motion are compared at every recorded row, also those that the scenario has no vertex for.
@@ -93,7 +93,7 @@ def replayed(path: Path, scene: Scene, world: str = "sumo") -> Replay:
     return Replay([_deviation(track, result) for track in recorded], Encounter(*map(_least_ttc, measures)))
 
 
-def _within(part: Part, scene: Scene) -> Track:
+def _within(part: Part, scene: Excerpt) -> Track:
     """Return the recorded track of a participant during the scene, at times from its start, without places on the road."""
     rows = slice(int(part.rows[0]), int(part.rows[-1]) + 1)
     columns = {name: values[rows] for name, values in part.track.columns.items()}

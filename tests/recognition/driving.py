@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from recognition.datasets.source import participant
-from recognition.labels import Event, Label, Rules, label
+from recognition.labels import Label, LabelledEvent, Rules, label
 from recognition.sites import Site, site_at
 from runner.recording import Recording, Track
 from schemas.common.array_types import FloatArray
@@ -91,11 +91,11 @@ def route(
     return x, y
 
 
-def labels(place: Site, *tracks: Track, config: Rules = USUAL) -> list[Event]:
+def labels(place: Site, *tracks: Track, config: Rules = USUAL) -> list[LabelledEvent]:
     """The events of a recording of these tracks."""
     return label(Recording(list(tracks), STEP, None), place, "test", config)
 
 
-def of(events: list[Event], ego: str) -> list[Label]:
+def of(events: list[LabelledEvent], ego: str) -> list[Label]:
     """Labels of one ego's events, in the order of time."""
     return [event.label for event in events if event.ego == ego]

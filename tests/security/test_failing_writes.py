@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from recognition.encoder.config import PRESETS, Preset, Schedule, TokenArchitecture
+from recognition.encoder.config import PRESETS, Preset, TokenArchitecture, TrainingSchedule
 from recognition.trfe.storage import load
 from schemas.common.storage import DRAFT
 from tests.commands import SCRIPTS, Answer, Command
@@ -86,7 +86,7 @@ def _catalogue(folder: Path, command: Command, patch: pytest.MonkeyPatch) -> Non
 
 def _model(folder: Path, command: Command, patch: pytest.MonkeyPatch) -> None:
     """Windows, and a model whose encoders are taken; it is trained once only."""
-    patch.setitem(PRESETS, "tokens", Preset(TokenArchitecture(dim=32, depth=1, heads=2), *[Schedule(1, 64, 1e-3)] * 2))
+    patch.setitem(PRESETS, "tokens", Preset(TokenArchitecture(dim=32, depth=1, heads=2), *[TrainingSchedule(1, 64, 1e-3)] * 2))
     train = ("xosc-recognize", "train", windows(folder / "windows"), "-q")
     assert command(*train, "--out", folder / "model").code == 0
     trained = load(folder / "model")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from recognition.catalogue.cut import Part, Scene
+from recognition.catalogue.cut import Excerpt, Part
 from recognition.catalogue.exposure import EVERYWHERE
 from runner.replay.page import page
 from schemas.common.array_types import FloatArray
@@ -41,7 +41,7 @@ Film = list[Any]
 sample, and x (dm), y (dm), heading (0.01 rad) of each sample, the first as it is, the others as differences"""
 
 
-def film(scene: Scene, time: float, partner: str | None, around: float = _AROUND, most: int = _MOST) -> Film:
+def film(scene: Excerpt, time: float, partner: str | None, around: float = _AROUND, most: int = _MOST) -> Film:
     """Return the motion about an event: of the ego, of its partner, and of the nearest others.
 
     Args:

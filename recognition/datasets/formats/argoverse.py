@@ -22,7 +22,7 @@ import numpy as np
 from recognition.datasets.road_sources import drawn
 from recognition.datasets.rows import Clock, categories, changes, check_sizes, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
-from recognition.datasets.source import Exclusion, Participant, Report, SiteRoad, Source, participant
+from recognition.datasets.source import Exclusion, Report, SiteRoad, Source, TrackParticipant, participant
 from recognition.datasets.table import PARQUET, WHOLE_TURN, Kind, Table, column_names, named, points, read_table, value
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
@@ -152,7 +152,7 @@ def _read_log(path: Path) -> tuple[Recording, Report]:
     return Recording(cut(*smoothed(rows, who, columns, report)), _STEP, None), report
 
 
-def _sized(boxes: Table, row: int, name: str, category: str) -> Participant:
+def _sized(boxes: Table, row: int, name: str, category: str) -> TrackParticipant:
     return participant(name, category, *(float(boxes[side][row]) for side in _SIZES))
 
 

@@ -32,7 +32,7 @@ from recognition.datasets.rows import (
     recording_of,
 )
 from recognition.datasets.smoothing import smoothed
-from recognition.datasets.source import Participant, Report, Source, participant
+from recognition.datasets.source import Report, Source, TrackParticipant, participant
 from recognition.datasets.table import GREATEST, Kind, Table, read_table
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
@@ -96,7 +96,7 @@ def _read(path: Path, roads: Path) -> tuple[Recording, Report]:
     return Recording(cut(rows, who, columns), 1.0 / rate, network), report
 
 
-def _columns(table: Table, rows: Rows, who: list[Participant], direction: IntArray) -> Columns:
+def _columns(table: Table, rows: Rows, who: list[TrackParticipant], direction: IntArray) -> Columns:
     values = {name: table[name][rows.order] for name in _TRACKS}
     x, y = values["x"] + 0.5 * values["width"], -(values["y"] + 0.5 * values["height"])
     vx, vy, ax, ay = values["xVelocity"], -values["yVelocity"], values["xAcceleration"], -values["yAcceleration"]
@@ -112,7 +112,7 @@ def _heading(vx: FloatArray, vy: FloatArray, ahead: FloatArray) -> FloatArray:
     return np.arctan2(vy, ahead * onwards)
 
 
-def _participant(vehicles: Table, row: int) -> Participant:
+def _participant(vehicles: Table, row: int) -> TrackParticipant:
     kind = vehicles["class"][row]
     category = _CATEGORIES.get(kind.strip().lower())
     if category is None:

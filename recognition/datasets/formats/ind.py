@@ -33,7 +33,7 @@ from recognition.datasets.rows import (
     recording_of,
 )
 from recognition.datasets.smoothing import smoothed
-from recognition.datasets.source import Participant, Report, Source, participant
+from recognition.datasets.source import Report, Source, TrackParticipant, participant
 from recognition.datasets.table import Kind, Table, read_table
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray
@@ -144,6 +144,6 @@ def _sized(table: Table) -> Table:
     return replace(table, columns=table.columns | {name: np.where(table[name] == 0.0, np.nan, table[name]) for name in _SIZES})
 
 
-def _participant(meta: Table, row: int, category: str) -> Participant:
+def _participant(meta: Table, row: int, category: str) -> TrackParticipant:
     name, (length, width) = str(meta["trackId"][row]), (float(meta[side][row]) for side in _SIZES)
     return participant(name, category) if np.isnan(length + width) else participant(name, category, length, width)

@@ -38,7 +38,7 @@ from recognition.datasets.rows import (
     rate,
 )
 from recognition.datasets.smoothing import smoothed
-from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant
+from recognition.datasets.source import Report, SiteRoad, Source, TrackParticipant, participant
 from recognition.datasets.table import Kind, Table, column_names, read_table
 from runner.recording import Recording, Track
 from schemas.common.array_types import BoolArray, FloatArray
@@ -184,7 +184,7 @@ def _free(name: str, taken: frozenset[str], others: Container[str]) -> str:
     return next(free for n in count(1) if (free := "P" * n + name) not in taken and free not in others)
 
 
-def _participant(table: Table, row: int, name: str, category: str) -> Participant:
+def _participant(table: Table, row: int, name: str, category: str) -> TrackParticipant:
     """Return the participant of a track from its first row."""
     if _SIZES[0] not in table.columns:
         return participant(name, category)
@@ -192,7 +192,7 @@ def _participant(table: Table, row: int, name: str, category: str) -> Participan
     return participant(name, category) if np.isnan(length + width) else participant(name, category, length, width)
 
 
-def _columns(table: Table, rows: Rows, who: list[Participant], report: Report) -> Columns:
+def _columns(table: Table, rows: Rows, who: list[TrackParticipant], report: Report) -> Columns:
     x, y, vx, vy = (table[name][rows.order] for name in ("x", "y", "vx", "vy"))
     credible = believable(x, y, vx, vy, rows)
     if not credible:
@@ -212,7 +212,7 @@ def _columns(table: Table, rows: Rows, who: list[Participant], report: Report) -
     return columns_of(rows, who, x, y, h, speed, rate(speed, rows))
 
 
-def _headings(table: Table, rows: Rows, who: list[Participant], vx: FloatArray, vy: FloatArray) -> FloatArray:
+def _headings(table: Table, rows: Rows, who: list[TrackParticipant], vx: FloatArray, vy: FloatArray) -> FloatArray:
     """The given headings; for pedestrians without, the direction of motion."""
     given = table["psi_rad"][rows.order] if "psi_rad" in table.columns else np.full(len(rows), np.nan)
     absent = np.isnan(given)

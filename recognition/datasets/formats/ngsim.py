@@ -36,7 +36,7 @@ from recognition.datasets.rows import (
     rate,
 )
 from recognition.datasets.smoothing import smoothed
-from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant
+from recognition.datasets.source import Report, SiteRoad, Source, TrackParticipant, participant
 from recognition.datasets.table import HEADLESS, PARQUET, Kind, Table, column_names, first_numbers, read_table
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
@@ -160,7 +160,7 @@ def _read_public(path: Path, location: str | None) -> tuple[Recording, Report]:
     return _finished(rows, who, columns, remarks)
 
 
-def _public_columns(table: Table, rows: Rows, who: list[Participant], unit: float, remarks: list[str]) -> Columns:
+def _public_columns(table: Table, rows: Rows, who: list[TrackParticipant], unit: float, remarks: list[str]) -> Columns:
     x, y = unit * table["local_y"][rows.order], -unit * table["local_x"][rows.order]
     h = heading_of_motion(rate(x, rows), rate(y, rows), rows)
     remarks.append("headings are the directions of motion")
@@ -214,7 +214,7 @@ def _vehicles(table: Table) -> tuple[IntArray, list[str]]:
 
 def _participants(
     table: Table, rows: Rows, names: Sequence[str], columns: Sequence[str], unit: float, remarks: list[str]
-) -> list[Participant]:
+) -> list[TrackParticipant]:
     """Return the participants of the tracks from the columns class, length and width, where present."""
     kind, *sizes = columns
     if kind in table.columns:
@@ -256,7 +256,7 @@ def _turn(x: FloatArray, y: FloatArray, h: FloatArray, rows: Rows, remarks: list
     return quarters * 0.5 * np.pi
 
 
-def _finished(rows: Rows, who: list[Participant], columns: Columns, remarks: list[str]) -> tuple[Recording, Report]:
+def _finished(rows: Rows, who: list[TrackParticipant], columns: Columns, remarks: list[str]) -> tuple[Recording, Report]:
     report = rows.report([one.name for one in who])
     count = crowded(columns["time"], columns["x"], columns["y"])
     if count > _CROWDED * len(rows):

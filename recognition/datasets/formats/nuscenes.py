@@ -22,7 +22,7 @@ import numpy as np
 from recognition.datasets.road_sources import drawn
 from recognition.datasets.rows import Clock, check_sizes, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
-from recognition.datasets.source import Participant, Report, SiteRoad, Source, participant
+from recognition.datasets.source import Report, SiteRoad, Source, TrackParticipant, participant
 from recognition.datasets.table import GREATEST, Kind, Table, named, read_records, records, value
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
@@ -104,7 +104,7 @@ def _beside(path: Path, name: str, kinds: Mapping[str, Kind]) -> Table:
 class _Keyframes(NamedTuple):
     """Places of a participant at its times (s), ascending: x, y, heading."""
 
-    who: Participant
+    who: TrackParticipant
     time: FloatArray
     values: FloatArray
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from recognition.datasets.rows import Clock, cut, in_order
-from recognition.datasets.source import Participant, Report, SiteRoad, Source
+from recognition.datasets.source import Report, SiteRoad, Source, TrackParticipant
 from recognition.datasets.table import Kind, read_table
 from runner.outputs.folder import RESULT, TRAJECTORIES, read_setup
 from runner.recording import COLUMNS, Recording
@@ -91,7 +91,7 @@ def _read(path: Path) -> tuple[Recording, Report]:
     track = np.fromiter((number[name] for name in table["entity"]), np.int64, len(table))
     clock = Clock("time", np.round(table["time"] * _PER_SECOND).astype(np.int64), _PER_SECOND, setup.timestep)
     rows = in_order(table, track, clock, names=names)
-    who = [Participant(name, *setup.entities[name][:3]) for name in names]
+    who = [TrackParticipant(name, *setup.entities[name][:3]) for name in names]
     columns = {name: table[name][rows.order] for name in COLUMNS}
     report = rows.report(names)
     return Recording(cut(rows, who, columns), setup.timestep, _network(setup.road, report)), report

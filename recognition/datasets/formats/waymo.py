@@ -21,7 +21,16 @@ import numpy as np
 from recognition.datasets.road_sources import drawn
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
-from recognition.datasets.source import Exclusion, LightStates, Participant, Report, SiteRoad, Source, participant, wrong_size
+from recognition.datasets.source import (
+    Exclusion,
+    LightStates,
+    Report,
+    SiteRoad,
+    Source,
+    TrackParticipant,
+    participant,
+    wrong_size,
+)
 from recognition.datasets.table import GREATEST, WHOLE_TURN, Table, points, records, value
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray
@@ -65,7 +74,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
 class _Object(NamedTuple):
     """A participant, and its values in each valid step: step, x, y, heading, velocity along x and y."""
 
-    who: Participant
+    who: TrackParticipant
     values: FloatArray
 
 

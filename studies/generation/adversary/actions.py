@@ -14,7 +14,7 @@ from recognition.datasets import Source
 from recognition.datasets import open as open_data
 from recognition.labels.classes import Rules
 from recognition.labels.scene import prepare
-from recognition.maneuvers.estimation import LaneMotion, lane_motion, segment
+from recognition.maneuvers.estimation import LaneCoordinates, lane_motion, segment
 from recognition.maneuvers.parameters import CUT_IN, Unit
 from recognition.sites import site_of
 from schemas.common.array_types import FloatArray, IntArray
@@ -142,7 +142,7 @@ def _extracted(source: Source, roads: Path) -> Actions:
     return Actions(rows[:, : len(STATE)], rows[:, len(STATE) :], np.full(len(rows), source.name), numbers)
 
 
-def _episode(motion: LaneMotion, unit: Unit) -> Iterator[FloatArray]:
+def _episode(motion: LaneCoordinates, unit: Unit) -> Iterator[FloatArray]:
     """States and actions (k, 9) around the lane change of a unit, for as long as both are there; none where that is too short."""
     scene = motion.scene
     wide, every = scene.rows(_WIDE), scene.rows(INTERVAL)
@@ -160,7 +160,7 @@ def _episode(motion: LaneMotion, unit: Unit) -> Iterator[FloatArray]:
         yield np.hstack([states[:-1], states[1:, -len(ACTION) :]])
 
 
-def _states(motion: LaneMotion, rows: IntArray, others: IntArray, wide: int, shift: float) -> FloatArray:
+def _states(motion: LaneCoordinates, rows: IntArray, others: IntArray, wide: int, shift: float) -> FloatArray:
     """States (k, 7) at rows of a driver and of the other one; `wide` is half the rows that differences reach over."""
     scene, side = motion.scene, -np.sign(shift)
     time, lateral = wide * scene.step, motion.lateral

@@ -12,9 +12,9 @@ import numpy as np
 from recognition.datasets import Source
 from recognition.datasets import open as open_data
 from recognition.datasets.formats import commonroad, highd
-from recognition.labels import RULES, Event, Label, Rules
+from recognition.labels import RULES, Label, LabelledEvent, Rules
 from recognition.labels.scene import Scene, events, prepare
-from recognition.sites import Role, Site, site_of
+from recognition.sites import LaneRole, Site, site_of
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import ToolchainError
 from studies.recognition.agreement.geometry import net_turn, own_lane_changes
@@ -66,7 +66,7 @@ class Place:
     recordings: int = 0
     rows: int = 0
     vehicles: list[Vehicle] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
+    events: list[LabelledEvent] = field(default_factory=list)
     failures: dict[str, str] = field(default_factory=dict)
     site: Site | None = None
     ways: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
@@ -117,13 +117,13 @@ def _rows_of_tracks(scene: Scene) -> Iterator[slice]:
         yield slice(start, end)
 
 
-def _vehicles(scene: Scene, name: str, found: list[Event]) -> Iterator[Vehicle]:
+def _vehicles(scene: Scene, name: str, found: list[LabelledEvent]) -> Iterator[Vehicle]:
     labels: dict[str, list[Label]] = {}
     for event in found:
         labels.setdefault(event.ego, []).append(event.label)
-    why, changes, main = reasons(scene), scene.changes, scene.has_role(Role.MAIN)
-    onto = _passes(scene, scene.has_role(Role.ON_RAMP, Role.WEAVING), main)
-    off = _passes(scene, main, scene.has_role(Role.OFF_RAMP, Role.WEAVING))
+    why, changes, main = reasons(scene), scene.changes, scene.has_role(LaneRole.MAIN)
+    onto = _passes(scene, scene.has_role(LaneRole.ON_RAMP, LaneRole.WEAVING), main)
+    off = _passes(scene, main, scene.has_role(LaneRole.OFF_RAMP, LaneRole.WEAVING))
     for track, rows in enumerate(_rows_of_tracks(scene)):
         if not scene.egos[track]:
             continue
@@ -153,7 +153,7 @@ def _passes(scene: Scene, before: BoolArray, after: BoolArray) -> BoolArray:
     return found
 
 
-def _draw(place: Place, scene: Scene, event: Event, here: bool) -> None:
+def _draw(place: Place, scene: Scene, event: LabelledEvent, here: bool) -> None:
     """Keep what the plots show of an event."""
     start, end = np.searchsorted(scene.track, scene.names.index(event.ego) + np.arange(2)).tolist()
     row = start + int(np.abs(scene.time[start:end] - event.time).argmin())

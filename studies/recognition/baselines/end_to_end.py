@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from recognition.encoder.config import Schedule
+from recognition.encoder.config import TrainingSchedule
 from recognition.encoder.model import Encoder
 from recognition.encoder.training import deterministic, train
 from recognition.trfe.samples import Features
@@ -53,7 +53,7 @@ class EndToEnd(HeadMethod):
 
     network: Whole
 
-    def __init__(self, method: HeadMethod, encoder: Encoder, numbers: int, schedule: Schedule) -> None:
+    def __init__(self, method: HeadMethod, encoder: Encoder, numbers: int, schedule: TrainingSchedule) -> None:
         super().__init__(method.seed)
         self.method, self.encoder, self.numbers, self.schedule = method, encoder, numbers, schedule
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.encoder.config import Schedule
+from recognition.encoder.config import TrainingSchedule
 from recognition.trfe.samples import UNKNOWN, Features
 from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition import kinds, metrics
@@ -154,5 +154,5 @@ def _unfitted(name: str, trial: Trial) -> OpenSetMethod:
 
 def _end_to_end(learnt: Together, trial: Trial) -> EndToEnd:
     head: HeadMethod = kinds.kind(kinds.OPEN_SET, learnt.frozen).METHOD(trial.seed)
-    schedule = long_enough(Schedule(1, _BATCH, learnt.rate), len(trial.labelled.rows), learnt.steps)
+    schedule = long_enough(TrainingSchedule(1, _BATCH, learnt.rate), len(trial.labelled.rows), learnt.steps)
     return EndToEnd(head, trial.pretrained, trial.changes + trial.tuned, schedule)

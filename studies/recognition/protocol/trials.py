@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.encoder.config import Architecture, Preset, Schedule
+from recognition.encoder.config import Architecture, Preset, TrainingSchedule
 from recognition.tokens import CHANGES, MOTION_CHANGES, Tokens, changes
 from recognition.training.windows import Split, View, Windows
 from recognition.trfe.candidates import Preprocessing
@@ -270,6 +270,6 @@ def _before_all(round_: Round) -> Round:
     return Round(0, round_.known[:FIRST], ())
 
 
-def long_enough(schedule: Schedule, windows: int, steps: int) -> Schedule:
+def long_enough(schedule: TrainingSchedule, windows: int, steps: int) -> TrainingSchedule:
     """The schedule with so many epochs that few windows make as many steps too; presets are made for the paper's scale."""
     return schedule._replace(epochs=max(schedule.epochs, math.ceil(steps * schedule.batch / windows)))

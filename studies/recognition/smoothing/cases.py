@@ -14,7 +14,7 @@ from recognition import datasets
 from recognition.datasets.observations import deviation
 from recognition.datasets.rows import Columns, Rows, pieces
 from recognition.datasets.smoothing import RAW, breaks, centres
-from recognition.datasets.source import Participant
+from recognition.datasets.source import TrackParticipant
 from runner.recording import Track
 from schemas.common.array_types import BoolArray, FloatArray
 
@@ -41,7 +41,7 @@ class Tracks(NamedTuple):
     """Tracks as they were recorded; columns as those of recordings, by reference points."""
 
     rows: Rows
-    who: list[Participant]
+    who: list[TrackParticipant]
     columns: Columns
 
 
@@ -137,7 +137,7 @@ def _joined(tracks: list[Track], step: float) -> Tracks:
     starts = np.append(0, np.cumsum([len(track.columns["time"]) for track in tracks]))
     numbers = np.arange(len(tracks))
     rows = Rows(np.arange(len(time)), numbers, starts, time, step, *pieces(time, starts, step), np.zeros_like(numbers))
-    return Tracks(rows, [Participant(track.name, track.kind, track.category, track.box) for track in tracks], columns)
+    return Tracks(rows, [TrackParticipant(track.name, track.kind, track.category, track.box) for track in tracks], columns)
 
 
 def _stretches(rows: Rows, rng: np.random.Generator) -> BoolArray:

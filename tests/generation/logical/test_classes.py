@@ -9,7 +9,7 @@ import pytest
 import runner
 import xosc
 from generation.logical.library import SCENARIOS
-from recognition.labels import Event, Label, label
+from recognition.labels import Label, LabelledEvent, label
 from recognition.sites import site_at
 from xosc.tags import tags_of
 
@@ -24,7 +24,7 @@ OTHER_VALUES = {"r157_cut_in": {"CutIn_Gap_m": "80"}}
 """By default it ends in a collision less than a second after the cut-in, and a lane has to be held for a second."""
 
 
-def events(path: Path, folder: Path, sut: str) -> list[Event]:
+def events(path: Path, folder: Path, sut: str) -> list[LabelledEvent]:
     """What happens to the ego."""
     given = OTHER_VALUES.get(path.stem, {})
     result = runner.run(path, parameters=given, sut=sut, world="kinematic", timestep=0.05)

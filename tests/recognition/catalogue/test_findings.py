@@ -16,7 +16,7 @@ from recognition.catalogue.model import ByModel, objection, title_of, unseen_sit
 from recognition.encoder.config import Architecture
 from recognition.encoder.model import GridEncoder
 from recognition.grids import Grid
-from recognition.labels import Event, Label
+from recognition.labels import Label, LabelledEvent
 from recognition.sites import site_at
 from recognition.trfe.candidates import Buffer
 from recognition.trfe.config import Config
@@ -104,8 +104,8 @@ def look(folder: Path, oracle: Oracle, *, sorts: bool = True, discover: bool = T
     assert recording.network is not None
     recording = Recording([*recording.tracks.values(), PARKED], recording.timestep, recording.network)
     events = [
-        Event("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
-        Event("01", "1", 0.1, Label.CUT_OUT, None, {}),
+        LabelledEvent("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
+        LabelledEvent("01", "1", 0.1, Label.CUT_OUT, None, {}),
     ]
     recogniser = ByModel(oracle, sorts=sorts, discover=discover, stride=1.0)
     shares: list[float] = []

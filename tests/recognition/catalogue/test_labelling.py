@@ -11,7 +11,7 @@ from shutil import copytree
 import pytest
 
 import xosc
-from recognition.catalogue.pipeline import ByRules, Labelled, label_runs
+from recognition.catalogue.pipeline import ByRules, LabelledRuns, label_runs
 from recognition.catalogue.recordings import CatalogueSettings
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
@@ -40,7 +40,7 @@ def run(scenario: Path, out: Path, *names: str) -> Path:
     return out
 
 
-def label(runs: Path, *, in_place: bool = False) -> Labelled:
+def label(runs: Path, *, in_place: bool = False) -> LabelledRuns:
     return label_runs(runs, CatalogueSettings(), ByRules(), partial(progress_bar, quiet=True), in_place=in_place)
 
 

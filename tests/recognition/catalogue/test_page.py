@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from recognition.catalogue import exposure, pipeline
-from recognition.catalogue.exposure import Exposure, exposure_of, interval, rates
+from recognition.catalogue.exposure import Mileage, exposure_of, interval, rates
 from recognition.catalogue.pipeline import ByRules
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.labels.classes import Rules
@@ -48,7 +48,7 @@ def test_intervals_are_exact(count: int, low: float, high: float) -> None:
 
 def test_rates_cover_every_class_at_every_site_and_all_together() -> None:
     events = [{"site": "a", "class": "cut in"}] * 3 + [{"site": "b", "class": "cut out"}]
-    found = rates(events, [("a", Exposure(2, 3600.0, 5e4)), ("a", Exposure(1, 3600.0, 5e4)), ("b", Exposure(1, 1800.0, 0.0))])
+    found = rates(events, [("a", Mileage(2, 3600.0, 5e4)), ("a", Mileage(1, 3600.0, 5e4)), ("b", Mileage(1, 1800.0, 0.0))])
     table = {(row["site"], row["class"]): row for row in found}
     assert table.keys() == {(site, title) for site in ("a", "b", "all") for title in ("cut in", "cut out", "all")}
     cut_in = table["a", "cut in"]

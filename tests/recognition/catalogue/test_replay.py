@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import xosc
 from recognition import datasets
 from recognition.catalogue import replay
-from recognition.catalogue.cut import Scene, SceneCutter, Scope, needed
+from recognition.catalogue.cut import Excerpt, SceneCutter, Scope, needed
 from recognition.catalogue.replay import entry
 from runner.recording import Recording
 from schemas import check
@@ -32,7 +32,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return source.load()
 
 
-def write(folder: Path, recording: Recording, scene: Scene, version: Version = (1, 3)) -> Path:
+def write(folder: Path, recording: Recording, scene: Excerpt, version: Version = (1, 3)) -> Path:
     """A scenario with its catalogues."""
     entries = {part.name: entry(part.track) for part in scene.parts}
     built = {kind: {e.name: e.built for e in entries.values() if e.kind == kind} for kind in {e.kind for e in entries.values()}}

@@ -11,9 +11,10 @@ import pytest
 
 from recognition import datasets
 from recognition.datasets.formats.commonroad import document
-from recognition.datasets.formats.commonroad.lanelets import Neighbour, lanelets
+from recognition.datasets.formats.commonroad.lanelets import lanelets
 from schemas.common.errors import InvalidFile, Unsupported
 from tests.recognition.traffic import RECTANGLE, commonroad, commonroad_state, obstacle, read, total_rows, write_archive
+from xodr.lanelet2 import LaneletNeighbour
 
 NORTH = math.pi / 2
 LANELET = """<lanelet id="7">
@@ -145,7 +146,7 @@ def test_lanelets_have_bounds_links_and_types(tmp_path: Path) -> None:
     (lanelet,) = lanelets(document(source.path))
     assert lanelet.left.tolist() == [[0.0, 2.0], [9.0, 2.0]]
     assert (lanelet.id, lanelet.predecessors, lanelet.successors) == ("7", ("5",), ("8", "9"))
-    assert (lanelet.beside_left, lanelet.beside_right) == (Neighbour("6", False), None)
+    assert (lanelet.beside_left, lanelet.beside_right) == (LaneletNeighbour("6", False), None)
     assert lanelet.types == ("urban",)
     assert lanelet.limit == math.inf
 

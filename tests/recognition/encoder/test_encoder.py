@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from recognition.encoder.config import PRESETS, Architecture, Preset, Schedule, preset
+from recognition.encoder.config import PRESETS, Architecture, Preset, TrainingSchedule, preset
 from recognition.encoder.model import Encoder, GridEncoder, augmented
 from recognition.encoder.storage import features, load, logits, save
 from recognition.encoder.training import FrameOrder, deterministic, finetune, pretrain
@@ -23,7 +23,7 @@ from studies.recognition.protocol.presets import RowTokens
 
 GRID = Grid(24.0, 12.0, 2.0, 1.0, channels=("others", "ego"))
 TINY = Architecture(dim=16, depth=1, heads=2, patch=(4, 4, 4))
-SHORT = Preset(TINY, Schedule(1, 32, 1e-3), Schedule(12, 32, 5e-3))
+SHORT = Preset(TINY, TrainingSchedule(1, 32, 1e-3), TrainingSchedule(12, 32, 5e-3))
 LEFT, RIGHT, AHEAD = 5, 6, 14
 
 
@@ -111,7 +111,7 @@ def test_tokens_are_patches_of_one_frame_or_runs_of_its_rows():
 @pytest.mark.parametrize(("objective", "share"), [("order", 0.8), ("barlow", 0.8)])
 def test_objectives_of_pretraining_can_be_learnt(objective, share):
     losses: list[float] = []
-    short = Preset(dataclasses.replace(TINY, dim=32), Schedule(40, 32, 5e-3), SHORT.finetuning)
+    short = Preset(dataclasses.replace(TINY, dim=32), TrainingSchedule(40, 32, 5e-3), SHORT.finetuning)
     pretrain(windows(128), short, GRID, 0, (objective,), lambda _, loss: losses.append(loss))
     assert losses[-1] < share * losses[0]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.labels import Event, Label, Rules
+from recognition.labels import Label, LabelledEvent, Rules
 from recognition.labels.changes import passages
 from recognition.labels.scene import prepare
 from recognition.sites import Site
@@ -34,7 +34,7 @@ def car(place: Site, way: str, *, start: float = 0.0, name: str | None = None, c
     return track(name or way, x, y, start=start, category=category)
 
 
-def first(events: list[Event], ego: str) -> Event:
+def first(events: list[LabelledEvent], ego: str) -> LabelledEvent:
     return next(event for event in events if event.ego == ego)
 
 

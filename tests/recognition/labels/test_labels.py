@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import recognition.labels.scene as hits
-from recognition.labels import Event, Label, Rules, counts, label
+from recognition.labels import Label, LabelledEvent, Rules, counts, label
 from recognition.labels.scene import Hits, alone, prepare
 from recognition.sites import Site
 from runner.recording import Recording
@@ -30,7 +30,7 @@ def test_the_seventeen_classes_have_the_ids_and_names_of_the_method() -> None:
 
 
 def test_counts_name_all_classes() -> None:
-    events = [Event("a", "1", 0.0, Label.CUT_IN, "2", {})]
+    events = [LabelledEvent("a", "1", 0.0, Label.CUT_IN, "2", {})]
     assert counts(events)[Label.CUT_IN] == 1
     assert (len(counts(events)), sum(counts(events).values())) == (17, 1)
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recognition.labels import Event, Label
+from recognition.labels import Label, LabelledEvent
 from recognition.labels.scene import Scene
-from recognition.sites import Role, Site
+from recognition.sites import LaneRole, Site
 from runner.recording import Track
 from tests.recognition.driving import STEP, ahead, labels, of, sideways, site, track
 from xodr.builders import RoadMap, sharp_curve
@@ -40,7 +40,7 @@ def lateral(start: float, end: float, at: float = 5.0) -> np.ndarray:
     return start + (end - start) * share**2 * (3.0 - 2.0 * share)
 
 
-def found(place: Site, speed: float, *, ahead: float, start: float = -1.75, end: float = -5.25) -> list[Event]:
+def found(place: Site, speed: float, *, ahead: float, start: float = -1.75, end: float = -5.25) -> list[LabelledEvent]:
     """Events with an ego at 12 m/s on the right lane."""
     return labels(place, car(place, "ego", 60.0, 12.0, -5.25), car(place, "other", 60.0 + ahead, speed, lateral(start, end)))
 
@@ -127,7 +127,7 @@ def test_a_lane_change_beside_a_side_street_counts(tmp_path: Path) -> None:
         )
     ]  # fmt: skip
     place = site(build([*lanelets, Lanelet("off", *off)], "street").map, tmp_path)
-    assert Role.INSIDE in {entry.role for entry in place.roles.entries}
+    assert LaneRole.INSIDE in {entry.role for entry in place.roles.entries}
     events = labels(place, track("ego", ahead(55.0, 14.0, SECONDS), sideways(-3.5, 0.0, 5.0, SECONDS)))
     assert of(events, "ego") == [Label.LANE_CHANGE_LEFT]
 
@@ -182,7 +182,7 @@ def test_a_way_into_another_lane_of_the_same_road_is_not_crossed(tmp_path: Path)
         )
     ]  # fmt: skip
     place = site(build([*rows, Lanelet("into", *into, successors=("d",))], "street").map, tmp_path)
-    assert Role.INSIDE in {entry.role for entry in place.roles.entries}
+    assert LaneRole.INSIDE in {entry.role for entry in place.roles.entries}
     time = STEP * np.arange(round(SECONDS / STEP) + 1)
     other = track("other", 88.0 + 6.0 * time, np.minimum(-12.0 + 6.0 * time, 0.5))
     ego = track("ego", ahead(40.0, 14.0, SECONDS), -3.0, start=20.0)

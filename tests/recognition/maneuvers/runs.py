@@ -8,14 +8,14 @@ import runner
 from generation.logical.library import ROADS, SCENARIOS
 from recognition.labels.classes import Rules
 from recognition.labels.scene import prepare
-from recognition.maneuvers.estimation import LaneMotion, lane_motion
+from recognition.maneuvers.estimation import LaneCoordinates, lane_motion
 from recognition.maneuvers.parameters import PARAMETERS, declared_name
 from recognition.sites import site_at
 
 STEP = 0.05
 
 
-def recorded(name: str, road: str, actor: str, values: tuple[float, ...], folder: Path, **others: float) -> LaneMotion:
+def recorded(name: str, road: str, actor: str, values: tuple[float, ...], folder: Path, **others: float) -> LaneCoordinates:
     """What a run without a system under test records.
 
     Args:

@@ -17,7 +17,7 @@ from recognition.labels.classes import Label
 from recognition.maneuvers import storyboard
 from recognition.maneuvers.estimation import distance_model
 from recognition.maneuvers.events import Maneuvers
-from recognition.maneuvers.maneuver import Maneuver, Span
+from recognition.maneuvers.maneuver import RecordedManeuver, Span
 from recognition.maneuvers.storyboard import paths
 from recognition.sites import site_at
 from runner.measures.relations import MotionRows, relations
@@ -38,12 +38,12 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return source.load()
 
 
-def measured(recording: Recording, label: Label, ego: str, partner: str | None, span: Span = AT) -> Maneuver:
+def measured(recording: Recording, label: Label, ego: str, partner: str | None, span: Span = AT) -> RecordedManeuver:
     assert recording.network is not None
     return Maneuvers(recording, site_at(Path(recording.network.path))).of(label, ego, partner, span)
 
 
-def write(folder: Path, recording: Recording, found: Maneuver, version: tuple[int, int] = (1, 3)) -> Path:
+def write(folder: Path, recording: Recording, found: RecordedManeuver, version: tuple[int, int] = (1, 3)) -> Path:
     assert recording.network is not None
     vehicles = {each.name: each.built for each in (entry(track) for track in (found.ego, found.other) if track is not None)}
     catalogs = {
@@ -57,7 +57,7 @@ def write(folder: Path, recording: Recording, found: Maneuver, version: tuple[in
         xosc.write(maneuvers.catalog(path, HEADER, f"{kind}Catalog", entries), path)
     (folder / "road.xodr").write_bytes(Path(recording.network.path).read_bytes())
     followed = paths(found, recording.network, "route", "Other")
-    stage = storyboard.Stage(folder / "scenario.xosc", "road.xodr", {kind: kind for kind in catalogs})
+    stage = storyboard.ScenarioFiles(folder / "scenario.xosc", "road.xodr", {kind: kind for kind in catalogs})
     document = storyboard.scenario(stage, HEADER, found, recording.network, "Other", followed, version)
     xosc.write(document, stage.path)
     return stage.path

@@ -15,7 +15,7 @@ from recognition.catalogue.replay import entry
 from recognition.labels.classes import Label
 from recognition.maneuvers import storyboard
 from recognition.maneuvers.events import Maneuvers
-from recognition.maneuvers.maneuver import Maneuver, Span
+from recognition.maneuvers.maneuver import RecordedManeuver, Span
 from recognition.maneuvers.storyboard import paths
 from recognition.sites import Site
 from recognition.sites.lanes import place
@@ -51,11 +51,11 @@ def recorded(crossing: Site, *tracks: Track) -> Recording:
     return recording
 
 
-def measured(crossing: Site, *tracks: Track, label: Label = Label.LEFT_TURN, partner: str | None = None) -> Maneuver:
+def measured(crossing: Site, *tracks: Track, label: Label = Label.LEFT_TURN, partner: str | None = None) -> RecordedManeuver:
     return Maneuvers(recorded(crossing, *tracks), crossing).of(label, tracks[0].name, partner, TURN)
 
 
-def write(folder: Path, crossing: Site, found: Maneuver, version: tuple[int, int] = (1, 3)) -> Path:
+def write(folder: Path, crossing: Site, found: RecordedManeuver, version: tuple[int, int] = (1, 3)) -> Path:
     followed = paths(found, crossing.network, "way", "Other")
     vehicles = {each.name: each.built for each in (entry(track) for track in (found.ego, found.other) if track is not None)}
     catalogs = {
@@ -69,7 +69,7 @@ def write(folder: Path, crossing: Site, found: Maneuver, version: tuple[int, int
         path.parent.mkdir()
         xosc.write(maneuvers.catalog(path, HEADER, f"{kind}Catalog", entries, version), path)
     (folder / "road.xodr").write_bytes(crossing.path.read_bytes())
-    stage = storyboard.Stage(folder / "scenario.xosc", "road.xodr", {kind: kind for kind in catalogs})
+    stage = storyboard.ScenarioFiles(folder / "scenario.xosc", "road.xodr", {kind: kind for kind in catalogs})
     xosc.write(storyboard.scenario(stage, HEADER, found, crossing.network, "Other", followed, version), stage.path)
     return stage.path
 

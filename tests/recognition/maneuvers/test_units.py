@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recognition.maneuvers.estimation import LaneMotion, errors, estimate, segment
+from recognition.maneuvers.estimation import LaneCoordinates, errors, estimate, segment
 from recognition.maneuvers.parameters import ACCELERATION, BRAKING, CUT_IN, CUT_OUT, KINDS, LANE_CHANGE, Unit
 from recognition.maneuvers.units import OWN, Exposure, Samples, extract
 from schemas.common.errors import InvalidFile
@@ -18,13 +18,13 @@ from tests.recognition.motorway import write_motorway
 VALUES = (20.0, 27.0, 4.0, 25.0, 4.6, 29.0, 6.0)
 
 
-def named(motion: LaneMotion, kind: str, actor: str) -> Unit:
+def named(motion: LaneCoordinates, kind: str, actor: str) -> Unit:
     """The only unit of a kind and an actor."""
     (found,) = [unit for unit in segment(motion) if unit.kind == kind and motion.scene.names[unit.actor] == actor]
     return found
 
 
-def agrees(motion: LaneMotion, unit: Unit, ego_speed: float) -> None:
+def agrees(motion: LaneCoordinates, unit: Unit, ego_speed: float) -> None:
     """Whether extracted parameters are those that the run was given, as far as 0.2 s and a time step tell."""
     found = estimate(motion, unit)
     assert found is not None

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from shapely import Point
 
-from recognition.sites import Role, Site, roles, site_at
+from recognition.sites import LaneRole, Site, roles, site_at
 from recognition.sites.lanes import graph
 from recognition.sites.roles import ROLES
 from schemas.common.errors import InvalidFile
@@ -26,9 +26,9 @@ from xodr.geometry import Cubic
 from xodr.model import Connection, Junction, RoadLink
 
 
-def roles_of(built: RoadMap, folder: Path) -> dict[tuple[str, int], set[Role]]:
+def roles_of(built: RoadMap, folder: Path) -> dict[tuple[str, int], set[LaneRole]]:
     """Roles of each lane of a map."""
-    found: dict[tuple[str, int], set[Role]] = {}
+    found: dict[tuple[str, int], set[LaneRole]] = {}
     for entry in site(built, folder).roles.entries:
         found.setdefault((entry.road, entry.lane), set()).add(entry.role)
     return found
@@ -36,26 +36,26 @@ def roles_of(built: RoadMap, folder: Path) -> dict[tuple[str, int], set[Role]]:
 
 def test_a_motorway_has_main_lanes_only(tmp_path: Path) -> None:
     found = roles_of(builders.straight_highway(opposite_lanes=2), tmp_path)
-    assert found == {("1", lane): {Role.MAIN} for lane in (-1, -2, -3, 2, 3)}  # neither shoulders nor the median
+    assert found == {("1", lane): {LaneRole.MAIN} for lane in (-1, -2, -3, 2, 3)}  # neither shoulders nor the median
 
 
 def test_ramps_reach_from_their_road_to_the_end_of_the_extra_lane(tmp_path: Path) -> None:
     found = roles_of(builders.on_ramp(), tmp_path)
-    assert {lane for lane, roles in found.items() if Role.ON_RAMP in roles} == {("3", -1), ("102", -1), ("2", -3)}
-    assert {lane for lane, roles in found.items() if Role.MAIN in roles} == {
+    assert {lane for lane, roles in found.items() if LaneRole.ON_RAMP in roles} == {("3", -1), ("102", -1), ("2", -3)}
+    assert {lane for lane, roles in found.items() if LaneRole.MAIN in roles} == {
         (r, lane) for r in ("1", "101", "2") for lane in (-1, -2)
     }
 
 
 def test_ramps_are_told_by_their_ends_where_lane_types_say_nothing(tmp_path: Path) -> None:
-    for build, role in ((builders.on_ramp, Role.ON_RAMP), (builders.off_ramp, Role.OFF_RAMP)):
+    for build, role in ((builders.on_ramp, LaneRole.ON_RAMP), (builders.off_ramp, LaneRole.OFF_RAMP)):
         path = build().write(tmp_path / f"{role}.xodr")
         text = path.read_text()
         for kind in ("onRamp", "offRamp", "entry", "exit"):
             text = text.replace(f'type="{kind}"', 'type="driving"')
         path.write_text(text)
         found = {(entry.road, entry.lane) for entry in site_at(path).roles.entries if entry.role is role}
-        extra = ("2", -3) if role is Role.ON_RAMP else ("1", -3)
+        extra = ("2", -3) if role is LaneRole.ON_RAMP else ("1", -3)
         assert found == {("3", -1), ("102", -1), extra}
 
 
@@ -101,8 +101,8 @@ def test_a_lane_from_an_on_ramp_to_an_off_ramp_is_weaving(tmp_path: Path) -> Non
         direct(11, "out", (way(2, 3, both), way(2, 5, ((-3, -1),)))),
     )
     found = roles_of(RoadMap("weaving", roads, junctions), tmp_path)
-    ramps = {("4", -1): {Role.ON_RAMP}, ("2", -3): {Role.WEAVING}, ("5", -1): {Role.OFF_RAMP}}
-    assert {lane: roles for lane, roles in found.items() if roles != {Role.MAIN}} == ramps
+    ramps = {("4", -1): {LaneRole.ON_RAMP}, ("2", -3): {LaneRole.WEAVING}, ("5", -1): {LaneRole.OFF_RAMP}}
+    assert {lane: roles for lane, roles in found.items() if roles != {LaneRole.MAIN}} == ramps
 
 
 @pytest.mark.parametrize("reverse", [False, True], ids=["merging back", "parting before"])
@@ -128,9 +128,9 @@ def test_an_extra_lane_with_a_road_of_its_own_is_of_the_ramp_that_it_belongs_to(
         direct(12, "c", (link(3, 6, *both), link(5, 6, (-1, -2)))),
     )
     found = roles_of(RoadMap("extra", roads, junctions), tmp_path)
-    role = Role.OFF_RAMP if reverse else Role.ON_RAMP
+    role = LaneRole.OFF_RAMP if reverse else LaneRole.ON_RAMP
     ramps = {("4", -1): {role}, ("2", -3): {role}, ("5", -1): {role}}
-    assert {lane: roles for lane, roles in found.items() if roles != {Role.MAIN}} == ramps
+    assert {lane: roles for lane, roles in found.items() if roles != {LaneRole.MAIN}} == ramps
 
 
 @pytest.mark.parametrize(("before", "after"), [(3, 2), (2, 3)])
@@ -139,38 +139,40 @@ def test_a_lane_more_or_less_is_no_ramp(tmp_path: Path, before: int, after: int)
         carriageway(1, 0.0, before, successor=RoadLink("road", "2", "start")),
         carriageway(2, 100.0, after, predecessor=RoadLink("road", "1", "end")),
     )
-    assert set().union(*roles_of(RoadMap("lanes", (one, two)), tmp_path).values()) == {Role.MAIN}
+    assert set().union(*roles_of(RoadMap("lanes", (one, two)), tmp_path).values()) == {LaneRole.MAIN}
 
 
 @pytest.mark.parametrize(("arms", "lanes", "rule"), [(4, 1, "RHT"), (5, 2, "RHT"), (3, 1, "LHT")])
 def test_rings_are_found_with_their_entries_and_exits(tmp_path: Path, arms: int, lanes: int, rule: str) -> None:
     found = roles_of(builders.roundabout(arms=arms, lanes=lanes, rule=rule), tmp_path)
-    count = {role: sum(role in roles for roles in found.values()) for role in Role}
-    assert count[Role.RING] == 2 * arms * lanes
-    assert count[Role.ENTRY] == count[Role.EXIT] == count[Role.APPROACH] == count[Role.URBAN] == arms * lanes
+    count = {role: sum(role in roles for roles in found.values()) for role in LaneRole}
+    assert count[LaneRole.RING] == 2 * arms * lanes
+    assert count[LaneRole.ENTRY] == count[LaneRole.EXIT] == count[LaneRole.APPROACH] == count[LaneRole.URBAN] == arms * lanes
 
 
 @pytest.mark.parametrize(("build", "inside"), [(builders.four_way_intersection, 12), (builders.t_junction, 6)])
 def test_crossings_have_approaches_and_an_inside(tmp_path: Path, build: Callable[..., RoadMap], inside: int) -> None:
     found = roles_of(build(), tmp_path)
-    assert sum(roles == {Role.INSIDE} for roles in found.values()) == inside
-    assert {lane for lane, roles in found.items() if roles == {Role.APPROACH}} == {(road, 1) for road, lane in found if lane == 1}
+    assert sum(roles == {LaneRole.INSIDE} for roles in found.values()) == inside
+    assert {lane for lane, roles in found.items() if roles == {LaneRole.APPROACH}} == {
+        (road, 1) for road, lane in found if lane == 1
+    }
 
 
 def test_traffic_lights_make_a_crossing_a_signalised_one(tmp_path: Path) -> None:
     found = roles_of(builders.four_way_intersection(signals=True), tmp_path)
-    assert sum(roles == {Role.SIGNALISED} for roles in found.values()) == 12
-    assert all(Role.INSIDE not in roles for roles in found.values())
+    assert sum(roles == {LaneRole.SIGNALISED} for roles in found.values()) == 12
+    assert all(LaneRole.INSIDE not in roles for roles in found.values())
 
 
-@pytest.mark.parametrize(("limit", "role"), [(50.0, Role.URBAN), (70.0, Role.URBAN), (80.0, Role.MAIN)])
-def test_the_speed_limit_parts_urban_from_fast_roads(tmp_path: Path, limit: float, role: Role) -> None:
+@pytest.mark.parametrize(("limit", "role"), [(50.0, LaneRole.URBAN), (70.0, LaneRole.URBAN), (80.0, LaneRole.MAIN)])
+def test_the_speed_limit_parts_urban_from_fast_roads(tmp_path: Path, limit: float, role: LaneRole) -> None:
     found = roles_of(builders.sharp_curve(speed_limit=limit / 3.6), tmp_path)
     assert set().union(*found.values()) == {role}
 
 
-@pytest.mark.parametrize(("driven", "role"), [(15.0, Role.URBAN), (20.0, Role.MAIN), (math.inf, Role.MAIN)])
-def test_traffic_tells_what_a_road_is_of_which_the_map_says_nothing(tmp_path: Path, driven: float, role: Role) -> None:
+@pytest.mark.parametrize(("driven", "role"), [(15.0, LaneRole.URBAN), (20.0, LaneRole.MAIN), (math.inf, LaneRole.MAIN)])
+def test_traffic_tells_what_a_road_is_of_which_the_map_says_nothing(tmp_path: Path, driven: float, role: LaneRole) -> None:
     path = builders.straight_highway().write(tmp_path / "site.xodr")
     path.write_text(re.sub("<type .*?</type>", "", path.read_text(), flags=re.DOTALL))
     assert {entry.role for entry in site_at(path, driven=driven).roles.entries} == {role}
@@ -223,7 +225,7 @@ def test_an_edit_may_part_a_lane_along_s(entered: Site) -> None:
     edit(entered, lambda roles: roles.append({"road": "1", "lane": -3, "from": 100.0, "to": 200.0, "role": "urban"}))
     place, s = site_at(entered.path), np.array([50.0, 150.0, 250.0])
     strip = graph(place.network).find(np.full(3, "1", object), np.full(3, -3), s)
-    assert [ROLES[code] for code in place.roles.codes(place.lanes, strip, s)] == [Role.OTHER, Role.URBAN, Role.OTHER]
+    assert [ROLES[code] for code in place.roles.codes(place.lanes, strip, s)] == [LaneRole.OTHER, LaneRole.URBAN, LaneRole.OTHER]
 
 
 @pytest.mark.parametrize(
@@ -300,7 +302,7 @@ def block(straight: float, radius: float) -> RoadMap:
 @pytest.mark.parametrize(("straight", "radius", "ring"), [(1.0, 12.0, True), (10.0, 4.6, True), (30.0, 8.0, False)])
 def test_a_block_with_rounded_corners_is_no_roundabout(tmp_path: Path, straight: float, radius: float, ring: bool) -> None:
     found = roles_of(block(straight, radius), tmp_path)
-    assert [Role.RING in found[str(number), -1] for number in range(1, 5)] == [ring] * 4
+    assert [LaneRole.RING in found[str(number), -1] for number in range(1, 5)] == [ring] * 4
 
 
 NO_NETWORK: Any = None

@@ -10,7 +10,7 @@ import pytest
 
 import recognition.datasets as datasets
 from recognition.datasets.road_sources import straight_road
-from recognition.sites import Role, site_of
+from recognition.sites import LaneRole, site_of
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, UsageError
 from tests.recognition.driving import STEP, ahead, sideways, track
@@ -29,7 +29,7 @@ def test_highd_brings_its_road_along(tmp_path: Path) -> None:
     source, recording, roads = opened(tmp_path / "data", tmp_path / "roads")
     place = site_of(source, recording, roads)
     assert place.network is recording.network
-    assert {entry.role for entry in place.roles.entries} == {Role.MAIN}
+    assert {entry.role for entry in place.roles.entries} == {LaneRole.MAIN}
 
 
 def test_a_road_beside_the_tracks_is_the_sites(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_lanelet2_maps_become_roads_once(recordings: Path, tmp_path: Path) -> No
     places = [site_of(source, source.load(), tmp_path) for source in (sources[0], sources[0])]
     assert places[0].network is places[1].network
     assert places[0].path.parent == tmp_path
-    assert sum(entry.role is Role.SIGNALISED for entry in places[0].roles.entries) > 8
+    assert sum(entry.role is LaneRole.SIGNALISED for entry in places[0].roles.entries) > 8
 
 
 def test_lanelets_of_commonroad_become_roads(recordings: Path, tmp_path: Path) -> None:
@@ -88,10 +88,10 @@ def test_lanelets_of_commonroad_become_roads(recordings: Path, tmp_path: Path) -
     sources = {source.name.split("/")[-1]: source for source in datasets.open(archive, tmp_path).sources}
     motorway = sources["USA_US101-9_1_T-1"]
     place = site_of(motorway, motorway.load(), tmp_path)
-    assert {entry.role for entry in place.roles.entries} <= {Role.MAIN, Role.ON_RAMP, Role.OFF_RAMP}
+    assert {entry.role for entry in place.roles.entries} <= {LaneRole.MAIN, LaneRole.ON_RAMP, LaneRole.OFF_RAMP}
     street = sources["USA_Lanker-1_6_T-1"]
     place = site_of(street, street.load(), tmp_path)
-    assert sum(entry.role is Role.SIGNALISED for entry in place.roles.entries) > 4
+    assert sum(entry.role is LaneRole.SIGNALISED for entry in place.roles.entries) > 4
 
 
 # the straight road of NGSIM tables ------------------------------------------------------------
@@ -141,6 +141,6 @@ def test_phases_of_lights_beside_the_tracks_make_junctions_signalised(recordings
     found = {}
     for site in ("k729_2022-03-16", "k733_2018-05-02", "k733_2020-09-15"):
         place = site_of(*opened(recordings / "taf_bw" / "recorded_trackfiles" / site, tmp_path))
-        found[site] = {entry.role for entry in place.roles.entries} & {Role.INSIDE, Role.SIGNALISED}
-    assert found["k729_2022-03-16"] == {Role.INSIDE}
-    assert found["k733_2018-05-02"] == found["k733_2020-09-15"] == {Role.SIGNALISED}
+        found[site] = {entry.role for entry in place.roles.entries} & {LaneRole.INSIDE, LaneRole.SIGNALISED}
+    assert found["k729_2022-03-16"] == {LaneRole.INSIDE}
+    assert found["k733_2018-05-02"] == found["k733_2020-09-15"] == {LaneRole.SIGNALISED}

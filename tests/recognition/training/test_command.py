@@ -11,7 +11,7 @@ import pytest
 
 from recognition import xosc_recognize
 from recognition.catalogue.pipeline import SHIPPED
-from recognition.encoder.config import PRESETS, Preset, Schedule, TokenArchitecture
+from recognition.encoder.config import PRESETS, Preset, TokenArchitecture, TrainingSchedule
 from recognition.encoder.model import Encoder, untrained
 from recognition.labels import Label
 from recognition.tokens import FEATURES, Tokens
@@ -54,7 +54,7 @@ def delta(model: TRFE) -> float:
 def test_a_model_is_trained_and_recognises(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tiny = Preset(TokenArchitecture(dim=32, depth=1, heads=2), Schedule(1, 64, 1e-3), Schedule(8, 32, 3e-3))
+    tiny = Preset(TokenArchitecture(dim=32, depth=1, heads=2), TrainingSchedule(1, 64, 1e-3), TrainingSchedule(8, 32, 3e-3))
     monkeypatch.setitem(PRESETS, "tokens", tiny)
     given = windows(tmp_path / "windows")
     code = call(monkeypatch, "train", given, "--out", tmp_path / "model", "--events-per-class", 96)
@@ -80,7 +80,7 @@ def test_a_model_is_trained_and_recognises(
 def test_an_encoder_is_pretrained_on_recordings_without_labels_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tiny = Preset(TokenArchitecture(dim=8, depth=1, heads=2), Schedule(1, 64, 1e-3), Schedule(1, 64, 1e-3))
+    tiny = Preset(TokenArchitecture(dim=8, depth=1, heads=2), TrainingSchedule(1, 64, 1e-3), TrainingSchedule(1, 64, 1e-3))
     monkeypatch.setitem(PRESETS, "tokens", tiny)
     given, seen = windows(tmp_path / "windows"), []
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from recognition.encoder.config import Schedule, TokenArchitecture
+from recognition.encoder.config import TokenArchitecture, TrainingSchedule
 from recognition.encoder.model import TokenEncoder
 from recognition.tokens import Tokens
 from recognition.trfe.samples import Features
@@ -37,7 +37,7 @@ def windows(seed: int) -> tuple[Features, IntArray]:
 
 
 def fitted(method: HeadMethod, encoder: TokenEncoder, epochs: int = 15) -> EndToEnd:
-    return EndToEnd(method, encoder, NUMBERS, Schedule(epochs, 16, 1e-2)).fit(*windows(1), *windows(2))
+    return EndToEnd(method, encoder, NUMBERS, TrainingSchedule(epochs, 16, 1e-2)).fit(*windows(1), *windows(2))
 
 
 @pytest.mark.parametrize("kind", [CAC, MLS, ARPL])

@@ -22,7 +22,7 @@ from lxml import etree
 from recognition.datasets.formats.commonroad.lanelets import child, invalid, measured, number, road_of, unsupported
 from recognition.datasets.rows import Clock, columns_of, cut, in_order, rate
 from recognition.datasets.smoothing import smoothed
-from recognition.datasets.source import Exclusion, Participant, Report, SiteRoad, Source, participant
+from recognition.datasets.source import Exclusion, Report, SiteRoad, Source, TrackParticipant, participant
 from recognition.datasets.table import Table
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile
@@ -56,7 +56,7 @@ class State(NamedTuple):
 
 
 class _Obstacle(NamedTuple):
-    who: Participant
+    who: TrackParticipant
     standing: bool
     states: list[State]
 

@@ -16,6 +16,7 @@ from recognition.datasets.table import GREATEST
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.xml import line_of
+from xodr.lanelet2 import Lanelet, LaneletNeighbour, build
 
 
 def child(parent: etree._Element, *path: str) -> etree._Element:
@@ -67,14 +68,7 @@ def _file(element: etree._Element) -> str | None:
     return element.getroottree().docinfo.URL
 
 
-class Neighbour(NamedTuple):
-    """A lanelet beside another one, and whether it leads the same way."""
-
-    id: str
-    same_direction: bool
-
-
-class Lanelet(NamedTuple):
+class CommonRoadLanelet(NamedTuple):
     """A piece of a lane, from its first to its last points.
 
     left, right: its bounds, (n, 2), m. predecessors, successors: lanelets before and after it.
@@ -87,13 +81,13 @@ class Lanelet(NamedTuple):
     right: FloatArray
     predecessors: tuple[str, ...]
     successors: tuple[str, ...]
-    beside_left: Neighbour | None
-    beside_right: Neighbour | None
+    beside_left: LaneletNeighbour | None
+    beside_right: LaneletNeighbour | None
     types: tuple[str, ...]
     limit: float = math.inf
 
 
-def lanelets(root: etree._Element) -> list[Lanelet]:
+def lanelets(root: etree._Element) -> list[CommonRoadLanelet]:
     """The lanelets of a scenario (the root of `recognition.datasets.formats.commonroad.document`).
 
     Raises:
@@ -114,12 +108,12 @@ def _limits(root: etree._Element) -> dict[str, float]:
     }
 
 
-def _lanelet(element: etree._Element, limits: dict[str, float]) -> Lanelet:
+def _lanelet(element: etree._Element, limits: dict[str, float]) -> CommonRoadLanelet:
     left, right = _bound(element, "leftBound"), _bound(element, "rightBound")
     if len(left) != len(right):
         raise invalid(element, f"the left bound has {len(left)} points, the right one {len(right)}")
     types = tuple((kind.text or "").strip() for kind in element.iterchildren("laneletType"))
-    return Lanelet(
+    return CommonRoadLanelet(
         element.get("id") or "", left, right, _refs(element, "predecessor"), _refs(element, "successor"),
         _beside(element, "adjacentLeft"), _beside(element, "adjacentRight"), types,
         min((limits[sign] for sign in _refs(element, "trafficSignRef") if sign in limits), default=math.inf),
@@ -138,9 +132,9 @@ def _refs(element: etree._Element, name: str) -> tuple[str, ...]:
     return tuple(link.get("ref") or "" for link in element.iterchildren(name))
 
 
-def _beside(element: etree._Element, name: str) -> Neighbour | None:
+def _beside(element: etree._Element, name: str) -> LaneletNeighbour | None:
     link = element.find(name)
-    return Neighbour(link.get("ref") or "", link.get("drivingDir") == "same") if link is not None else None
+    return LaneletNeighbour(link.get("ref") or "", link.get("drivingDir") == "same") if link is not None else None
 
 
 # the road ----------------------------------------------------------------------------------
@@ -172,10 +166,6 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
     Raises:
         InvalidFile: it has no lanelets, or malformed ones.
     """
-    from xodr.lanelet2 import Lanelet as Built
-    from xodr.lanelet2 import LaneletNeighbour as Beside
-    from xodr.lanelet2 import build
-
     found = lanelets(root)
     if not found:
         raise invalid(root, "there is no lanelet, so its roads are unknown")
@@ -183,18 +173,15 @@ def road_of(root: etree._Element, site: str, folder: Path) -> SiteRoad:
     tagged = _tagged(root)
     unlimited = "town" if tagged == "unknown" and any("urban" in one.types for one in found) else tagged
 
-    def kind(one: Lanelet) -> str:
+    def kind(one: CommonRoadLanelet) -> str:
         if set(one.types) & _MOTORWAY:
             return "motorway"
         return unlimited if math.isinf(one.limit) else tagged
 
-    def beside(neighbour: Neighbour | None) -> Beside | None:
-        return None if neighbour is None else Beside(neighbour.id, neighbour.same_direction)
-
     built = build(
         [
-            Built(
-                one.id, one.left, one.right, one.predecessors, one.successors, beside(one.beside_left), beside(one.beside_right),
+            Lanelet(
+                one.id, one.left, one.right, one.predecessors, one.successors, one.beside_left, one.beside_right,
                 _lane_type(one.types), kind(one), one.limit,
             )
             for one in found
