@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -158,7 +159,6 @@ def test_module_names_say_what_they_are() -> None:
 def test_public_classes_get_names_of_their_own() -> None:
     homes: dict[str, set[str]] = {}
     for name, path in product_files().items():
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                homes.setdefault(node.name, set()).add(name)
+        for public in re.findall(r"^class ([A-Za-z]\w*)", path.read_text(encoding="utf-8"), re.MULTILINE):
+            homes.setdefault(public, set()).add(name)
     assert {name: sorted(modules) for name, modules in homes.items() if len(modules) > 1} == {}, "give one of them another name"

@@ -6,6 +6,7 @@ A cache that is not in `CACHES` fails here. `cached_property` is allowed anywher
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -92,13 +93,17 @@ STAMPED = ("Stamp", "version")
 """Parts of a parameter's declaration by which a file's state is in the key."""
 
 
+@cache
 def cached() -> dict[str, tuple[str, str]]:
     """Return parameters and decorator of each cached function, by the function's full name."""
     found = {}
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
+            source = path.read_text("utf-8")
+            if "cache" not in source:
+                continue
             module = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            for node in ast.walk(ast.parse(source)):
                 for each in node.decorator_list if isinstance(node, ast.FunctionDef) else ():
                     text = ast.unparse(each)
                     if "cache" in text and "cached_property" not in text:

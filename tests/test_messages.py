@@ -33,7 +33,8 @@ def _text(node: ast.expr) -> str:
 
 def messages(module: Path) -> Iterator[tuple[int, str]]:
     """Line and text of the sentences that a module says."""
-    for node in ast.walk(ast.parse(module.read_text("utf-8"))):
+    source = module.read_text("utf-8")
+    for node in ast.walk(ast.parse(source)) if any(each in source for each in CALLS) else ():
         called = node.func if isinstance(node, ast.Call) else None
         if isinstance(called, ast.Name | ast.Attribute) and (called.id if isinstance(called, ast.Name) else called.attr) in CALLS:
             assert isinstance(node, ast.Call)

@@ -322,12 +322,13 @@ def test_an_interrupted_batch_goes_on_where_it_was(
 ) -> None:
     scenario(tmp_path, stop=0.5)
     variation = distribution(tmp_path, "variation", {"Gap": (20, 310, 10)})
-    (tmp_path / "slow.py").write_text(SLOW_SYSTEM)
+    (tmp_path / "slow.py").write_text(SLOW_SYSTEM.replace("0.02", "float(os.environ.get('SLOWNESS', '0'))"))
     out, journal = tmp_path / "out", tmp_path / "out" / "runs.jsonl"
     arguments = [str(variation), "--world", "kinematic", "--sut", "slow:Slow", "--out", str(out)]
     begun = [sys.executable, "-m", "runner.xosc_run", *arguments, "--jobs", str(processes)]
     pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
-    first = subprocess.Popen(begun, cwd=tmp_path, stdout=nothing, stderr=pipe, text=True, preexec_fn=_hear)
+    slow = os.environ | {"SLOWNESS": "0.02"}  # until it is interrupted
+    first = subprocess.Popen(begun, cwd=tmp_path, env=slow, stdout=nothing, stderr=pipe, text=True, preexec_fn=_hear)
     deadline = time.monotonic() + 60
     while not (journal.exists() and journal.read_bytes().count(b"\n") >= 2):
         assert time.monotonic() < deadline
