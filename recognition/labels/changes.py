@@ -68,6 +68,10 @@ class SceneRows:
         """Rows on lanes of these roles."""
         return np.isin(self.role, [ROLES.index(role) for role in roles])
 
+    def lane_width(self, row: IntArray) -> FloatArray:
+        """Width (m) of the lanes of rows of which displacements are shares: `rules.width` at most."""
+        return np.minimum(self.site.lanes.width[self.strip[row]], self.rules.width)
+
 
 class Stays(NamedTuple):
     """First row and number of rows of each stay."""
@@ -143,15 +147,19 @@ def along_road(scene: SceneRows, row: IntArray) -> BoolArray:
     """
     headings = np.array([_lane_heading(scene, each) for each in row.tolist()], np.float64)
     oblique = np.abs(_wrapped(scene.h[row] - headings))
-    return (oblique <= np.radians(scene.rules.oblique)) & (np.abs(_turns(scene, row)) <= np.radians(scene.rules.turning))
-
-
-def _turns(scene: SceneRows, row: IntArray) -> FloatArray:
-    """Change of heading about each row, less what the roads outside of junctions bend on the way, rad."""
     reach = scene.rows(scene.rules.turning_time)
-    first, last = np.maximum(row - reach, scene.first[row]), np.minimum(row + reach, scene.last[row])
-    turned = np.cumsum(_wrapped(np.diff(scene.h, prepend=scene.h[:1])))
-    off_road = _off_road(scene)
+    turns = _turns(scene, np.maximum(row - reach, scene.first[row]), np.minimum(row + reach, scene.last[row]))
+    return (oblique <= np.radians(scene.rules.oblique)) & (np.abs(turns) <= np.radians(scene.rules.turning))
+
+
+def _turned(scene: SceneRows) -> FloatArray:
+    """Change of heading in all rows before each row, rad."""
+    return np.cumsum(_wrapped(np.diff(scene.h, prepend=scene.h[:1])))
+
+
+def _turns(scene: SceneRows, first: IntArray, last: IntArray) -> FloatArray:
+    """Change of heading from rows to later ones, less what the roads outside of junctions bend on the way, rad."""
+    turned, off_road = _turned(scene), _off_road(scene)
     bends = [_bend(scene, a, b, off_road) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
     return turned[last] - turned[first] - np.array(bends, np.float64)
 
@@ -179,6 +187,53 @@ def _lane_heading(scene: SceneRows, row: int) -> float:
 def _wrapped(angle: FloatArray | float) -> FloatArray:
     """Between -π and π."""
     return np.remainder(np.asarray(angle) + np.pi, 2.0 * np.pi) - np.pi
+
+
+class Exits(NamedTuple):
+    """Rows at which vehicles leave their lane obliquely, or come into one so, outside of junctions.
+
+    row: the first one beyond the lane, or on it. leaves: whether it leaves. beside: whether it is on no driving lane within
+    `rules.beside`.
+    """
+
+    row: IntArray
+    leaves: BoolArray
+    beside: BoolArray
+
+
+def exits(scene: SceneRows, course: IntArray) -> Exits:
+    """Return where vehicles leave or enter lanes at more than `rules.oblique`, given the courses of rows.
+
+    Near an end of a lane that no other one is linked to, the map ends, not the road.
+    """
+    on = (scene.strip != NOWHERE) & scene.site.lanes.driving[scene.strip]
+    road, angle = on & ~_off_road(scene) & ~_at_open_end(scene), np.radians(scene.rules.oblique)
+    other = (course[1:] != course[:-1]) | (on[1:] != on[:-1])
+    crossed = np.flatnonzero(other & (scene.first[1:] == scene.first[:-1])) + 1
+    crossed = crossed[scene.speed[crossed] >= scene.rules.cut_speed]
+    away = np.append(0, np.cumsum(~on))
+    reach, found = scene.rows(scene.rules.beside), []
+    for leaves in (True, False):
+        lane = crossed - 1 if leaves else crossed
+        row, lane = crossed[road[lane]], lane[road[lane]]
+        headings = np.array([_lane_heading(scene, each) for each in lane.tolist()], np.float64)
+        row = row[np.abs(_wrapped(scene.h[row] - headings)) > angle]
+        first = row if leaves else np.maximum(row - reach, scene.first[row])
+        last = np.minimum(row + reach, scene.last[row] + 1) if leaves else row
+        found.append((row, np.full(len(row), leaves), away[last] > away[first]))
+    return Exits(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
+
+
+_OPEN = 10.0
+"""Distance from the open end of a lane within which vehicles may come from, or drive to, roads that the map lacks, m"""
+
+
+def _at_open_end(scene: SceneRows) -> BoolArray:
+    """Rows near an end of their lane that no other lane is linked to."""
+    lanes, strip = scene.site.lanes, scene.strip
+    last, first = (np.array([not linked for linked in links], bool) for links in (lanes.following, lanes.preceding))
+    ahead = lanes.length[strip] - scene.along
+    return (strip != NOWHERE) & ((last[strip] & (ahead < _OPEN)) | (first[strip] & (scene.along < _OPEN)))
 
 
 class Changes(NamedTuple):
@@ -220,6 +275,7 @@ def lane_changes(scene: SceneRows) -> LaneChanges:
     Borders that are crossed in a turn are none.
     """
     steps, related = _steps(scene.site.lanes, scene.strip)
+    related |= _overlapping(scene, ~related)
     begins = np.ones(len(scene.track), bool)
     begins[1:] = (scene.first[1:] != scene.first[:-1]) | ~related
     course = np.cumsum(begins) - 1
@@ -242,8 +298,8 @@ def _sideways(scene: SceneRows, lane: IntArray, begins: BoolArray) -> tuple[IntA
     """
     row = np.flatnonzero((np.abs(np.diff(lane)) == 1) & ~begins[1:]) + 1
     left = lane[row] > lane[row - 1]
-    road, width = scene.site.lanes.road[scene.strip], scene.site.lanes.width[scene.strip]
-    enough = np.where(left, 1.0, -1.0) * _aside(scene, row) >= 0.5 * width[row]
+    road = scene.site.lanes.road[scene.strip]
+    enough = np.where(left, 1.0, -1.0) * _aside(scene, row) >= 0.5 * scene.lane_width(row)
     kept = (road[row] == road[row - 1]) | enough
     return row[kept], left[kept]
 
@@ -287,6 +343,20 @@ def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
     steps[moved] = np.array([step or 0 for step in found], np.int64)[which.reshape(-1)]
     related[moved] = np.array([step is not None for step in found], bool)[which.reshape(-1)]
     return steps, related
+
+
+_SAME_LANE = 1.0
+"""Greatest distance between the centres of lanes that count as one where they overlap, m"""
+
+
+def _overlapping(scene: SceneRows, changed: BoolArray) -> BoolArray:
+    """Which of these steps from a row to the next lead to a lane that overlaps the one before, with nearly its centre and way."""
+    near = changed & (scene.strip[1:] != NOWHERE) & (scene.strip[:-1] != NOWHERE) & (scene.first[1:] == scene.first[:-1])
+    row = np.flatnonzero(near & (np.abs(np.diff(scene.offset)) < _SAME_LANE))
+    bends = [float(_wrapped(_lane_heading(scene, each + 1) - _lane_heading(scene, each))) for each in row.tolist()]
+    near[:] = False
+    near[row[np.abs(np.array(bends, np.float64)) < np.radians(scene.rules.oblique)]] = True
+    return near
 
 
 def _first(begins: BoolArray) -> IntArray:
@@ -378,7 +448,7 @@ def passages(scene: SceneRows) -> Passages:
     start, end, length = start[chosen], (start + size - 1)[chosen], length[chosen]
     entered, arrived = _same_track(scene, start, -1), _same_track(scene, end, 1)
     first, last = start - entered, end + arrived
-    turned = np.cumsum(_wrapped(np.diff(scene.h, prepend=scene.h[:1])))
+    turned = _turned(scene)
     turn = _heading_changes(scene, turned, first, last, entered, arrived)
     counting = (length >= scene.rules.passage) | (np.abs(turn) >= np.radians(scene.rules.turn[0]))
     kept = (start, first, last, entered, arrived, turn)
@@ -407,9 +477,9 @@ def _heading_changes(
     roads within `rules.turning_time` before and after, up to other passages, counts if that makes it a turn.
     """
     rules, lanes = scene.rules, scene.site.lanes
-    recorded, least = turned[last] - turned[first], np.radians(rules.straight)
+    recorded, least, turning = turned[last] - turned[first], np.radians(rules.straight), np.radians(rules.turn[0])
     missing = np.zeros(len(first))
-    for number in np.flatnonzero(~(entered & arrived) & (np.abs(recorded) < np.radians(rules.turn[0]))).tolist():
+    for number in np.flatnonzero(~(entered & arrived) & (np.abs(recorded) < turning)).tolist():
         begin, end = int(first[number]), int(last[number])
         if not entered[number]:
             missing[number] += _lane_turn(lanes, int(scene.strip[begin]), 0.0, float(scene.along[begin]))
@@ -417,9 +487,9 @@ def _heading_changes(
             strip = int(scene.strip[end])
             missing[number] += _lane_turn(lanes, strip, float(scene.along[end]), float(lanes.length[strip]))
     turn = recorded + missing
-    turn[(np.abs(turn) >= least) & (np.abs(recorded) < least)] = np.nan
+    turn[(np.abs(turn) >= turning) & (np.abs(recorded) < least)] = np.nan
     reach, off_road = scene.rows(rules.turning_time), _off_road(scene)
-    for number in np.flatnonzero((np.abs(recorded) >= least) & (np.abs(turn) < np.radians(rules.turn[0]))).tolist():
+    for number in np.flatnonzero((np.abs(recorded) >= least) & (np.abs(turn) < turning)).tolist():
         begin, end = int(first[number]), int(last[number])
         earliest, latest = max(begin - reach, int(scene.first[begin])), min(end + reach, int(scene.last[end]))
         if number and scene.track[last[number - 1]] == scene.track[begin]:
@@ -428,9 +498,37 @@ def _heading_changes(
             latest = min(latest, max(int(first[number + 1]), end))
         around = turned[begin] - turned[earliest] - _bend(scene, earliest, begin, off_road)
         around += turned[latest] - turned[end] - _bend(scene, end, latest, off_road)
-        if np.abs(turn[number] + around) >= np.radians(rules.turn[0]):
+        if np.abs(turn[number] + around) >= turning:
             turn[number] += around
     return turn
+
+
+class Turns(NamedTuple):
+    """Turns beside junctions: the row at which half of it is done, and the change of heading, rad, positive to the left."""
+
+    row: IntArray
+    turn: FloatArray
+
+
+def side_turns(scene: SceneRows, crossed: Exits, ways: Passages) -> Turns:
+    """Turns between a lane and a place beside the road, such as a driveway, within `rules.shift_time` of the lane's border.
+
+    Bends of the lanes are no turns; turns in junctions before or behind are others.
+    """
+    turned, reach = _turned(scene), scene.rows(scene.rules.shift_time)
+    found: list[tuple[int, float]] = []
+    for row in np.sort(crossed.row[crossed.beside]).tolist():
+        first, last = max(row - reach, int(scene.first[row])), min(row + reach, int(scene.last[row]))
+        mine = scene.track[ways.first] == scene.track[row]
+        if (mine & (ways.first < row) & (row < ways.last)).any():
+            continue
+        first = max([first, *ways.last[mine & (ways.last <= row)].tolist()])
+        last = min([last, *ways.first[mine & (ways.first >= row)].tolist()])
+        middle = _half(turned, first, last)
+        if not found or scene.track[found[-1][0]] != scene.track[middle] or middle - found[-1][0] > reach:
+            found.append((middle, float(_turns(scene, np.array([first]), np.array([last]))[0])))
+    rows, angles = (np.array(column) for column in zip(*found, strict=True)) if found else (np.zeros(0, np.int64), np.zeros(0))
+    return Turns(scene.centred(rows), angles)
 
 
 def _lane_turn(lanes: LaneGraph, strip: int, start: float, end: float) -> float:

@@ -96,6 +96,7 @@ class Rules:
         margin: time before and after the window in which free cruise and following hold too.
         spacing: least time between two free cruises, or two followings, of one ego.
         most_windows: most of each of them of one ego.
+        gap: longest time without frames after which a track goes on.
         sight: how far ahead a lead is looked for.
         parked: least diagonal of the area in which a vehicle that drives moves, over its whole track; jitter has a speed, too.
         smoothing: time over which accelerations are averaged before they are compared.
@@ -106,12 +107,13 @@ class Rules:
         hold: how long a lane is held before and after a change; shorter stays in a lane are none.
         flicker: stays in a role shorter than this are none: where lanes of a junction overlap, rows jump between them.
         shift: least lateral displacement of a lane change, in lane widths.
+        width: widest lane (m) of which shares count: a wider one is no further to cross.
         strict_shift: least lateral displacement in m, instead, where it is given.
         partial_hold, partial_shift: time for which the first or last lane of a track is held, and least lateral displacement (in
             lane widths), of a lane change that was recorded in part; it gets the tag `partial`.
         partial_urban_shift: the same on roads that are no motorways, where vehicles set off and turn at the edges of the view.
         partial_ramp: least way along a ramp on which the track begins or ends; such an event gets the tag `partial`, too.
-        oblique: greatest angle between vehicle and lane where a lane change crosses the border.
+        oblique: greatest angle between vehicle and lane where a lane change crosses the border; at more it leaves the road.
         turning, turning_time: greatest change of heading, beyond the road's own, so long before and after that; more is a turn.
         shift_time: time before and after a change in which the displacement is measured.
         cut_gap, cut_speed: greatest gap to a vehicle that cuts in or out, and least speed of both: standing vehicles do not.
@@ -127,7 +129,8 @@ class Rules:
         ring_spacing: least time between two events of circulating.
         passage: least way through a junction that counts; half of it for a turn.
         turn: least and greatest change of heading of a turn.
-        straight: greatest change of heading of a straight cross.
+        beside: time within which a vehicle that leaves its lane obliquely is on no lane, or one that comes into it was.
+        straight: greatest change of heading of a straight cross; less than that of a turn where no other way is straighter.
         opposing_time: time within which an opposing vehicle passes.
         vru_pet: PET with pedestrians and cyclists below which there is a conflict.
         merging_gap: arrivals in one lane less than this apart are merging.
@@ -138,6 +141,7 @@ class Rules:
     margin: float = 2.0
     spacing: float = 6.0
     most_windows: int = 3
+    gap: float = 0.5
     sight: float = 200.0
     parked: float = 2.0
     smoothing: float = 1.0
@@ -149,6 +153,7 @@ class Rules:
     hold: float = 1.0
     flicker: float = 0.5
     shift: float = 0.8
+    width: float = 3.75
     strict_shift: float | None = None
     partial_hold: float = 0.2
     partial_shift: float = 0.2
@@ -172,6 +177,7 @@ class Rules:
     ring_spacing: float = 3.0
     passage: float = 5.0
     turn: tuple[float, float] = (45.0, 135.0)
+    beside: float = 3.0
     straight: float = 20.0
     opposing_time: float = 5.0
     vru_pet: float = 3.0

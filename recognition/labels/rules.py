@@ -32,23 +32,28 @@ class Cuts(NamedTuple):
 
 def cut_ins(scene: Scene) -> Cuts:
     """Return the vehicles from another lane that become the ego's lead within `rules.cut_gap` while the ego keeps its lane."""
-    other = scene.changes.row
+    other, moves = _movers(scene)
     ego = scene.leads.follower[other]
     gap = scene.leads.gap[ego]
     new = (ego != ABSENT) & (_lead_track(scene, ego - 1) != scene.track[other])
-    good = new & _concerned(scene, ego) & _leaves(scene) & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
+    good = new & _concerned(scene, ego) & moves & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
     return Cuts(ego, other, gap).where(good)
 
 
 def cut_outs(scene: Scene) -> Cuts:
-    """Ego's lead, within `rules.cut_gap`, changes to another lane; after that another vehicle or none is the lead."""
-    other = scene.changes.row
+    """Ego's lead, within `rules.cut_gap`, leaves the lane; after that another vehicle or none is the lead.
+
+    It changes to another lane, or turns off the road beside junctions.
+    """
+    other, moves = _movers(scene)
+    off = scene.exits.row[scene.exits.leaves & scene.exits.beside]
+    other, moves = np.append(other, off), np.append(moves, np.ones(len(off), bool))
     before = scene.leads.follower[other - 1]
     ego, gap = before + 1, scene.leads.gap[before]
     seen = (before != ABSENT) & (ego <= scene.last[before])
     ego = np.where(seen, ego, 0)
     good = seen & (_lead_track(scene, ego) != scene.track[other])
-    good &= _concerned(scene, ego) & _leaves(scene) & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
+    good &= _concerned(scene, ego) & moves & (gap >= 0.0) & (gap <= scene.rules.cut_gap)
     return Cuts(ego, other, gap).where(good)
 
 
@@ -84,10 +89,16 @@ def _concerned(scene: Scene, row: IntArray) -> BoolArray:
     return kept & scene.complete[row] & (scene.speed[row] >= scene.rules.cut_speed)
 
 
-def _leaves(scene: Scene) -> BoolArray:
-    """Which changes of lane are of vehicles that drive, with as much of a displacement as those recorded in part need."""
-    row = scene.changes.row
-    return (scene.changes.shift >= scene.least_shift(row)) & (scene.speed[row] >= scene.rules.cut_speed)
+def _movers(scene: Scene) -> tuple[IntArray, BoolArray]:
+    """Rows of changes of lane, also of those recorded in part outside of junctions.
+
+    Returns:
+        The rows; whether the vehicle drives, with as much of a displacement as changes recorded in part need.
+    """
+    changes, part = scene.changes, scene.changes.partial
+    only = ~np.isin(part.row, changes.row) & _between_through(scene, part.row) & ~scene.in_junction[scene.strip[part.row]]
+    row, shift = np.append(changes.row, part.row[only]), np.append(changes.shift, part.shift[only])
+    return row, (shift >= scene.least_shift(row)) & (scene.speed[row] >= scene.rules.cut_speed)
 
 
 def free_cruise(scene: Scene) -> Hits:
@@ -149,8 +160,8 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
     """Lane changes to one side; those that were recorded in part have their window where it is complete."""
     changes, rules = scene.changes, scene.rules
     row, shift = changes.row, changes.shift
-    width, least = scene.site.lanes.width[scene.strip], rules.strict_shift
-    whole = _between_through(scene, row) & (shift >= (rules.shift * width[row] if least is None else least)) & scene.complete[row]
+    least = rules.shift * scene.lane_width(row) if rules.strict_shift is None else rules.strict_shift
+    whole = _between_through(scene, row) & (shift >= least) & scene.complete[row]
     part = changes.partial
     enough = _between_through(scene, part.row) & (part.shift >= scene.least_shift(part.row)) & (part.left == left)
     partial = part.row[enough & ~near(scene, part.row, row[whole], rules.hold)]
@@ -231,8 +242,7 @@ def _hits(scene: Scene, label: Label, row: IntArray, length: FloatArray, shift: 
     """Transitions with enough way on the ramp, and enough shift; less of both where the recording is cut on the ramp."""
     rules = scene.rules
     whole = (length >= rules.ramp_length) & (shift >= rules.ramp_shift)
-    width = scene.site.lanes.width[scene.strip[row]]
-    partial = cut & (length >= rules.partial_ramp) & (shift >= rules.partial_shift * width) & ~whole
+    partial = cut & (length >= rules.partial_ramp) & (shift >= rules.partial_shift * scene.lane_width(row)) & ~whole
     row = np.where(partial, scene.centred(row), row)
     good = scene.complete[row] & (whole | partial)
     return alone(label, row[good], ramp_way=length[good], partial=partial[good])
@@ -294,28 +304,50 @@ def time_apart(
     return apart
 
 
+_MOST_INSIDE = 8
+"""Most lanes that are followed through a junction."""
 _OPPOSITE = -0.87
 """Cosine of the least angle between headings from opposite sides: 150 degrees."""
 
 
 def left_turn(scene: Scene) -> Hits:
     """14: the heading changes to the left as `rules.turn` says."""
-    least, greatest = np.radians(scene.rules.turn)
-    turn = scene.passages.turn
-    return _turn(scene, Label.LEFT_TURN, (turn >= least) & (turn <= greatest))
+    return _turning(scene, Label.LEFT_TURN, 1.0)
 
 
 def right_turn(scene: Scene) -> Hits:
     """15: the heading changes to the right as `rules.turn` says."""
+    return _turning(scene, Label.RIGHT_TURN, -1.0)
+
+
+def _turning(scene: Scene, label: Label, side: float) -> Hits:
+    """Turns to one side (1: left, -1: right) in junctions, and between lanes and places beside the road."""
     least, greatest = np.radians(scene.rules.turn)
-    turn = -scene.passages.turn
-    return _turn(scene, Label.RIGHT_TURN, (turn >= least) & (turn <= greatest))
+    turn, beside = side * scene.passages.turn, scene.side_turns
+    found = _turn(scene, label, (turn >= least) & (turn <= greatest))
+    off = (side * beside.turn >= least) & (side * beside.turn <= greatest) & scene.complete[beside.row]
+    row, turns = beside.row[off], np.append(found.tags["turn"], np.degrees(beside.turn[off]))
+    none = np.zeros(len(row), bool)
+    tags = {key: np.append(found.tags[key], none) for key in ("opposing", "vru_conflict")}
+    return alone(label, np.append(found.row, row), turn=turns, **tags, off_road=np.append(np.zeros(len(found.row), bool), ~none))
 
 
 def straight_cross(scene: Scene) -> Hits:
-    """16: the heading hardly changes, and the way crosses that of another participant of the recording."""
-    straight = np.abs(scene.passages.turn) < np.radians(scene.rules.straight)
+    """16: the heading hardly changes, or as the road does, and the way crosses that of another participant of the recording."""
+    turn = np.abs(scene.passages.turn)
+    straight = (turn < np.radians(scene.rules.straight)) | ((turn < np.radians(scene.rules.turn[0])) & _goes_on(scene))
     return _turn(scene, Label.STRAIGHT_CROSS, straight & crosses(scene))
+
+
+def _goes_on(scene: Scene) -> BoolArray:
+    """Passages that lead to the road to which the straightest lanes lead from where they come."""
+    lanes, passages = scene.site.lanes, scene.passages
+    ahead = passages.origin
+    for _ in range(_MOST_INSIDE):
+        inside = (ahead != NOWHERE) & ((ahead == passages.origin) | scene.in_junction[ahead])
+        ahead = np.where(inside, lanes.straight[ahead], ahead)
+    known = (ahead != NOWHERE) & (passages.target != NOWHERE) & (passages.origin != NOWHERE)
+    return known & (lanes.road[ahead] == lanes.road[passages.target])
 
 
 def merging(scene: Scene) -> Hits:

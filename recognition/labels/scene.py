@@ -12,16 +12,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.labels.changes import LaneChanges, Passages, SceneRows, constant, lane_changes, passages, smoothed
+from recognition.labels.changes import (
+    Exits,
+    LaneChanges,
+    Passages,
+    SceneRows,
+    Turns,
+    constant,
+    exits,
+    lane_changes,
+    passages,
+    side_turns,
+    smoothed,
+)
 from recognition.labels.classes import CONDITIONS, Label, LabelledEvent, Rules
 from recognition.sites import LaneRole, Site
-from recognition.sites.lanes import NOWHERE, LaneGraph, Strip, place
+from recognition.sites.lanes import NOWHERE, LaneGraph, Poses, Strip, on_driving_lanes, place
 from recognition.sites.roles import ROLES
 from runner.measures.criticality import time_headway, time_to_collision
 from runner.measures.measure import Series
 from runner.recording import Recording, Track
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.graph.ways import DRIVABLE
+from xodr.lookup.placing import Places
 
 ABSENT = -1
 """Row (or track) of a lead, follower or partner that is absent."""
@@ -144,6 +157,12 @@ class Scene(SceneRows):
         return passages(self)
 
     @cached_property
+    def in_junction(self) -> BoolArray:
+        """Strips on roads of junctions."""
+        roads = self.site.network.roads
+        return np.array([roads[strip.road].junction_id is not None for strip in self.site.lanes.strips], bool)
+
+    @cached_property
     def turning(self) -> BoolArray:
         """Rows of passages in which the vehicle turns by `rules.turn` at least."""
         ways, inside = self.passages, np.zeros(len(self.track), bool)
@@ -181,6 +200,16 @@ class Scene(SceneRows):
         return lane_changes(self)
 
     @cached_property
+    def exits(self) -> Exits:
+        """Borders of lanes that vehicles cross obliquely."""
+        return exits(self, self.changes.course)
+
+    @cached_property
+    def side_turns(self) -> Turns:
+        """Turns between lanes and places beside the road."""
+        return side_turns(self, self.exits, self.passages)
+
+    @cached_property
     def through(self) -> BoolArray:
         """Rows on lanes that lead past ramps and junctions, or straight through a junction with another lane beside them."""
         lanes, roads = self.site.lanes, self.site.network.roads
@@ -201,7 +230,7 @@ class Scene(SceneRows):
     def least_shift(self, row: IntArray) -> FloatArray:
         """Least lateral displacement (m) of a change into the lane of each row of which not all need be recorded."""
         share = np.where(self.role[row] == ROLES.index(LaneRole.MAIN), self.rules.partial_shift, self.rules.partial_urban_shift)
-        return share * self.site.lanes.width[self.strip[row]]
+        return share * self.lane_width(row)
 
     def steady(self, seconds: float) -> BoolArray:
         """Rows whose track keeps its lane, with all frames there, from so much before to so much after."""
@@ -221,10 +250,19 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
     track = np.repeat(np.arange(len(tracks)), sizes)
     time = _joined(tracks, "time")
     frame = np.rint((time - (time.min() if len(time) else 0.0)) / recording.timestep).astype(np.int64)
-    first, last = _parts(track, frame)
-    lane_id, s, lanes = _joined(tracks, "lane_id").astype(np.int64), _joined(tracks, "s"), site.lanes
-    offset, road_id = _joined(tracks, "lane_offset"), _joined(tracks, "road_id")
-    strip = lanes.find(road_id, lane_id, s)
+    first, last = _parts(track, frame, rules.gap / recording.timestep)
+    lanes, places = site.lanes, _places(tracks)
+    strip = lanes.find(places.road_id, places.lane_id, places.s)
+    motor = np.repeat(np.array([track.category in EGOS for track in tracks], bool), sizes)
+    aside = np.flatnonzero(motor & (strip != NOWHERE) & ~lanes.driving[strip])
+    if len(aside):
+        x, y, z, h = (_joined(tracks, name)[aside] for name in ("x", "y", "z", "h"))
+        moved = Places._make(column[aside] for column in places)
+        on_driving_lanes(lanes, site.network, moved, Poses(x, y, z, h))
+        for column, values in zip(places, moved, strict=True):
+            column[aside] = values
+        strip = lanes.find(places.road_id, places.lane_id, places.s)
+    s, offset = places.s, places.offset
     strip = np.where(lanes.contains(strip, s, offset), strip, NOWHERE)
     still = np.array([is_parked(track, rules) for track in tracks], bool)
     beside = np.abs(offset) > _IN_LANE * lanes.width[strip]
@@ -252,7 +290,7 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
         strip=strip,
         along=np.where(strip == NOWHERE, 0.0, lanes.along(strip, s)),
         offset=offset * left,
-        aside=_joined(tracks, "t") * left,
+        aside=places.t * left,
         role=site.roles.codes(lanes, strip, s),
         front=np.repeat([box.x + 0.5 * box.length for box in boxes], sizes),
         rear=np.repeat([box.x - 0.5 * box.length for box in boxes], sizes),
@@ -266,14 +304,20 @@ def is_parked(track: Track, rules: Rules) -> bool:
     return extent < min(rules.parked, _SLOWEST * float(np.ptp(track.columns["time"])))
 
 
+def _places(tracks: list[Track]) -> Places:
+    """Road coordinates of all rows of tracks, copied."""
+    road_id, lane_id, s, t, offset = (_joined(tracks, name) for name in ("road_id", "lane_id", "s", "t", "lane_offset"))
+    return Places(road_id, lane_id.astype(np.int64), s, t, offset)
+
+
 def _joined(tracks: list[Track], name: str) -> NDArray:
     return np.concatenate([track.columns[name] for track in tracks]) if tracks else np.zeros(0)
 
 
-def _parts(track: IntArray, frame: IntArray) -> tuple[IntArray, IntArray]:
-    """First and last row of the part without missing frames that each row is in."""
+def _parts(track: IntArray, frame: IntArray, gap: float) -> tuple[IntArray, IntArray]:
+    """First and last row of the part that each row is in, without gaps of more than so many missing frames."""
     begins = np.ones(len(track), bool)
-    begins[1:] = (np.diff(track) != 0) | (np.diff(frame) != 1)
+    begins[1:] = (np.diff(track) != 0) | (np.diff(frame) > 1.0 + gap)
     ends = np.append(np.flatnonzero(begins), len(track))
     sizes = np.diff(ends)
     return np.repeat(ends[:-1], sizes), np.repeat(ends[1:] - 1, sizes)

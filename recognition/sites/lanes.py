@@ -14,14 +14,18 @@ from numpy.typing import NDArray
 from runner.recording import Recording
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.graph.travel import Traveller
+from xodr.graph.ways import DRIVABLE
 from xodr.lookup import placing
 from xodr.lookup.arrays import sample
+from xodr.lookup.placing import Places
 from xodr.model import LaneLink
 from xodr.network import RoadNetwork
 from xodr.road import Road
 
 NOWHERE = -1
 """Index in place of a strip where a row is on none."""
+_ALIGNED = math.radians(60.0)
+"""Greatest angle between a vehicle and a lane that it is on"""
 _BESIDE = 2.0
 """Greatest distance beside a lane, or beyond the end of its road, of a row that counts as on the lane, m."""
 
@@ -55,6 +59,7 @@ class LaneGraph:
         following, preceding: indices of the strips that traffic reaches from each, and from which it reaches it.
         straight: that one of them which turns least, or NOWHERE.
         road: number of each strip's road.
+        driving: whether each strip is for motor vehicles.
     """
 
     def __init__(self, network: RoadNetwork) -> None:
@@ -84,6 +89,7 @@ class LaneGraph:
         self.width = np.array([strip.width for strip in self.strips])
         self.forward = np.array([strip.forward for strip in self.strips], bool)
         self.speed_limit = np.array([strip.speed_limit for strip in self.strips])
+        self.driving = np.array([strip.kind in DRIVABLE for strip in self.strips], bool)
         self._lookup = _Lookup(network, self._index)
 
     def find(self, road_id: NDArray[np.object_], lane_id: IntArray, s: FloatArray) -> IntArray:
@@ -247,6 +253,36 @@ def on_lanes(recording: Recording, network: RoadNetwork, ego: str, times: FloatA
     rows = np.clip(np.searchsorted(columns["time"], times - 1e-6), 0, len(columns["time"]) - 1)
     road, lane, s, offset = (columns[name][rows] for name in ("road_id", "lane_id", "s", "lane_offset"))
     return lanes.contains(lanes.find(road, lane.astype(np.int64), s), s, offset)
+
+
+def on_driving_lanes(lanes: LaneGraph, network: RoadNetwork, places: Places, poses: Poses) -> None:
+    """Move places of motor vehicles to the driving lane below that is best aligned, if there is one: those for bicycles overlap.
+
+    Args:
+        places: road coordinates (n,), changed in place.
+        poses: x, y, z, h of the same vehicles, m and rad.
+    """
+    best = np.full(len(poses.x), _ALIGNED)
+    for under in placing.lanes_under(network, poses.x, poses.y, poses.z):
+        rows, strip = under.rows, lanes.find(np.full(len(under.rows), under.road.id, object), under.lane_id, under.s)
+        along = lanes.along(strip, under.s)
+        ways = [lanes.heading(*one) for one in zip(strip.tolist(), along.tolist(), strict=True)]
+        angle = np.abs(np.remainder(poses.h[rows] - np.array(ways, np.float64) + np.pi, 2.0 * np.pi) - np.pi)
+        better = (strip != NOWHERE) & lanes.driving[strip] & (angle < best[rows])
+        rows = rows[better]
+        best[rows] = angle[better]
+        places.road_id[rows] = under.road.id
+        for column, values in zip(places[1:], (under.lane_id, under.s, under.t, under.offset), strict=True):
+            column[rows] = values[better]
+
+
+class Poses(NamedTuple):
+    """Positions (m) and headings (rad) of n vehicles."""
+
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    h: FloatArray
 
 
 @lru_cache(maxsize=8)

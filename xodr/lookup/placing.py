@@ -64,12 +64,14 @@ def place(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None 
 
 
 class LanesUnder(NamedTuple):
-    """Lanes of one road under some of n positions: which positions, the lane of each, and its s (m)."""
+    """Lanes of one road under some of n positions: which positions, the lane of each, its s, t and offset from the centre (m)."""
 
     road: Road
     rows: IntArray
     lane_id: IntArray
     s: FloatArray
+    t: FloatArray
+    offset: FloatArray
 
 
 def lanes_under(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None) -> Iterator[LanesUnder]:
@@ -89,7 +91,8 @@ def lanes_under(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike |
         if users.z is not None:
             on &= np.abs(users.z[rows] - _heights(part.road, s, t)) <= OTHER_LEVEL
         if on.any():
-            yield LanesUnder(part.road, rows[on], _lanes(part.road, s[on], t[on])[0], s[on])
+            lane_id, offset, _ = _lanes(part.road, s[on], t[on])
+            yield LanesUnder(part.road, rows[on], lane_id, s[on], t[on], offset)
 
 
 @lru_cache(maxsize=8)

@@ -5,6 +5,8 @@ Roads inside: 101 to 103 from the east to north, west and south, 104 to 106 from
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from recognition.sites import Site
 from runner.recording import Recording, Track
 from tests.recognition.driving import STEP, labels, of, route, site, track
 from xodr.builders import four_way_intersection, t_junction
+from xodr.lanelet2 import Lanelet, build
 
 WAYS = {"EN": "101", "EW": "102", "ES": "103", "NE": "104", "NW": "105", "NS": "106", "WE": "107", "WN": "108", "WS": "109",
         "SE": "110", "SN": "111", "SW": "112"}  # fmt: skip
@@ -59,6 +62,46 @@ def test_straight_on_is_a_cross_only_where_somebody_crosses(crossing: Site) -> N
     assert of(labels(crossing, car(crossing, "WE")), "WE") == []
     events = labels(crossing, car(crossing, "WE"), car(crossing, "SN", start=30.0))
     assert of(events, "WE") == of(events, "SN") == [Label.STRAIGHT_CROSS]
+
+
+def _bent(folder: Path, degrees: float, straight_on: bool) -> Site:
+    """A street that bends to the left where a side street from the south crosses it; with another way that goes straight on."""
+    angle = np.radians(degrees)
+    ways = {"in": [(-100.0, 0.0), (0.0, 0.0)], "south": [(20.0, -60.0), (20.0, -12.0)]}
+    ways |= {"across": [(20.0, -12.0), (20.0, 22.0)], "north": [(20.0, 22.0), (20.0, 70.0)]}
+    bend = np.linspace(0.0, angle, 15)
+    inside = np.column_stack([40.0 / angle * np.sin(bend), 40.0 / angle * (1.0 - np.cos(bend))])
+    end = inside[-1] + 80.0 * np.array([np.cos(angle), np.sin(angle)])
+    ways |= {
+        "bend": inside,
+        "out": [tuple(inside[-1]), tuple(end)],
+        "ahead": [(0.0, 0.0), (40.0, 0.0)],
+        "far": [(40.0, 0.0), (99.0, 0.0)],
+    }
+    links = {"in": ("bend", "ahead") if straight_on else ("bend",), "bend": ("out",), "ahead": ("far",)}
+    links |= {"south": ("across",), "across": ("north",)}
+    names = [name for name in ways if straight_on or name not in ("ahead", "far")]
+    lanelets = []
+    for name in names:
+        points = np.array(ways[name], float)
+        steps = np.gradient(points, axis=0)
+        normal = np.column_stack([-steps[:, 1], steps[:, 0]]) / np.hypot(*steps.T)[:, None]
+        lanelets.append(Lanelet(name, points + 1.75 * normal, points - 1.75 * normal, successors=links.get(name, ())))
+    return site(build(lanelets, "bent").map, folder)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "straight_on", "expected"),
+    [(33.0, False, [Label.STRAIGHT_CROSS]), (33.0, True, []), (60.0, False, [Label.LEFT_TURN])],
+)
+def test_where_the_road_itself_bends_its_way_goes_straight_on(
+    tmp_path: Path, degrees: float, straight_on: bool, expected: list[Label]
+) -> None:
+    place = _bent(tmp_path, degrees, straight_on)
+    bend = np.radians(degrees) * np.clip((STEP * np.arange(120) * 10.0 - 60.0) / 40.0, 0.0, 1.0)
+    ego = track("ego", -60.0 + np.cumsum(np.cos(bend)), np.cumsum(np.sin(bend)))
+    across = track("across", 20.0, -50.0 + np.arange(110), start=30.0)
+    assert of(labels(place, ego, across), "ego") == expected
 
 
 def test_ways_that_only_part_or_meet_do_not_cross(crossing: Site) -> None:

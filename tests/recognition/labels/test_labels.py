@@ -63,10 +63,17 @@ def test_every_class_has_its_place_in_the_precedence() -> None:
 def test_missing_frames_in_the_window_make_a_lane_change_partial(motorway: Site) -> None:
     x, y = ahead(100, 30, 8), sideways(MIDDLE, LEFT, 4, 8)
     assert of(labels(motorway, track("ego", x, y)), "ego") == [Label.LANE_CHANGE_LEFT]
-    (partial,) = labels(motorway, track("ego", x, y, missing=[38]))
+    (partial,) = labels(motorway, track("ego", x, y, missing=range(33, 39)))
     assert (partial.label, partial.tags["partial"]) == (Label.LANE_CHANGE_LEFT, True)
-    assert partial.time >= 3.9 + 0.7, "its window is beyond the missing frame"
+    assert partial.time >= 3.9 + 0.7, "its window is beyond the missing frames"
     assert of(labels(motorway, track("ego", x, y, missing=[10])), "ego") == [Label.LANE_CHANGE_LEFT]
+
+
+def test_a_track_goes_on_after_a_few_missing_frames(motorway: Site) -> None:
+    x, y = ahead(100, 30, 8), sideways(MIDDLE, LEFT, 4, 8)
+    whole, short, long = (labels(motorway, track("ego", x, y, missing=range(33, end))) for end in (33, 38, 39))
+    assert [event.tags["partial"] for event in whole + short] == [False, False]
+    assert [event.tags["partial"] for event in long] == [True]
 
 
 def test_events_come_by_ego_and_time_and_are_the_same_each_time(motorway: Site) -> None:

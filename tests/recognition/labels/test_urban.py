@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recognition.labels import Label, LabelledEvent
-from recognition.labels.scene import Scene
+from recognition.labels import Label, LabelledEvent, Rules
+from recognition.labels.scene import Scene, prepare
 from recognition.sites import LaneRole, Site
-from runner.recording import Track
+from runner.recording import Recording, Track
 from tests.recognition.driving import STEP, ahead, labels, of, sideways, site, track
 from xodr.builders import RoadMap, sharp_curve
 from xodr.lanelet2 import Lanelet, LaneletNeighbour, build
@@ -108,6 +108,42 @@ def test_who_is_oblique_to_the_lane_all_the_time_turns_off(street: Site, degrees
     assert of(labels(street, ego), "ego") == expected
 
 
+def turning_off(degrees: float, start: float = 20.0, y: float = -5.25, name: str = "ego") -> Track:
+    """A car on the straight part of the right lane that turns right by so much within 2.5 s and goes on beside the road."""
+    time = STEP * np.arange(round(SECONDS / STEP) + 1)
+    heading = -np.radians(degrees) * np.clip((time - 3.0) / 2.5, 0.0, 1.0)
+    speed = 7.0
+    return track(name, start + np.cumsum(speed * STEP * np.cos(heading)), y + np.cumsum(speed * STEP * np.sin(heading)))
+
+
+@pytest.mark.parametrize(("degrees", "expected"), [(80.0, [Label.RIGHT_TURN]), (50.0, [Label.RIGHT_TURN]), (35.0, [])])
+def test_a_turn_into_a_driveway_that_the_map_lacks_is_a_turn(street: Site, degrees: float, expected: list[Label]) -> None:
+    events = labels(street, turning_off(degrees))
+    assert of(events, "ego") == expected
+    assert all(event.tags["off_road"] and float(event.tags["turn"]) == pytest.approx(-degrees, abs=3.0) for event in events)
+
+
+def test_a_turn_from_a_driveway_is_one_too_and_one_beyond_the_end_of_the_map_none(street: Site) -> None:
+    into = turning_off(80.0)
+    from_kerb = track("ego", into.columns["x"][::-1], into.columns["y"][::-1])  # in the right lane, but against its traffic
+    assert of(labels(street, from_kerb), "ego") == [Label.LEFT_TURN]
+    assert of(labels(street, turning_off(80.0, start=-25.0)), "ego") == []
+
+
+def test_a_lead_that_turns_off_into_a_driveway_cuts_out(street: Site) -> None:
+    ego = car(street, "ego", 2.0, 7.0, -5.25)
+    (event,) = (event for event in labels(street, ego, turning_off(80.0, name="lead")) if event.ego == "ego")
+    assert (event.label, event.partner) == (Label.URBAN_CUT_OUT, "lead")
+    assert of(labels(street, ego, turning_off(20.0, name="lead")), "ego") == []
+
+
+def test_lanes_that_are_wider_than_usual_need_no_more_of_a_shift(street: Site, tmp_path: Path) -> None:
+    wide = site(sharp_curve(radius=80.0, angle=1.2, lanes=2, opposite_lanes=2, approach=120.0, lane_width=5.0), tmp_path)
+    moved = car(wide, "ego", 60.0, 12.0, lateral(-4.0, -7.1))
+    assert of(labels(wide, moved), "ego") == [Label.LANE_CHANGE_RIGHT]
+    assert of(labels(wide, moved, config=Rules(width=5.0)), "ego") == []
+
+
 def test_the_same_on_a_fast_road_is_no_urban_one(tmp_path: Path) -> None:
     fast = site(_street(80.0), tmp_path)
     assert of(found(fast, 8.0, ahead=34.0), "ego") == [Label.CUT_IN]
@@ -187,3 +223,31 @@ def test_a_way_into_another_lane_of_the_same_road_is_not_crossed(tmp_path: Path)
     other = track("other", 88.0 + 6.0 * time, np.minimum(-12.0 + 6.0 * time, 0.5))
     ego = track("ego", ahead(40.0, 14.0, SECONDS), -3.0, start=20.0)
     assert of(labels(place, ego, other), "ego") == []
+
+
+def test_motor_vehicles_are_on_the_driving_lane_where_one_for_bicycles_overlaps_it(tmp_path: Path) -> None:
+    along = np.linspace(0.0, 200.0, 41)
+    lanelets = [
+        Lanelet(name, *(np.stack([along, top - width + tilt * along], axis=1) for width in (0.0, 3.5)), type=kind)
+        for name, top, tilt, kind in (("lane", 1.75, 0.0, "driving"), ("cycling", 1.5, -0.004, "biking"))
+    ]
+    place = site(build(lanelets, "street").map, tmp_path)
+    ego = track("ego", ahead(20.0, 14.0, SECONDS), -0.04 * np.arange(round(SECONDS / STEP) + 1) * STEP)  # along the other one
+    bicycle = track("bicycle", ahead(30.0, 5.0, SECONDS), -0.5, heading=-0.004, category="bicycle")
+    scene = prepare(Recording([ego, bicycle], STEP, None), place, Rules())
+    kinds = [place.lanes.strips[number].kind for number in scene.strip.tolist()]
+    half = len(kinds) // 2
+    assert set(kinds[:half]) == {"driving"} and set(kinds[half:]) == {"biking"}
+
+
+@pytest.mark.parametrize(("aside", "expected"), [(0.6, [Label.URBAN_CUT_OUT]), (3.5, [])])
+def test_a_lane_goes_on_in_one_that_overlaps_it_without_a_link(tmp_path: Path, aside: float, expected: list[Label]) -> None:
+    def lane(name: str, start: float, end: float, y: float, right: str = "") -> Lanelet:
+        bounds = (np.array([(start, y + side), (end, y + side)]) for side in (1.75, -1.75))
+        return Lanelet(name, *bounds, beside_right=LaneletNeighbour(right, True) if right else None)
+
+    lanelets = [lane("before", 0.0, 100.0, aside), lane("after", 100.0, 260.0, 0.0, "right"), lane("right", 100.0, 260.0, -3.5)]
+    place = site(build(lanelets, "street").map, tmp_path)
+    ego = track("ego", ahead(40.0, 14.0, SECONDS), sideways(aside, 0.0, 4.0, SECONDS))
+    lead = track("lead", ahead(75.0, 14.0, SECONDS), sideways(0.0, -3.5, 5.0, SECONDS))
+    assert of(labels(place, ego, lead), "ego") == expected
