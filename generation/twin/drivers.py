@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from generation.outcomes.judges import FullBraking
-from runner.measures.relations import MotionRows, box_distance, in_ego_frame, seen_by
+from runner.measures.relations import MotionRows, Outline, Sight, box_distance, in_ego_frame, seen_by
 from runner.measures.rss import longitudinal_distance, parameter_set
 from runner.participants.boxes import Outlook, reach
 from runner.sut import System, load_system
@@ -89,17 +89,20 @@ class _Avoidance(_Memory):
             near = np.hypot(other.x - seen.ego.x, other.y - seen.ego.y) <= self._system.sensor_range + _reach(seen.ego, other)
             rows = np.flatnonzero(near & ~danger)
             if rows.size:
-                danger[rows] = self._dangerous(seen.ego.at(rows), other.at(rows))
+                danger[rows] = self._dangerous(Outline.of(seen.ego, rows), Outline.of(other, rows))
         return danger, np.full(len(danger), -self._system.brake)
 
-    def _dangerous(self, ego: MotionRows, other: MotionRows) -> BoolArray:
-        x, y, _, _ = seen_by(ego, other)
-        view = in_ego_frame(ego, other)
+    def _dangerous(self, ego: Outline, other: Outline) -> BoolArray:
+        seen = seen_by(ego, other)
+        x, y, _, _ = seen
+        view = in_ego_frame(ego, other, seen)
         ahead, aside = np.abs(view.ahead), np.abs(view.aside)
         found: BoolArray = (ahead == 0.0) | (ahead < longitudinal_distance(view.speed, view.other_speed, self._rss))
         found &= (x > 0.0) & (aside < safe_sideways(y > 0.0, np.zeros_like(y), -view.other_sideways, self._rss))
         rows = np.flatnonzero(found)
-        found[rows] = box_distance(ego.at(rows), other.at(rows)) <= self._system.sensor_range
+        if rows.size:
+            sight = Sight(*(values[rows] for values in seen))
+            found[rows] = box_distance(ego.at(rows), other.at(rows), sight) <= self._system.sensor_range
         return found
 
 

@@ -7,6 +7,7 @@ SUMO's is measured by `python -m studies.generation twin`.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import reduce
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -18,7 +19,7 @@ from generation.twin.drivers import DriverModel, Situation, driver
 from generation.twin.motion import Body, Changing, JerkChanging, Keeping, driven
 from generation.twin.script import Script, read, value
 from runner.measures.criticality import lateral_violation, longitudinal_violation
-from runner.measures.relations import boxes_overlap
+from runner.measures.relations import MotionRows, boxes_overlap
 from runner.measures.rss import RssParameters, parameter_set
 from runner.settings import RunSettings
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -154,14 +155,13 @@ class _Episodes:
         self._motions = [body.motion() for body in self._bodies.values()]
         if time == 0.0:
             self._changed = np.zeros(self._rows.size, bool)
-        ego, *others = self._bodies.values()
-        self._touching = self._found.add(time, ego, others, self._rss)
+        self._touching = self._found.add(time, list(self._bodies.values()), self._motions, self._rss)
 
     def _evaluate(self, time: float, step: int) -> None:
         """Triggers, in the interpreter's order: the end, then the events."""
         over = self._touching | (time > self._longest)
         over |= self._changes[self._script.last][1].done + self._rest <= time + _SOON
-        at_end = np.max([body.x for body in self._bodies.values()], axis=0) > self._script.length
+        at_end = reduce(np.maximum, [body.x for body in self._bodies.values()]) > self._script.length
         if ((over | at_end) & self._going).any():
             self._end(over, at_end, time)
         following = round((step + 1) * self._dt, 9)
@@ -224,40 +224,48 @@ class _Found:
             "end_time": np.zeros(n), "status": np.full(n, "completed", object), "error": np.full(n, "", object),
         }  # fmt: skip
         self._risky, self._instants = np.zeros((n, round(RISK_WINDOW / dt)), bool), 0
+        self._recent = np.zeros(n)
+        """Risky instants of the window"""
 
-    def add(self, time: float, ego: Body, others: list[Body], rss: RssParameters) -> BoolArray:
-        """Measure an instant; return the mask of contacts of the ego (n,)."""
+    def add(self, time: float, bodies: list[Body], motions: list[MotionRows], rss: RssParameters) -> BoolArray:
+        """Measure an instant; return the mask of contacts of the ego (n,), the first of the bodies."""
+        ego, *others = bodies
         now, count = self.now, len(ego.x)
         touching, risky = np.zeros(count, bool), np.zeros(count, bool)
         gap, closing, distance = np.full(count, np.inf), np.zeros(count), np.full(count, np.inf)
-        for other in others:
+        for other, motion in zip(others, motions[1:], strict=True):
             view = ego.view(other)
             apart = np.hypot(view.ahead, view.aside)
             near = np.flatnonzero((np.abs(view.ahead) < _NEAR) & (np.abs(view.aside) < _NEAR))
             if near.size:
-                hit = near[boxes_overlap(ego.motion().at(near), other.motion().at(near))]
+                hit = near[boxes_overlap(motions[0].at(near), motion.at(near))]
                 speeds = np.hypot(view.speed[hit] - view.other_speed[hit], view.sideways[hit] - view.other_sideways[hit])
                 now["impact_speed"][hit], apart[hit], touching[hit] = speeds, 0.0, True
             distance = np.minimum(distance, apart)
-            risky |= longitudinal_violation(view, rss) & lateral_violation(view, rss)
+            beside = lateral_violation(view, rss)
+            if beside.any():
+                risky |= longitudinal_violation(view, rss) & beside
             lead = (view.aside == 0.0) & (view.ahead > 0.0) & (view.ahead < gap)
             gap, closing = np.where(lead, view.ahead, gap), np.where(lead, view.speed - view.other_speed, closing)
         led = np.flatnonzero(np.isfinite(gap) & (closing > _CHANGED))
         now["min_ttc"][led] = np.minimum(now["min_ttc"][led], gap[led] / closing[led])
         now["max_drac"][led] = np.maximum(now["max_drac"][led], closing[led] ** 2 / (2.0 * gap[led]))
-        self._risky[:, self._instants % self._risky.shape[1]] = risky
+        place = self._instants % self._risky.shape[1]
+        self._recent += risky
+        self._recent -= self._risky[:, place]
+        self._risky[:, place] = risky
         self._instants += 1
         now["r_risk"] += risky
         nearer = np.flatnonzero(distance < now["clearance"] - _SAME)
         now["clearance"][nearer], now["conflict"][nearer] = distance[nearer], time
-        now["risk"][nearer] = self._risky[nearer].mean(axis=1)
+        now["risk"][nearer] = self._recent[nearer] / self._risky.shape[1]
         now["collision"] |= touching
         return touching
 
     def take(self, left: BoolArray) -> None:
         """Keep some cases only."""
         self.now = {name: values[left] for name, values in self.now.items()}
-        self._risky = self._risky[left]
+        self._risky, self._recent = self._risky[left], self._recent[left]
 
     def end(self, rows: IntArray, ended: BoolArray, off: BoolArray, time: float) -> None:
         """Note what was measured of those that are over at a time.

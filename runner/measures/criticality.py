@@ -13,7 +13,7 @@ Sources: time to collision, Hayward (1972); time headway and deceleration rate t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -92,9 +92,8 @@ def _margin(seen: View, along: FloatArray, across: FloatArray) -> FloatArray:
 
 
 def _longitudinal_margin(seen: View, parameters: rss.RssParameters) -> FloatArray:
-    behind = replace(parameters, response=parameters.response_other)
     following = rss.longitudinal_distance(np.maximum(seen.speed, 0.0), seen.other_speed, parameters)
-    followed = rss.longitudinal_distance(np.maximum(seen.other_speed, 0.0), seen.speed, behind)
+    followed = rss.longitudinal_distance(np.maximum(seen.other_speed, 0.0), seen.speed, parameters, parameters.response_other)
     return np.abs(seen.ahead) - np.where(seen.ahead >= 0.0, following, followed)
 
 

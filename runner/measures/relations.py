@@ -148,12 +148,33 @@ class Sight(NamedTuple):
     sin: FloatArray
 
 
-def seen_by(a: MotionRows, b: MotionRows) -> Sight:
+def seen_by(a: MotionRows | Outline, b: MotionRows | Outline) -> Sight:
     """Return the relation of b to a, row by row."""
     (ca, sa), (cb, sb) = a.facing, b.facing
     dx = b.x - a.x + cb * b.box.x - sb * b.box.y
     dy = b.y - a.y + sb * b.box.x + cb * b.box.y
     return Sight(dx * ca + dy * sa - a.box.x, dy * ca - dx * sa - a.box.y, cb * ca + sb * sa, sb * ca - cb * sa)
+
+
+class Outline(NamedTuple):
+    """The part of `MotionRows` that says where a box is in the plane and how fast it drives: quickly taken of rows."""
+
+    box: BoundingBox
+    x: FloatArray
+    y: FloatArray
+    facing: tuple[FloatArray, FloatArray]
+    speed: FloatArray
+
+    @classmethod
+    def of(cls, motion: MotionRows, rows: IntArray) -> Outline:
+        """Some instants of a participant whose box does not change."""
+        cos, sin = motion.facing
+        return cls(motion.box, motion.x[rows], motion.y[rows], (cos[rows], sin[rows]), motion.speed[rows])
+
+    def at(self, rows: IntArray) -> Outline:
+        """The same at some of its instants."""
+        cos, sin = self.facing
+        return Outline(self.box, self.x[rows], self.y[rows], (cos[rows], sin[rows]), self.speed[rows])
 
 
 def boxes_overlap(a: MotionRows, b: MotionRows) -> BoolArray:
@@ -178,13 +199,13 @@ def vertical_gap(a: MotionRows, b: MotionRows) -> FloatArray:
     return np.maximum(middle - (a.box.height + b.box.height) / 2, 0.0)
 
 
-def box_distance(a: MotionRows, b: MotionRows) -> FloatArray:
-    """Shortest distance of two boxes in the plane, row by row; 0 where they overlap."""
-    return _distance(a, b, seen_by(a, b))
+def box_distance(a: MotionRows | Outline, b: MotionRows | Outline, seen: Sight | None = None) -> FloatArray:
+    """Shortest distance of two boxes in the plane, row by row; 0 where they overlap.
 
-
-def _distance(a: MotionRows, b: MotionRows, seen: Sight) -> FloatArray:
-    """The same, from how a sees b."""
+    Args:
+        seen: how a sees b, where that is known.
+    """
+    seen = seen or seen_by(a, b)
     squares = np.minimum(_corner_squares(seen, b.box, a.box), _corner_squares(seen_by(b, a), a.box, b.box))
     return np.where(_outlines_overlap(a.box, b.box, seen), 0.0, np.sqrt(squares))
 
@@ -208,12 +229,12 @@ def relations(ego: MotionRows, others: Sequence[MotionRows]) -> Relations:
     everyone = tuple(others)
     a, b, rows, theirs, who = common(ego, everyone)
     seen = seen_by(a, b)
-    distance = _distance(a, b, seen)
+    distance = box_distance(a, b, seen)
     level = vertical_gap(a, b) <= _STEEPEST * distance
     if not level.all():
         rows, theirs, who, distance = rows[level], theirs[level], who[level], distance[level]
         a, b, seen = a.at(level), b.at(level), Sight(*(values[level] for values in seen))
-    view = _in_ego_frame(a, b, seen)
+    view = in_ego_frame(a, b, seen)
     same = np.equal(a.road, b.road).astype(bool) & np.not_equal(a.road, np.array(None, object)).astype(bool)
     if same.any():
         alone = np.zeros(len(ego.time), np.int64)
@@ -245,12 +266,12 @@ def interval_gaps(low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high
     return np.maximum(low_b - high_a, 0.0) + np.minimum(high_b - low_a, 0.0)
 
 
-def in_ego_frame(a: MotionRows, b: MotionRows) -> View:
-    """Return b in the frame of a, along and across its heading, row by row."""
-    return _in_ego_frame(a, b, seen_by(a, b))
+def in_ego_frame(a: MotionRows | Outline, b: MotionRows | Outline, seen: Sight) -> View:
+    """Return b in the frame of a, along and across its heading, row by row.
 
-
-def _in_ego_frame(a: MotionRows, b: MotionRows, seen: Sight) -> View:
+    Args:
+        seen: how a sees b.
+    """
     x, y, c, s = seen
     cos, sin = np.abs(c), np.abs(s)
     ahead = (b.box.length * cos + b.box.width * sin) / 2

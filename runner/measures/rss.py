@@ -55,14 +55,18 @@ def parameter_set(name: str) -> RssParameters:
     return PARAMETERS[name]
 
 
-def longitudinal_distance(rear_speed: Any, front_speed: Any, p: RssParameters) -> Any:
+def longitudinal_distance(rear_speed: Any, front_speed: Any, p: RssParameters, response: float | None = None) -> Any:
     """Least safe longitudinal gap (m) of a rear participant behind a front one, m/s in the rear one's direction.
 
     A front participant that comes towards the rear one (negative speed) needs its own stopping distance as well.
+
+    Args:
+        response: of the rear participant, s; the ego's where it is not given.
     """
-    reached = rear_speed + p.response * p.accelerate
-    response = rear_speed * p.response + 0.5 * p.accelerate * p.response**2
-    distance = response + reached**2 / (2.0 * p.brake_min) - front_speed * abs(front_speed) / (2.0 * p.brake_max)
+    time = p.response if response is None else response
+    reached = rear_speed + time * p.accelerate
+    responding = rear_speed * time + 0.5 * p.accelerate * time**2
+    distance = responding + reached**2 / (2.0 * p.brake_min) - front_speed * abs(front_speed) / (2.0 * p.brake_max)
     return (distance > 0) * distance
 
 

@@ -137,5 +137,6 @@ def _moved(body: Body, x: FloatArray, y: FloatArray, dt: float) -> None:
     dx, dy = x - body.x, y - body.y
     speed = np.hypot(dx, dy) / dt
     body.h = np.where(speed > _CHANGED, np.arctan2(dy, dx), body.h)
+    body.straight = False
     body.x, body.y, body.drift = x, y, dy / dt
     body.acceleration, body.speed = (speed - body.speed) / dt, speed
