@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import xosc
-from generation.outcomes.outcomes import Evaluator
+from generation.outcomes import Evaluator
 from generation.search.space import Space
 from runner.interpreter import execution
 from runner.interpreter.simulation import Simulation

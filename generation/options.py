@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +14,9 @@ from schemas.common.command_line import say
 from schemas.common.errors import UsageError
 from schemas.common.options import option_of
 from schemas.common.policy import current
+
+if TYPE_CHECKING:
+    from generation.report.regression import Fate
 
 Recorded = Annotated[Path | None, option_of(Ask, "recordings")]
 Kind = Annotated[str | None, option_of(Ask, "kind")]
@@ -47,3 +51,20 @@ def budget_within_limits(budget: int, more: int, name: str) -> int:
         raise UsageError(f"--estimate takes up to {more} runs, and the search some: --max-runs {most} is too few")
     say(f"{name}: --max-runs {most} leaves {most - more} of {budget} runs to the search", to=sys.stderr)
     return most - more
+
+
+def fates(texts: Sequence[str] | None, against: Path | None) -> tuple[Fate, ...]:
+    """Fates that `--fail-if` names; new failures alone by default, so that an unchanged system raises no alarm.
+
+    Raises:
+        UsageError: it names something else, or there is no `--against`.
+    """
+    from generation.report.regression import Fate
+
+    if texts and against is None:
+        raise UsageError("--fail-if is about failures of another version: --against says where these are")
+    offered = {str(fate): fate for fate in (Fate.NEW, Fate.STILL_THERE)}
+    for text in texts or ():
+        if text not in offered:
+            raise UsageError(f"--fail-if {text!r}: one of {', '.join(offered)} is expected")
+    return tuple(offered[text] for text in texts or (Fate.NEW,))

@@ -19,11 +19,9 @@ from generation.density.prior import Prior
 from generation.density.roles import roles_of
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
-from generation.outcomes.judges import Cases, Drivers, agrees, choose, remembering
-from generation.outcomes.outcomes import Episodes, Evaluate, Evaluator, Outcomes
+from generation.outcomes import Cases, Drivers, Episodes, Evaluate, Evaluator, Outcomes, agrees, choose, remembering
 from generation.recorded import Recorded
-from generation.search.methods import method
-from generation.search.problem import Counting, History, Memory, Realism, Reward, SearchProblem, counted
+from generation.search.problem import Counting, History, Memory, Realism, Reward, SearchProblem, counted, method
 from generation.search.space import Space, apart, distinctive
 from generation.settings import SearchSettings
 from generation.twin.episodes import Twin
@@ -122,7 +120,7 @@ def generate(
     Example:
         >>> from pathlib import Path
         >>> import xosc_toolchain as xt
-        >>> from generation.declared import asked_of
+        >>> from generation.variations import asked_of
         >>> from generation.settings import Ask
         >>> asked = asked_of(Ask(density="uniform"), Path("xosc/library/cut_in_highway.xosc"))
         >>> run = xt.RunSettings(sut="cas", world="kinematic", timestep=0.1)

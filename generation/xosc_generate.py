@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from generation.options import FailIf, budget_within_limits
+from generation.options import FailIf, budget_within_limits, fates
 from generation.settings import Ask, SearchSettings
 from schemas.common.command_line import (
     Quiet,
@@ -91,8 +91,7 @@ def xosc_generate(
     failures found now that are unlike them are played with the former version, and are new where it survives.
     """
     from generation.estimation.estimate import RUNS
-    from generation.report.regression import fates
-    from generation.search.methods import method as search_of
+    from generation.search.problem import method as search_of
 
     search_of(settings.method)  # what it needs is better asked for before recordings are read
     budget = budget_within_limits(settings.budget, RUNS if settings.estimate else 0, NAME)
@@ -104,8 +103,8 @@ def xosc_generate(
 
 
 def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings, against: Path | None) -> Iterator[Search]:
-    from generation.declared import asked_of, with_literals
     from generation.recorded import of_catalogue
+    from generation.variations import asked_of, with_literals
 
     if not source.exists():
         raise InvalidFile("no such file or folder", path=source)
@@ -173,7 +172,7 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
 
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
     """Yield the results as lines."""
-    from generation.outcomes.judges import JUDGES
+    from generation.outcomes import JUDGES
     from generation.pipeline import drawn_of
 
     outcomes, cases = generated.history.outcomes, generated.cases

@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from generation.density.roles import EGO, EGO_SPEED, Role
-from generation.outcomes.judges import Drivers, survivors
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Drivers, Outcomes, survivors
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import UsageError, nearest
 from schemas.common.text import many

@@ -12,10 +12,9 @@ import numpy as np
 from generation.density.models.kernels import KDE, scott
 from generation.density.prior import Prior, until_possible
 from generation.estimation.probability import ControlVariate, Driving, Probability, Rate, probability
-from generation.outcomes.judges import Drivers, survivors
-from generation.outcomes.outcomes import Evaluate, Outcomes, joined
+from generation.outcomes import Drivers, Evaluate, Outcomes, joined, survivors
+from generation.search.methods.cover import differences
 from generation.search.problem import Plays
-from generation.search.surrogate import differences
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.packages import optional
 from schemas.common.text import many

@@ -34,7 +34,7 @@ class CaseVerdict(StrEnum):
 
 
 class CarefulDriver(StrEnum):
-    """Verdict on careful drivers (`generation.outcomes.judges.JUDGES`): one avoids it, all collide, or a run failed."""
+    """Verdict on careful drivers (`generation.outcomes.JUDGES`): one avoids it, all collide, or a run failed."""
 
     AVOIDS = "avoids"
     COLLIDES = "collides"
@@ -114,7 +114,7 @@ class EdgeCase:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchedRegion:
-    """A region of failure (`generation.report.regions`).
+    """A region of failure (`generation.report.counterexamples`).
 
     Args:
         rule: in words. precision, recall: of the rule, among the runs.

@@ -11,13 +11,13 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import xosc
-from generation.declared import Asked, NothingToVary, asked_of, scenario_of
 from generation.logical.library import SCENARIOS
 from generation.loop.findings import DensitySource, Refused
 from generation.pipeline import LEAST
 from generation.recorded import Recorded, RecordedScenario, kind_of, of_catalogue, of_samples
 from generation.search.space import Space
 from generation.settings import Ask
+from generation.variations import Asked, NothingToVary, asked_of, scenario_of
 from recognition import datasets
 from recognition.datasets import Source
 from recognition.labels.classes import Label

@@ -26,10 +26,9 @@ from generation.loop.findings import (
 )
 from generation.loop.inputs import SearchTarget
 from generation.loop.runs import searches
-from generation.outcomes.judges import JUDGES
-from generation.outcomes.outcomes import Episodes
+from generation.outcomes import JUDGES, Episodes
 from generation.pipeline import Generated, generate, space_of
-from generation.report.regions import regions, varying
+from generation.report.counterexamples import regions, varying
 from generation.report.regression import Before, Fate, Tried, regression
 from generation.search.space import Space, apart, diverse
 from generation.settings import Choice, LoopSettings, SearchSettings

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from generation.options import FailIf, budget_within_limits
+from generation.options import FailIf, budget_within_limits, fates
 from generation.settings import LoopSettings
 from schemas.common.command_line import (
     AllowInconclusive,
@@ -78,7 +78,6 @@ def xosc_loop(
     from generation.loop.findings import closing
     from generation.loop.loop import run_loop
     from generation.loop.page import write
-    from generation.report.regression import fates
 
     settings = replace(settings, model=_model(labels, model), budget=budget_within_limits(settings.budget, 0, NAME))
     _refuse_wrong(settings)
@@ -113,8 +112,8 @@ def _model(labels: str, model: Path | None) -> Path | None:
 
 def _refuse_wrong(settings: LoopSettings) -> None:
     """Refuse impossible settings before the recognition starts."""
-    from generation.declared import freed, mapped
-    from generation.search.methods import method
+    from generation.search.problem import method
+    from generation.variations import freed, mapped
 
     method(settings.method)
     freed(settings.ask.free)

@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from generation.density.gate import NEAR
-from generation.outcomes.judges import COLLISION
-from generation.outcomes.outcomes import Outcomes, SimulationJob, Simulator
+from generation.outcomes import COLLISION, Outcomes, SimulationJob, Simulator
 from generation.pipeline import Generated, estimate_file, evaluator_of, summary_file, system_digest
-from generation.report.regions import LINKED, grouped
+from generation.report.counterexamples import LINKED, grouped
 from generation.search.space import Space, apart, distinctive
 from generation.settings import SearchSettings
 from runner.settings import RunSettings
@@ -180,7 +179,7 @@ def regression(before: Before, scenario: Path, tried: Tried, settings: SearchSet
 
 
 def _regions(before: Before, tried: Tried, fates: Sequence[Fate]) -> Counter[Shift]:
-    """Regions of the failures of both versions together: groups by distance, as `generation.report.regions` has them.
+    """Regions of the failures of both versions together: groups by distance, as `generation.report.counterexamples` has them.
 
     A region is gone where all its failures of before are fixed and none is found now. It has moved where none of them is left as
     it was, or where the middle of what fails now is `NEAR` or more from the middle of what failed before.
@@ -242,18 +241,3 @@ def _far(tried: Tried, before: Before, least: float) -> BoolArray:
             point: FloatArray = np.array([[float(values[name]) for name in space.names]])
             found[row] = apart(space.unit(tried.theta)[:, columns], space.unit(point)[:, columns], least)
     return found
-
-
-def fates(texts: Sequence[str] | None, against: Path | None) -> tuple[Fate, ...]:
-    """Fates that `--fail-if` names; new failures alone by default, so that an unchanged system raises no alarm.
-
-    Raises:
-        UsageError: it names something else, or there is no `--against`.
-    """
-    if texts and against is None:
-        raise UsageError("--fail-if is about failures of another version: --against says where these are")
-    offered = {str(fate): fate for fate in (Fate.NEW, Fate.STILL_THERE)}
-    for text in texts or ():
-        if text not in offered:
-            raise UsageError(f"--fail-if {text!r}: one of {', '.join(offered)} is expected")
-    return tuple(offered[text] for text in texts or (Fate.NEW,))

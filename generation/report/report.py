@@ -12,22 +12,24 @@ import numpy as np
 from generation.density.models import judge
 from generation.estimation.estimate import FAILURE, PREVENTABLE, Estimate
 from generation.estimation.probability import LEAST_EFFECTIVE, PER_DISTANCE, PER_HOUR, Driving, Probability, Rate
-from generation.outcomes.judges import JUDGES, REFERENCES, Cases
-from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
+from generation.outcomes import JUDGES, REFERENCES, RISK_WINDOW, Cases, Outcomes
 from generation.pipeline import Generated, evaluator_of
 from generation.report.counterexamples import (
     Counterexample,
     Counterexamples,
+    FailureRegion,
     FailureReplay,
     Measure,
     Region,
     counterexamples,
     limits,
+    measured,
     region,
+    regions,
     replays,
     unit_of,
+    varying,
 )
-from generation.report.regions import FailureRegion, measured, regions, varying
 from generation.report.regression import Fate, Regression, Shift
 from generation.settings import SearchSettings
 from generation.variations import Written

@@ -7,8 +7,9 @@ a resumed search starts anew, is answered from memory up to the point of interru
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 from zipfile import BadZipFile
@@ -18,7 +19,8 @@ from numpy.typing import NDArray
 
 from generation.density.base import Density
 from generation.density.prior import Prior, fitted, held_out
-from generation.outcomes.outcomes import NOTHING, Episodes, Evaluate, Outcomes, joined
+from generation.outcomes import NOTHING, Episodes, Evaluate, Outcomes, joined
+from generation.search.methods import Method, offered
 from generation.search.space import Space
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import InvalidFile, UsageError
@@ -195,6 +197,23 @@ class SearchProblem:
 
 Search = Callable[[SearchProblem, int, int], History]
 """Spends a budget of simulator calls on a problem, all that is drawn by a seed."""
+
+
+def method(name: str, methods: Mapping[str, Method] | None = None) -> Search:
+    """The search of that name.
+
+    Args:
+        name: of the method.
+        methods: where it is looked for; those of `xosc-generate` where it is None.
+
+    Raises:
+        UsageError: no method has that name.
+    """
+    methods = offered() if methods is None else methods
+    if name not in methods:
+        raise UsageError(f"there is no search method {name!r}; methods: {', '.join(methods)}")
+    search: Search = getattr(import_module(methods[name].module), name.replace("-", "_"))
+    return search
 
 
 class Calls:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from generation.outcomes.judges import FullBraking
+from generation.outcomes import FullBraking
 from runner.measures.relations import MotionRows, Outline, Sight, box_distance, in_ego_frame, seen_by
 from runner.measures.rss import longitudinal_distance, parameter_set
 from runner.participants.boxes import Outlook, reach

@@ -1,4 +1,4 @@
-"""A manoeuvre scenario at thousands of points at once: the twin of `generation.outcomes.outcomes.Evaluator`.
+"""A manoeuvre scenario at thousands of points at once: the twin of `generation.outcomes.Evaluator`.
 
 It repeats the steps of `runner.interpreter.simulation` on a straight road without traffic of its own. How often its verdicts are
 SUMO's is measured by `python -m studies.generation twin`.
@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from generation.outcomes.outcomes import RISK_WINDOW, Outcomes
+from generation.outcomes import RISK_WINDOW, Outcomes
 from generation.search.space import DIGITS, Space
 from generation.twin.drivers import DriverModel, Situation, driver
 from generation.twin.motion import Body, Changing, JerkChanging, Keeping, driven

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import binomtest
 
-from generation.outcomes.judges import REFERENCES
+from generation.outcomes import REFERENCES
 from generation.search.methods.cover import cover
 from generation.search.problem import BATCH, SearchProblem
 from schemas.common.array_types import FloatArray

@@ -16,7 +16,7 @@ import numpy as np
 from generation.density.prior import Prior
 from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
 from generation.estimation.probability import Probability
-from generation.outcomes.outcomes import Evaluate, Outcomes
+from generation.outcomes import Evaluate, Outcomes
 from generation.recorded import Recorded
 from generation.search.methods.cover import cover
 from generation.search.problem import SearchProblem

@@ -12,7 +12,7 @@ from generation.density.base import folds
 from generation.density.gate import Gate, Share
 from generation.density.models import models
 from generation.density.prior import RecordedPrior, held_out
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from schemas.common.array_types import FloatArray
 from studies.recognition.report.tables import Table, spread
 

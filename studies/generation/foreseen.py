@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from generation.density.models import JUDGE, judge
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from generation.recorded import Recorded
 from generation.search.space import Space
 from schemas.common.array_types import BoolArray, FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 from generation.density.models import JUDGE
 from generation.density.roles import roles_of
 from generation.logical.library import SCENARIOS
-from generation.outcomes.judges import JUDGES
+from generation.outcomes import JUDGES
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
 from generation.twin.episodes import Twin

@@ -12,8 +12,7 @@ import numpy as np
 import xosc
 from generation.logical.library import SCENARIOS, pair_scenarios
 from generation.logical.pairs import PairScenario
-from generation.outcomes.judges import survivors
-from generation.outcomes.outcomes import Evaluator, Outcomes
+from generation.outcomes import Evaluator, Outcomes, survivors
 from generation.search.problem import History, Plays
 from generation.search.space import distinctive, diverse
 from generation.settings import Choice

@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from generation.declared import asked_of
 from generation.density.models import DEFAULT, JUDGE
-from generation.outcomes.outcomes import Evaluator, Outcomes
+from generation.outcomes import Evaluator, Outcomes
 from generation.search.problem import Realism, Reward, SearchProblem
 from generation.search.space import Space
 from generation.settings import Ask
 from generation.twin.episodes import Twin
+from generation.variations import asked_of
 from runner.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported

@@ -8,7 +8,7 @@ from typing import Any
 
 from torch import nn
 
-from generation.outcomes.outcomes import Episodes
+from generation.outcomes import Episodes
 from generation.search.problem import Calls, History, Search, SearchProblem
 from schemas.common.array_types import FloatArray
 from schemas.common.packages import optional

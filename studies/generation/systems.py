@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from generation.outcomes.judges import CAREFUL
-from generation.outcomes.outcomes import Outcomes, Simulator
+from generation.outcomes import CAREFUL, Outcomes, Simulator
 from runner.batch.jobs import Job, Outcome
 from runner.settings import RunSettings
 from schemas.common.array_types import BoolArray

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from generation.search.space import Space
 from recognition.maneuvers.parameters import PARAMETERS
 from runner.measures.rss import lateral_distance, longitudinal_distance, parameter_set

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.declared import asked_of, freed, mapped, with_literals
 from generation.logical.library import SCENARIOS
 from generation.search.space import Space
 from generation.settings import Ask
+from generation.variations import asked_of, freed, mapped, with_literals
 from schemas import check
 from schemas.common.errors import UsageError
 from xosc.distributions import (

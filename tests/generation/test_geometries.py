@@ -11,7 +11,7 @@ import runner
 import schemas
 import xosc
 from generation.logical.library import SCENARIOS
-from generation.outcomes.judges import COLLISION
+from generation.outcomes import COLLISION
 from tests.generation.test_xosc_generate import call
 from xosc.tags import read
 

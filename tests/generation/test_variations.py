@@ -15,8 +15,7 @@ import schemas
 import xosc
 from generation.density.models.mixtures import Gaussian
 from generation.logical.library import SCENARIOS
-from generation.outcomes.judges import Cases, choose
-from generation.outcomes.outcomes import Episodes, Evaluator
+from generation.outcomes import Cases, Episodes, Evaluator, choose
 from generation.search.space import Space
 from generation.settings import Choice
 from generation.twin.episodes import Twin

@@ -6,15 +6,9 @@ This folder holds the methods that `xosc-generate` offers; `studies.generation` 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from schemas.common.errors import UsageError
 from schemas.common.packages import described
-
-if TYPE_CHECKING:
-    from generation.search.problem import Search
 
 DEFAULT = "cover"
 
@@ -49,20 +43,3 @@ def offered() -> dict[str, Method]:
     """The methods of `xosc-generate`, the default first."""
     found = methods_of("generation.search.methods")
     return {DEFAULT: found.pop(DEFAULT), **found}
-
-
-def method(name: str, methods: Mapping[str, Method] | None = None) -> Search:
-    """The search of that name.
-
-    Args:
-        name: of the method.
-        methods: where it is looked for; those of `xosc-generate` where it is None.
-
-    Raises:
-        UsageError: no method has that name.
-    """
-    methods = offered() if methods is None else methods
-    if name not in methods:
-        raise UsageError(f"there is no search method {name!r}; methods: {', '.join(methods)}")
-    search: Search = getattr(import_module(methods[name].module), name.replace("-", "_"))
-    return search

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from generation.density.base import Whitening
-from generation.outcomes.outcomes import Episodes
+from generation.outcomes import Episodes
 from generation.search.problem import Calls, History, SearchProblem
 from generation.search.space import Space, diverse
 from recognition.training.windows import seeded

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from generation.search.methods.mcsg import McsgSettings, RealStarts, mcsg, single
 from generation.search.problem import COLLISION, RISK, SAFE, History, SearchProblem
 from schemas.common.array_types import FloatArray

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from generation.density.base import Components, folds
-from generation.density.limits import QUANTILE
 from generation.density.models.mixtures import Mixture
-from generation.density.prior import FORESEEABLE
+from generation.density.prior import FORESEEABLE, QUANTILE
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import UsageError
 from studies.generation.adversary.actions import ACTION, DECISIONS, INTERVAL, STATE, Actions

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.outcomes.judges import JUDGES
+from generation.outcomes import JUDGES
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from studies.generation.adversary import OBJECTIVES
 from studies.generation.adversary.actions import DECISIONS, INTERVAL, STATE

@@ -11,8 +11,7 @@ import numpy as np
 from generation.density.models import JUDGE
 from generation.density.prior import until_possible
 from generation.density.roles import EGO_SPEED, roles_of
-from generation.outcomes.judges import JUDGES
-from generation.outcomes.outcomes import Outcomes, SimulationJob, Simulator
+from generation.outcomes import JUDGES, Outcomes, SimulationJob, Simulator
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
 from recognition.maneuvers.parameters import CUT_IN
@@ -41,7 +40,7 @@ class Settings:
         budget: most runs. most: most files.
         seed: of the search.
         recorded: a table of recorded actions; None for our own.
-        processes, ray: as of `generation.outcomes.outcomes.Simulator`.
+        processes, ray: as of `generation.outcomes.Simulator`.
         pinned: values of parameters of the scenario that are not drawn.
         search: how the adversary searches.
     """

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from generation.search.methods.cover import BORDER, Frame, GaussianProcess
 from generation.search.problem import Calls, History, SearchProblem
 from generation.search.space import diverse
-from generation.search.surrogate import BORDER, Frame, GaussianProcess
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 

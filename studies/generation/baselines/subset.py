@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from generation.search.methods.cover import Frame, scores
 from generation.search.problem import Calls, History, SearchProblem
-from generation.search.surrogate import Frame, scores
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 

@@ -32,7 +32,7 @@ def command(
     """Draw recordings anew, fit the density on them, and estimate systems on the twin: how often does the interval cover?"""
     from dataclasses import replace
 
-    from generation.outcomes.outcomes import Evaluate
+    from generation.outcomes import Evaluate
     from generation.recorded import kind_of, of_recordings, of_samples
     from schemas.common.errors import UsageError
     from schemas.common.storage import Records

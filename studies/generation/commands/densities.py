@@ -49,7 +49,7 @@ def command(
     With --runs they are simulated too: recorded units with their own values, and draws of the densities.
     """
     from generation.density.models import model
-    from generation.outcomes.outcomes import Evaluator
+    from generation.outcomes import Evaluator
     from generation.recorded import kind_of, of_recordings, of_samples
     from generation.search.space import Space
     from generation.twin.episodes import Twin

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.outcomes.outcomes import Episodes, joined
+from generation.outcomes import Episodes, joined
 from generation.recorded import kind_of, of_recordings, of_samples
 from generation.search.space import distinctive, diverse
 from generation.settings import Choice

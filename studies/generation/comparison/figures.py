@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from generation.outcomes.outcomes import Episodes
+from generation.outcomes import Episodes
 from recognition.maneuvers.estimation import reconstruct
 from recognition.maneuvers.parameters import PARAMETERS
 from studies.generation.comparison.measures import curves, last_third

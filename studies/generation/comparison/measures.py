@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.outcomes.outcomes import Episodes, Evaluate
+from generation.outcomes import Episodes, Evaluate
 from generation.search.problem import History, SearchProblem
 from generation.search.space import diverse
 from generation.settings import Choice

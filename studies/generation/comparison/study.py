@@ -13,11 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.outcomes.judges import CAREFUL
-from generation.outcomes.outcomes import Evaluate, Evaluator
+from generation.outcomes import CAREFUL, Evaluate, Evaluator
 from generation.recorded import Recorded
-from generation.search.methods import method
-from generation.search.problem import History, Memory, Realism, Reward, SearchProblem, counted
+from generation.search.problem import History, Memory, Realism, Reward, SearchProblem, counted, method
 from generation.search.space import Space
 from runner.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.common.array_types import FloatArray

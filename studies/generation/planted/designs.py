@@ -7,8 +7,8 @@ from scipy.spatial.distance import cdist
 from scipy.stats import norm, qmc
 
 from generation.density.prior import Prior
+from generation.search.methods.cover import Frame
 from generation.search.problem import Calls, History, SearchProblem
-from generation.search.surrogate import Frame
 from schemas.common.array_types import FloatArray, IntArray
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from generation.density.gate import NEAR, Statement
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from generation.pipeline import drawn_of
 from generation.search.methods.cover import cover, draws
 from generation.search.methods.mcsg import mcsg, mcsg_published

@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 
 from generation.density.prior import Prior
-from generation.outcomes.outcomes import Outcomes, joined
+from generation.outcomes import Outcomes, joined
+from generation.search.methods.cover import Frame
 from generation.search.problem import Plays
 from generation.search.space import Space
-from generation.search.surrogate import Frame
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 Score = Callable[[FloatArray, Outcomes], FloatArray]

@@ -7,7 +7,7 @@ import pytest
 
 from generation.density.gate import TESTABLE, Gate, Share, Statement, replay_shares
 from generation.logical.library import SCENARIOS
-from generation.outcomes.outcomes import Evaluator, Outcomes
+from generation.outcomes import Evaluator, Outcomes
 from generation.recorded import of_recordings, of_samples
 from generation.search.space import Space
 from schemas.common.array_types import FloatArray

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.limits import Limits, quantities
-from generation.density.prior import Box, RecordedPrior
+from generation.density.prior import Box, Limits, RecordedPrior, quantities
 from generation.density.roles import BEHIND, EGO_SPEED, Role
 from generation.logical.library import SCENARIOS
 from generation.recorded import of_recordings, of_samples

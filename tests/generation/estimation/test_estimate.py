@@ -7,7 +7,7 @@ import pytest
 
 from generation.density.marginals import DeclaredPrior, uniform
 from generation.estimation.estimate import FAILURE, PREVENTABLE, EstimateSettings, Known, Proposal, Stage, Stages, estimate
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from schemas.common.array_types import FloatArray
 
 EDGE, TRUTH = 0.04, 0.04**2

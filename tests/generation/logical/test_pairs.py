@@ -11,7 +11,7 @@ import runner
 import schemas
 from generation.logical.library import SCENARIOS, pair_scenarios
 from generation.logical.pairs import LEAD_IN, PairUnits
-from generation.outcomes.outcomes import Evaluator
+from generation.outcomes import Evaluator
 from generation.recorded import kind_of, of_recordings, of_samples
 from generation.search.space import Space
 from generation.twin.episodes import Twin

@@ -10,8 +10,7 @@ from generation.density.gate import Gate, Share
 from generation.estimation.estimate import Estimate
 from generation.estimation.probability import Driving, Probability
 from generation.logical.library import SCENARIOS
-from generation.outcomes.judges import REFERENCES, Cases
-from generation.outcomes.outcomes import Episodes, Evaluator
+from generation.outcomes import REFERENCES, Cases, Episodes, Evaluator
 from generation.pipeline import Generated, evidence, summary, summary_file
 from generation.recorded import Recorded, of_recordings, of_samples
 from generation.search.problem import History

@@ -9,9 +9,8 @@ import pytest
 
 from generation.loop.findings import CarefulDriver, CaseVerdict, EdgeCase
 from generation.loop.searches import regions_of
-from generation.outcomes.outcomes import Episodes, Outcomes
-from generation.report.counterexamples import Measure
-from generation.report.regions import FailureRegion, grouped, regions, varying
+from generation.outcomes import Episodes, Outcomes
+from generation.report.counterexamples import FailureRegion, Measure, grouped, regions, varying
 from tests.generation.report.searches import EASY, HARD, SPACE, WEAK, searched
 
 GAP, SPEED = (SPACE.names.index(name) for name in ("CutIn_Gap_m", "Ego_Speed_mps"))

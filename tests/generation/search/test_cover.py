@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from generation.recorded import of_recordings, of_samples
-from generation.search.methods.cover import CoverSettings, _Search, cover
+from generation.search.methods.cover import CoverSettings, Forest, GaussianProcess, _Search, cover
 from generation.search.problem import Realism, Reward, SearchProblem
 from generation.search.space import Space
-from generation.search.surrogate import Forest, GaussianProcess
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import UsageError
 

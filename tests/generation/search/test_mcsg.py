@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from generation.density.models.mixtures import Gaussian
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from generation.search.environment import ScenarioEnv
 from generation.search.methods.mcsg import Bins, Edits, McsgSettings, Policy, coordinated, mcsg, single
 from generation.search.problem import Calls, History, Memory, Realism, Reward, SearchProblem, additive

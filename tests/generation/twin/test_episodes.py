@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.outcomes.judges import REFERENCES
-from generation.outcomes.outcomes import Evaluator
+from generation.outcomes import REFERENCES, Evaluator
 from generation.search.space import Space
 from generation.twin.episodes import Twin
 from runner.settings import RunSettings

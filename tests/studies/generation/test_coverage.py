@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from generation.logical.library import SCENARIOS
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from generation.recorded import of_recordings, of_samples
 from generation.search.problem import Realism, Reward, SearchProblem
 from generation.search.space import Space

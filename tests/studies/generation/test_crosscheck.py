@@ -9,7 +9,7 @@ import pytest
 
 from generation.density.prior import Box, RecordedPrior
 from generation.density.roles import roles_of
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 from studies.generation import packages

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from generation.logical.library import SCENARIOS
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from generation.recorded import kind_of, of_recordings, of_samples
 from generation.search.space import Space
 from schemas.common.array_types import FloatArray

@@ -8,9 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from generation.outcomes.outcomes import Outcomes
-from generation.search.methods import method, offered
-from generation.search.problem import SearchProblem
+from generation.outcomes import Outcomes
+from generation.search.methods import offered
+from generation.search.problem import SearchProblem, method
 from schemas.common.errors import UsageError
 from studies.generation.ablations.mcsg import exclusive_reward
 from studies.generation.methods import ABLATIONS, METHODS, TRAJECTORIES

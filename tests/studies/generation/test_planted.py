@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from generation.logical.library import SCENARIOS
-from generation.outcomes.outcomes import Evaluator, Outcomes
+from generation.outcomes import Evaluator, Outcomes
 from generation.recorded import of_recordings, of_samples
-from generation.search.methods.cover import draws
+from generation.search.methods.cover import Frame, draws
 from generation.search.problem import History, Realism, Reward, Search, SearchProblem
 from generation.search.space import Space
-from generation.search.surrogate import Frame
 from generation.twin.episodes import Twin
 from schemas.common.storage import Records
 from studies.generation.baselines.level_sets import level_sets

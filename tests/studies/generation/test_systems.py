@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import runner
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from runner.batch.jobs import Job, Outcome, jobs_of
 from schemas.common.errors import UsageError
 from studies.generation.systems import Comparison, compare

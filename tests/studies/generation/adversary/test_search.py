@@ -10,7 +10,7 @@ import pytest
 
 import schemas
 from generation.logical.library import SCENARIOS
-from generation.outcomes.outcomes import measures
+from generation.outcomes import measures
 from runner.interpreter.execution import run
 from runner.settings import RunSettings
 from schemas.common.errors import Unsupported

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.outcomes.outcomes import Outcomes
+from generation.outcomes import Outcomes
 from generation.pipeline import generate
 from generation.recorded import Recorded
 from generation.search.problem import History, SearchProblem

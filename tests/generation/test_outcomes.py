@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import runner
-from generation.outcomes.outcomes import Evaluator, Outcomes
+from generation.outcomes import Evaluator, Outcomes
 from generation.search.space import Space
 from recognition.maneuvers.parameters import Parameter
 from runner.settings import RunSettings
 from schemas.common.errors import UsageError
 
-CUT_IN = Path(__file__).parents[3] / "xosc" / "library" / "simple_cut_in.xosc"
+CUT_IN = Path(__file__).parents[2] / "xosc" / "library" / "simple_cut_in.xosc"
 SPACE = Space.of(CUT_IN, {"Ego_Speed_mps": "30"})
 HARD, MILD = (10.0, 6.0, 1.5), (29.0, 60.0, 5.0)
 """Speed, gap and duration of a cut-in that collides, and of one that has no consequence"""

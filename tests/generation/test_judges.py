@@ -8,18 +8,19 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from generation.outcomes.judges import (
+from generation.outcomes import (
     FULL_BRAKING,
     JUDGES,
     NEVER_BRAKED,
     REFERENCES,
     Cases,
+    Episodes,
+    Outcomes,
     choose,
     matrix,
     remembering,
     survivors,
 )
-from generation.outcomes.outcomes import Episodes, Outcomes
 from generation.search.space import Space
 from generation.settings import Choice
 from recognition.maneuvers.parameters import Parameter

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.outcomes.outcomes import Outcomes
-from generation.search.surrogate import _FITTED, _MOST, Forest, GaussianProcess, _learnt, nearness, scores
+from generation.outcomes import Outcomes
+from generation.search.methods.cover import _FITTED, _MOST, Forest, GaussianProcess, _learnt, nearness, scores
 from schemas.common.array_types import FloatArray
 
 

@@ -1,1 +1,0 @@
-"""Outcomes of episodes: runs, rewards, failing systems."""
