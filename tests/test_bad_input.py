@@ -193,6 +193,7 @@ def test_a_file_that_is_too_large_is_refused_by_its_size(tmp_path: Path) -> None
 # mutants ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_mutants_can_be_checked(tmp_path: Path) -> None:
     found = sources(OWN_SCENARIOS)
     for number in range(60):

@@ -71,12 +71,14 @@ def test_hooks_and_steps_call_commands_that_there_are() -> None:
     assert all(hook["language"] == "system" and hook["name"] and hook["files"] for hook in HOOKS.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hook", HOOKS)
 def test_a_hook_passes_sound_files(hook: str, repository: Path) -> None:
     answer = hooked(hook, repository)
     assert (answer.returncode, answer.stdout) == (0, ""), answer.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("hook", "code"), [("xosc-check", 1), ("xosc-compile", 3), ("xosc-run", 3)])
 def test_a_hook_refuses_a_broken_file(hook: str, code: int, repository: Path) -> None:
     path = repository / "cut in.xosc"

@@ -56,6 +56,7 @@ def states(result: runner.RunResult, name: str) -> np.ndarray:
     return np.column_stack([box_centre(track)[:, :2], heading, track.columns["speed"]])
 
 
+@pytest.mark.slow
 def test_everyone_is_where_they_were(read: Read, tmp_path: Path) -> None:
     two = place("Ego", 20, 10) + place("Other", 150, 12, lane=1)
     path = scenario(tmp_path, road="curve", entities=[car("Ego"), car("Other")], init=two)

@@ -125,6 +125,7 @@ def test_absent_entities_touch_nobody() -> None:
     assert contacts.pairs == set()
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(far, coordinate, angle), min_size=2, max_size=9), moves(9))
 def test_the_sweep_finds_what_comparing_all_pairs_finds(
     places: list[tuple[float, float, float]], steps: list[tuple[Move, ...]]

@@ -129,6 +129,7 @@ def test_a_gap_closes_within_the_limits_and_hardly_overshoots(gap: float, forwar
     assert max(map(abs, speeds)) <= top + 1e-9
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(st.floats(5.0, 150.0), st.floats(1.0, 5.0), st.floats(0.5, 5.0))
 def test_jerk_stays_within_its_limit_and_the_gap_closes(gap: float, limit: float, jerk: float) -> None:

@@ -101,6 +101,7 @@ def test_shadows_are_off_until_they_are_wanted(
     assert light(colours(browser, tmp_path)) < light(without)
 
 
+@pytest.mark.slow
 def test_keys_lead_there_and_back(browser: Browser, page: Path) -> None:
     browser.open(page, "t=1")
     shown = "document.querySelector('.choices select').value + (document.querySelector('.choices').hidden ? ' hidden' : '')"

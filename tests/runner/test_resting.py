@@ -110,6 +110,7 @@ class Foreseen(Changing):
         return -math.inf
 
 
+@pytest.mark.slow
 @given(st.lists(groups, min_size=1, max_size=4), st.frozensets(st.integers(1, STEPS), max_size=2))
 def test_watched_triggers_fire_when_they_would_if_all_were_looked_at(chosen: Any, rearmed: frozenset[int]) -> None:
     announced = {step for each in chosen for group in each for kind, (_, at, ahead), _, _ in group if not ahead for step in at}

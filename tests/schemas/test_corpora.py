@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from schemas import check
 
 BROKEN = {
@@ -31,6 +33,7 @@ def test_every_public_scenario_is_accepted_but_for_undeclared_parameters_and_dou
     assert {problem.rule for problem in errors} <= BROKEN and len(errors) < 50
 
 
+@pytest.mark.slow
 def test_every_public_road_is_accepted_or_has_a_clear_reason(corpora):
     for file in sorted(corpora.rglob("*.xodr")):
         for problem in check(file):

@@ -191,6 +191,7 @@ def test_road_networks_have_the_same_verdict(road_schemas: tuple[int, Any, Any])
     assert verdicts[-2] == (minor == 9)
 
 
+@pytest.mark.slow
 def test_mutants_of_road_networks_have_the_same_verdict(road_schemas: tuple[int, Any, Any]) -> None:
     minor, made, official = road_schemas
     random = Random(1)

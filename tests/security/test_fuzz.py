@@ -155,6 +155,7 @@ def _judge(scratch: Path):  # type: ignore[no-untyped-def]
     return defect
 
 
+@pytest.mark.slow
 def test_an_input_is_made_again_by_its_number(tmp_path: Path) -> None:
     for name, kind in own_kinds().items():
         if name in ("model", "replay"):  # they take time to make

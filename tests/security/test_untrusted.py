@@ -273,6 +273,7 @@ def lost(job: Job, signal_number: int | None = None) -> Outcome:
     return Outcome(job, "error", 5, "died")
 
 
+@pytest.mark.slow
 def test_limits_hold_in_worker_processes_and_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize() / 2**30  # GiB, by tests before this one
     monkeypatch.setattr("schemas.common.policy._GRACE", 0.2)

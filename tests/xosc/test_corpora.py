@@ -30,6 +30,7 @@ def test_defaults_resolve_to_literals(scenarios):
         assert resolved.logic_file is None or resolved.logic_file.is_file()
 
 
+@pytest.mark.slow
 def test_a_written_scenario_resolves_to_itself(scenarios, tmp_path):
     first, second = tmp_path / "first.xosc", tmp_path / "second.xosc"
     for document in scenarios:

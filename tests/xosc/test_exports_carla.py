@@ -37,6 +37,7 @@ def exported_library(folder: Folder) -> list[Path]:
     return exported
 
 
+@pytest.mark.slow
 def test_exports_hold_nothing_that_its_parser_stops_at(tmp_path: Path) -> None:
     for path in exported_library(Folder(tmp_path)):
         assert not stops_at(xosc.load(tmp_path / path.name).root), path.name

@@ -358,6 +358,7 @@ def test_rules_are_listed_in_the_order_of_the_steps() -> None:
     assert [rule.version for rule in RULES] == sorted(rule.version for rule in RULES)
 
 
+@pytest.mark.slow
 def test_every_public_file_goes_up_and_back_unchanged_and_down_or_is_refused(corpora: Path) -> None:
     outcomes: Counter[str] = Counter()
     for path in sorted(corpora.rglob("*.xosc")):

@@ -15,6 +15,7 @@ from schemas.common.array_types import FloatArray
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
 
 
+@pytest.mark.slow
 def test_recorded_cut_ins_do_not_collide_with_their_own_values_and_neither_do_draws() -> None:
     space = Space.of(CUT_IN)
     recorded = of_samples(of_recordings(None, "cut_in"), space)

@@ -59,6 +59,7 @@ def test_what_is_pinned_moves_what_is_drawn() -> None:
     assert speeds[0] < 18 < 25 < speeds[1]
 
 
+@pytest.mark.slow
 def test_a_flow_can_not_be_conditioned_and_pins_at_zero_have_no_density() -> None:
     found, _ = prior("flow", FEW, Ego_Speed_mps="14")
     with pytest.raises(UsageError, match="flow can't be conditioned"):

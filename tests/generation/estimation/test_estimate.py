@@ -93,6 +93,7 @@ def test_runs_of_before_make_the_proposal_without_a_twin() -> None:
     assert all(each.known > searched(seed).failing.sum() for seed, each in enumerate(found)), "the first stage's are known too"
 
 
+@pytest.mark.slow
 def test_failures_alone_make_the_proposal_where_no_run_is_known_to_pass() -> None:
     theta, fails = searched(5)
     found = estimate(PRIOR, failing, failing, Known(theta[fails], fails[fails]), None, EstimateSettings(400))

@@ -88,6 +88,7 @@ def test_files_are_checked_with_the_roads_and_catalogues_that_they_are_run_with(
     assert any("there is no file" in each for each in problems(RunSettings()))
 
 
+@pytest.mark.slow
 def test_runs_that_end_with_an_error_are_told_and_change_the_exit_code(tmp_path: Path, command: Command) -> None:
     folder = tmp_path / "mine"
     crash = place("Ego", 100, 20) + place("Lead", 110, 0)

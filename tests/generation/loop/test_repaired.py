@@ -64,6 +64,7 @@ def test_a_scenario_without_its_road_is_named_and_searched_once_it_is_there(tmp_
     assert again.checked.problems == []
 
 
+@pytest.mark.slow
 def test_another_version_of_the_system_needs_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, out, module = tmp_path / "mine", tmp_path / "out", tmp_path / "plugged_in.py"
     standard.export(SCENARIOS / "cut_in_highway.xosc", "1.3", Folder(folder))

@@ -57,7 +57,8 @@ def test_realism_costs_nothing_where_traffic_is_and_all_of_its_weight_far_away(r
 def test_the_environment_passes_gymnasiums_checker(problem: SearchProblem) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(ScenarioEnv(problem), skip_render_check=True)
+        check_env(env := ScenarioEnv(problem), skip_render_check=True)
+    assert env.reset(seed=1)[0] in env.observation_space and env.action_space.sample() in env.action_space
 
 
 def test_an_episode_is_an_edit_of_each_parameter_and_one_call(problem: SearchProblem) -> None:
@@ -113,6 +114,7 @@ def test_new_bins_are_weighed_as_the_old_ones_they_lie_in() -> None:
     assert policy.bins.holding(1, torch.tensor([-9.0, -1.9, 0.0, 1.9, 9.0])).tolist() == [0, 0, 2, 4, 4]
 
 
+@pytest.mark.slow
 def test_mcsg_finds_plausible_collisions_where_traffic_has_hardly_any(problem: SearchProblem) -> None:
     found = mcsg(problem, 1500, 2)
     last = slice(-500, None)
@@ -181,6 +183,7 @@ def test_a_search_with_another_budget_or_seed_reuses_what_is_the_same(problem: S
     np.testing.assert_array_equal(theta[-5:], problem.real[:5])
 
 
+@pytest.mark.slow
 def test_memory_answers_known_and_new_points_in_their_order_in_little_space(problem: SearchProblem, tmp_path: Path) -> None:
     def nothing(theta: FloatArray) -> Outcomes:
         return Outcomes.of(len(theta), min_ttc=theta[:, 0])

@@ -35,6 +35,7 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
+@pytest.mark.slow
 def test_several_make_the_same_bytes_as_one(recordings: Path, tmp_path: Path) -> None:
     one, several = made(recordings, tmp_path / "one", Workers()), made(recordings, tmp_path / "several", Workers(2))
     assert content(tmp_path / "one") == content(tmp_path / "several")
@@ -43,6 +44,7 @@ def test_several_make_the_same_bytes_as_one(recordings: Path, tmp_path: Path) ->
     assert not (tmp_path / "several" / ".recordings").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenes", ["events", "vehicles"])
 def test_several_share_one_recording(scenes: str, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[tuple[str, int, list[float]]] = []

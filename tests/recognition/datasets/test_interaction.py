@@ -233,6 +233,7 @@ def test_taf_bw_reads_whole(recordings: Path) -> None:
     assert rows == 45_776
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("site", "folded"), [("k733_2018-05-02", True), ("k733_2020-09-15", False)])
 def test_vehicles_of_taf_bw_go_where_they_face(recordings: Path, site: str, folded: bool) -> None:
     (source,) = datasets.open(recordings / "taf_bw" / "recorded_trackfiles" / site).sources

@@ -108,6 +108,7 @@ def test_tokens_are_patches_of_one_frame_or_runs_of_its_rows():
     assert values[0, 2, 4].reshape(2, 16)[1].nonzero().ravel().tolist() == [2, 3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("objective", "share"), [("order", 0.8), ("barlow", 0.8)])
 def test_objectives_of_pretraining_can_be_learnt(objective, share):
     losses: list[float] = []

@@ -83,6 +83,7 @@ def test_lanelet2_maps_become_roads_once(recordings: Path, tmp_path: Path) -> No
     assert sum(entry.role is LaneRole.SIGNALISED for entry in places[0].roles.entries) > 8
 
 
+@pytest.mark.slow
 def test_lanelets_of_commonroad_become_roads(recordings: Path, tmp_path: Path) -> None:
     archive = recordings / "ngsim" / "USA_ngsim_commonroad_xml.tar.xz"
     sources = {source.name.split("/")[-1]: source for source in datasets.open(archive, tmp_path).sources}

@@ -32,6 +32,7 @@ def test_parts_of_classes_are_not_counted() -> None:
     assert likely_count(samples, 10, seed=0) == 3
 
 
+@pytest.mark.slow
 def test_a_seed_decides_the_count_and_nothing_is_one_cluster() -> None:
     samples = np.random.default_rng(0).standard_normal((120, 4)).astype(np.float32)
     assert len({likely_count(samples, 10, seed=5) for _ in range(2)}) == 1

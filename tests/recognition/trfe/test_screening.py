@@ -223,6 +223,7 @@ def test_distances_show_what_lies_between_all_classes() -> None:
 choose = partial(choose_delta, grow=grow_plain, screening=EvtDeficit)
 
 
+@pytest.mark.slow
 def test_delta_is_chosen_by_leaving_classes_out() -> None:
     fitting, calibrating = (clouds([1, 2, 3, 4], 120, seed=seed, apart=2.0) for seed in (0, 1))
     delta = choose(*fitting, *calibrating, trees=40)

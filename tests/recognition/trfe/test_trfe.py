@@ -136,6 +136,7 @@ def test_promoted_samples_are_either_fitted_on_or_calibrated_on(round_: Round) -
         assert parts[1] == pytest.approx(0.3 * sum(parts), abs=1)
 
 
+@pytest.mark.slow
 def test_discovery_changes_nothing_and_a_seed_decides_it(round_: Round) -> None:
     again = model()
     samples, truth = stream()
@@ -167,6 +168,7 @@ def with_changes(labels: list[int], each: int, seed: int) -> tuple[Features, Int
     return np.concatenate([np.where(known, still, moved), np.where(known, samples, alike)], axis=1), truth
 
 
+@pytest.mark.slow
 def test_classes_that_only_changes_tell_apart_are_unknown_and_discovered() -> None:
     settings, training = replace(CONFIG, changes=8), (*with_changes(KNOWN, 100, 0), *with_changes(KNOWN, 80, 1))
     watching, blind = (TRFE(replace(settings, recognise_by_changes=seeing)).fit(*training) for seeing in (True, False))
@@ -194,6 +196,7 @@ def test_variants_discover_too(name: str) -> None:
     assert promoted.sum() > 100
 
 
+@pytest.mark.slow
 def test_delta_is_chosen_where_classes_allow_it() -> None:
     chosen = fitted(replace(CONFIG, delta=None, trees=20)).known.screening
     assert isinstance(chosen, EvtJoint) and any(chosen.delta == pytest.approx(each) for each in DELTAS)
@@ -213,6 +216,7 @@ def test_delta_stays_when_classes_are_added() -> None:
     assert after.threshold == before.threshold
 
 
+@pytest.mark.slow
 def test_a_class_is_found_among_samples_of_none() -> None:
     """Two clusters are likeliest there, and hold everything."""
     fitted = TRFE(CONFIG).fit(*clouds(KNOWN, 60, seed=0, apart=APART), *clouds(KNOWN, 60, seed=1, apart=APART))

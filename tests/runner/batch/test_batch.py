@@ -438,6 +438,7 @@ def greedy(result: RunResult) -> None:
         np.zeros(12 * 2**30, dtype=np.uint8)
 
 
+@pytest.mark.slow
 def test_no_worker_outlives_a_killed_batch(tmp_path: Path, variation: Path) -> None:
     (tmp_path / "slow.py").write_text(SLOW_SYSTEM.replace("time.sleep", "open(f'alive-{os.getpid()}', 'w'); time.sleep"))
     command = [sys.executable, "-m", "runner.xosc_run", str(variation), "--world", "kinematic", "--sut", "slow:Slow", "-j", "2"]

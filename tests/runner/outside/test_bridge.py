@@ -196,6 +196,7 @@ def test_a_stranger_ends_no_run_and_drives_nothing(stranger: str, tmp_path: Path
     assert answers in ([b""], [])
 
 
+@pytest.mark.slow
 def test_who_sends_slowly_or_nothing_is_in_no_ones_way(tmp_path: Path, port: int) -> None:
     slow: list[socket.socket] = []
 

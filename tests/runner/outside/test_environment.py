@@ -32,6 +32,7 @@ def named(values: np.ndarray, columns: tuple[str, ...]) -> dict[str, float]:
 def test_gymnasium_finds_no_fault(tmp_path: Path, world: str, actions: str) -> None:
     env = EgoEnv(scenario(tmp_path, stop=1.0), world=world, actions=actions)
     check_env(env, skip_render_check=True)
+    assert env.reset(seed=1)[0] in env.observation_space
     env.close()
 
 
@@ -219,6 +220,8 @@ def test_gymnasium_finds_no_fault_in_what_is_made_by_name_with_pictures(tmp_path
     register()
     env = gymnasium.make(ENVIRONMENT, scenario=scenario(tmp_path, stop=0.3), world="kinematic", render_mode="rgb_array")
     check_env(env.unwrapped)
+    env.reset(seed=1)
+    assert env.render().shape[2] == 3
     env.close()
 
 

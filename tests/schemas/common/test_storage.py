@@ -89,9 +89,11 @@ def test_an_object_is_read_or_refused_by_its_line(tmp_path: Path) -> None:
 def test_work_goes_on_with_the_same_settings_or_a_part_of_them(tmp_path: Path) -> None:
     path = tmp_path / "work" / "settings.json"
     check_settings(path, {"seed": 1}, "a batch")
+    assert not path.exists()
     write_object({"seed": 1, "names": ("ä", "b")}, path)
     check_settings(path, {"seed": 1, "names": ("ä", "b")}, "a batch")
     check_settings(path, {"seed": 1}, "a batch")
+    assert read_object(path) == {"seed": 1, "names": ["ä", "b"]}
 
 
 @pytest.mark.parametrize("settings", [{"seed": 2}, {"seed": 1, "sut": None}, {"seed": 1, "sut": "cas"}, {"seed": "1"}])

@@ -250,6 +250,7 @@ def test_the_main_road_goes_first_at_the_t_junction(tmp_path: Path, simulation: 
 # parameters -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     lanes=st.integers(1, 2), arms=st.integers(3, 6), width=st.floats(2.5, 4.5), radius=st.floats(10, 60), flare=st.floats(4, 30)
