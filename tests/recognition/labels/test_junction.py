@@ -199,6 +199,14 @@ def test_of_a_turn_that_the_record_cuts_a_third_is_enough(crossing: Site, record
     assert all(event.time >= 0.7 for event in events)  # the whole window is there
 
 
+def test_a_slow_end_of_a_turn_that_the_record_cuts_is_none(crossing: Site) -> None:
+    whole = car(crossing, "ES")
+    left = np.degrees(1.5 * np.pi - np.unwrap(np.mod(whole.columns["h"], 2.0 * np.pi)))
+    shown = np.arange(float(np.argmax(left < 15.0)), float(np.argmax(left < 15.0)) + 20.0, 0.2)
+    x, y = (np.interp(shown, np.arange(len(left)), whole.columns[name]) for name in ("x", "y"))
+    assert labels(crossing, track("ES", x, y)) == []
+
+
 def test_a_turn_may_begin_before_the_junction_and_end_behind_it(crossing: Site) -> None:
     angle = np.linspace(0.0, 0.5 * np.pi, 40)
     x = np.concatenate([np.linspace(60.0, 17.0, 60), 16.5 - 18.25 * np.sin(angle), np.full(40, -1.75)])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from recognition.labels import Label, LabelledEvent, Rules
+from recognition.labels.rules import cut_outs
 from recognition.labels.scene import Scene, prepare
 from recognition.sites import LaneRole, Site
 from runner.recording import Recording, Track
@@ -106,6 +107,15 @@ def test_who_is_oblique_to_the_lane_all_the_time_turns_off(street: Site, degrees
     way = 3.5 / np.sin(np.radians(degrees)) * np.linspace(0.0, 1.0, 30)
     ego = track("ego", 20.0 + way * np.cos(np.radians(degrees)), -1.8 - way * np.sin(np.radians(degrees)))
     assert of(labels(street, ego), "ego") == expected
+
+
+def test_a_change_that_the_record_cuts_is_a_cut_out_outside_of_junctions_only(street: Site) -> None:
+    whole = car(street, "lead", 85.0, 12.0, lateral(-5.25, -1.75))
+    lead = track("lead", whole.columns["x"][:58], whole.columns["y"][:58])
+    recording = Recording([car(street, "ego", 60.0, 12.0, -5.25), lead], STEP, None)
+    scene, inside = (prepare(recording, street, Rules()) for _ in range(2))
+    inside.__dict__["in_junction"] = np.ones(len(street.lanes.strips), bool)
+    assert [len(cut_outs(one).ego) for one in (scene, inside)] == [1, 0]
 
 
 def turning_off(degrees: float, start: float = 20.0, y: float = -5.25, name: str = "ego") -> Track:
