@@ -21,11 +21,8 @@ const files = (each, name) =>
 
 /** A table in a region of its own that scrolls; columns are [title, class]. */
 function table(label, columns, rows) {
-  const head = el("tr", null, ...columns.map(([title, kind]) => el("th", { scope: "col", class: kind }, ...breakable(title))));
-  return wide(
-    label,
-    el("table", null, el("thead", null, head), el("tbody", null, ...rows)),
-  );
+  const heads = columns.map(([title, kind]) => el("th", { scope: "col", class: kind }, ...breakable(title)));
+  return wideTable(label, heads, el("tbody", null, ...rows));
 }
 /** A cell with a number, with so many decimals where these are given. */
 const number = (value, places) =>

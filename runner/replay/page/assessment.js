@@ -16,16 +16,10 @@ const share = run => (run.available === null ? "–" : `${points(run.points) || 
 const range = (least, most) => (most - least < 1e-9 ? points(least) : `${points(least)} to ${points(most)}`);
 
 function tabled(label, heads, rows, kind = "") {
-  return el(
-    "div",
-    { class: `wide ${kind}`, tabindex: 0, role: "region", "aria-label": label },
-    el(
-      "table",
-      null,
-      el("thead", null, el("tr", null, ...heads.map(([text, number]) => el("th", { scope: "col", class: number }, text)))),
-      el("tbody", null, ...rows),
-    ),
-  );
+  const cells = heads.map(([text, number]) => el("th", { scope: "col", class: number }, text));
+  const region = wideTable(label, cells, el("tbody", null, ...rows));
+  if (kind) region.classList.add(kind);
+  return region;
 }
 
 const row = (...cells) => el("tr", null, ...cells);
@@ -89,21 +83,14 @@ function grid(test) {
     "details",
     { class: "group", open: true },
     el("summary", null, el("h3", null, test.name)),
-    wide(
+    wideTable(
       `Grid of ${test.name}`,
-      el(
-        "table",
-        { class: "matrix" },
-        el(
-          "thead",
-          null,
-          row(
-            el("th", { scope: "col" }, `${names[1]} →`, el("br"), `${names[0]} ↓`),
-            ...across.map(x => el("th", { scope: "col" }, String(x))),
-          ),
-        ),
-        el("tbody", null, ...down.map(y => row(el("th", { scope: "row" }, String(y)), ...across.map(x => filled(y, x))))),
-      ),
+      [
+        el("th", { scope: "col" }, `${names[1]} →`, el("br"), `${names[0]} ↓`),
+        ...across.map(x => el("th", { scope: "col" }, String(x))),
+      ],
+      el("tbody", null, ...down.map(y => row(el("th", { scope: "row" }, String(y)), ...across.map(x => filled(y, x))))),
+      "matrix",
     ),
   );
 }

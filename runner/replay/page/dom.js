@@ -15,6 +15,10 @@ function el(tag, attributes, ...children) {
 const wide = (label, ...children) =>
   el("div", { class: "wide", tabindex: 0, role: "region", "aria-label": label }, ...children);
 
+/** A table in such a region: cells of its head, and its body. */
+const wideTable = (label, heads, body, kind = null) =>
+  wide(label, el("table", { class: kind }, el("thead", null, el("tr", null, ...heads)), body));
+
 /** A name that may break after each underscore, as names of parameters have no blanks. */
 const breakable = name => name.split(/(?<=_)/).flatMap(part => [part, el("wbr", null)]);
 

@@ -97,15 +97,7 @@ function table() {
     { class: "panel runs" },
     el("h2", null, "Runs"),
     el("div", { class: "choices" }, search, el("label", null, "Change", select), told),
-    wide(
-      "Runs by version",
-      el(
-        "table",
-        null,
-        el("thead", null, el("tr", null, ...heads.map(head))),
-        body,
-      ),
-    ),
+    wideTable("Runs by version", heads.map(head), body),
     more,
   );
 }

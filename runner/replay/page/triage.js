@@ -19,15 +19,8 @@ function table(files, label) {
       el("td", { class: "number" }, String(file.warnings || "–")),
     ),
   );
-  return wide(
-    label,
-    el(
-      "table",
-      null,
-      el("thead", null, el("tr", null, ...heads.map((text, i) => el("th", { scope: "col", class: i > 2 && "number" }, text)))),
-      el("tbody", null, ...rows),
-    ),
-  );
+  const cells = heads.map((text, i) => el("th", { scope: "col", class: i > 2 && "number" }, text));
+  return wideTable(label, cells, el("tbody", null, ...rows));
 }
 
 /** Files of one cause; a list without a cause stands open. */

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from generation.twin.drivers import Situation, driver
-from generation.twin.motion import Body, driven
-from generation.twin.script import Actor, Script, read
+from generation.twin.episodes import Situation, driver
+from generation.twin.motion import Actor, Body, Script, driven, read
 from runner.measures.relations import box_distance
 from runner.settings import RunSettings
 from schemas.common.array_types import BoolArray, FloatArray

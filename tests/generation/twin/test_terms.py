@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.twin.script import value
+from generation.twin.motion import value
 from schemas.common.errors import Unsupported
 from schemas.expressions import evaluate
 

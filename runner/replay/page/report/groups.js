@@ -97,27 +97,14 @@ function matrix(runs, { across, down }) {
     const where = `${across.name} ${short(x)}${down ? `, ${down.name} ${short(y)}` : ""}`;
     return there.length ? filled(there, where) : el("td", { class: "empty" }, "");
   };
-  const head = el(
-    "tr",
-    null,
+  const heads = [
     el("th", { scope: "col" }, ...(down ? [`${across.name} →`, el("br"), `${down.name} ↓`] : [across.name])),
     ...across.values.map(x => el("th", { scope: "col" }, String(short(x)))),
+  ];
+  const body = rows.map(y =>
+    el("tr", null, el("th", { scope: "row" }, down ? String(short(y)) : ""), ...across.values.map(x => cell(x, y))),
   );
-  return wide(
-    down ? `${across.name} by ${down.name}` : across.name,
-    el(
-      "table",
-      { class: "matrix" },
-      el("thead", null, head),
-      el(
-        "tbody",
-        null,
-        ...rows.map(y =>
-          el("tr", null, el("th", { scope: "row" }, down ? String(short(y)) : ""), ...across.values.map(x => cell(x, y))),
-        ),
-      ),
-    ),
-  );
+  return wideTable(down ? `${across.name} by ${down.name}` : across.name, heads, el("tbody", null, ...body), "matrix");
 }
 
 /** A cell of a matrix: how many of its runs have not passed, and the worst value of one that passed. */

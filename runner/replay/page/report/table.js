@@ -77,24 +77,14 @@ function table() {
     "section",
     { class: "panel runs" },
     el("h2", null, "Runs"),
-    wide(
+    wideTable(
       "Table of runs",
-      el(
-        "table",
-        null,
-        el(
-          "thead",
-          null,
-          el(
-            "tr",
-            null,
-            ...heads.slice(0, 2).map(each => each.head),
-            el("th", { scope: "col" }, "ended by"),
-            ...heads.slice(2).map(each => each.head),
-          ),
-        ),
-        body,
-      ),
+      [
+        ...heads.slice(0, 2).map(each => each.head),
+        el("th", { scope: "col" }, "ended by"),
+        ...heads.slice(2).map(each => each.head),
+      ],
+      body,
     ),
     told,
     more,

@@ -58,33 +58,23 @@ function worst() {
     "section",
     { class: "panel" },
     el("h2", null, title),
-    wide(
+    wideTable(
       title,
+      [
+        el("th", { scope: "col" }, "run"),
+        ...shownColumns.map(column => el("th", { scope: "col", class: "number" }, column.title)),
+        hit.length ? el("th", { scope: "col" }, "contact") : null,
+      ],
       el(
-        "table",
+        "tbody",
         null,
-        el(
-          "thead",
-          null,
+        ...runs.map(run =>
           el(
             "tr",
             null,
-            el("th", { scope: "col" }, "run"),
-            ...shownColumns.map(column => el("th", { scope: "col", class: "number" }, column.title)),
-            hit.length ? el("th", { scope: "col" }, "contact") : null,
-          ),
-        ),
-        el(
-          "tbody",
-          null,
-          ...runs.map(run =>
-            el(
-              "tr",
-              null,
-              el("td", { class: "name" }, named(run), el("div", { class: "muted" }, given(run))),
-              ...shownColumns.map(column => el("td", { class: "number" }, shown(column, run))),
-              hit.length ? el("td", { class: "why muted" }, run.impact ?? reason(run)) : null,
-            ),
+            el("td", { class: "name" }, named(run), el("div", { class: "muted" }, given(run))),
+            ...shownColumns.map(column => el("td", { class: "number" }, shown(column, run))),
+            hit.length ? el("td", { class: "why muted" }, run.impact ?? reason(run)) : null,
           ),
         ),
       ),
@@ -148,15 +138,7 @@ function change(title, runs, open) {
     "details",
     { class: "group", open },
     el("summary", null, el("span", { class: "count" }, String(runs.length)), title),
-    wide(
-      title,
-      el(
-        "table",
-        null,
-        el("thead", null, el("tr", null, ...head.map(heading))),
-        body,
-      ),
-    ),
+    wideTable(title, head.map(heading), body),
     more,
   );
 }
