@@ -97,6 +97,7 @@ def test_a_distance_condition_sleeps_through_nothing(rule: str, steps: Steps, va
 STRAIGHT = Path(__file__).parents[1] / "conformance" / "roads" / "straight.xodr"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["lessThan", "greaterThan"])
 @given(moves(3), st.floats(0.0, 50.0), st.booleans())
 def test_a_distance_along_a_straight_road_sleeps_through_nothing(rule: str, steps: Steps, value: float, freespace: bool) -> None:

@@ -118,6 +118,7 @@ def close(gap: float, speed: float, limits: Performance, time: float) -> tuple[l
     return gaps, speeds
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None)
 @given(st.floats(-200.0, 200.0), st.floats(0.5, 10.0), st.floats(0.5, 10.0), st.floats(2.0, 40.0))
 def test_a_gap_closes_within_the_limits_and_hardly_overshoots(gap: float, forward: float, back: float, top: float) -> None:

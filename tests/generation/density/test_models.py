@@ -37,7 +37,7 @@ def recordings(n: int, groups: int = 8) -> np.ndarray:
     return np.array([f"r{number % groups}" for number in range(n)])
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name == "flow" else ()) for name in EVERY])
 def test_on_normal_samples_the_mean_log_density_is_that_of_the_truth_or_of_its_marginals(name: str) -> None:
     fitted, fresh = EVERY[name]().fit(normal(700), recordings(700)), normal(1000, seed=1)
     truth = multivariate_normal(MEAN, COVARIANCE).logpdf(fresh).mean()

@@ -193,6 +193,7 @@ def test_the_cross_entropy_method_learns_to_brake() -> None:
     assert trained > untrained + 20.0
 
 
+@pytest.mark.slow
 def test_a_stock_learner_learns_to_brake() -> None:
     """PPO of Stable-Baselines3."""
     learners = pytest.importorskip("stable_baselines3")
