@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import sys
+from inspect import CO_OPTIMIZED
 from pathlib import Path
+from types import CodeType, FrameType
 
 import pytest
 
@@ -15,6 +18,9 @@ from runner.sut import Control, Observation, Participant
 from schemas.common.storage import alone
 
 CUT_IN = str(SCENARIOS / "cut_in_highway.xosc")
+MOST_VISITED = 21
+"""Files of the package on the way of a search from its command to its files"""
+PACKAGE = Path(main.__code__.co_filename).parent
 QUICK = ("--method", "draws", "--budget", "15", "--density", "gaussian", "--jobs", "1")
 
 
@@ -24,6 +30,31 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     with pytest.raises(SystemExit) as ended:
         main()
     return int(ended.value.code or 0)
+
+
+class Visits:
+    """Files of the package in which a function runs, but for what importing them runs."""
+
+    def __init__(self) -> None:
+        self.files: set[str] = set()
+        self._known: dict[int, CodeType] = {}  # by identity: codes are slow to hash
+
+    def __call__(self, frame: FrameType, _event: str, _argument: object) -> None:
+        """A function is called."""
+        code = frame.f_code
+        if id(code) not in self._known:
+            ours = code.co_flags & CO_OPTIMIZED and code.co_filename.startswith(f"{PACKAGE}/")
+            if not ours or not _imports(frame):
+                self._known[id(code)] = code
+            if ours and id(code) in self._known:
+                self.files.add(code.co_filename.removeprefix(f"{PACKAGE}/"))
+
+
+def _imports(frame: FrameType | None) -> bool:
+    """Whether a module is being imported."""
+    while frame is not None and frame.f_code.co_name != "_find_and_load":
+        frame = frame.f_back
+    return frame is not None
 
 
 @pytest.fixture(scope="module")
@@ -113,14 +144,33 @@ class Broken:
         return Control()
 
 
+@pytest.fixture(scope="module")
+def again(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Visits]:
+    """What the same search leaves, and the files of the package that it visits."""
+    folder, visits = tmp_path_factory.mktemp("searched") / "again", Visits()
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        before = sys.gettrace()
+        sys.settrace(visits)
+        try:
+            assert call(monkeypatch, CUT_IN, "--out", folder, *QUICK, "--violations", "-q") == 0
+        finally:
+            sys.settrace(before)
+    return folder, visits
+
+
 @pytest.mark.slow
-def test_the_same_call_gives_the_same_bytes(old: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert call(monkeypatch, CUT_IN, "--out", tmp_path, *QUICK, "--violations", "-q") == 0
+def test_the_same_call_gives_the_same_bytes(old: Path, again: tuple[Path, Visits]) -> None:
     one, other = (
         {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
-        for folder in (old, tmp_path)
+        for folder in (old, again[0])
     )
     assert one == other
+
+
+@pytest.mark.slow
+def test_a_search_is_read_in_few_files(again: tuple[Path, Visits]) -> None:
+    assert {"xosc_generate.py", "pipeline.py", "twin/motion.py", "report/report.py"} < again[1].files
+    assert len(again[1].files) <= MOST_VISITED, sorted(again[1].files)
 
 
 @pytest.mark.parametrize(
