@@ -167,12 +167,14 @@ def in_shell(name: str, arguments: list[str], streams: str, folder: Path) -> sub
     return subprocess.run(["bash", "-c", script, program, *arguments], cwd=folder, capture_output=True, text=True, timeout=120)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CALLS)
 def test_closed_streams_change_no_exit_code(name: str, tmp_path: Path) -> None:
     arguments, code = CALLS[name]
     assert in_shell(name, arguments, ">&- 2>&-", tmp_path).returncode == code
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CALLS)
 def test_a_message_that_cannot_be_written_changes_no_exit_code(name: str, tmp_path: Path) -> None:
     arguments, code = CALLS[name]
