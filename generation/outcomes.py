@@ -174,7 +174,7 @@ class Simulator:
             verdict there.
         rss: the RSS parameter set of R_risk.
         processes: how many run at a time.
-        ray: address of a Ray cluster that does the runs, or `local` (`runner.batch.pool`); None for processes of one's own.
+        ray: address of a Ray cluster that does the runs, or `local` (`runner.batch.pool`); None for processes on this machine.
 
     Raises:
         UsageError: a setting is wrong, or there is no such cluster.
@@ -262,7 +262,7 @@ def _cluster(address: str, processes: int, work: Callable[[Job], Outcome]) -> Ra
 
 
 def _row(found: Outcome) -> dict[str, Any]:
-    """The columns of `Outcomes` for one run; one that tested nothing is no success of the system and no failure."""
+    """Return the columns of `Outcomes` for one run. An inconclusive run is neither a success of the system nor a failure."""
     lost = found.state in ("error", INCONCLUSIVE)
     status = found.state if lost else found.status
     ended = {"end_time": found.end_time or 0.0, "status": status, "error": found.message if lost else ""}

@@ -303,7 +303,7 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
 
 
 def system_digest(scenario: Path, run: RunSettings) -> str:
-    """Digest of a system under test: its name, parameters and code as far as that is a plug-in's.
+    """Digest of a system under test: its name and parameters, and the code of a plug-in.
 
     Raises:
         UsageError: there is no such system.

@@ -66,14 +66,14 @@ class SearchSettings:
         weight: of realism in the reward; None for the one of `Reward`.
         rss: name of the RSS parameter set.
         processes: how many runs at a time.
-        ray: address of a Ray cluster that does the runs, or `local`; None for processes of one's own.
+        ray: address of a Ray cluster that does the runs, or `local`; None for processes on this machine.
         pinned: values of parameters that are not searched.
         free: names of parameters to search besides the default ones.
         marginals: densities, and ranges, of parameters to search besides.
         default: whether to search what is searched by default; otherwise only what is free or has a range.
         choice: which episodes become files.
         concrete: whether each case becomes a scenario of its own as well.
-        estimate: whether to estimate how often the system fails, by `RUNS` more runs, or as many as the budget.
+        estimate: whether to estimate the rate of failures, by `RUNS` more runs, at most the budget.
         domain: limits of the operational domain as texts (`generation.density.gate.Domain`).
         minutes: time after which the search ends, whatever is left of its budget; None for no limit.
         every: runs after which what was found so far is written; None to write once, at the end.

@@ -85,7 +85,7 @@ class Evidence:
     timestep: float
 
     def tags(self, pinned: Mapping[str, str]) -> list[Tag]:
-        """As tags, with the values of parameters that were not searched."""
+        """Return tags, with the values of parameters that were not searched."""
         return [
             Tag("SystemUnderTest", self.sut),
             Tag("SearchMethod", self.method),
@@ -144,7 +144,7 @@ class Writer:
         return written
 
     def density(self, density: Density, seed: int) -> Path:
-        """A stochastic variation file of the density, as far as the standard can say it: each parameter on its own.
+        """Write a stochastic variation file of the density. The standard has no joint densities, so each parameter stands alone.
 
         Histograms of what the density draws within the box. That parameters depend on each other is lost.
         """
@@ -248,7 +248,7 @@ class Varied(NamedTuple):
     Attributes:
         scenario: its file.
         marginals: densities of the parameters that it varies.
-        pinned: values of those to which it gives one, or words to choose from, of which it is the likeliest.
+        pinned: single values by parameter; of words to choose from, the likeliest.
     """
 
     scenario: Path
@@ -319,10 +319,10 @@ def _refuse_undeclared(scenario: Path, roles: Mapping[str, Role]) -> None:
 
 
 def freed(texts: Iterable[str]) -> tuple[tuple[str, ...], dict[str, Marginal]]:
-    """Names to search, and the ranges of those that have one, from texts NAME or NAME=LOW..HIGH.
+    """Read the names to search, and ranges where given, from texts NAME or NAME=LOW..HIGH.
 
     Raises:
-        UsageError: a text is of neither form.
+        UsageError: a text has neither form.
     """
     names, ranges = [], {}
     for text in texts:
@@ -396,7 +396,7 @@ def mapped(texts: Iterable[str]) -> dict[str, Role]:
     """Roles by parameter, from texts NAME=ROLE or NAME=ROLE*FACTOR.
 
     Raises:
-        UsageError: a text is not of that form, there is no such role, or two parameters have the same.
+        UsageError: a text has another form, there is no such role, or two parameters have the same.
     """
     found: dict[str, Role] = {}
     for text in texts:
@@ -434,7 +434,7 @@ class Asked(NamedTuple):
 
 
 def asked_of(ask: Ask, path: Path) -> Asked:
-    """The search of a scenario, or of the one that a variation file is about, with what that varies, as the options say.
+    """Return the search that the options ask for, of a scenario or of a variation file's scenario and parameters.
 
     Recordings say what is likely where a kind of them is known: by `--kind`, or of a scenario of the library by its name.
     Otherwise the distributions of the variation file and the ranges of `--free` are the density, and with the density

@@ -197,7 +197,7 @@ class TrafficSignals:
         self._network = network
 
     def reset(self) -> None:
-        """As before a run: no signal has a state."""
+        """Restore the state before a run: no signal has a state."""
         for controller in self.controllers.values():
             controller.reset()
         for table in (self.states, self.phases, self._present, self.meanings):

@@ -188,7 +188,7 @@ class _Parser:
         return "at the end" if kind == "end" else f"before {'$' * (kind == 'parameter') + text!r}"
 
     def expression(self) -> Node:
-        """The expression that begins at the next token, as far as it goes; `or` binds weakest.
+        """Parse the longest expression that begins at the next token; `or` binds weakest.
 
         Raises:
             ExpressionError: there is none, or its brackets nest too deep.

@@ -1,4 +1,4 @@
-"""Drives the ego of a run from another process: brakes for who is near ahead. Needs osi-python.
+"""Drives the ego of a run from another process: brakes for what is near ahead. Needs osi-python.
 
 XOSC_BRIDGE_TOKEN=... python docs/examples/bridge_client.py 48100
 """

@@ -458,7 +458,7 @@ ByRole = Mapping[str, FloatArray]
 
 
 def quantities(values: ByRole) -> dict[str, FloatArray]:
-    """Deceleration, acceleration, jerk and lateral acceleration (n,), those that follow from the roles that are known.
+    """Return deceleration, acceleration, jerk and lateral acceleration (n,), without any that the known roles leave open.
 
     m/s², jerk m/s³: the change from the mean acceleration of the manoeuvre to that of what follows, over the time between their
     middles; the jerk at the onset is a parameter of its own. 0 where nothing can be said.

@@ -512,7 +512,7 @@ def _near(unit: FloatArray, others: FloatArray) -> BoolArray:
 
 
 def _rule(rows: FloatArray, of: BoolArray) -> tuple[list[Bound], float, float]:
-    """Bounds that tell the marked rows (n,) of (n, k) from the others best, with precision and recall."""
+    """Bounds that separate the marked rows (n,) of (n, k) best from the others, with precision and recall."""
     bounds, inside = list[Bound](), np.ones(len(rows), bool)
     while len(bounds) < _BOUNDS:
         best = max(_candidates(rows, of), key=lambda each: _score(inside & each.holds(rows), of))

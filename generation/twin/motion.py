@@ -32,7 +32,7 @@ from xodr.road import Road
 from xosc.node import Node
 
 _RETURN, _GRAVITY = 3.5, 9.81
-"""As in `runner.interpreter.drivers`, m/s²"""
+"""Value of `runner.interpreter.drivers`, m/s²"""
 _SAME = 1e-9
 
 
@@ -62,7 +62,7 @@ class Body:
             setattr(self, name, getattr(self, name)[rows])
 
     def motion(self) -> MotionRows:
-        """As the measures see it: a row for each case."""
+        """Rows for the measures, one for each case."""
         zero, one, road = _blank(len(self.x))
         found = MotionRows(self.actor.name, self.actor.box, zero, self.x, self.y, zero, self.h, self.speed, road, self.x, self.y)
         if self.straight:
@@ -347,7 +347,7 @@ def value(text: str, parameters: Mapping[str, FloatArray], n: int) -> FloatArray
         parameters: values (n,) by name.
 
     Raises:
-        Unsupported: it is no arithmetic of numbers, or refers to something else.
+        Unsupported: the text is not arithmetic of numbers, or refers to something else.
     """
     body = text[2:-1] if is_expression(text) else text
     try:
@@ -462,7 +462,7 @@ def read(path: Path, settings: RunSettings | None = None) -> Script:
     """The script of a scenario, read as settings of runs say.
 
     Raises:
-        Unsupported: it is no manoeuvre scenario on a straight road.
+        Unsupported: the file is not a manoeuvre scenario on a straight road.
         InvalidFile: it is malformed.
     """
     document, compiled = xosc.load(path), prepare(path, settings=settings).scenario

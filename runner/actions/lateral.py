@@ -302,7 +302,7 @@ class _Transition(Running):
         self._easing: Easing | None = None
 
     def step(self, dt: float) -> bool:
-        """Ask for the shape's offset at the end of the step, as far as the entity's motion carries it."""
+        """Ask for the shape's offset at the end of the step, limited to what the entity's motion reaches."""
         actor = self._actor
         way, left = abs(actor.speed) * dt, actor.offset * actor.direction
         if abs(left - self._asked) > _SAME_PLACE and actor.controls.target_offset is None:

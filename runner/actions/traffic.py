@@ -87,7 +87,7 @@ class _Running(Running, ABC):
 
 @registry.action("TrafficSourceAction")
 class TrafficSourceAction(GlobalAction):
-    """Brings in traffic around a position: the first at once, then `rate` a second, as far as there is room.
+    """Brings in traffic around a position: the first at once, then `rate` a second, while there is room.
 
     It appears on any lane within `radius`, with `speed` (1.0: `velocity`), or else as fast as is allowed there.
     """
@@ -173,7 +173,7 @@ class _Sink(_Running):
         self.elapsed, self.taken = 0.0, 0
 
     def act(self, dt: float) -> None:
-        """Take out what is there, as far as it is due."""
+        """Take out participants that are due."""
         for entity in [entity for entity in self.run.entities.values() if entity.spawned]:
             if self.taken > _due(self.action.rate, self.elapsed):
                 break
@@ -229,7 +229,7 @@ class _Population(_Running):
             self.fill()
 
     def fill(self) -> None:
-        """Add the missing participants, as far as there is room."""
+        """Add the missing participants while there is room."""
         missing = self.number - len(self.spawner.present())
         places = self.places() if missing > 0 else []
         while missing > 0 and self.spawner.spawn(self.run, self.candidates(places), self.speed):

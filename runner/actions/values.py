@@ -155,7 +155,7 @@ class CustomCommandAction(GlobalAction):
 @action("EnvironmentAction")
 @dataclass(frozen=True, slots=True)
 class EnvironmentAction(GlobalAction):
-    """Sets time of day, weather and road condition, as far as its Environment names them."""
+    """Sets time of day, weather and road condition, where its Environment names them."""
 
     environment: Node
 

@@ -73,7 +73,7 @@ class StandStillCondition(_Lasting):
     """True once the entity has stood still (below 1 mm/s) for the duration."""
 
     def keeps(self, entity: Entity, run: Instant) -> float:
-        """Until the entity has stood for the duration. A trailer stands as its tractor does, without a change of its own."""
+        """Constant until the entity has stood for the duration. A trailer stands when its tractor does."""
         if entity.controls.tractor is not None or self._lasted(entity.standstill):
             return -math.inf
         entity.patience = min(entity.patience, self.duration - 2.0 * TOLERANCE)
@@ -151,7 +151,7 @@ class CollisionCondition(EntityCondition):
         return cls(frozenset(e.name for e in context.declared.values() if e.declared.kind == kind), f"any {kind}")
 
     def keeps(self, entity: Entity, run: Instant) -> float:
-        """Until the set of contacts changes."""
+        """Constant until the set of contacts changes."""
         return math.inf
 
     def holds(self, entity: Entity, run: Instant) -> bool:

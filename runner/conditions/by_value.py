@@ -195,7 +195,7 @@ class ParameterCondition(_NamedValueCondition):
         return cls(*_declared(node, "parameterRef", context.document.parameters, context))
 
     def keeps(self, run: Instant) -> float:
-        """Until an action sets it."""
+        """Constant until an action sets it."""
         return math.inf
 
     def value(self, run: Instant) -> Value | None:
@@ -215,7 +215,7 @@ class VariableCondition(_NamedValueCondition):
         return cls(*_declared(node, "variableRef", context.document.variables, context))
 
     def keeps(self, run: Instant) -> float:
-        """Until an action sets it."""
+        """Constant until an action sets it."""
         return math.inf
 
     def value(self, run: Instant) -> Value | None:

@@ -36,7 +36,7 @@ class LaneRange(NamedTuple):
 
 @condition("RelativeClearanceCondition")
 class RelativeClearanceCondition(EntityCondition):
-    """True while there are lanes to check beside the entity and no one is in them over the distances checked.
+    """True while lanes beside the entity are to be checked and they are free over the distances checked.
 
     Lanes are counted from the entity's own, positive to its left, the centre lane left out. Those of the ranges that the
     road has are checked, an opening one from its beginning; lanes against the entity's direction are left out unless

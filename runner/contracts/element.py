@@ -125,7 +125,7 @@ class EntityCondition(ABC):
     """The expression inside a ByEntityCondition, for one triggering entity."""
 
     mishap: ClassVar[bool] = False
-    """As `Condition.mishap`"""
+    """Same as `Condition.mishap`"""
 
     def reset(self) -> None:
         """A run begins: forget what the last one has left, by default nothing."""
@@ -136,7 +136,7 @@ class EntityCondition(ABC):
         return
 
     def keeps(self, entity: Entity, run: Instant) -> float:
-        """As `Condition.keeps`, for this entity."""
+        """Same as `Condition.keeps`, for this entity."""
         return -math.inf
 
     @abstractmethod
@@ -186,11 +186,11 @@ class ByEntityCondition(Condition):
         self.condition.measure_from(self.entities)
 
     def keeps(self, run: Instant) -> float:
-        """Until the value for a present entity can change."""
+        """Constant until the value for a present entity can change."""
         return min((self.condition.keeps(entity, run) for entity in self.entities if entity.active), default=math.inf)
 
     def false_within(self, run: Instant) -> float:
-        """Until an entity comes near."""
+        """Constant until an entity is near."""
         return self._asleep
 
     def evaluate(self, run: Instant) -> bool:

@@ -68,7 +68,7 @@ _PRIORITIES = ("overwrite", "override", "parallel", "skip")
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A compiled scenario, to be run as often as one likes, but once at a time.
+    """A compiled scenario, for any number of runs one after the other.
 
     Declarations, actions, conditions and positions stay as they are. The entities' states, the storyboard's states and the
     signals' states are a run's, and `reset` makes them what they were before.
@@ -95,7 +95,7 @@ class Scenario:
     """what was assumed in the scenario's files and in its road network"""
 
     def reset(self) -> None:
-        """As before a run."""
+        """Restore the state before a run."""
         self.entities.reset()
         self.storyboard.reset()
         self.signals.reset()

@@ -159,7 +159,7 @@ class EgoDriver(ABC):
 
 
 class WorldDriver(EgoDriver):
-    """Lets the world's own driver drive the ego, as far as the scenario leaves it to it.
+    """Lets the world's own driver drive the ego where the scenario leaves it free.
 
     A scripted lateral action takes the ego back for as long as it runs, and so does a speed backwards. The scripted speed,
     once there is any, is the driver's desired speed, and may exceed speed limits; before, the driver goes by the limits. With

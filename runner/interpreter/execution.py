@@ -339,7 +339,7 @@ class Rehearsed(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Prepared(Compiled):
-    """A scenario file compiled with certain parameter values, to be run as often as one likes, one run at a time.
+    """A scenario file compiled with certain parameter values, for any number of runs one after the other.
 
     Each run begins anew: it gives the same results as in a process of its own. Settings, and with them the system under test,
     the seed and the world, may differ from run to run. Other parameter values need another `prepare`, because any element may

@@ -120,7 +120,7 @@ class Element:
             child.rearm(run)
 
     def reset(self) -> None:
-        """As before a run; children are reset by the storyboard."""
+        """Restore the state before a run; the storyboard resets children."""
         self.state = self.seen_state = ElementState.STANDBY
         self.transitions.clear()
         self.seen_transitions = ()

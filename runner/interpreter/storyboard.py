@@ -272,7 +272,7 @@ class Storyboard:
         return found
 
     def reset(self) -> None:
-        """As before a run."""
+        """Restore the state before a run."""
         for element in (*(element for _, element in self.init), *self.elements()):
             element.reset()
         self._acts.clear()

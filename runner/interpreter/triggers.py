@@ -68,7 +68,7 @@ class TimedCondition:
         return cls(node.get("name", ""), condition, edge, delay)
 
     def reset(self) -> None:
-        """As before a run."""
+        """Restore the state before a run."""
         self.condition.reset()
         self.rearm()
 
@@ -175,7 +175,7 @@ class Trigger:
         self._look_at_all()
 
     def reset(self) -> None:
-        """As before a run."""
+        """Restore the state before a run."""
         self._look_at_all()
         self.triggering = ()
         self.fired = ()

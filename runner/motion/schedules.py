@@ -180,7 +180,7 @@ def _by_speeds(first: float, last: float, span: float, way: float) -> list[tuple
 def _by_accelerations(
     first: float, last: float, begin: float | None, end: float | None, span: float, way: float
 ) -> list[tuple[float, float]]:
-    """As `_by_speeds`, with prescribed accelerations in the first and last quarter; two between them make up for the rest."""
+    """Same as `_by_speeds`, with prescribed accelerations in the first and last quarter and two others between them."""
     quarter = 0.25 * span
     fixed = [(0.0, quarter, begin)] if begin is not None else []
     fixed += [(span - quarter, quarter, end)] if end is not None else []

@@ -143,7 +143,7 @@ class _View:
         return whole.reduce(_FINER)
 
     def _pair(self, time: float) -> list[str]:
-        """The ego and its partner at a time, as far as they are there."""
+        """Return those of the ego and its partner that exist at a time."""
         sample = round(time / self._result.settings["timestep"])
         partner = next((name for start, name in reversed(self._partners) if start <= sample), "")
         names = [self._result.ego or "", partner]

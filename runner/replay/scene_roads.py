@@ -153,7 +153,7 @@ def _boundary(network: RoadNetwork, junction: Junction) -> list[Line]:
 
 
 def _outer_border(road: Road, lane_id: int, start: float, end: float) -> Line:
-    """The outer border of a lane from s to s, in that order, over lane sections, as far as the lane exists there."""
+    """Return the outer border of a lane from s to s, in that order, over lane sections in which the lane exists."""
     low, high = sorted((start, end))
     found = []
     for section in road.sections:

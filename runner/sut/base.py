@@ -266,7 +266,7 @@ def arguments(factory: Callable[..., Any], given: dict[str, str], name: str) -> 
 
 
 def parameters_of(system: Any) -> dict[str, Value]:
-    """The parameters of a system and the values that it has, as far as these are numbers and texts."""
+    """Return the parameters of a system with their values; only numbers and texts."""
     found = {name: getattr(system, name, None) for name in _declared(type(system))}
     return {name: value for name, value in found.items() if isinstance(value, Value)}
 

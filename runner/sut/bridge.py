@@ -102,7 +102,7 @@ def _gone(error: OSError | None = None) -> ToolchainError:
 def accept(host: str, port: int, wait: float, limit: float, token: str) -> FrameConnection:
     """Listen until a client has connected and sent a frame with `{"token": …}`; others are turned away, further ones refused.
 
-    Any number of connections may be open meanwhile, so that one which sends nothing, or slowly, is in no one's way.
+    Any number of connections may be open meanwhile, so that one which sends nothing, or slowly, delays no other.
 
     Args:
         wait: time (s) in which it has to connect and send the token.

@@ -95,7 +95,7 @@ class World(Protocol):
 
 
 class KinematicWorld:
-    """Holds and moves no one; the interpreter's own motion is all there is."""
+    """World without participants of its own: the interpreter's motion is all there is."""
 
     name = "kinematic"
 

@@ -73,7 +73,7 @@ class App(typer.Typer):
     """A typer app whose commands are grouped ones."""
 
     def command(self, name: str | None = None, **options: Any) -> Any:
-        """As `typer.Typer.command`."""
+        """Same as `typer.Typer.command`."""
         options.setdefault("cls", GroupedCommand)
         return super().command(name, **options)
 

@@ -32,7 +32,7 @@ class TriggerCondition:
     delay: Number = 0.0
 
     def build(self, point: str) -> Any:
-        """As scenariogeneration has it, in a trigger to "start" or to "stop"."""
+        """Return scenariogeneration's object, in a trigger to "start" or to "stop"."""
         edge, delay = enum_value("ConditionEdge", self.edge), number(self.delay)
         if self.entity is None:
             return sg.ValueTrigger(self.name, delay, edge, self.condition, point)
@@ -207,7 +207,7 @@ class Dynamics(NamedTuple):
     value: Number
 
     def build(self) -> Any:
-        """As scenariogeneration has it."""
+        """Return scenariogeneration's object."""
         return sg.TransitionDynamics(
             enum_value("DynamicsShapes", self.shape), enum_value("DynamicsDimension", self.dimension), number(self.value)
         )

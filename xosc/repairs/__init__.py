@@ -82,7 +82,7 @@ def _distance(version: Version, said: Version | None) -> tuple[int, int]:
 
 
 def is_valid(root: Node, version: Version) -> bool:
-    """Whether a document is valid against the XSD of a version, as far as there is one."""
+    """Whether a document is valid against the XSD of a version; true where there is none."""
     schema = schema_for(OPENSCENARIO, version)
     return schema is None or validate.is_valid(root.element.getroottree(), schema)
 

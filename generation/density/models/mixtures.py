@@ -80,7 +80,7 @@ class Mixture(Density):
         return min(range(1, most + 1), key=lambda components: self._from(1, components, white).bic(white))
 
     def again(self, rows: int) -> Self:
-        """One of as many components, or as many as the rows suffice for."""
+        """Return an unfitted mixture of as many components, or fewer where there are too few rows."""
         means = self._model.means_
         return type(self)(min(len(means), _most(rows, means.shape[1])), self.seed)
 
@@ -138,7 +138,7 @@ class Student(Density):
         self._gaussians = _spread(self._mixture.gaussians, *self._chosen)
 
     def again(self, rows: int) -> Self:
-        """One with the same tails, of as many components, or as many as the rows suffice for."""
+        """Return an unfitted mixture with the same tails and as many components, or fewer where there are too few rows."""
         return type(self)(*self._chosen, self._mixture.again(rows))
 
     def log_density(self, theta: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-// Playing, stepping, jumping from event to event, and whom to follow.
+// Playing, stepping, jumping from event to event, and the participant to follow.
 
 const RATES = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 const THUMB = 8; // px by which the slider's ends lie inside of it

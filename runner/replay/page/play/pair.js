@@ -1,4 +1,4 @@
-// The ego and whom it has most to do with: who that is, the shortest line between their boxes, and what it measures.
+// The ego and its partner: name, the shortest line between their boxes, and its measures.
 
 const ROOM = [70, 54]; // px that are left free beside and above a pair
 const CLOSEST = 16; // px per m at which a pair is seen at most

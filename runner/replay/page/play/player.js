@@ -288,7 +288,7 @@ function jump(way) {
   announced.textContent = `${seconds(moment.time)}. ${lines.join(". ")}`;
 }
 
-/** Say where things are, for those who do not see the picture. */
+/** Describe the picture in words, for screen readers. */
 function announce() {
   const parts = runs.map((run, i) => {
     const state = run.tracks
@@ -377,7 +377,7 @@ function frame(now) {
   requestAnimationFrame(frame);
 }
 
-/** Have the address name the time, so that it can be sent to somebody. */
+/** Put the time into the address, so that a link leads to it. */
 function write(now) {
   clock.written = now;
   if (location.protocol === "about:") return; // within another page, as in a notebook

@@ -3,7 +3,7 @@
 const NEAREST = 200,
   FARTHEST = 0.02; // px per m
 
-/** Following the ego and its partner, or everybody; a participant's name is never a symbol. */
+/** Following the ego and its partner, or all participants; a participant's name is never a symbol. */
 const BOTH = Symbol("both");
 const ALL = Symbol("all");
 const NAMED = 150; // m up to which names are shown in three dimensions
@@ -26,7 +26,7 @@ function follow(name) {
 
 const several = () => camera.follow === BOTH || camera.follow === ALL;
 
-/** Keep those whom all views follow in sight; `still` goes there at once. */
+/** Keep the followed participants of all views in sight; `still` moves there at once. */
 function aim(views, still) {
   const scales = several() ? views.filter(view => view.framed).map(view => view.framed.scale) : [];
   if (!scales.length) return;
@@ -67,7 +67,7 @@ class View {
     return this.run.tracks.find(track => track.name === name) || null;
   }
 
-  /** Look up everybody's state at a time, and what would keep ego and partner, or everybody, in sight. */
+  /** Look up all states at a time, and the frame that holds ego and partner, or all participants. */
   place(time) {
     const { run } = this,
       at = Math.min(time, run.end);
@@ -81,7 +81,7 @@ class View {
     this.framed = seen.length ? framing(of(run.tracks), of(this.states), width, height) : null;
   }
 
-  /** The whole of everybody's way. */
+  /** The whole paths of all participants. */
   fit() {
     let [west, east, south, north] = [Infinity, -Infinity, Infinity, -Infinity];
     for (const { parts } of this.run.tracks)
@@ -289,7 +289,7 @@ class View {
     camera[y] += up / camera.scale;
   }
 
-  /** Follow whom the pointer is at. */
+  /** Follow the participant at the pointer. */
   pick(event) {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     let best = 20,

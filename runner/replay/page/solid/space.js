@@ -68,7 +68,7 @@ class Space {
     });
   }
 
-  /** What the camera follows: whom the view follows, else the ego, else anybody who is there. */
+  /** Target of the camera: the view's participant, else the ego, else any that exists. */
   target() {
     const { run, followed } = this.view,
       ego = run.tracks.find(track => track.name === run.ego);
