@@ -19,7 +19,7 @@ from generation.density.prior import Prior
 from generation.density.roles import roles_of
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
-from generation.outcomes import Cases, Drivers, Episodes, Evaluate, Evaluator, Outcomes, agrees, choose, remembering
+from generation.outcomes import REFERENCES, Cases, Drivers, Episodes, Evaluate, Evaluator, Outcomes, agrees, choose, remembering
 from generation.recorded import Recorded
 from generation.search.problem import Counting, History, Memory, Realism, Reward, SearchProblem, counted, method
 from generation.search.space import Space, apart, distinctive
@@ -150,7 +150,7 @@ def generate(
         gate = _gate(scenario, space, source, unseen, out, settings)
         # Search: spend the rest of the budget
         twin = _twin(scenario, space, settings)
-        screen = Counting(twin) if twin is not None else None
+        screen, references = (Counting(twin), twin.together([*REFERENCES.values()])) if twin is not None else (None, None)
         judged = prior.judged if gate.refusal is None else prior.unjudged
         drivers = remembering(evaluator)
 
@@ -160,7 +160,7 @@ def generate(
             estimated = settings.estimate and ended
             rate = _estimate(problem, source, more, evaluator, every, settings) if estimated else None
             every = Episodes.joined([every, more.episodes(reward)])
-            cases = choose(space, every, judged, drivers, settings.choice, found, twin)
+            cases = choose(space, every, judged, drivers, settings.choice, found, references)
             files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
             generated = Generated(
                 space, real, prior, history, every, cases, files, gate, runs.reused, rate,

@@ -72,14 +72,37 @@ class Twin:
             Unsupported: it can't be asked for many points at once.
         """
         system = self._run.sut if sut is None else sut
-        parts = [self._play(theta[start : start + BLOCK], system) for start in range(0, len(theta), BLOCK)]
+        blocks = [theta[start : start + BLOCK] for start in range(0, len(theta), BLOCK)]
+        parts = [self._play(block, driver(system, len(block))) for block in blocks]
         columns = {name: np.concatenate([part[name] for part in parts]) for name in (parts[0] if parts else ())}
         return Outcomes.of(len(theta), **columns)
 
-    def _play(self, theta: FloatArray, system: Any) -> dict[str, Any]:
+    def together(self, suts: Sequence[str]) -> Callable[[FloatArray, str], Outcomes]:
+        """The same, which plays the same few points with all of some systems at once when it is asked for one of them.
+
+        The systems share the steps of everyone else, which are most of the time. The outcomes are those of each alone.
+        """
+        known: dict[str, Outcomes] = {}
+        points = np.empty((0, 0))
+
+        def driving(theta: FloatArray, sut: str) -> Outcomes:
+            nonlocal points
+            if sut not in suts or not 0 < len(theta) * len(suts) <= BLOCK:
+                return self(theta, sut)
+            if not np.array_equal(points, theta):
+                n = len(theta)
+                columns = self._play(np.tile(theta, (len(suts), 1)), _Several([driver(each, n) for each in suts], n))
+                found = Outcomes.of(n * len(suts), **columns)
+                known.update((each, found.take(np.arange(place * n, (place + 1) * n))) for place, each in enumerate(suts))
+                points = theta.copy()
+            return known[sut]
+
+        return driving
+
+    def _play(self, theta: FloatArray, who: DriverModel) -> dict[str, Any]:
         parameters: dict[str, FloatArray] = {name: np.full(len(theta), each) for name, each in self._script.literals.items()}
         parameters |= self._space.by_name(np.round(theta, DIGITS))  # as `Space.values` writes them
-        return _Episodes(self._script, parameters, driver(system, len(theta)), self._run.timestep, self._rss).play()
+        return _Episodes(self._script, parameters, who, self._run.timestep, self._rss).play()
 
 
 class _Part(Protocol):
@@ -303,6 +326,12 @@ class Situation(NamedTuple):
     target: FloatArray
     changed: BoolArray
 
+    def at(self, rows: IntArray) -> Situation:
+        """The view of some cases."""
+        others = [other.at(rows) for other in self.others]
+        speed, acceleration, target = self.speed[rows], self.acceleration[rows], self.target[rows]
+        return Situation(self.ego.at(rows), others, speed, acceleration, target, self.changed[rows])
+
     def encounters(self) -> list[tuple[BoolArray, AheadParticipant]]:
         """Everyone: where they are ahead (n,), and how they are met there."""
         found = []
@@ -342,6 +371,28 @@ class _Scripted(_Memory):
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
         """Nowhere."""
         return np.zeros(len(seen.speed), bool), np.zeros(len(seen.speed))
+
+
+class _Several:
+    """Systems side by side, each in n cases: those of the first, of the second, and so on."""
+
+    def __init__(self, parts: Sequence[DriverModel], n: int) -> None:
+        self._parts, self._whose = parts, np.repeat(np.arange(len(parts)), n)
+
+    def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
+        """Decide as each system does in its cases."""
+        intervenes, wanted = np.zeros(len(seen.speed), bool), np.zeros(len(seen.speed))
+        for number, part in enumerate(self._parts):
+            rows = np.flatnonzero(self._whose == number)
+            if rows.size:
+                intervenes[rows], wanted[rows] = part.control(seen.at(rows), dt)
+        return intervenes, wanted
+
+    def take(self, rows: BoolArray) -> None:
+        """Keep some cases only."""
+        for number, part in enumerate(self._parts):
+            part.take(rows[self._whose == number])
+        self._whose = self._whose[rows]
 
 
 class _Avoidance(_Memory):

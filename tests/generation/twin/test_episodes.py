@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from generation.outcomes import REFERENCES, Evaluator
 from generation.search.space import Space
 from generation.twin.episodes import Twin
 from runner.settings import RunSettings
+from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -47,13 +49,28 @@ def test_episodes_are_those_of_the_interpreter(name: str) -> None:
     assert not played.error.any()
 
 
+@pytest.fixture(scope="module")
+def close() -> FloatArray:
+    """Points where something has to be decided."""
+    theta = spaced(CUT_IN).draw(400, np.random.default_rng(7))
+    found = theta[Twin(CUT_IN, spaced(CUT_IN))(theta, "none").collision][:8]
+    assert len(found) == 8
+    return found
+
+
+def test_several_systems_at_once_do_what_each_does_alone(close: FloatArray) -> None:
+    twin, suts = Twin(CUT_IN, spaced(CUT_IN)), ["r157-cc", "aeb", "cas"]
+    together = twin.together(suts)
+    for points in (close, close[:3]):
+        for sut in suts:
+            alone, beside = twin(points, sut), together(points, sut)
+            for each in fields(alone):
+                np.testing.assert_array_equal(getattr(beside, each.name), getattr(alone, each.name), f"{sut}: {each.name}")
+
+
 @pytest.mark.parametrize("sut", ["none", *REFERENCES.values(), "cas:sensor_range=40,brake=6"])
-def test_drivers_decide_as_they_do_alone(sut: str) -> None:
-    space = spaced(CUT_IN)
-    theta = space.draw(400, np.random.default_rng(7))
-    twin = Twin(CUT_IN, space)
-    close = theta[twin(theta, "none").collision][:8]  # where something has to be decided
-    assert len(close) == 8
+def test_drivers_decide_as_they_do_alone(sut: str, close: FloatArray) -> None:
+    space, twin = spaced(CUT_IN), Twin(CUT_IN, spaced(CUT_IN))
     with Evaluator(CUT_IN, space, run=RunSettings(world="kinematic"), processes=1) as evaluate:
         real = evaluate(close, sut=sut)
     played = twin(close, sut)
