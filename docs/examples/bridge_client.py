@@ -15,7 +15,7 @@ from osi3.osi_groundtruth_pb2 import GroundTruth
 
 
 def receive(connection):
-    """The next message, whose length comes before it; ends the program where the run is over."""
+    """Return the next message, which its length precedes; end the program after the run."""
 
     def exactly(count):
         data = b""

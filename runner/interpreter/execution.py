@@ -171,7 +171,7 @@ class Session:
         """Do one time step; whether there is another one.
 
         Args:
-            control: what the ego does in it; what it leaves out, or all where it is None, stays as the scenario scripts it.
+            control: of the ego in this step; fields left out, or all where it is None, stay scripted.
 
         Raises:
             UsageError: the run is over; or a control is given that has no finite numbers, or for an ego that a system under
