@@ -46,6 +46,7 @@ def test_episodes_are_those_of_the_interpreter(name: str) -> None:
     np.testing.assert_allclose(played.max_drac, real.max_drac, rtol=1e-6)
     np.testing.assert_allclose(played.min_ttc, real.min_ttc, rtol=1e-6)
     np.testing.assert_allclose(played.clearance, real.clearance, atol=0.2)  # boxes that are turned are taken as spans
+    np.testing.assert_allclose(played.risk, real.risk, atol=0.05)
     assert not played.error.any()
 
 
