@@ -201,7 +201,7 @@ class Samples:
 
     Attributes:
         theta: the seven in the order of `PARAMETERS` (n, 7).
-        recordings, kinds, actors, others: texts (n,); see `recognition.maneuvers.units.Unit`.
+        recordings, kinds, actors, others: texts (n,); see `recognition.maneuvers.parameters.Unit`.
         times: when the manoeuvre begins in the recording, s (n,).
         ego_speeds: initial speed of the other vehicle, m/s (n,).
         errors: lateral and longitudinal root mean square of the reconstruction, m (n, 2).
