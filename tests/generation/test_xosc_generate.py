@@ -104,6 +104,7 @@ def test_a_wrong_method_is_named_before_a_folder_is_asked_for(
     assert "no search method 'magic'; methods: cover" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_two_searches_do_not_write_into_one_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -155,6 +155,7 @@ def test_the_same_batch_gives_the_same_bytes(assessed: Path) -> None:
     assert before == [(assessed / name).read_bytes() for name in ("assessment.html", "assessment.csv")]
 
 
+@pytest.mark.slow
 def test_the_page_tells_points_with_what_is_open_and_its_files(assessed: Path, tmp_path: Path) -> None:
     with Browser(tmp_path) as page:
         page.open(assessed / "assessment.html")

@@ -203,6 +203,7 @@ def test_failures_of_one_cause_are_folded(browser: Browser, tmp_path: Path) -> N
     assert browser.run("document.querySelectorAll('.cause li').length") == 5
 
 
+@pytest.mark.slow
 def test_runs_that_changed_are_played_beside_what_they_were(browser: Browser, tmp_path: Path) -> None:
     scenario(tmp_path, stop=2.0)
     paths = [distribution(tmp_path, "gaps", {"Gap": (10, 40, 15)})]

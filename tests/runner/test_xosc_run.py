@@ -445,6 +445,7 @@ def test_a_closed_pipe_is_no_error(tmp_path: Path) -> None:
     assert process.stderr.read() == b""
 
 
+@pytest.mark.slow
 def test_any_bytes_in_a_file_name_and_any_encoding_of_the_terminal(tmp_path: Path, passing: Path) -> None:
     name = bytes(tmp_path) + b"/odd-\xff-\xc3\xa4.xosc"
     Path(name.decode("utf-8", "surrogateescape")).write_bytes(passing.read_bytes())

@@ -190,6 +190,7 @@ def test_arithmetic_agrees_with_python(text):
     assert evaluate(text, lookup) == pytest.approx(float(expected), rel=1e-12, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(st.text(max_size=30))
 def test_any_text_is_substituted_or_refused(text):
     for each in (text, "${" + text + "}"):

@@ -220,6 +220,7 @@ CALLS = {
 """All commands that take --sut"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 def test_a_class_of_the_working_folder_is_found_by_all_commands_alike(own: str, command: Command, call: str) -> None:
     scenario(Path(), stop=0.2)

@@ -43,6 +43,7 @@ def posed() -> SearchProblem:
     return SearchProblem(SPACE, fails, reward, real.theta, None, recorded.prior(SPACE, "gaussian"))
 
 
+@pytest.mark.slow
 def test_the_budget_is_spent_on_possible_points_and_a_seed_repeats_itself(posed: SearchProblem) -> None:
     found, again = (cover(posed, 150, 1) for _ in range(2))
     assert len(found.theta) == 150
@@ -50,6 +51,7 @@ def test_the_budget_is_spent_on_possible_points_and_a_seed_repeats_itself(posed:
     np.testing.assert_array_equal(found.theta, again.theta)
 
 
+@pytest.mark.slow
 def test_each_finding_is_covered_though_another_fails_more_often(posed: SearchProblem) -> None:
     assert posed.prior is not None
     drawn = posed.prior.sample(300, np.random.default_rng(1))

@@ -194,6 +194,7 @@ def test_what_waits_in_a_model_from_before_is_taken_for_none_of_the_moments(tmp_
     assert DISCOVERED in {each.state for each in moments}
 
 
+@pytest.mark.slow
 def test_a_model_that_is_kept_knows_what_it_discovered(tmp_path: Path) -> None:
     encoder = GridEncoder(Architecture(8, 1, 2, (4, 8, 8)), Grid(channels=("others", "ego"), length=40.0, width=10.0)).eval()
     trfe = TRFE(Config(trees=20, delta=0.5), (encoder,))

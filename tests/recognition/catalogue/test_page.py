@@ -93,6 +93,7 @@ def test_films_show_what_was_recorded(made: Path) -> None:
     assert found["roads"] and all(len(line) >= 4 for line in found["roads"][0]) and np.isfinite(x)
 
 
+@pytest.mark.slow
 def test_the_page_filters_plays_and_links_to_files_that_are_there(made: Path, tmp_path: Path) -> None:
     told = rows(made)
     with Browser(tmp_path) as browser:

@@ -32,6 +32,7 @@ def parts(found: Split) -> list[np.ndarray]:
     return [found.labelled, found.stream, found.validation, found.test]
 
 
+@pytest.mark.slow
 @given(st.integers(8, 30), st.integers(0, 5), st.sampled_from(["recording", "vehicle"]))
 def test_no_unit_is_in_two_parts(recordings: int, seed: int, unit: Unit) -> None:
     data = made(recordings, 30, seed)

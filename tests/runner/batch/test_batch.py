@@ -374,6 +374,7 @@ def test_a_line_that_a_full_disk_cut_in_the_midst_is_runs_repeated(tmp_path: Pat
     assert sorted(names) == [f"variation~{n:06d}" for n in range(6)]
 
 
+@pytest.mark.slow
 def test_two_batches_do_not_write_into_one_folder(tmp_path: Path, variation: Path) -> None:
     first = run_batch(jobs_of([variation], {}, True), QUICK, out=tmp_path / "out")
     next(first)

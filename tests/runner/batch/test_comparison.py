@@ -26,6 +26,7 @@ def before(command: Command, tmp_path: Path) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_only_new_failures_fail_the_command(command: Command, before: Path, tmp_path: Path) -> None:
     call = ("xosc-run", CUT_IN, *OPTIONS, "0-5", "--against", before)
     same = command(*call, "--sut", "adas", "--fail-if", "new-failure")

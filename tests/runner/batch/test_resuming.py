@@ -100,6 +100,7 @@ def test_a_damaged_result_is_run_anew(batch: Batch, harm: str, file: str) -> Non
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("option", "file"), [("--plot", "picture.png"), ("--replay", "replay.html")])
 def test_what_finished_runs_lack_is_made(option: str, file: str, tmp_path: Path, command: Command) -> None:
     path = scenario(tmp_path, stop=0.1)

@@ -79,6 +79,7 @@ def test_the_report_names_groups_causes_and_files(command: Command, folder: Path
     assert sum("hundred.xosc" in line for line in lines) == 1
 
 
+@pytest.mark.slow
 def test_json_and_page_have_the_same_rows(command: Command, folder: Path, tmp_path: Path) -> None:
     values = json.loads(command("xosc-check", "--triage", "--format", "json", folder).out)
     assert [file["path"] for file in values["files"]] == sorted(path.name for path in folder.iterdir())

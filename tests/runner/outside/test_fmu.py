@@ -96,6 +96,7 @@ def test_it_drives_by_poses_each_run_from_the_beginning(tmp_path: Path) -> None:
     assert results[0].trajectories.equals(results[1].trajectories)
 
 
+@pytest.mark.slow
 def test_a_batch_gives_the_same_in_one_process_and_in_two(tmp_path: Path, command: Command) -> None:
     scenario(tmp_path, stop=0.5)
     file, system = distribution(tmp_path, "gaps", {"Gap": (20.0, 50.0, 10.0)}), fmu(tmp_path, 3, mapping=ACC)
