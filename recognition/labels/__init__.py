@@ -5,13 +5,17 @@ No label comes from anything but the recorded motion and the roles of the lanes 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
 from recognition.labels import rules
 from recognition.labels.classes import Label, LabelledEvent, Rules, counts
 from recognition.labels.scene import events, prepare
 from recognition.sites import Site
 from runner.recording import Recording
 
-__all__ = ["Label", "LabelledEvent", "Rules", "counts", "label", "passing"]
+__all__ = ["JunctionWay", "Label", "LabelledEvent", "Rules", "counts", "label", "passing"]
 
 RULES = (
     rules.free_cruise,
@@ -48,16 +52,27 @@ def label(recording: Recording, site: Site, name: str, config: Rules = Rules()) 
     return events(scene, name, [rule(scene) for rule in RULES]) if len(scene.track) else []
 
 
-def passing(recording: Recording, site: Site, config: Rules = Rules()) -> dict[str, list[tuple[float, float]]]:  # noqa: B008
-    """From when to when (s) vehicles are on their ways through junctions, by their names.
+class JunctionWay(NamedTuple):
+    """Time (s) that a vehicle is on its way through a junction, and whether the way is straight and crosses no other one."""
 
-    There a rule may say nothing and yet no one can say that nothing happens: a way that bends by 20 to 45 degrees is neither
-    straight nor a turn, one that is cut off may become either, and a straight one crosses or not by the vehicles seen.
+    start: float
+    end: float
+    uncrossed: bool
+
+
+def passing(recording: Recording, site: Site, config: Rules = Rules()) -> dict[str, list[JunctionWay]]:  # noqa: B008
+    """Ways of vehicles through junctions, by their names.
+
+    A rule may find nothing there and yet nobody can say that nothing happens: a way that bends by 20 to 45 degrees is neither
+    straight nor a turn, and one that is cut off may become either. Nothing happens on a whole straight way that no vehicle of the
+    recording crosses.
     """
     scene = prepare(recording, site, config)
-    found: dict[str, list[tuple[float, float]]] = {}
+    found: dict[str, list[JunctionWay]] = {}
     if len(scene.track):
         ways, time = scene.passages, scene.time
-        for first, last in zip(ways.first.tolist(), ways.last.tolist(), strict=True):
-            found.setdefault(scene.names[scene.track[first]], []).append((float(time[first]), float(time[last])))
+        uncrossed = ways.arrived & (np.abs(ways.turn) < np.radians(config.straight)) & ~rules.crosses(scene)
+        for first, last, alone in zip(ways.first.tolist(), ways.last.tolist(), uncrossed.tolist(), strict=True):
+            name = scene.names[scene.track[first]]
+            found.setdefault(name, []).append(JunctionWay(float(time[first]), float(time[last]), alone))
     return found

@@ -13,7 +13,16 @@ from recognition.labels import Rules
 from recognition.labels.classes import Label
 from recognition.sites import site_of
 from recognition.tokens import Tokens
-from recognition.training.windows import View, Windows, events_and_background, is_windows, joined, nothing, source_of, windows_of
+from recognition.training.windows import (
+    View,
+    Windows,
+    events_and_background,
+    is_windows,
+    joined,
+    nothing,
+    source_of,
+    windows_of,
+)
 from recognition.trfe.known import title_of
 from recognition.trfe.samples import BACKGROUND, UNKNOWN
 from recognition.trfe.trfe import TRFE
@@ -121,7 +130,7 @@ def agreement(recognise: Recognise, windows: SiteWindows) -> Agreement:
 def table(rows: Sequence[Agreement]) -> str:
     """Agreements as a Markdown table."""
     lines = [
-        "| recordings | events | agree | nothing | unknown | wrong | quiet windows | for nothing | for unknown | confirmed |",
+        "| recordings | events | agree | nothing | unknown | wrong | quiet windows | rightly nothing | unknown | confirmed |",
         f"|{'---|' * 10}",
     ]
     lines += [
@@ -141,8 +150,10 @@ def _joined(parts: Sequence[Windows], view: View) -> Windows:
     return joined([Windows(nothing(view), np.zeros(0, np.int64), none, none, np.zeros(0)), *parts])
 
 
-_SHARES = np.arange(0.0, 0.6, 0.01)
-"""Tried shares of the votes for classes; above all of them is a majority"""
+_SHARES = np.arange(0.0, 0.9, 0.01)
+"""Tried shares of the votes for classes"""
+_TIE = 1e-9
+"""Weight of a window that gets a class, among shares of equal F1"""
 
 
 class _Given(NamedTuple):
@@ -156,11 +167,10 @@ class _Given(NamedTuple):
 def least_shares(model: TRFE, sites: Sequence[SiteWindows]) -> dict[int, float]:
     """The least share of the votes for classes that each class needs; with less, a window is of nothing.
 
-    The share of a class is the one that takes most quiet windows for nothing, as a part of all quiet windows of a site, less
-    what it takes of the rules' events that have their class, as a part of all events of the site; sites count alike. Of equally
-    good ones it is the middle. Classes that no window of the sites gets have none.
+    The share of a class is the one with the greatest F1 of its windows, at events and at the stride, of all sites together. Of
+    equally good ones it is the middle. A class that is always wrong needs more than it ever gets; one that no window gets, none.
     """
-    given = [(_given(model, site.events), _given(model, site.regular)) for site in sites]
+    given = [_given(model, windows) for site in sites for windows in (site.events, site.regular) if len(windows)]
     classes = [one for one in model.known.classes.tolist() if one != BACKGROUND]
     found = {label: _least(label, given) for label in classes} if BACKGROUND in model.known.classes else {}
     return {label: share for label, share in found.items() if share > 0.0}
@@ -171,24 +181,25 @@ def _given(model: TRFE, windows: Windows) -> _Given:
     return _Given(found.labels, found.share, windows.labels)
 
 
-def _least(label: int, sites: Sequence[tuple[_Given, _Given]]) -> float:
-    gain = np.zeros(len(_SHARES))
-    for events, regular in sites:
-        quiet = (regular.labels == label) & (regular.truth == BACKGROUND)
-        right = (events.labels == label) & (events.truth == label)
-        gain += _below(regular.shares[quiet]) / max((regular.truth == BACKGROUND).sum(), 1)
-        gain -= _below(events.shares[right]) / max(len(events.truth), 1)
-    if not gain.any():
+def _least(label: int, given: Sequence[_Given]) -> float:
+    right, all_given, own = np.zeros(len(_SHARES)), np.zeros(len(_SHARES)), 0
+    for one in given:
+        found, truth = one.labels == label, one.truth == label
+        right += _at_least(one.shares[found & truth])
+        all_given += _at_least(one.shares[found])
+        own += int(truth.sum())
+    if not all_given.any():
         return 0.0
-    first = int(gain.argmax())
-    worse = np.flatnonzero(gain[first:] < gain[first])
-    last = first + int(worse[0]) - 1 if len(worse) else len(gain) - 1
+    score = 2.0 * right / np.maximum(all_given + own, 1.0) - _TIE * all_given
+    first = int(score.argmax())
+    worse = np.flatnonzero(score[first:] < score[first])
+    last = first + int(worse[0]) - 1 if len(worse) else len(score) - 1
     return float(_SHARES[(first + last) // 2])
 
 
-def _below(shares: FloatArray) -> FloatArray:
-    """Return the number of shares below each tried threshold."""
-    return np.searchsorted(np.sort(shares), _SHARES, side="left").astype(np.float64)
+def _at_least(shares: FloatArray) -> FloatArray:
+    """Return the number of shares that reach each tried threshold."""
+    return (len(shares) - np.searchsorted(np.sort(shares), _SHARES, side="left")).astype(np.float64)
 
 
 CARD = "README.md"
@@ -237,8 +248,9 @@ def _elsewhere(unseen: Sequence[Agreement]) -> list[str]:
     failing = [f"{title_of(label)} ({good} of {some})" for label, some, good in poor]
     about = (
         "Recordings of sites that it was not trained on. Of the rules' events: how many get the rules' class, nothing, unknown, "
-        "or another class. Of windows at a regular stride in which no rule finds anything (quiet): how many are taken for "
-        "nothing or for unknown. Confirmed: of all windows at the stride that get a class, how many the rules give the same."
+        "or another class. Of windows at a regular stride in which no rule finds anything (quiet): how many are rightly taken "
+        "for nothing, how many for unknown; the rest gets a class. Confirmed: of all windows at the stride that get a class, how "
+        "many the rules give the same."
     )
     fails = f"It fails, with less than {_GOOD:.0%} of the rules' events there, at: {', '.join(failing) or 'no class'}."
     return ["## Sites that it has not seen", about, table(unseen), fails]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from recognition import datasets
 from recognition.grids import Grid, Moments, covered, rasterise
-from recognition.labels import LabelledEvent, Rules, label, passing
+from recognition.labels import JunctionWay, LabelledEvent, Rules, label, passing
 from recognition.sites import Site, site_of
 from recognition.tokens import Tokens, in_parts, tokenise
 from recognition.training import Unit
@@ -75,6 +75,8 @@ def nothing(view: View) -> Inputs:
 STRIDE = 1.0
 """Time between two moments of one vehicle, s"""
 _MANY = 1000
+_WAITS = 3.0
+"""Time (s) from its event in a junction at which a vehicle does nothing there yet, or any more"""
 
 
 class TrainingMoment(NamedTuple):
@@ -93,7 +95,8 @@ def events_and_background(
 
     A rule for something that lasts (cruising, following, circulating) finds few events of it, far apart; at the stride all of it
     counts. Moments less than a window from an event, but not at it, are left out: they are neither one nor the other. So are
-    moments on a way through a junction at which no rule finds anything (`recognition.labels.passing`).
+    moments on a way through a junction (`recognition.labels.passing`), unless it is straight and nobody crosses it, or the
+    vehicle has its event there much later or earlier: it waits.
     """
     events = label(recording, site, name, rules)
     lasting = label(recording, site, name, replace(rules, spacing=STRIDE, ring_spacing=STRIDE, most_windows=_MANY))
@@ -110,9 +113,15 @@ def events_and_background(
             found += [
                 TrainingMoment(name, track.name, at, which)
                 for at, which in labelled
-                if which != BACKGROUND or not any(start <= at <= end for start, end in passages)
+                if which != BACKGROUND or all(_idle(at, one, own) for one in passages if one.start <= at <= one.end)
             ]
     return events, found
+
+
+def _idle(at: float, passage: JunctionWay, own: Sequence[tuple[float, int]]) -> bool:
+    """Whether nothing happens at a moment on a way through a junction, given times and labels of the vehicle's events."""
+    there = any(passage.start <= time <= passage.end for time, _ in own)
+    return passage.uncrossed or (there and all(abs(time - at) >= _WAITS for time, _ in own))
 
 
 def regular(time: FloatArray, window: float, stride: float = STRIDE) -> FloatArray:

@@ -57,12 +57,12 @@ def test_other_recordings_join_training_with_events_and_quiet_windows() -> None:
     assert found.inputs.shape == (9, *TOKENS.shape)
 
 
-def drifting(labels: list[int], name: str, seed: int) -> Windows:
-    """Windows in which the ego of class 5 goes to its left, that of class 6 to its right."""
+def drifting(labels: list[int], name: str, seed: int, by: float = 1.0) -> Windows:
+    """Windows in which the ego of class 5 drifts to its left, that of class 6 to its right."""
     made = replace(windows(labels, name), inputs=0.1 * inputs(len(labels), seed))
     way = {5: 1.0, 6: -1.0, BACKGROUND: 0.0}
     for window, label in zip(made.inputs, labels, strict=True):
-        window[0, :, FEATURES.index("aside")] += way[label] * np.linspace(-1.0, 1.0, TOKENS.frames)
+        window[0, :, FEATURES.index("aside")] += by * way[label] * np.linspace(-1.0, 1.0, TOKENS.frames)
     return made
 
 
@@ -70,13 +70,13 @@ def drifting(labels: list[int], name: str, seed: int) -> Windows:
 def test_a_row_is_fitted_and_takes_its_least_shares_from_recordings_to_develop_on(name: str) -> None:
     labels = [5, 6, BACKGROUND] * 20
     fitted, held, events = (drifting(labels, "families", seed) for seed in range(3))
-    quiet = drifting([5] * 30, "there", 4)
-    quiet = replace(quiet, labels=np.full(30, BACKGROUND))  # as if what looks like class 5 were nothing here
+    quiet = drifting([5] * 90, "there", 4, by=0.6)
+    quiet = replace(quiet, labels=np.full(90, BACKGROUND))  # as if what looks a little like class 5 were nothing here
     model = TRFE()
     plain, developed = (
         recogniser(ROWS[name], model, fitted, held, develop) for develop in ([], [SiteWindows("there", events, quiet)])
     )
-    assert np.mean(plain(events) == events.labels) > 0.8 and np.mean(plain(quiet) == 5) > 0.5
+    assert np.mean(plain(events) == events.labels) > 0.8 and (plain(quiet) == 5).any()
     assert np.mean(developed(quiet) == BACKGROUND) > np.mean(plain(quiet) == BACKGROUND)
     assert len(plain(events.select(slice(0)))) == 0
 
