@@ -63,7 +63,7 @@ class JunctionWay(NamedTuple):
 def passing(recording: Recording, site: Site, config: Rules = Rules()) -> dict[str, list[JunctionWay]]:  # noqa: B008
     """Ways of vehicles through junctions, by their names.
 
-    A rule may find nothing there and yet nobody can say that nothing happens: a way that bends by 20 to 45 degrees is neither
+    Where no rule finds anything there, something may happen all the same: a way that bends by 20 to 45 degrees is neither
     straight nor a turn, and one that is cut off may become either. Nothing happens on a whole straight way that no vehicle of the
     recording crosses.
     """

@@ -95,8 +95,8 @@ def events_and_background(
 
     A rule for something that lasts (cruising, following, circulating) finds few events of it, far apart; at the stride all of it
     counts. Moments less than a window from an event, but not at it, are left out: they are neither one nor the other. So are
-    moments on a way through a junction (`recognition.labels.passing`), unless it is straight and nobody crosses it, or the
-    vehicle has its event there much later or earlier: it waits.
+    moments on a way through a junction (`recognition.labels.passing`), unless it is straight and no vehicle crosses it, or the
+    ego has its event there much later or earlier.
     """
     events = label(recording, site, name, rules)
     lasting = label(recording, site, name, replace(rules, spacing=STRIDE, ring_spacing=STRIDE, most_windows=_MANY))

@@ -25,7 +25,7 @@ def way(crossing: Site, connecting: str) -> tuple[FloatArray, FloatArray]:
     return route(crossing.network, ("3", 1, 50.0), 8.0, 16.0, (connecting,))
 
 
-def test_nothing_happens_on_a_straight_way_through_a_junction_that_nobody_crosses(crossing: Site) -> None:
+def test_nothing_happens_on_a_straight_way_through_a_junction_that_no_vehicle_crosses(crossing: Site) -> None:
     recording = Recording([track("ego", *way(crossing, "107"))], STEP, None)
     events, regular = events_and_background(recording, crossing, "r", Rules())
     (passage,) = passing(recording, crossing)["ego"]
