@@ -123,6 +123,7 @@ def test_a_scenario_of_no_known_kind_says_what_could_be_searched(
     assert "--kind" in said
 
 
+@pytest.mark.slow
 def test_a_version_of_which_no_run_succeeds_does_not_pass(
     old: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -89,6 +89,7 @@ def test_each_camera_shows_the_road_and_who_is_there(view: Callable[..., dict[tu
     assert view("chase", dark=True) != chase
 
 
+@pytest.mark.slow
 def test_shadows_are_off_until_they_are_wanted(
     browser: Browser, view: Callable[..., dict[tuple[int, int, int], int]], tmp_path: Path
 ) -> None:

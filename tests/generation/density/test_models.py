@@ -27,6 +27,8 @@ QUICK = replace(Couplings(), epochs=25)
 EVERY: dict[str, Callable[[], Density]] = {name: partial(model, name) for name in models()} | {
     "flow": lambda: NormalizingFlow(QUICK)
 }
+LEARNT = pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name == "flow" else ()) for name in EVERY])
+"""Every density; seconds of the flow are slow"""
 
 
 def normal(n: int, seed: int = 0) -> FloatArray:
@@ -37,7 +39,7 @@ def recordings(n: int, groups: int = 8) -> np.ndarray:
     return np.array([f"r{number % groups}" for number in range(n)])
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name == "flow" else ()) for name in EVERY])
+@LEARNT
 def test_on_normal_samples_the_mean_log_density_is_that_of_the_truth_or_of_its_marginals(name: str) -> None:
     fitted, fresh = EVERY[name]().fit(normal(700), recordings(700)), normal(1000, seed=1)
     truth = multivariate_normal(MEAN, COVARIANCE).logpdf(fresh).mean()
@@ -46,7 +48,7 @@ def test_on_normal_samples_the_mean_log_density_is_that_of_the_truth_or_of_its_m
     assert truth - 0.2 < fitted.log_density(fresh).mean() < truth + 0.02
 
 
-@pytest.mark.parametrize("name", EVERY)
+@LEARNT
 def test_samples_have_the_moments_of_what_was_fitted_and_depend_on_the_seed_alone(name: str) -> None:
     fitted = EVERY[name]().fit(normal(300), recordings(300))
     drawn = fitted.sample(5_000, np.random.default_rng(2))

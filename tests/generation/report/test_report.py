@@ -39,6 +39,7 @@ def data(folder: Path) -> dict:
     return json.loads(found[1])
 
 
+@pytest.mark.slow
 def test_counterexamples_are_files_that_fail_when_they_are_run(folder: Path) -> None:
     found = data(folder)["counterexamples"]
     assert [each["names"][0] for each in found] == ["likeliest_failure", "nearest_failure"][: len(found)]
@@ -50,6 +51,7 @@ def test_counterexamples_are_files_that_fail_when_they_are_run(folder: Path) -> 
         assert (folder / each["play"]).is_file()
 
 
+@pytest.mark.slow
 def test_each_region_has_replays_of_its_typical_and_likeliest_member(folder: Path) -> None:
     found = data(folder)["regions"]
     assert found
@@ -62,6 +64,7 @@ def test_each_region_has_replays_of_its_typical_and_likeliest_member(folder: Pat
     assert json.loads((folder / "cut_in_highway_regions.json").read_text())["regions"] == found
 
 
+@pytest.mark.slow
 def test_drivers_are_those_of_the_cases(folder: Path) -> None:
     found = data(folder)
     assert found["drivers"][-1] == "full braking"
@@ -69,6 +72,7 @@ def test_drivers_are_those_of_the_cases(folder: Path) -> None:
     assert {end for each in found["cases"] for end in each["drivers"]} == {"survives", "collides"}
 
 
+@pytest.mark.slow
 def test_slices_show_runs_that_took_place(folder: Path) -> None:
     found = data(folder)
     assert found["runs"]["total"] == 203 == len(found["runs"]["values"])
@@ -127,6 +131,7 @@ def test_numbers_are_short() -> None:
     assert chance(Probability(0.0, 0.0, 0.0, 0.004)) == "at most 0.40\N{NO-BREAK SPACE}% (no draw fails)"
 
 
+@pytest.mark.slow
 def test_the_page_shows_all_of_it(folder: Path, tmp_path: Path) -> None:
     with Browser(tmp_path) as browser:
         for width, dark in ((1280, False), (390, True)):

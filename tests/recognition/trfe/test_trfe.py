@@ -101,6 +101,7 @@ def test_unknown_samples_wait_in_the_buffer_under_their_keys() -> None:
     assert np.array_equal(watching.buffer.inputs, samples[found.labels == 0])
 
 
+@pytest.mark.slow
 def test_planted_classes_are_discovered(round_: Round) -> None:
     discovery, truth = round_.discovery, round_.truth[round_.discovery.keys]
     promoted = [one for one in discovery.candidates if one.promoted]
@@ -114,6 +115,7 @@ def test_planted_classes_are_discovered(round_: Round) -> None:
     assert np.array_equal(discovery.clusters == SET_ASIDE, ~discovery.sifted.kept)
 
 
+@pytest.mark.slow
 def test_discovered_classes_are_known_from_then_on(round_: Round) -> None:
     samples, truth = stream(seed=3)
     found = round_.model.recognise(samples).labels
@@ -123,11 +125,13 @@ def test_discovered_classes_are_known_from_then_on(round_: Round) -> None:
     assert np.mean(found[~known] >= FIRST_DISCOVERED) > 0.8
 
 
+@pytest.mark.slow
 def test_promoted_samples_leave_the_buffer_and_the_rest_stays(round_: Round) -> None:
     left = round_.discovery.keys[round_.discovery.labels == 0]
     assert round_.model.buffer.keys.tolist() == left.tolist()
 
 
+@pytest.mark.slow
 def test_promoted_samples_are_either_fitted_on_or_calibrated_on(round_: Round) -> None:
     known = round_.model.known
     for label in (101, 102, 103):
@@ -149,6 +153,7 @@ def test_discovery_changes_nothing_and_a_seed_decides_it(round_: Round) -> None:
     assert again.known.classes.tolist() == KNOWN
 
 
+@pytest.mark.slow
 def test_nothing_is_expanded_where_nothing_is_promoted(round_: Round) -> None:
     still = fitted(replace(CONFIG, promotion=replace(CONFIG.promotion, least_samples=1000)))
     still.observe(*stream())
@@ -204,6 +209,7 @@ def test_delta_is_chosen_where_classes_allow_it() -> None:
     assert few.known.screening.threshold == 0.95, "of two classes none can be left out"
 
 
+@pytest.mark.slow
 def test_delta_stays_when_classes_are_added() -> None:
     growing = fitted(replace(CONFIG, delta=None, trees=20))
     before = growing.known.screening
