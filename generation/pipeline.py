@@ -390,10 +390,10 @@ def _write(
         of = {"scenario": scenario.name, "sut": settings.run.sut, "pinned": dict(space.pinned)}
         write_object({**of, **rate.as_json()}, out / estimate_file(scenario))
     written = Written(out, scenario.stem)
-    written.withdraw()
+    written.withdraw(settings.overwrite)
     files: list[Path] = []
     if len(cases):
-        of_all, writer = evidence(settings), Writer(scenario, space, out, settings.run)
+        of_all, writer = evidence(settings), Writer(scenario, space, out, settings.run, settings.overwrite)
         files = [writer.cases(cases, of_all), writer.density(density, settings.seed)]
         files += writer.concrete(cases, of_all) if settings.concrete else []
     written.note()

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from generation.density.marginals import Marginal
 
 _OPTIONS = {"recordings": "recorded", "pinned": "pin", "maps": "map"}
+_DECIDE_NOTHING = ("run", "processes", "ask", "against", "overwrite")
 """Options of the command by the attributes of `Ask` that are not called so."""
 _METHODS = tuple(offered())
 
@@ -77,6 +78,7 @@ class SearchSettings:
         domain: limits of the operational domain as texts (`generation.density.gate.Domain`).
         minutes: time after which the search ends, whatever is left of its budget; None for no limit.
         every: runs after which what was found so far is written; None to write once, at the end.
+        overwrite: whether files in the way are replaced that no earlier search wrote as they are.
 
     Example:
         >>> import xosc_toolchain as xt
@@ -111,6 +113,7 @@ class SearchSettings:
     )
     minutes: float | None = option(None, "End the search after so many minutes; the same command goes on.", min=0.0, metavar="M")
     every: int | None = option(None, "Write the report after each N runs too.", min=1, metavar="N")
+    overwrite: bool = option(False, "Replace what is in the way in --out, also files that were edited.", "--overwrite")
 
 
 @dataclass(frozen=True)
@@ -164,6 +167,7 @@ class LoopSettings:
         processes: how many runs, or searches of several targets, at a time.
         ask: what to search of the user's own scenarios, and what is likely of it.
         against: output folder of an earlier loop, of another version of the system under test; None to compare with none.
+        overwrite: whether its searches replace files in the way that no earlier search wrote as they are.
     """
 
     run: RunSettings = part(RunSettings, "sut", "road_path", "catalog_path")
@@ -180,10 +184,11 @@ class LoopSettings:
     against: Path | None = option(
         None, "Replay the failures in the output folder of a loop of another version of the system.", metavar="DIR"
     )
+    overwrite: bool = option(False, "Replace what is in the way in --out, also files that were edited.", "--overwrite")
 
     def deciding(self) -> dict[str, str]:
         """Return the settings that decide the findings, as texts by name; those of `ask` by option."""
-        own = {name: value for name, value in asdict(self).items() if name not in ("run", "processes", "ask", "against")}
+        own = {name: value for name, value in asdict(self).items() if name not in _DECIDE_NOTHING}
         ask = {_OPTIONS.get(name, name): value for name, value in asdict(self.ask).items()}
         return {name: _text(value) for name, value in (self.run.as_json() | own | ask).items()}
 
@@ -192,7 +197,7 @@ class LoopSettings:
         seed = self.seed + 1000 * (number - 1)
         return SearchSettings(
             run=self.run, method=self.method, budget=self.budget, seed=seed, processes=self.processes, density=self.ask.density,
-            choice=Choice(self.most, violations=True), concrete=True,
+            choice=Choice(self.most, violations=True), concrete=True, overwrite=self.overwrite,
         )  # fmt: skip
 
 

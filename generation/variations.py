@@ -103,16 +103,17 @@ class Writer:
     Args:
         scenario: the logical scenario, which is copied with all that it refers to.
         space: the parameters that were searched.
-        folder: where to; what is there already is not overwritten.
+        folder: where to.
         run: where road networks and catalogues are looked for that are not where the scenario says.
+        overwrite: replace other files that are there; otherwise they are in the way.
 
     Raises:
         UsageError: something else is in the way there.
     """
 
-    def __init__(self, scenario: Path, space: Space, folder: Path, run: RunSettings = _AS_USUAL) -> None:
+    def __init__(self, scenario: Path, space: Space, folder: Path, run: RunSettings = _AS_USUAL, overwrite: bool = False) -> None:
         self._document = xosc.load(scenario)
-        self._space, self._folder, self._stem = space, Folder(folder), scenario.stem
+        self._space, self._folder, self._stem = space, Folder(folder, overwrite), scenario.stem
         draft = Draft(self._folder, ExportSettings(roads=roads_in(*run.road_path), catalog_path=run.catalog_path))
         standard.add(
             _with_road(self._document, space), None, draft
@@ -193,15 +194,15 @@ class Written:
         self._folder, self._stem = folder, stem
         self._notes = folder / f"{stem}_files.json"
 
-    def withdraw(self) -> None:
-        """Remove what was written before and has not been changed since.
+    def withdraw(self, changed: bool = False) -> None:
+        """Remove what was written before and has not been changed since; with `changed`, what has been, too.
 
         Raises:
             InvalidFile: the notes on it are malformed.
         """
         for name, content in (read_object(self._notes) if self._notes.exists() else {}).items():
             path = self._folder / name
-            if path.parent == self._folder and path.is_file() and digest(path.read_bytes()) == content:
+            if path.parent == self._folder and path.is_file() and (changed or digest(path.read_bytes()) == content):
                 path.unlink()
 
     def note(self) -> None:
@@ -340,7 +341,7 @@ def freed(texts: Iterable[str]) -> tuple[tuple[str, ...], dict[str, Marginal]]:
     return tuple(names), ranges
 
 
-def with_literals(ask: Ask, path: Path, folder: Path) -> tuple[Ask, Path]:
+def with_literals(ask: Ask, path: Path, folder: Path, overwrite: bool = False) -> tuple[Ask, Path]:
     """Declare literals of a scenario that are to be searched as parameters, in a copy with all that it refers to.
 
     A literal is LINE@ATTRIBUTE of the file, as in `--free 87@value=10..40`.
@@ -349,7 +350,8 @@ def with_literals(ask: Ask, path: Path, folder: Path) -> tuple[Ask, Path]:
         what is asked for by the names of the parameters, and the copy; both as they are without literals.
 
     Raises:
-        UsageError: it is none of a scenario, or no number. NotWritten: the folder has another scenario of that name.
+        UsageError: it is none of a scenario, or no number, or the folder has another scenario of that name and `overwrite` is not
+            asked for.
     """
     literals = [text for text in ask.free if _LITERAL.match(text)]
     if not literals:
@@ -367,7 +369,7 @@ def with_literals(ask: Ask, path: Path, folder: Path) -> tuple[Ask, Path]:
         name, value = _declared(document.node, where, path)
         etree.SubElement(holder, "ParameterDeclaration", name=name, parameterType="double", value=value)
         free.append(f"{name}={limits}")
-    draft = Draft(Folder(folder), ExportSettings())
+    draft = Draft(Folder(folder, overwrite), ExportSettings())
     standard.add(document, None, draft)
     draft.write()
     return replace(ask, free=free), folder / f"{path.stem}.xosc"

@@ -67,7 +67,7 @@ def xosc_generate(
         Path,
         typer.Argument(metavar="SCENARIO_OR_CATALOGUE", help="A scenario, a variation file, or a catalogue's folder."),
     ],
-    out: Annotated[Path, out_folder("Folder for the files; nothing in it is overwritten.")],
+    out: Annotated[Path, out_folder("Folder for the files; those of an earlier call are replaced unless they were edited.")],
     settings: SearchSettings,
     ask: Ask,
     against: Annotated[
@@ -109,7 +109,7 @@ def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings, again
     if not source.exists():
         raise InvalidFile("no such file or folder", path=source)
     if not source.is_dir():
-        ask, scenario = with_literals(ask, source, out / "source")
+        ask, scenario = with_literals(ask, source, out / "source", settings.overwrite)
         asked = asked_of(ask, scenario)
         what = replace(settings, pinned=asked.pinned, free=asked.free, marginals=asked.marginals, default=asked.default)
         yield Search(asked.scenario, asked.recorded, out, what, against)

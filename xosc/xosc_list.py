@@ -12,6 +12,7 @@ from schemas.common.command_line import Version, deliver, epilog, guarded, new_a
 from schemas.common.errors import ExitCode, ToolchainError, UsageError, exit_codes, gravest
 
 if TYPE_CHECKING:
+    from xosc.exports.draft import Folder
     from xosc.tags import Tag
 
 _EXAMPLES = (
@@ -47,6 +48,7 @@ def xosc_list(
     copy_to: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Copy the scenarios with their roads, catalogues and index.")
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace other files that are in --copy-to.")] = False,
     format: Annotated[Literal["text", "json", "csv"], typer.Option(help="csv has the scenarios only.")] = "text",
     output: Annotated[Path | None, typer.Option(metavar="FILE", help="Write to a file.")] = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print parameters, variations and tags as well.")] = False,
@@ -58,10 +60,15 @@ def xosc_list(
     """
     from xosc.listing import FORMATS, LIBRARY, Listing, listing, text
 
+    if overwrite and copy_to is None:
+        raise UsageError("--overwrite is for --copy-to")
     if where is not None or sort or distinct or like or copy_to:
         if label or tag or paths is None or len(paths) != 1:
             raise UsageError("questions are to one catalogue: name its folder; --where \"class = '…'\" is for --class and --tag")
-        deliver(_asked(paths[0], where, sort or [], distinct, like, copy_to, format, verbose), "the list", output)
+        from xosc.exports.draft import Folder
+
+        folder = Folder(copy_to, overwrite) if copy_to is not None else None
+        deliver(_asked(paths[0], where, sort or [], distinct, like, folder, format, verbose), "the list", output)
         return
     codes = [ExitCode.PASSED]
 
@@ -81,7 +88,14 @@ def xosc_list(
 
 
 def _asked(
-    path: str, where: str | None, sort: list[str], distinct: bool, like: Path | None, out: Path | None, format: str, verbose: bool
+    path: str,
+    where: str | None,
+    sort: list[str],
+    distinct: bool,
+    like: Path | None,
+    folder: Folder | None,
+    format: str,
+    verbose: bool,
 ) -> str:
     """Answer of an index to a question, in a format."""
     from xosc.listing import of_rows, questions
@@ -97,8 +111,8 @@ def _asked(
     if distinct:
         table = questions.distinct(table)
     shown += [name.removeprefix("-") for name in sort] + ["distance"] * (like is not None)
-    if out is not None:
-        say(f"{questions.copy(index, table, out)} files copied to {out}", to=sys.stderr)
+    if folder is not None:
+        say(f"{questions.copy(index, table, folder)} files copied to {folder.path}", to=sys.stderr)
     return of_rows(table.to_pylist(), table.column_names if verbose else list(dict.fromkeys(shown)), format)
 
 

@@ -155,7 +155,8 @@ def counterexamples(
         return Counterexamples(cases, np.zeros(0, bool), np.zeros(0, bool), ())
     foreseeable = generated.prior.foreseeable(cases.theta)
     preventable = np.any([cases.drivers[name].survived for name in JUDGES], axis=0)
-    files = Writer(scenario, generated.space, out, settings.run).concrete(cases, evidence(settings), [each[0] for each in names])
+    writer = Writer(scenario, generated.space, out, settings.run, settings.overwrite)
+    files = writer.concrete(cases, evidence(settings), [each[0] for each in names])
     found = []
     for row, (file, each) in enumerate(zip(files, names, strict=True)):
         replay, reproduced = _played(file, settings)
@@ -214,7 +215,7 @@ def replays(
     points, names = theta[executed], {row: name for name, row in reversed(list(rows.items()))}
     judged = {name: drivers(points, name) for name in JUDGES}
     cases = Cases(points, outcomes.take(executed), rewards[executed], generated.prior.log_density(points), judged)
-    writer = Writer(scenario, generated.space, out, settings.run)
+    writer = Writer(scenario, generated.space, out, settings.run, settings.overwrite)
     files = writer.concrete(cases, evidence(settings), [names[row] for row in chosen])
     played = {row: FailureReplay(file, *_played(file, settings)) for row, file in zip(chosen, files, strict=True)}
     return {name: played[row] for name, row in rows.items()}

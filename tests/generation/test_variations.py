@@ -19,7 +19,7 @@ from generation.outcomes import Cases, Episodes, Evaluator, choose
 from generation.search.space import Space
 from generation.settings import Choice
 from generation.twin.episodes import Twin
-from generation.variations import Evidence, Writer
+from generation.variations import Evidence, Writer, Written
 from runner.settings import RunSettings
 from schemas.common.errors import InvalidFile, UsageError
 from xosc.exports import standard
@@ -133,6 +133,24 @@ def test_the_same_cases_give_the_same_bytes_and_others_are_not_written_over_them
     with pytest.raises(UsageError, match="in the way"):
         Writer(CUT_IN, SPACE, folder).cases(cases, Evidence("aeb", "random", "ad-rss", 3, 40, 0.05))
     assert json.loads(path.with_suffix(".openlabel.json").read_text())["openlabel"]["tags"]
+
+
+def test_other_files_are_replaced_where_that_is_asked_for(tmp_path: Path, cases: Cases) -> None:
+    path = Writer(CUT_IN, SPACE, tmp_path).cases(cases, EVIDENCE)
+    before = path.read_bytes()
+    path.write_bytes(before + b"<!-- mine -->")
+    assert Writer(CUT_IN, SPACE, tmp_path, overwrite=True).cases(cases, EVIDENCE) == path
+    assert path.read_bytes() == before
+
+
+def test_files_that_were_edited_are_withdrawn_where_that_is_asked_for(tmp_path: Path, cases: Cases) -> None:
+    path, written = Writer(CUT_IN, SPACE, tmp_path).cases(cases, EVIDENCE), Written(tmp_path, CUT_IN.stem)
+    written.note()
+    path.write_bytes(path.read_bytes() + b"<!-- mine -->")
+    written.withdraw()
+    assert path.exists()
+    written.withdraw(changed=True)
+    assert not path.exists() and (tmp_path / CUT_IN.name).exists()
 
 
 def test_a_road_in_a_folder_that_is_asked_for_is_played_and_taken_along(tmp_path: Path) -> None:

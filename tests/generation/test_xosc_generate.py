@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import sys
 from inspect import CO_OPTIMIZED
 from pathlib import Path
@@ -112,6 +113,22 @@ def test_two_searches_do_not_write_into_one_folder(
         assert call(monkeypatch, CUT_IN, "--out", tmp_path, *QUICK) == 2
     assert "a search of another process writes into this folder" in capsys.readouterr().err
     assert not list(tmp_path.glob("*.jsonl"))
+
+
+@pytest.mark.slow
+def test_an_edited_file_is_in_the_way_unless_it_may_be_replaced(
+    old: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "again"
+    shutil.copytree(old, folder)
+    edited = folder / "cut_in_highway.xosc"
+    content = edited.read_bytes()
+    edited.write_bytes(content + b"<!-- mine -->")
+    search = (CUT_IN, "--out", folder, *QUICK, "--violations", "-q")
+    assert call(monkeypatch, *search) == 2
+    assert "cut_in_highway.xosc: another file is in the way; --overwrite replaces it" in capsys.readouterr().err
+    assert call(monkeypatch, *search, "--overwrite") == 0
+    assert edited.read_bytes() == content
 
 
 def test_a_scenario_of_no_known_kind_says_what_could_be_searched(

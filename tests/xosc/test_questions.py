@@ -12,6 +12,7 @@ import pytest
 from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.xosc.conftest import Writer
+from xosc.exports.draft import Folder
 from xosc.listing import questions
 
 ROWS = [
@@ -122,7 +123,11 @@ def test_copies_hold_all_that_the_scenarios_need_and_can_be_asked_again(
     again = command("xosc-list", out, "--where", "class = 'cut in'", "--format", "json")
     assert [row["file"] for row in json.loads(again.out)] == ["a/1.xosc"]
     refused = command("xosc-list", catalogue, "--where", "partial", "--copy-to", out)
-    assert refused.code == 2 and "overwrites nothing" in refused.err
+    assert refused.code == 2 and "index.parquet: another file is in the way; --overwrite replaces it" in refused.err
+    assert command("xosc-list", catalogue, "--where", "partial", "--copy-to", out, "--overwrite").code == 0
+    again = command("xosc-list", out, "--format", "json", "--sort", "file")
+    assert [row["file"] for row in json.loads(again.out)] == ["b/3.xosc"]
+    assert command("xosc-list", catalogue, "--overwrite").code == 2
 
 
 def test_similar_scenarios_come_first(command: Command, catalogue: Path) -> None:
@@ -143,7 +148,7 @@ def test_files_outside_of_the_catalogue_are_not_copied(catalogue: Path, tmp_path
     index = questions.Index(catalogue, pa.Table.from_pylist([{**ROWS[0], "road": "../secret.txt"}]))
     (tmp_path / "secret.txt").write_text("secret")
     with pytest.raises(InvalidFile, match="outside of the catalogue"):
-        questions.copy(index, index.table, tmp_path / "out")
+        questions.copy(index, index.table, Folder(tmp_path / "out"))
     assert not (tmp_path / "out" / "secret.txt").exists()
 
 

@@ -62,9 +62,11 @@ class Folder:
         try:
             if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.path)):
                 raise UsageError("a symbolic link leads out of the output folder", path=path)
+            file = path.is_file() and not path.is_symlink()
             there = os.path.lexists(path) and not (path.is_file() and path.read_bytes() == content)
-            if there and not (self._overwrite and path.is_file() and not path.is_symlink()):
-                raise UsageError("this is in the way of an export, which overwrites nothing", path=path)
+            if there and not (self._overwrite and file):
+                what = "another file is in the way; --overwrite replaces it" if file else "this is in the way, and is no file"
+                raise UsageError(what, path=path)
             keep(content, path)
         except OSError as error:
             raise NotWritten(f"the file can't be written: {error.strerror or error}", path=path) from None

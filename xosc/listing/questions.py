@@ -387,7 +387,7 @@ def _tagged(file: Path) -> dict[str, Any]:
     return one
 
 
-def copy(index: Index, table: pa.Table, out: Path) -> int:
+def copy(index: Index, table: pa.Table, folder: Folder) -> int:
     """Copy the scenarios of some rows with their roads and catalogues, and an index of them; the number of files.
 
     Files keep their places relative to the index, so that the copies run and can be asked again.
@@ -399,7 +399,7 @@ def copy(index: Index, table: pa.Table, out: Path) -> int:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    folder, rows = Folder(out), table.to_pylist()
+    rows = table.to_pylist()
     chosen = {row["file"] for row in rows}
     about = read_object(index.root / "index.json")
     scenarios = [row for row in about.get("scenarios", []) if isinstance(row, dict) and row.get("file") in chosen]

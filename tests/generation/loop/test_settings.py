@@ -20,4 +20,4 @@ def test_settings_are_told_in_the_words_of_the_command() -> None:
 
 def test_every_setting_that_decides_is_told() -> None:
     assert LoopSettings(ask=Ask(free=("Gap",))).deciding() != LoopSettings().deciding()
-    assert LoopSettings(processes=7, against=Path("before")).deciding() == LoopSettings().deciding()
+    assert LoopSettings(processes=7, against=Path("before"), overwrite=True).deciding() == LoopSettings().deciding()
