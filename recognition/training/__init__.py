@@ -23,6 +23,7 @@ class TrainingSettings:
         preset: name of the encoder's preset.
         encoders: a model whose encoders are taken; None to train them.
         pretrain_on: recordings that pretraining reads besides, without labels.
+        reviewed, verdicts: recordings that reviewers judged, and their tables, see `recognition.training.windows.judged`.
         develop: recordings that choose δ and least shares of votes.
         unseen: recordings that the model is measured on.
         split_by: unit that is never divided between training and test.
@@ -41,6 +42,15 @@ class TrainingSettings:
         "Recordings of real traffic, say, on which the encoder is pretrained beside the windows, without their labels"
         " (repeatable).",
         metavar="DIR",
+    )
+    reviewed: Sequence[Path] = option(
+        (), "Recordings that reviewers judged: the moments of their --verdicts train too (repeatable).", metavar="DIR"
+    )
+    verdicts: Sequence[Path] = option(
+        (),
+        "CSV table of a reviewer's verdicts on --reviewed: recording, vehicle, time, class and, for findings, verdict (right,"
+        " wrong or unclear); what contradicts another within 2 s is left out (repeatable).",
+        metavar="FILE",
     )
     develop: Sequence[Path] = option(
         (),

@@ -41,19 +41,23 @@ def train(
 
     Recordings are divided: a part trains, a part calibrates what counts as unknown, a part measures how good the model is.
     """
+    import numpy as np
+
     from recognition.encoder.config import TokenArchitecture
     from recognition.encoder.config import preset as preset_of
     from recognition.grids import Grid
     from recognition.labels import Rules
     from recognition.tokens import Tokens
     from recognition.training.card import CARD, accept, agreement, card_of, least_shares, site_windows
-    from recognition.training.windows import source_of, split, windows_at
+    from recognition.training.windows import joined, reviewed, source_of, split, windows_at
     from recognition.trfe.config import Config
     from recognition.trfe.known import DELTA
     from recognition.trfe.storage import load, save
 
     if settings.encoders and settings.pretrain_on:
         raise UsageError("--encoders takes encoders that are trained: give either it or --pretrain-on")
+    if bool(settings.reviewed) != bool(settings.verdicts):
+        raise UsageError("--reviewed and --verdicts belong together: give both or neither")
     chosen, rules = preset_of(settings.preset), Rules(signalised=True)
     view = Tokens() if isinstance(chosen.architecture, TokenArchitecture) else Grid()
     folder = settings.cache or out / "windows"
@@ -63,14 +67,16 @@ def train(
     if not len(parts.labelled):
         raise UsageError(f"no class has enough {settings.split_by}s to be in every part of the data", path=path)
     others = [part for one in settings.pretrain_on for part in site_windows(one, folder, view, rules)[1:]]
+    judged = reviewed(settings.reviewed, settings.verdicts, folder / "roads", view) if settings.verdicts else windows.select([])
+    judged = judged.select(np.isin(judged.labels, windows.labels[parts.labelled]))
     with epochs(chosen.pretraining.epochs + chosen.finetuning.epochs, quiet) as progress:
-        labelled = windows.select(parts.labelled)
+        labelled = joined([windows.select(parts.labelled), judged])
         if settings.encoders:
             trained = load(settings.encoders).encoders
         else:
             trained = encoders_of(labelled, others, chosen, view, settings.seed, progress)
         config = Config(seed=settings.seed, delta=DELTA if settings.develop else None, recognise_by_changes=settings.by_changes)
-        model = fitted(windows, parts, trained, config, settings.forest_samples)
+        model = fitted(windows, parts, trained, config, settings.forest_samples, judged)
     if settings.develop:
         elsewhere = [site_windows(one, folder, view, rules) for one in settings.develop]
         accept(model, [one.events for one in elsewhere])
@@ -82,6 +88,7 @@ def train(
     save(model, out, settings.samples)
     chosen_by = f", δ and least shares of votes by {_names(settings.develop)}" if settings.develop else ""
     beside = f", pretrained on {_names(settings.pretrain_on)} too" if settings.pretrain_on else ""
+    beside += f", and {len(judged)} windows of reviewers' verdicts on {_names(settings.reviewed)}" if len(judged) else ""
     data = f"{markdown(path.name)}, preset {settings.preset}, seed {settings.seed}, divided by {settings.split_by}"
     card = card_of(model, windows, parts, data + beside + chosen_by, measured)
     keep(card.encode(), out / CARD)
@@ -120,13 +127,21 @@ def encoders_of(
     return rounded(encoder), rounded(tuned)
 
 
-def fitted(windows: Windows, parts: Split, encoders: Sequence[Encoder], settings: Config, most: int | None) -> TRFE:
-    """A model with these encoders, whose trees learn from at most so many windows of each class; without a δ one is chosen."""
+def fitted(
+    windows: Windows, parts: Split, encoders: Sequence[Encoder], settings: Config, most: int | None, judged: Windows
+) -> TRFE:
+    """A model with these encoders; without a δ one is chosen.
+
+    Args:
+        most: windows of each class that trees learn from.
+        judged: windows of reviewers' verdicts, which trees learn from besides.
+    """
     from dataclasses import replace
 
     import numpy as np
 
     from recognition.tokens import CHANGES, Tokens
+    from recognition.training.windows import joined
     from recognition.trfe.samples import drawn_of_each
     from recognition.trfe.trfe import TRFE
 
@@ -134,4 +149,5 @@ def fitted(windows: Windows, parts: Split, encoders: Sequence[Encoder], settings
     changes = CHANGES if isinstance(encoders[0].view, Tokens) else 0
     model = TRFE(replace(settings, changes=changes, pretrained=encoders[0].architecture.dim), encoders)
     labelled = labelled.select(np.sort(drawn_of_each(labelled.labels, most, np.random.default_rng(settings.seed))))
+    labelled = joined([labelled, judged])
     return model.fit(labelled.inputs, labelled.labels, held.inputs, held.labels)

@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition import datasets
+from recognition.datasets.table import Kind, column_names, read_table
 from recognition.grids import Grid, Moments, covered, rasterise
-from recognition.labels import JunctionWay, LabelledEvent, Rules, label, passing
+from recognition.labels import JunctionWay, Label, LabelledEvent, Rules, label, passing
 from recognition.sites import Site, site_of
+from recognition.sites.lanes import place
 from recognition.tokens import Tokens, in_parts, tokenise
 from recognition.training import Unit
 from recognition.trfe.samples import BACKGROUND, drawn_of_each
@@ -367,6 +369,77 @@ def _made(path: Path, cache: Path, view: View, most: int | None, background: boo
     if not store(parts(), cache):
         raise UsageError("no rule finds an event in these recordings", path=path)
     return Windows.load(cache)
+
+
+_APART = 2.0
+"""Time (s) within which different judgements on one vehicle contradict each other"""
+_RIGHT, _WRONG, _UNCLEAR = "right", "wrong", "unclear"
+
+
+def judged(tables: Sequence[Path]) -> list[TrainingMoment]:
+    """The moments that reviewers judged, by their CSV tables with recording, vehicle, time, class and, for findings, verdict.
+
+    A right finding, or an event that a reviewer lists (a row without a verdict), has its class; at a wrong one nothing happens.
+    Left out are rows without a class, unclear ones, and those that another one on the vehicle contradicts within 2 s.
+
+    Raises:
+        InvalidFile: a table is not readable, or has an unknown class or verdict.
+    """
+    found = [one for path in tables for one in _judged(path)]
+    of_vehicle: dict[tuple[str, str], list[TrainingMoment]] = {}
+    for one in found:
+        of_vehicle.setdefault((one.recording, one.ego), []).append(one)
+    return [
+        one
+        for one in found
+        if all(other.label == one.label or abs(other.time - one.time) > _APART for other in of_vehicle[one.recording, one.ego])
+    ]
+
+
+def _judged(path: Path) -> Iterator[TrainingMoment]:
+    labels = {one.title: int(one) for one in Label if one is not Label.UNKNOWN}
+    kinds: dict[str, Kind] = {"recording": "text", "vehicle": "text", "time": "optional", "class": "label"}
+    if "verdict" in column_names(path):
+        kinds["verdict"] = "label"
+    table = read_table(path, kinds)
+    verdicts = table["verdict"] if "verdict" in kinds else [_RIGHT] * len(table)
+    for row, (title, at, verdict) in enumerate(zip(table["class"], table["time"], verdicts, strict=True)):
+        if not title or verdict == _UNCLEAR:
+            continue
+        if title not in labels:
+            raise table.fault(row, "class", f"{title!r} is none of {', '.join(labels)}")
+        if verdict not in (_RIGHT, _WRONG):
+            raise table.fault(row, "verdict", f"{verdict!r} is none of {_RIGHT}, {_WRONG}, {_UNCLEAR}")
+        if np.isnan(at):
+            raise table.fault(row, "time", "a value is missing")
+        which = labels[title] if verdict == _RIGHT else BACKGROUND
+        yield TrainingMoment(table["recording"][row], table["vehicle"][row], float(at), which)
+
+
+def reviewed(recordings: Sequence[Path], tables: Sequence[Path], roads: Path, view: View) -> Windows:
+    """Windows at the moments that reviewers judged in recordings.
+
+    Args:
+        recordings: folders or files; of those that no table names, nothing is read.
+        tables: as of `judged`.
+        roads: folder of roads made for the recordings.
+
+    Raises:
+        InvalidFile: a table or a recording is not readable.
+        UsageError: no verdict is on a vehicle of the recordings.
+    """
+    moments, parts = judged(tables), list[Windows]()
+    for source in (one for path in recordings for one in datasets.open(path, roads=roads).sources):
+        own = [one for one in moments if one.recording == source.name]
+        if own:
+            with limited():
+                recording = source.load()
+                site = site_of(source, recording, roads)
+                place(recording, site.network)
+                parts.append(windows_of(recording, [one for one in own if one.ego in recording.tracks], view, site))
+    if not any(map(len, parts)):
+        raise UsageError("no verdict is on a vehicle of these recordings", path=recordings[0])
+    return joined(parts)
 
 
 def _moments(recording: Recording, site: Site, name: str, view: View, background: bool) -> list[TrainingMoment]:

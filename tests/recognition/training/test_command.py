@@ -100,6 +100,26 @@ def test_an_encoder_is_pretrained_on_recordings_without_labels_too(
     assert "--pretrain-on" in capsys.readouterr().err
 
 
+@pytest.mark.slow
+def test_reviewers_verdicts_train_beside_the_rules_labels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiny = Preset(TokenArchitecture(dim=8, depth=1, heads=2), TrainingSchedule(1, 64, 1e-3), TrainingSchedule(1, 64, 1e-3))
+    monkeypatch.setitem(PRESETS, "tokens", tiny)
+    given, table = windows(tmp_path / "windows"), tmp_path / "verdicts.csv"
+    motorway.write_motorway(tmp_path / "real")
+    rows = ("real/01,1,6.0,highway cut in,right", "real/01,3,6.0,highway cut in,right", "real/01,1,2.0,left lane change,right")
+    table.write_text("\n".join(("recording,vehicle,time,class,verdict", *rows)) + "\n")
+    options = ("--events-per-class", 96, "--quiet", "--reviewed", tmp_path / "real")
+    assert call(monkeypatch, "train", given, "--out", tmp_path / "model", *options) == 2
+    assert "--reviewed and --verdicts belong together" in capsys.readouterr().err
+    assert call(monkeypatch, "train", given, "--out", tmp_path / "plain", *options[:3]) == 0
+    assert call(monkeypatch, "train", given, "--out", tmp_path / "model", *options, "--verdicts", table) == 0
+    assert "and 2 windows of reviewers' verdicts on real" in " ".join((tmp_path / "model" / CARD).read_text().split())
+    plain, model = (load(tmp_path / name).known.fitted.labels for name in ("plain", "model"))
+    assert sorted([*plain.tolist(), Label.CUT_IN, Label.CUT_IN]) == sorted(model.tolist())
+
+
 def test_the_card_of_the_shipped_model_is_its_own() -> None:
     text, model = (SHIPPED / CARD).read_text(), load(SHIPPED)
     card = " ".join(text.split())

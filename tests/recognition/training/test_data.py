@@ -9,7 +9,8 @@ import pytest
 
 from recognition.grids import Grid
 from recognition.labels import Label
-from recognition.training.windows import fingerprint, source_of, windows_at
+from recognition.training.windows import fingerprint, judged, reviewed, source_of, windows_at
+from recognition.trfe.samples import BACKGROUND
 from schemas.common.errors import InvalidFile, UsageError
 from studies.recognition.protocol.pixels import pixel_features
 from tests.recognition.traffic import Car, write_highd
@@ -74,3 +75,53 @@ def test_components_tell_windows_apart_that_look_different() -> None:
     means = [found[labels == label].mean(axis=0) for label in (0, 1)]
     assert np.linalg.norm(means[0] - means[1]) > 5 * found[labels == 0, 1].std()
     assert np.array_equal(found, pixel_features(grids[:30], grids, seed=0))
+
+
+FINDINGS = "number,recording,vehicle,time,class,verdict,reason\n"
+LISTED = "recording,vehicle,start,end,class,time\n"
+
+
+def table(path: Path, header: str, *rows: str) -> Path:
+    path.write_text(header + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def test_verdicts_of_reviewers_are_labels_unless_they_contradict_each_other(tmp_path: Path) -> None:
+    first = table(
+        tmp_path / "first.csv",
+        FINDINGS,
+        "0,01,1,8.0,left lane change,right,",
+        "1,01,2,5.0,highway cut in,wrong,nobody is ahead",
+        "2,01,1,14.0,highway cut out,right,",
+        "3,01,2,9.0,highway cut out,unclear,",
+    )
+    second = table(tmp_path / "second.csv", FINDINGS, "0,01,1,8.0,left lane change,right,", "2,01,1,14.0,highway cut out,wrong,")
+    listed = table(tmp_path / "listed.csv", LISTED, "01,2,4.0,14.0,right lane change,12.0", "01,1,0.0,10.0,,")
+    found = [(one.ego, one.time, one.label) for one in judged([first, second, listed])]
+    left, right = int(Label.LANE_CHANGE_LEFT), int(Label.LANE_CHANGE_RIGHT)
+    assert found == [("1", 8.0, left), ("2", 5.0, BACKGROUND), ("1", 8.0, left), ("2", 12.0, right)]
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("0,01,1,8.0,overtaking,right,", "first.csv:2.*column class.*'overtaking' is none of"),
+        ("0,01,1,8.0,left lane change,yes,", "first.csv:2.*column verdict.*'yes' is none of right, wrong, unclear"),
+        ("0,01,1,,left lane change,right,", "first.csv:2.*column time.*missing"),
+    ],
+)
+def test_a_verdict_that_is_none_is_refused_with_its_line(tmp_path: Path, row: str, message: str) -> None:
+    with pytest.raises(InvalidFile, match=message):
+        judged([table(tmp_path / "first.csv", FINDINGS, row)])
+
+
+def test_judged_moments_become_windows_of_their_recordings(recordings: Path, tmp_path: Path) -> None:
+    event = windows_at(recordings, tmp_path / "cache", GRID, None).select([0])
+    name, ego, time = event.recordings[0], event.egos[0], event.times[0]
+    rows = f"0,{name},{ego},{time},left lane change,wrong,", f"1,{name},9,8.0,highway cut in,right,"
+    windows = reviewed([recordings], [table(tmp_path / "verdicts.csv", FINDINGS, *rows)], tmp_path / "roads", GRID)
+    assert (windows.egos.tolist(), windows.times.tolist(), windows.labels.tolist()) == ([ego], [time], [BACKGROUND])
+    assert np.array_equal(windows.inputs, event.inputs)
+    elsewhere = table(tmp_path / "elsewhere.csv", FINDINGS, "0,other,1,8.0,left lane change,right,")
+    with pytest.raises(UsageError, match="no verdict is on a vehicle of these recordings"):
+        reviewed([recordings], [elsewhere], tmp_path / "roads", GRID)
