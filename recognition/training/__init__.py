@@ -48,8 +48,8 @@ class TrainingSettings:
     )
     verdicts: Sequence[Path] = option(
         (),
-        "CSV table of a reviewer's verdicts on --reviewed: recording, vehicle, time, class and, for findings, verdict (right,"
-        " wrong or unclear); what contradicts another within 2 s is left out (repeatable).",
+        "CSV table of a reviewer's verdicts on --reviewed: recording as in an index, vehicle, time, class and, for findings,"
+        " verdict (right, wrong or unclear); what contradicts another within 2 s is left out (repeatable).",
         metavar="FILE",
     )
     develop: Sequence[Path] = option(
