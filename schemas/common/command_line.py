@@ -93,7 +93,7 @@ _DIGITS = 6
 
 _INPUTS = (
     "paths", "path", "files", "folders", "folder", "source", "road", "road_path", "catalog_path", "against", "recorded", "model",
-    "encoders", "pretrain_on", "develop", "unseen", "cache", "like",
+    "encoders", "pretrain_on", "develop", "unseen", "cache", "like", "reviewed", "verdicts",
 )  # fmt: skip
 _OUTPUTS = ("out", "osi", "junit", "output", "keep_model", "copy_to")
 """Parameters of commands that name files and folders to read from, and to write into"""
