@@ -111,6 +111,7 @@ def test_the_page_filters_plays_and_links_to_files_that_are_there(made: Path, tm
         links = browser.run("[...document.querySelectorAll('.links a')].map(each => decodeURI(each.getAttribute('href')))")
         assert links and all((made / link).is_file() for link in links)
         film = "document.querySelector('.card canvas')"
+        browser.run(f"{film}.scrollIntoView()")  # out of view, it would stop when the page notices
         browser.run(f"{film}.dispatchEvent(new Event('pointerenter'))")
         script = f"""new Promise(done => {{
             const before = {film}.toDataURL();
