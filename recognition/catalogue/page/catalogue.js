@@ -199,7 +199,7 @@ const seen = new IntersectionObserver(entries => {
     const film = films.get(target);
     if (!isIntersecting) playing.delete(target);
     else if (wanted.playAll) play(target, film);
-    else stop(target, film);
+    else if (!playing.has(target)) drawFilm(target, film, film.event);
   }
 });
 
