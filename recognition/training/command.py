@@ -49,7 +49,7 @@ def train(
     from recognition.labels import Rules
     from recognition.tokens import Tokens
     from recognition.training.card import CARD, accept, agreement, card_of, least_shares, site_windows
-    from recognition.training.windows import joined, reviewed, source_of, split, windows_at
+    from recognition.training.windows import joined, judged, reviewed, source_of, split, windows_at
     from recognition.trfe.config import Config
     from recognition.trfe.known import DELTA
     from recognition.trfe.storage import load, save
@@ -58,6 +58,7 @@ def train(
         raise UsageError("--encoders takes encoders that are trained: give either it or --pretrain-on")
     if bool(settings.reviewed) != bool(settings.verdicts):
         raise UsageError("--reviewed and --verdicts belong together: give both or neither")
+    judgements = judged(settings.verdicts)  # a faulty table is better named before windows are made
     chosen, rules = preset_of(settings.preset), Rules(signalised=True)
     view = Tokens() if isinstance(chosen.architecture, TokenArchitecture) else Grid()
     folder = settings.cache or out / "windows"
@@ -67,16 +68,16 @@ def train(
     if not len(parts.labelled):
         raise UsageError(f"no class has enough {settings.split_by}s to be in every part of the data", path=path)
     others = [part for one in settings.pretrain_on for part in site_windows(one, folder, view, rules)[1:]]
-    judged = reviewed(settings.reviewed, settings.verdicts, folder / "roads", view) if settings.verdicts else windows.select([])
-    judged = judged.select(np.isin(judged.labels, windows.labels[parts.labelled]))
+    besides = reviewed(settings.reviewed, judgements, folder / "roads", view) if settings.verdicts else windows.select([])
+    besides = besides.select(np.isin(besides.labels, windows.labels[parts.labelled]))
     with epochs(chosen.pretraining.epochs + chosen.finetuning.epochs, quiet) as progress:
-        labelled = joined([windows.select(parts.labelled), judged])
+        labelled = joined([windows.select(parts.labelled), besides])
         if settings.encoders:
             trained = load(settings.encoders).encoders
         else:
             trained = encoders_of(labelled, others, chosen, view, settings.seed, progress)
         config = Config(seed=settings.seed, delta=DELTA if settings.develop else None, recognise_by_changes=settings.by_changes)
-        model = fitted(windows, parts, trained, config, settings.forest_samples, judged)
+        model = fitted(windows, parts, trained, config, settings.forest_samples, besides)
     if settings.develop:
         elsewhere = [site_windows(one, folder, view, rules) for one in settings.develop]
         accept(model, [one.events for one in elsewhere])
@@ -88,7 +89,7 @@ def train(
     save(model, out, settings.samples)
     chosen_by = f", δ and least shares of votes by {_names(settings.develop)}" if settings.develop else ""
     beside = f", pretrained on {_names(settings.pretrain_on)} too" if settings.pretrain_on else ""
-    beside += f", and {len(judged)} windows of reviewers' verdicts on {_names(settings.reviewed)}" if len(judged) else ""
+    beside += f", and {len(besides)} windows of reviewers' verdicts on {_names(settings.reviewed)}" if len(besides) else ""
     data = f"{markdown(path.name)}, preset {settings.preset}, seed {settings.seed}, divided by {settings.split_by}"
     card = card_of(model, windows, parts, data + beside + chosen_by, measured)
     keep(card.encode(), out / CARD)

@@ -416,21 +416,21 @@ def _judged(path: Path) -> Iterator[TrainingMoment]:
         yield TrainingMoment(table["recording"][row], table["vehicle"][row], float(at), which)
 
 
-def reviewed(recordings: Sequence[Path], tables: Sequence[Path], roads: Path, view: View) -> Windows:
+def reviewed(recordings: Sequence[Path], judgements: Sequence[TrainingMoment], roads: Path, view: View) -> Windows:
     """Windows at the moments that reviewers judged in recordings.
 
     Args:
-        recordings: folders or files; of those that no table names, nothing is read.
-        tables: as of `judged`.
+        recordings: folders or files; of those that no judgement is on, nothing is read.
+        judgements: as `judged` gives them.
         roads: folder of roads made for the recordings.
 
     Raises:
-        InvalidFile: a table or a recording is not readable.
+        InvalidFile: a recording is not readable.
         UsageError: no verdict is on a vehicle of the recordings.
     """
-    moments, parts = judged(tables), list[Windows]()
+    parts = list[Windows]()
     for source in (one for path in recordings for one in datasets.open(path, roads=roads).sources):
-        own = [one for one in moments if one.recording == source.name]
+        own = [one for one in judgements if one.recording == source.name]
         if own:
             with limited():
                 recording = source.load()

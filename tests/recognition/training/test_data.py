@@ -119,9 +119,9 @@ def test_judged_moments_become_windows_of_their_recordings(recordings: Path, tmp
     event = windows_at(recordings, tmp_path / "cache", GRID, None).select([0])
     name, ego, time = event.recordings[0], event.egos[0], event.times[0]
     rows = f"0,{name},{ego},{time},left lane change,wrong,", f"1,{name},9,8.0,highway cut in,right,"
-    windows = reviewed([recordings], [table(tmp_path / "verdicts.csv", FINDINGS, *rows)], tmp_path / "roads", GRID)
+    windows = reviewed([recordings], judged([table(tmp_path / "verdicts.csv", FINDINGS, *rows)]), tmp_path / "roads", GRID)
     assert (windows.egos.tolist(), windows.times.tolist(), windows.labels.tolist()) == ([ego], [time], [BACKGROUND])
     assert np.array_equal(windows.inputs, event.inputs)
     elsewhere = table(tmp_path / "elsewhere.csv", FINDINGS, "0,other,1,8.0,left lane change,right,")
     with pytest.raises(UsageError, match="no verdict is on a vehicle of these recordings"):
-        reviewed([recordings], [elsewhere], tmp_path / "roads", GRID)
+        reviewed([recordings], judged([elsewhere]), tmp_path / "roads", GRID)
