@@ -120,6 +120,18 @@ def test_reviewers_verdicts_train_beside_the_rules_labels(
     assert sorted([*plain.tolist(), Label.CUT_IN, Label.CUT_IN]) == sorted(model.tolist())
 
 
+def test_a_faulty_table_of_verdicts_is_named_before_windows_are_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motorway.write_motorway(tmp_path / "real")
+    table, out = tmp_path / "verdicts.csv", tmp_path / "model"
+    table.write_text("recording,vehicle,time,class,verdict\nreal/01,1,6.0,left turn,right\n")
+    options = ("--reviewed", tmp_path / "real", "--verdicts", table)
+    assert call(monkeypatch, "train", tmp_path / "real", "--out", out, *options) == 3
+    assert "verdicts.csv:2: column class: 'left turn' is none of " in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_the_card_of_the_shipped_model_is_its_own() -> None:
     text, model = (SHIPPED / CARD).read_text(), load(SHIPPED)
     card = " ".join(text.split())
