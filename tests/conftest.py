@@ -51,7 +51,7 @@ def pytest_deselected(items: Sequence[pytest.Item]) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Tell the process that starts the workers."""
+    """Send the number of slow tests to the main process."""
     if hasattr(session.config, "workeroutput"):
         session.config.workeroutput["slow"] = session.config.stash.get(_LEFT_OUT, 0)
 

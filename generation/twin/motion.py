@@ -90,7 +90,7 @@ class Body:
             self.y = self.y + aside
             self.h, self.straight = np.where(slanted, turn, 0.0), False
         else:
-            self.x = self.x + np.sqrt(np.maximum(way * way, 0.0))
+            self.x = self.x + np.sqrt(way * way)
             self.h, self.straight = np.zeros_like(way), True
         self.drift = aside / dt
         self.acceleration = (speed - self.speed) / dt

@@ -69,7 +69,7 @@ class SceneRows:
         return np.isin(self.role, [ROLES.index(role) for role in roles])
 
     def lane_width(self, row: IntArray) -> FloatArray:
-        """Width (m) of the lanes of rows of which displacements are shares: `rules.width` at most."""
+        """Width (m) of the lanes of rows, `rules.width` at most, to compare displacements with."""
         return np.minimum(self.site.lanes.width[self.strip[row]], self.rules.width)
 
 

@@ -129,7 +129,7 @@ class Rules:
         ring_spacing: least time between two events of circulating.
         passage: least way through a junction that counts; half of it for a turn.
         turn: least and greatest change of heading of a turn.
-        beside: time within which a vehicle that leaves its lane obliquely is on no lane, or one that comes into it was.
+        beside: time within which a vehicle is on no lane, after it leaves its lane obliquely or before it enters one so.
         straight: greatest change of heading of a straight cross; less than that of a turn where no other way is straighter.
         opposing_time: time within which an opposing vehicle passes.
         vru_pet: PET with pedestrians and cyclists below which there is a conflict.

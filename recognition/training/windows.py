@@ -380,7 +380,7 @@ def judged(tables: Sequence[Path]) -> list[TrainingMoment]:
     """The moments that reviewers judged, by their CSV tables with recording, vehicle, time, class and, for findings, verdict.
 
     A right finding, or an event that a reviewer lists (a row without a verdict), has its class; at a wrong one nothing happens.
-    Left out are rows without a class, unclear ones, and those that another one on the vehicle contradicts within 2 s.
+    Rows without a class and unclear ones are left out; so are rows on one vehicle that contradict each other within 2 s.
 
     Raises:
         InvalidFile: a table is not readable, or has an unknown class or verdict.
@@ -420,7 +420,7 @@ def reviewed(recordings: Sequence[Path], judgements: Sequence[TrainingMoment], r
     """Windows at the moments that reviewers judged in recordings.
 
     Args:
-        recordings: folders or files; of those that no judgement is on, nothing is read.
+        recordings: folders or files; those without a judgement are not read.
         judgements: as `judged` gives them.
         roads: folder of roads made for the recordings.
 
