@@ -17,7 +17,7 @@ from runner.recording import Recording
 from schemas.common import packages
 from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
-from schemas.common.storage import cache_folder
+from schemas.common.storage import LONGEST_POINTER, cache_folder, read_bytes
 
 if TYPE_CHECKING:
     from runner.recording import Track
@@ -297,6 +297,8 @@ def participant(name: str, category: str, length: float | None = None, width: fl
 
 
 FORMATS = "recognition.datasets.formats"
+_SUFFIXES = (".csv", ".feather", ".json", ".mcap", ".osi", ".parquet", ".txt", ".xml")
+"""Endings of recordings"""
 
 
 def cache_roads() -> Path:
@@ -340,6 +342,8 @@ def _sources(file: Path, formats: Sequence[ModuleType], roads: Path) -> list[Sou
     """The recordings in a file. One that can't be read may be a recording or not: a source that says so when it is loaded."""
     try:
         current().admit(file)
+        if file.suffix.lower() in _SUFFIXES and file.stat().st_size <= LONGEST_POINTER:
+            read_bytes(file)  # a pointer of Git LFS, which no format claims, may be in the place of a recording
         form = next((each for each in formats if each.claims(file)), None)
         return form.sources(file, roads) if form is not None else []
     except InvalidFile as error:

@@ -83,11 +83,18 @@ def own_cache() -> Iterator[str]:
         yield ""
 
 
+POINTER = b"version https://git-lfs.github.com/spec/"
+"""Beginning of the small file that Git has in the place of a large one until `git lfs pull` brings that"""
+LONGEST_POINTER = 1024
+"""Bytes; the limit of Git LFS's specification"""
+
+
 def read_bytes(path: Path) -> bytes:
     """The content of a file that may be anything, a device without an end included.
 
     Raises:
-        InvalidFile: it is missing, no regular file, or larger than `MAX_BYTES`; or the policy in force refuses it.
+        InvalidFile: it is missing, no regular file, larger than `MAX_BYTES`, or a pointer of Git LFS; or the policy in force
+            refuses it.
     """
     current().admit(path)
     most = min(MAX_BYTES, current().max_bytes or MAX_BYTES)
@@ -99,12 +106,15 @@ def read_bytes(path: Path) -> bytes:
             raise InvalidFile("this is not a regular file", path=path)
         if status.st_size > most:
             raise InvalidFile(f"the file has {status.st_size} bytes, at most {most} are read", path=path)
-        return path.read_bytes() if status.st_size else b""  # a device of /proc has no size, and may never answer
+        content = path.read_bytes() if status.st_size else b""  # a device of /proc has no size, and may never answer
     except FileNotFoundError:
         raise InvalidFile("no such file", path=path) from None
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise InvalidFile(f"the file can't be read: {reason}", path=path) from None
+    if content.startswith(POINTER):
+        raise InvalidFile("this is a pointer of Git LFS: 'git lfs pull' brings the file", path=path)
+    return content
 
 
 EXPANSION, LEAST_TABLE, LARGEST_TABLE = 100, 64 * 1024 * 1024, 2 * 1024**3

@@ -43,6 +43,18 @@ def mixed(folder: Path) -> None:
     (folder / "folder.xml").mkdir()
 
 
+@pytest.mark.parametrize("name", ["USA_US101-1_1_T-1.xml", "scene.json", "tracks.csv", "scenario_1.parquet"])
+def test_a_pointer_in_the_place_of_a_recording_says_what_brings_it(name: str, tmp_path: Path) -> None:
+    write_csv(tmp_path / "us101.csv", ngsim_rows(1, 0.0, 0.0, 50.0))
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:e17c6a1f\nsize 776913\n"
+    for other in (name, "README.md", "picture.png"):
+        (tmp_path / other).write_text(pointer)
+    (recording, missing) = sorted(datasets.open(tmp_path).sources, key=lambda source: source.path.name != "us101.csv")
+    assert recording.load().tracks
+    with pytest.raises(InvalidFile, match=f"{name}: this is a pointer of Git LFS: 'git lfs pull' brings the file"):
+        missing.load()
+
+
 def test_every_recording_of_a_mixed_folder_is_found(tmp_path: Path) -> None:
     mixed(tmp_path)
     sources = datasets.open(tmp_path, roads=tmp_path / "roads").sources
