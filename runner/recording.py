@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from struct import Struct
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,6 +50,8 @@ class Track:
         box: its bounding box about the reference point, m.
         read: gives one array for each of `COLUMNS`, in ascending time; called once, when they are asked for.
         mass: kg; 0 where it is not known.
+        role: e.g. ambulance, civil; empty where it is not known.
+        front_axle: x of the front axle in the own frame, m; 0 where it is not known.
     """
 
     name: str
@@ -58,6 +60,8 @@ class Track:
     box: BoundingBox
     read: Callable[[], dict[str, np.ndarray]]
     mass: float = 0.0
+    role: str = ""
+    front_axle: float = 0.0
 
     @cached_property
     def columns(self) -> dict[str, np.ndarray]:
@@ -156,7 +160,8 @@ class _Rows:
 
 
 def _track(declared: Declaration, rows: _Rows) -> Track:
-    return Track(declared.name, declared.kind, declared.category, declared.box, rows.columns, declared.mass)
+    named = (declared.name, declared.kind, declared.category, declared.box)
+    return Track(*named, rows.columns, declared.mass, declared.role, declared.front_axle)
 
 
 class Recorder:
@@ -204,3 +209,29 @@ class LogEntry(NamedTuple):
     kind: str
     subject: str
     text: str
+
+
+def signal_states(events: Iterable[LogEntry]) -> dict[str, list[tuple[float, str]]]:
+    """Changes of each signal by its id: time (s) and new state, in the scenario's words."""
+    return _changes(events, "trafficSignal", lambda text: text)
+
+
+def light_states(events: Iterable[LogEntry]) -> dict[str, list[tuple[float, tuple[str, str]]]]:
+    """Changes of the lights of each entity by its name: time (s), light and new mode (on, off, flashing)."""
+
+    def parted(text: str) -> tuple[str, str]:
+        light, _, mode = text.rpartition(" ")
+        return light, mode
+
+    return _changes(events, "light", parted)
+
+
+_State = TypeVar("_State")
+
+
+def _changes(events: Iterable[LogEntry], kind: str, state: Callable[[str], _State]) -> dict[str, list[tuple[float, _State]]]:
+    changes: dict[str, list[tuple[float, _State]]] = {}
+    for entry in events:
+        if entry.kind == kind:
+            changes.setdefault(entry.subject, []).append((entry.time, state(entry.text)))
+    return changes

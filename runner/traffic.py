@@ -95,6 +95,7 @@ class _Usual:
             self.category,
             _BOXES[self.category],
             model=self.category,
+            role=role.get("role") if role is not None else "",
             properties={"role": role.get("role")} if role is not None else {},
             controllers={controller.get("name"): _properties(controller)} if controller is not None else {},
             node=self.node,

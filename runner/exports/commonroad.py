@@ -3,24 +3,35 @@
 Source: CommonRoad "XML Format" 2020a, and its scheme of benchmark ids. Positions are those of the bounding box's centre. The ego
 is the planning problem: it starts as it did, and its goal is where it ended, or was before its first contact, so that
 its own way up to there solves the problem; that way is not in the file, those of all others are.
+
+Coordinates are those of the roads: the projected ones, turned and shifted as `geoTransformation` says, in the sense of
+OpenDRIVE's header (projected = turned by `zRotation`, then shifted by the translation). Heights, pitch and roll are written
+where there are some; commonroad-io reads those of states, and not those of lanelets.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import count
-from typing import TYPE_CHECKING
+from itertools import count, groupby
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from lxml import etree
 
-from runner.exports.lanelets import ExportedLanelet, lanelets
-from runner.exports.moments import box_centre, date, decimal, rate, stands, unsupported, wrapped
+from runner.exports.lanelets import ExportedLanelet, Key, lanelets
+from runner.exports.moments import box_centre, date, decimal, fixed_point, rate, stands, unsupported, wrapped
+from runner.exports.osi_signals import VehicleLights
+from runner.exports.signals import SignalPlace, arrow, link_at, signal_places, speed_of
+from runner.recording import signal_states
+from runner.worlds.sumo_translation import GREEN, OFF, RED, RED_YELLOW, YELLOW, YIELD
+from schemas.common.errors import ToolchainError
+from xodr.lookup.geo import GeoReference
 from xosc.versions import with_recent
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
     from runner.recording import Track
+    from xodr import RoadNetwork
     from xosc.exports.draft import Folder
 
 TARGETS = {"commonroad": "CommonRoad 2020a XML: lanelets, obstacles, planning problem"}
@@ -42,14 +53,19 @@ def export(result: RunResult, name: str, folder: Folder) -> list[str]:
         Unsupported: there are no roads or no ego, or a participant appears later than at the beginning.
         UsageError: a file is in the way.
     """
-    root = scenario(result, name)
+    remarks: list[str] = []
+    root = scenario(result, name, remarks)
     etree.indent(root)
     folder.write(f"{name}.xml", etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n")
-    return []
+    return remarks
 
 
-def scenario(result: RunResult, name: str) -> etree._Element:
-    """The element commonRoad of a run; arguments and errors as in `export`."""
+def scenario(result: RunResult, name: str, remarks: list[str]) -> etree._Element:
+    """The element commonRoad of a run; arguments and errors as in `export`.
+
+    Args:
+        remarks: gets what is left out.
+    """
     network, tracks = result.recording.network, result.recording.tracks
     if network is None:
         raise unsupported(result, None, "CommonRoad scenarios are on lanelets, and this one has no roads")
@@ -64,17 +80,45 @@ def scenario(result: RunResult, name: str) -> etree._Element:
             )
     numbers = count(1)
     root = etree.Element("commonRoad", _header(result, name))
-    location = etree.SubElement(root, "location")
-    for tag, value in _UNKNOWN_PLACE.items():
-        etree.SubElement(location, tag).text = value
+    root.append(_location(network, remarks))
     etree.SubElement(etree.SubElement(root, "scenarioTags"), "simulated")
-    root.extend(map_elements(list(lanelets(network).values()), numbers))
+    root.extend(map_elements(list(lanelets(network).values()), numbers, _signals(result, network, remarks)))
+    lights = VehicleLights(result.events)
     others = [track for track in tracks.values() if track.name != result.ego]
     standing = [track for track in others if stands(track)]
     for track in (*standing, *(each for each in others if each not in standing)):
-        root.append(_obstacle(track, track in standing, next(numbers), result.recording.timestep))
+        element = _obstacle(track, track in standing, next(numbers), result.recording.timestep)
+        if track not in standing:
+            _add_lights(element, track, lights)
+        root.append(element)
     root.append(_problem(tracks[result.ego], next(numbers), result.recording.timestep, _goal_row(result)))
     return root
+
+
+def _location(network: RoadNetwork, remarks: list[str]) -> etree._Element:
+    """Where the origin of the roads lies on Earth, and how coordinates are projected."""
+    location = etree.Element("location")
+    values = dict(_UNKNOWN_PLACE)
+    transformation = None
+    if network.geo_reference is not None:
+        try:
+            origin = GeoReference(network).to_geodetic(0.0, 0.0)
+        except ToolchainError as error:
+            remarks.append(f"the place on Earth is left out: {error.message}")
+        else:
+            values |= {"gpsLatitude": f"{origin.latitude:.10f}", "gpsLongitude": f"{origin.longitude:.10f}"}
+            transformation = etree.Element("geoTransformation")
+            etree.SubElement(transformation, "geoReference").text = network.geo_reference
+            more = etree.SubElement(transformation, "additionalTransformation")
+            x, y, _, heading = network.header.offset
+            parts = {"xTranslation": x, "yTranslation": y, "zRotation": heading, "scaling": 1.0}
+            for tag, value in parts.items():
+                etree.SubElement(more, tag).text = f"{value:.10f}"
+    for tag, text in values.items():
+        etree.SubElement(location, tag).text = text
+    if transformation is not None:
+        location.append(transformation)
+    return location
 
 
 def _header(result: RunResult, name: str) -> dict[str, str]:
@@ -110,7 +154,8 @@ def _obstacle(track: Track, standing: bool, number: int, step: float) -> etree._
 
 
 def _states(track: Track, step: float) -> list[etree._Element]:
-    columns, centre = track.columns, box_centre(track)
+    columns, centre, ground = track.columns, box_centre(track), fixed_point(track, track.box.x, track.box.y, 0.0)
+    tilts = any(bool(np.any(columns[name])) for name in ("z", "pitch", "roll"))
     times = np.rint(columns["time"] / step).astype(int)
     turning = rate(np.unwrap(columns["h"].astype(float)), columns["time"])
     rows = zip(centre, wrapped(columns["h"]), times, columns["speed"], columns["acceleration"], turning, strict=True)
@@ -119,8 +164,43 @@ def _states(track: Track, step: float) -> list[etree._Element]:
         state = etree.Element("state" if number else "initialState")
         etree.SubElement(state, "position").append(point(place))
         _exact(state, {"orientation": h, "time": int(time), "velocity": speed, "acceleration": acceleration, "yawRate": turn})
+        if tilts:
+            values = {
+                "positionZ": ground[number, 2],
+                "pitchAngle": columns["pitch"][number],
+                "rollAngle": columns["roll"][number],
+            }
+            _exact(state, values)
         states.append(state)
     return states
+
+
+_LIGHTS = {
+    "indicatorLeft": "indicatorLeft", "indicatorRight": "indicatorRight", "brakingLights": "brakeLights",
+    "hazardWarningLights": "warningLights", "flashingBlueLights": "specialPurposeLights",
+}  # fmt: skip
+"""OpenSCENARIO's lights by those that CommonRoad has."""
+
+
+def _add_lights(obstacle: etree._Element, track: Track, lights: VehicleLights) -> None:
+    """The states of an obstacle's lights at each step, where the scenario sets one."""
+    modes = [lights.at(track.name, float(time)) for time in track.columns["time"]]
+    if not any(modes):
+        return
+    series = etree.Element("signalSeries")
+    for number, lit in enumerate(modes):
+        state = etree.Element("signalState" if number else "initialSignalState")
+        etree.SubElement(etree.SubElement(state, "time"), "exact").text = str(number)
+        for tag, light in _LIGHTS.items():
+            etree.SubElement(state, tag).text = "true" if lit.get(light, "off") != "off" else "false"
+        if number:
+            series.append(state)
+        else:
+            start = obstacle.find("initialState")
+            assert start is not None
+            start.addnext(state)
+    if len(series):
+        obstacle.append(series)
 
 
 def _waiting(first: etree._Element) -> Iterable[etree._Element]:
@@ -179,7 +259,7 @@ def _exact(state: etree._Element, values: dict[str, float]) -> None:
         etree.SubElement(etree.SubElement(state, tag), "exact").text = str(value) if isinstance(value, int) else decimal(value)
 
 
-# the map: lanelets and signs, in the plane (heights are left out) -----------------------------
+# the map: lanelets, signs and lights -----------------------------------------------------------
 
 _LANES = {
     "sidewalk": "sidewalk", "walking": "sidewalk", "biking": "bicycleLane", "shoulder": "shoulder", "stop": "shoulder",
@@ -199,21 +279,65 @@ _SPEED_LIMIT = "274"
 """Number of the sign (German, and that of CommonRoad's land Zamunda)."""
 
 
-def map_elements(lanes: Sequence[ExportedLanelet], numbers: count[int]) -> list[etree._Element]:
-    """The lanelets, and one sign for each speed limit, which they refer to.
+_SIGNS = {
+    "101", "102", "114", "123", "124", "125", "131", "138", "201", "205", "206", "208", "209", "215", "237", "239", "240",
+    "245", "250", "251", "253", "254", "255", "259", "260", "261", "267", "274", "274.1", "274.2", "275", "276", "277", "278",
+    "280", "281", "282", "301", "306", "308", "310", "311", "314", "325.1", "325.2", "327", "330.1", "330.2", "331.1", "331.2",
+    "350", "354", "356", "357",
+}  # fmt: skip
+"""Numbers of signs that CommonRoad has."""
+_WITH_SPEED = {"274", "274.1", "274.2", "275", "278"}
+_GERMAN = {"", "OPENDRIVE", "DE", "DEU", "GERMANY"}
+_COLOURS = {RED: "red", RED_YELLOW: "redYellow", YELLOW: "yellow", YIELD: "yellow", GREEN: "green", OFF: "inactive"}
+
+
+class MapSignals(NamedTuple):
+    """Signs with their numbers, and lights with their phases: number of steps and colour."""
+
+    signs: tuple[tuple[SignalPlace, str], ...] = ()
+    lights: tuple[tuple[SignalPlace, tuple[tuple[int, str], ...]], ...] = ()
+
+
+def _signals(result: RunResult, network: RoadNetwork, remarks: list[str]) -> MapSignals:
+    """Signs and lights of the roads; lights with their states during a run."""
+    places = signal_places(network)
+    numbered = [(place, place.signal.type) for place in places if not place.signal.dynamic]
+    signs = [(place, kind) for place, kind in numbered if kind in _SIGNS and place.signal.country.upper() in _GERMAN]
+    if len(signs) < len(numbered):
+        remarks.append(f"{len(numbered) - len(signs)} signs have no number in CommonRoad and are left out")
+    history = signal_states(result.events)
+    steps = round(result.end_time / result.recording.timestep) + 1
+    lights = []
+    for place in places:
+        if not place.signal.dynamic:
+            continue
+        changes = history.get(place.signal.id, [])
+        links = [link_at(changes, step * result.recording.timestep) for step in range(steps)]
+        colours = [_COLOURS[OFF if link is None else link] for link in links]
+        lights.append((place, tuple((len(list(same)), colour) for colour, same in groupby(colours))))
+    return MapSignals(tuple(signs), tuple(lights))
+
+
+def map_elements(lanes: Sequence[ExportedLanelet], numbers: count[int], signals: MapSignals) -> list[etree._Element]:
+    """The lanelets, one sign for each speed limit, and signs and lights that stand at the roads; lanelets refer to them.
 
     Args:
         numbers: gives the ids, which are unique in a scenario.
+        signals: of the roads.
     """
     ids = {lanelet.key: str(next(numbers)) for lanelet in lanes}
     limits = sorted({lanelet.limit for lanelet in lanes if lanelet.limit is not None})
-    signs = {limit: str(next(numbers)) for limit in limits}
+    limit_ids = {limit: str(next(numbers)) for limit in limits}
+    signs = [(str(next(numbers)), *each) for each in signals.signs]
+    lights = [(str(next(numbers)), *each) for each in signals.lights]
+    sign_refs, light_refs = _refs(signs), _refs(lights)
+    heights = any(bool(np.any(lanelet.left[:, 2])) or bool(np.any(lanelet.right[:, 2])) for lanelet in lanes)
     made = []
     for lanelet in lanes:
         element = etree.Element("lanelet", id=ids[lanelet.key])
         for tag, points, mark in zip(("leftBound", "rightBound"), (lanelet.left, lanelet.right), lanelet.marks, strict=True):
             bound = etree.SubElement(element, tag)
-            bound.extend(point(place) for place in points)
+            bound.extend(point(place, heights) for place in points)
             etree.SubElement(bound, "lineMarking").text = _MARKS.get(mark, "unknown")
         for tag, keys in (("predecessor", lanelet.predecessors), ("successor", lanelet.successors)):
             element.extend(etree.Element(tag, ref=ids[key]) for key in keys)
@@ -223,10 +347,48 @@ def map_elements(lanes: Sequence[ExportedLanelet], numbers: count[int]) -> list[
         for kind in _types(lanelet):
             etree.SubElement(element, "laneletType").text = kind
         if lanelet.limit is not None:
-            etree.SubElement(element, "trafficSignRef", ref=signs[lanelet.limit])
+            etree.SubElement(element, "trafficSignRef", ref=limit_ids[lanelet.limit])
+        element.extend(etree.Element("trafficSignRef", ref=ref) for ref in sign_refs.get(lanelet.key, ()))
+        element.extend(etree.Element("trafficLightRef", ref=ref) for ref in light_refs.get(lanelet.key, ()))
         made.append(element)
     first = {limit: next(lanelet for lanelet in lanes if lanelet.limit == limit) for limit in limits}
-    return made + [_sign(signs[limit], limit, first[limit]) for limit in limits]
+    made += [_limit_sign(limit_ids[limit], limit, first[limit]) for limit in limits]
+    made += [_sign(number, place, kind) for number, place, kind in signs]
+    return made + [_light(number, place, phases) for number, place, phases in lights]
+
+
+def _refs(numbered: Iterable[tuple[str, SignalPlace, object]]) -> dict[Key, list[str]]:
+    """Numbers of the signals that hold on each lane."""
+    found: dict[Key, list[str]] = {}
+    for number, place, _ in numbered:
+        for key in place.lanes:
+            found.setdefault(key, []).append(number)
+    return found
+
+
+def _sign(number: str, place: SignalPlace, kind: str) -> etree._Element:
+    sign = etree.Element("trafficSign", id=number)
+    element = etree.SubElement(sign, "trafficSignElement")
+    etree.SubElement(element, "trafficSignID").text = kind
+    speed = speed_of(place.signal) if kind in _WITH_SPEED else None
+    if speed is not None:
+        etree.SubElement(element, "additionalValue").text = decimal(speed)
+    etree.SubElement(sign, "position").append(point((place.x, place.y)))
+    etree.SubElement(sign, "virtual").text = "false"
+    return sign
+
+
+def _light(number: str, place: SignalPlace, phases: Sequence[tuple[int, str]]) -> etree._Element:
+    light = etree.Element("trafficLight", id=number)
+    cycle = etree.SubElement(light, "cycle")
+    for steps, colour in phases:
+        phase = etree.SubElement(cycle, "cycleElement")
+        etree.SubElement(phase, "duration").text = str(steps)
+        etree.SubElement(phase, "color").text = colour
+    etree.SubElement(light, "position").append(point((place.x, place.y)))
+    etree.SubElement(light, "direction").text = arrow(place.signal) or "all"
+    etree.SubElement(light, "active").text = "true" if any(colour != "inactive" for _, colour in phases) else "false"
+    return light
 
 
 def _types(lanelet: ExportedLanelet) -> list[str]:
@@ -234,7 +396,7 @@ def _types(lanelet: ExportedLanelet) -> list[str]:
     return [own, *(["intersection"] if lanelet.in_junction else [])]
 
 
-def _sign(number: str, limit: float, lanelet: ExportedLanelet) -> etree._Element:
+def _limit_sign(number: str, limit: float, lanelet: ExportedLanelet) -> etree._Element:
     sign = etree.Element("trafficSign", id=number)
     element = etree.SubElement(sign, "trafficSignElement")
     etree.SubElement(element, "trafficSignID").text = _SPEED_LIMIT
@@ -244,9 +406,9 @@ def _sign(number: str, limit: float, lanelet: ExportedLanelet) -> etree._Element
     return sign
 
 
-def point(place: Sequence[float]) -> etree._Element:
-    """The element point of the first two coordinates of a place, m."""
+def point(place: Sequence[float], height: bool = False) -> etree._Element:
+    """The element point of a place, m; without its height unless asked for."""
     element = etree.Element("point")
-    for tag, value in zip("xy", place, strict=False):
+    for tag, value in zip("xyz" if height else "xy", place, strict=False):
         etree.SubElement(element, tag).text = decimal(value)
     return element

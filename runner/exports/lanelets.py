@@ -10,16 +10,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-import numpy as np
-
 from xodr import RoadNetwork
 from xodr.graph.links import next_lane
-from xodr.lookup.arrays import Points, sample, stations
+from xodr.lookup.arrays import Points, sample, section_stations
 from xodr.model import NO_WIDTH, Lane, LaneSection
 from xodr.road import Road
 
 SPACING = 2.0
 """Greatest distance (m) of the points of a bound, along the road."""
+CHORD_ERROR = 0.01
+"""Greatest distance (m) of a bound from the lines between its points."""
 
 Key = tuple[str, int, int]
 """A lane: road id, number of its section, lane id."""
@@ -85,7 +85,7 @@ def lanelets(network: RoadNetwork) -> dict[Key, ExportedLanelet]:
 
 def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[ExportedLanelet]:
     section = road.sections[number]
-    along = np.array([section.s, *(s for s in stations(road, SPACING).tolist() if section.s < s < section.end), section.end])
+    along = section_stations(road, section, CHORD_ERROR, SPACING)
     for lane in section.lanes.values():
         widths = [lane.width(s) for s in along.tolist()]
         if not lane.id or lane.type == "none" or max(widths) <= NO_WIDTH:

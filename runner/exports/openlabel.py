@@ -2,6 +2,7 @@
 
 Source: ASAM OpenLABEL 1.0.0, chapters 7 (multi-sensor data labelling) and 8 (scenario tagging). Cuboids are those of the
 bounding boxes: centre (m) and Euler angles about x, y and z (rad) in the world frame, length, width and height (m).
+Where the roads have a projection, the world frame has a parent, `geo`, with the projected coordinates of its `proj_string`.
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from runner.exports.moments import box_centre, moments, wrapped
+from runner.exports.osi_signals import VehicleLights
 from xosc.tags import openlabel, tags_of
 
 if TYPE_CHECKING:
     from runner.interpreter.result import RunResult
     from runner.recording import Track
+    from xodr import RoadNetwork
     from xosc.exports.draft import Folder
 
 TARGETS = {"openlabel": "ASAM OpenLABEL JSON: tags, and everyone's box in every frame"}
@@ -43,23 +46,59 @@ def labels(result: RunResult) -> dict[str, Any]:
     cuboids = [_cuboids(track) for track in tracks]
     content = openlabel(tags_of(result.scenario), result.scenario.name, "xosc-toolchain")
     told = content["openlabel"]
-    told["coordinate_systems"] = {_WORLD: {"type": "scene_cs", "parent": "", "children": []}}
+    told["coordinate_systems"] = _coordinate_systems(result.recording.network)
+    lights = VehicleLights(result.events)
     told["frames"] = frames = {}
     seen: dict[int, list[int]] = {}
     for number, (time, there) in enumerate(moments(result.recording)):
         objects = {}
         for index, row in there:
             seen.setdefault(index, []).append(number)
-            speed = round(float(tracks[index].columns["speed"][row]), _DIGITS)
             cuboid = {"name": "box", "val": cuboids[index][row], "coordinate_system": _WORLD}
-            objects[str(index)] = {"object_data": {"cuboid": [cuboid], "num": [{"name": "speed", "val": speed}]}}
+            numbers = [_number(name, tracks[index].columns[name][row]) for name in ("speed", "acceleration")]
+            told_of: dict[str, Any] = {"cuboid": [cuboid], "num": numbers}
+            if modes := lights.at(tracks[index].name, time):
+                told_of["text"] = [{"name": light, "val": mode} for light, mode in modes.items()]
+            objects[str(index)] = {"object_data": told_of}
         frames[str(number)] = {"frame_properties": {"timestamp": round(time, 9)}, "objects": objects}
     told["frame_intervals"] = _intervals(list(range(len(frames))))
     told["objects"] = {
-        str(index): {"name": track.name, "type": track.category, "frame_intervals": _intervals(seen.get(index, []))}
+        str(index): {
+            "name": track.name,
+            "type": track.category,
+            "frame_intervals": _intervals(seen.get(index, [])),
+            "object_data": _described(track, result.ego),
+        }
         for index, track in enumerate(tracks)
     }
     return content
+
+
+def _coordinate_systems(network: RoadNetwork | None) -> dict[str, Any]:
+    world: dict[str, Any] = {"type": "scene_cs", "parent": "", "children": []}
+    if network is None or network.geo_reference is None:
+        return {_WORLD: world}
+    x, y, z, heading = network.header.offset
+    world |= {
+        "parent": "geo",
+        "pose_wrt_parent": {"euler_angles": [heading, 0.0, 0.0], "sequence": "ZYX", "translation": [x, y, z]},
+    }
+    geo = {"type": "geo_cs", "parent": "", "children": [_WORLD], "proj_string": network.geo_reference}
+    return {"geo": geo, _WORLD: world}
+
+
+def _described(track: Track, ego: str | None) -> dict[str, Any]:
+    """What a participant is, the same at all times."""
+    box = track.box
+    centre = {"name": "box_centre", "val": [box.x, box.y, box.z]}
+    numbers = [_number(name, value) for name, value in (("front_axle", track.front_axle), ("mass", track.mass)) if value]
+    texts = [{"name": "kind", "val": track.kind}, *([{"name": "role", "val": track.role}] if track.role else [])]
+    data = {"vec": [centre], "text": texts, "boolean": [{"name": "ego", "val": track.name == ego}]}
+    return {**data, "num": numbers} if numbers else data
+
+
+def _number(name: str, value: float) -> dict[str, Any]:
+    return {"name": name, "val": round(float(value), _DIGITS)}
 
 
 def _cuboids(track: Track) -> list[list[float]]:

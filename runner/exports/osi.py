@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from runner.exports.moments import box_centre, date, moments, rate, stands, wrapped
-from runner.exports.osi_lanes import Lanes, LogicalLanes, around
+from runner.exports.osi_lanes import Lanes, LogicalLanes, Nearby, around
+from runner.exports.osi_signals import Signals, VehicleLights, fill_lights
 from runner.participants.declaration import BoundingBox
 from schemas.common.errors import UsageError
 from schemas.common.packages import optional, version
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from runner.batch.jobs import Job, Outcome
     from runner.interpreter.result import RunResult
     from runner.recording import Track
+    from xodr import RoadNetwork
     from xosc.exports.draft import Folder
 
 
@@ -42,6 +44,12 @@ _TYPES = {
     "landVehicle": "TYPE_LAND_VEHICLE", "aircraft": "TYPE_AIRCRAFT", "watercraft": "TYPE_WATERCRAFT",
 }  # fmt: skip
 """OSI's vehicle types by OpenSCENARIO category."""
+_ROLES = {
+    "civil": "ROLE_CIVIL", "ambulance": "ROLE_AMBULANCE", "fire": "ROLE_FIRE", "police": "ROLE_POLICE",
+    "publicTransport": "ROLE_PUBLIC_TRANSPORT", "roadAssistance": "ROLE_ROAD_ASSISTANCE",
+    "garbageCollection": "ROLE_GARBAGE_COLLECTION", "roadConstruction": "ROLE_ROAD_CONSTRUCTION", "military": "ROLE_MILITARY",
+}  # fmt: skip
+"""OSI's roles by OpenSCENARIO role."""
 _KINDS = {"vehicle": "TYPE_VEHICLE", "pedestrian": "TYPE_PEDESTRIAN"}
 _NANO = 1_000_000_000
 _AXES = (("position", "xyz"), ("orientation", ("yaw", "pitch", "roll")), ("velocity", "xyz"), ("acceleration", "xyz"))
@@ -56,6 +64,8 @@ class ObjectKind(Protocol):
     def category(self) -> str: ...
     @property
     def box(self) -> BoundingBox: ...
+    @property
+    def front_axle(self) -> float: ...
 
 
 def fill_base(base: Any, box: BoundingBox, values: Sequence[float], moves: bool) -> None:
@@ -74,17 +84,35 @@ def fill_base(base: Any, box: BoundingBox, values: Sequence[float], moves: bool)
             setattr(base.orientation_rate, axis, value)
 
 
-def fill_type(each: Any, one: ObjectKind, osi: Osi) -> None:
-    """Fill what a MovingObject is."""
+def fill_type(each: Any, one: ObjectKind, osi: Osi, role: str = "") -> None:
+    """Fill what a MovingObject is.
+
+    Args:
+        role: of the participant, as OpenSCENARIO names it; empty where it is not known.
+    """
     moving = osi.objects.MovingObject
     each.type = moving.Type.Value(_KINDS.get(one.kind, "TYPE_OTHER"))
     if one.kind == "vehicle":
         each.vehicle_classification.type = moving.VehicleClassification.Type.Value(_TYPES.get(one.category, "TYPE_OTHER"))
         rear = each.vehicle_attributes.bbcenter_to_rear
         rear.x, rear.y, rear.z = -one.box.x, -one.box.y, -one.box.z
+        if one.front_axle:
+            front = each.vehicle_attributes.bbcenter_to_front
+            front.x, front.y, front.z = one.front_axle - one.box.x, -one.box.y, -one.box.z
+        if role:
+            kind = _ROLES.get(role, "ROLE_OTHER")
+            each.vehicle_classification.role = moving.VehicleClassification.Role.Value(kind)
     elif one.kind == "pedestrian":
         root = each.pedestrian_attributes.bbcenter_to_root
         root.x, root.y, root.z = -one.box.x, -one.box.y, -one.box.z
+
+
+def fill_frame(message: Any, network: RoadNetwork) -> None:
+    """Fill the map of a GroundTruth, its projection, and the offset of the world frame in it."""
+    message.map_reference, message.proj_string = network.path.name, network.geo_reference or ""
+    if network.geo_reference is not None:
+        offset, (x, y, z, heading) = message.proj_frame_offset, network.header.offset
+        offset.position.x, offset.position.y, offset.position.z, offset.yaw = x, y, z, heading
 
 
 class Osi:
@@ -166,13 +194,15 @@ FORMATS = (".osi", ".mcap")
 
 
 def export(result: RunResult, name: str, folder: Folder) -> list[str]:
-    """Write the trace of a run in both formats, named as the standard names traces.
+    """Write the trace of a run in both formats, named as the standard names traces, and the road file that it names.
 
     Raises:
         UsageError: the packages for it are not installed, or a file is in the way.
     """
     for suffix in FORMATS:
         folder.write_by(trace_name(result, name, suffix), partial(write_trace, result))
+    if (network := result.recording.network) is not None:
+        folder.copy(network.path, network.path.name)  # which `map_reference` names
     return []
 
 
@@ -260,22 +290,28 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
     tables = [_table(track) for track in tracks]
     standing = [stands(track) for track in tracks]
     network = result.recording.network
-    near = around(network, result.recording) if network is not None else []
+    nearby = Nearby(result.recording)
+    near = around(network, nearby) if network is not None else []
     lanes = Lanes(network, near, len(tracks)) if network is not None else None
     logical = LogicalLanes(network, near, lanes.id, lanes.next_id) if network is not None and lanes is not None else None
+    signals = None
+    if network is not None and lanes is not None and logical is not None:
+        signals = Signals(network, nearby.has, lanes.id, result.events, logical.next_id)
+    lamps = VehicleLights(result.events)
     assigned = [logical.assignments(track) if logical is not None else [] for track in tracks]
     on = [lanes.of(track) if lanes is not None else [None] * len(track.columns["time"]) for track in tracks]
     for time, there in moments(result.recording):
         message = osi.groundtruth.GroundTruth()
         osi.stamp(message, time)
         if network is not None:
-            message.map_reference = network.path.name
-            message.proj_string = network.geo_reference or ""
+            fill_frame(message, network)
         host = next((on[number][row] for number, row in there if tracks[number].name == result.ego), None)
         if lanes is not None:
             lanes.fill(message, host)
         if logical is not None:
             logical.fill(message)
+        if signals is not None:
+            signals.fill(message, time)
         for number, row in there:
             track = tracks[number]
             each = message.stationary_object.add() if standing[number] else message.moving_object.add()
@@ -287,7 +323,9 @@ def ground_truths(result: RunResult) -> Iterator[Any]:
             if standing[number]:
                 each.classification.type = osi.objects.StationaryObject.Classification.TYPE_OTHER
             else:
-                fill_type(each, track, osi)
+                fill_type(each, track, osi, track.role)
+                if modes := lamps.at(track.name, time):
+                    fill_lights(each.vehicle_classification.light_state, modes, track.role)
                 if (lane := on[number][row]) is not None:
                     each.moving_object_classification.assigned_lane_id.add(value=lane)
                 if logical is not None and (place := assigned[number][row]) is not None:

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from shapely import LineString
+from shapely import LineString, dwithin
+from shapely import Point as ShapelyPoint
 
 from runner.exports.lanelets import ExportedLanelet, Key, lanelets
 from runner.exports.moments import box_centre
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
 
 _REACH = 200.0
 """Margin (m) around the paths of the entities within which lanes are exported"""
-_CLOSE = 0.05
-"""m by which lines of fewer points may be off"""
+_CLOSE = 0.03
+"""m by which lines of fewer points may be off; with that of the points that they are chosen from less than 5 cm"""
 _DRIVING = {
     "driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "bus", "taxi", "HOV",
     "mwyEntry", "mwyExit", "roadWorks", "tram", "rail",
@@ -172,29 +173,43 @@ class Lanes:
         return self._ids.get(junction or key)
 
 
-def around(network: RoadNetwork, recording: Recording) -> list[ExportedLanelet]:
+class Nearby:
+    """Surroundings of the ways of all participants of a run.
+
+    Args:
+        recording: the run.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        columns = [track.columns for track in recording.tracks.values()]
+        self._ways = [
+            LineString(np.column_stack([each["x"], each["y"]]).repeat(2 if len(each["x"]) < 2 else 1, 0)) for each in columns
+        ]
+
+    def lanes(self, everything: Sequence[ExportedLanelet]) -> set[ExportedLanelet]:
+        """Lanes within reach."""
+        from shapely import STRtree
+
+        tree = STRtree([LineString(lanelet.centre[:, :2]) for lanelet in everything])
+        query = partial(tree.query, predicate="dwithin", distance=_REACH)
+        numbers = {int(number) for way in self._ways for number in query(way)}
+        return {everything[number] for number in numbers}
+
+    def has(self, x: float, y: float) -> bool:
+        """Whether a place (m) is within reach."""
+        return any(bool(dwithin(way, ShapelyPoint(x, y), _REACH)) for way in self._ways)
+
+
+def around(network: RoadNetwork, nearby: Nearby) -> list[ExportedLanelet]:
     """The lanes near the ways of the participants of a run, and the rest of their junctions."""
-    everything = lanelets(network)
-    near = _near(everything.values(), recording)
+    everything = list(lanelets(network).values())
+    near = nearby.lanes(everything)
     junctions = {_junction(network, lanelet) for lanelet in near} - {None}
-    return [each for each in everything.values() if each in near or _junction(network, each) in junctions]
+    return [each for each in everything if each in near or _junction(network, each) in junctions]
 
 
 def _junction(network: RoadNetwork, lanelet: ExportedLanelet) -> str | None:
     return f"junction {network.roads[lanelet.key[0]].junction_id}" if lanelet.in_junction else None
-
-
-def _near(everything: Iterable[ExportedLanelet], recording: Recording) -> set[ExportedLanelet]:
-    from shapely import STRtree
-
-    found = list(everything)
-    ways = [
-        LineString(np.column_stack([track.columns["x"], track.columns["y"]]).repeat(2 if len(track.columns["x"]) < 2 else 1, 0))
-        for track in recording.tracks.values()
-    ]
-    tree = STRtree([LineString(lanelet.centre[:, :2]) for lanelet in found])
-    numbers = {int(number) for way in ways for number in tree.query(way, predicate="dwithin", distance=_REACH)}
-    return {found[number] for number in numbers}
 
 
 def _fill_boundary(boundary: Any, number: int, points: Points, paint: tuple[str, str, float | None]) -> None:
@@ -253,6 +268,11 @@ _TYPES = {
     "connectingRamp": "CONNECTINGRAMP", "slipLane": "CONNECTINGRAMP", "median": "MEDIAN", "rail": "RAIL", "tram": "TRAM",
 }  # fmt: skip
 """OSI's types by OpenDRIVE lane type; everything else is `OTHER`"""
+_ROADS = {
+    "lowSpeed", "motorway", "pedestrian", "rural", "townArterial", "townCollector", "townExpressway", "townLocal",
+    "townPlayStreet", "townPrivate", "town", "bicycle",
+}  # fmt: skip
+"""OpenDRIVE road types that OSI has, too"""
 _UNREFERENCED = {"median", "curb", "tram", "rail"}
 """Lane types whose logical lanes name no physical lane"""
 _PASSING = {
@@ -284,6 +304,8 @@ class LogicalLanes:
         self._lines = {road: next(numbers) for road in roads}
         self._borders = {border: next(numbers) for border in borders}
         self._ids = {key: next(numbers) for key in self._lanelets}
+        self.next_id = first_id + len(roads) + len(borders) + len(self._lanelets)
+        """ids from here on are still free"""
 
     def fill(self, message: Any) -> None:
         """Add reference lines, boundaries and lanes to a GroundTruth."""
@@ -364,6 +386,10 @@ class LogicalLanes:
         borders = (_inner(key), key) if lane_id < 0 else (key, _inner(key))
         for border, ids in zip(borders, (lane.left_boundary_id, lane.right_boundary_id), strict=True):
             ids.add(value=self._borders[border])
+        road_type = lanelet.road_type.upper() if lanelet.road_type in _ROADS else "UNKNOWN"
+        lane.road_type = lane.RoadType.Value(f"ROAD_TYPE_{road_type}")
+        if lanelet.limit is not None:
+            _fill_limit(lane, lanelet.limit)
         for step, relations in ((1, lane.left_adjacent_lane), (-1, lane.right_adjacent_lane)):
             other = (road_id, section_number, lane_id + step or step)
             if other in self._ids:
@@ -379,6 +405,15 @@ class LogicalLanes:
         """Whether a lane's traffic goes along the reference line."""
         road = self._network.roads[key[0]]
         return road.direction(key[2], road.sections[key[1]].s) > 0
+
+
+def _fill_limit(lane: Any, limit: float) -> None:
+    """Give a logical lane its speed limit (m/s), for all."""
+    rule = lane.traffic_rule.add()
+    rule.traffic_rule_type = rule.TRAFFIC_RULE_TYPE_SPEED_LIMIT
+    rule.traffic_rule_validity.start_s, rule.traffic_rule_validity.end_s = lane.start_s, lane.end_s
+    value = rule.speed_limit.speed_limit_value
+    value.value, value.value_unit = limit * 3.6, value.Unit.Value("UNIT_KILOMETER_PER_HOUR")
 
 
 def _inner(key: Key) -> Key:

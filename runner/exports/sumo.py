@@ -1,11 +1,13 @@
 """Target `sumo`: the network, everyone's route, a configuration to start from, and the run itself as FCD output.
 
 Frames: SUMO's positions are those of the middle of the front bumper, its angles degrees clockwise from north. Times and
-places of the FCD file are those of the run; a simulation of the routes moves the vehicles by SUMO's own drivers.
+places of the FCD file are those of the run; a simulation of the routes moves the vehicles by SUMO's own drivers. What SUMO has no
+attribute for is in parameters (`param`) of the vehicle types. Lights change as in the run, by a program of their own.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from itertools import pairwise
@@ -15,7 +17,9 @@ import numpy as np
 from lxml import etree
 
 from runner.exports.moments import decimal, fixed_point, moments, unsupported
-from runner.worlds.sumo_translation import KINDS, OBSTACLE
+from runner.exports.osi_signals import VehicleLights
+from runner.recording import signal_states
+from runner.worlds.sumo_translation import KINDS, OBSTACLE, link_state
 from schemas.xml import parse
 from xodr import sumo_net
 from xodr.sumo_net import LaneTrack
@@ -27,6 +31,10 @@ if TYPE_CHECKING:
     from xosc.exports.draft import Folder
 
 TARGETS = {"sumo": "SUMO: network, routes, and the run as FCD"}
+_DARK = "O"
+"""Link state of a light that is off"""
+_AFTER = 3600.0
+"""Time (s) that the last state of a light lasts on after the run"""
 _UNFIT = re.compile(r"[^A-Za-z0-9_.-]")
 """Characters that SUMO's ids can't have, or had better not."""
 
@@ -79,10 +87,18 @@ def export(result: RunResult, name: str, folder: Folder) -> list[str]:
     ids = _ids(tracks)
     roads = _Roads.read(net)
     places = [_places(track, net, roads.lengths) for track in tracks]
-    network_file = folder.copy(net.path, f"{network.path.stem}.net.xml")
+    network_file = folder.name(net.path, f"{network.path.stem}.net.xml")
+    converted = parse(net.path).getroot()
+    georeferenced = sumo_net.georeference(converted, network)
+    sumo_net.lift(converted, net, network)
     routes, remarks = _routes(tracks, ids, places, roads)
+    remarks += [georeferenced] if georeferenced is not None else []
+    programs = _programs(result, net, converted)
     files = {f"{name}.rou.xml": routes, f"{name}.fcd.xml": _fcd(result, ids, places)}
-    files[f"{name}.sumocfg"] = _configuration(network_file, f"{name}.rou.xml", result)
+    if len(programs):
+        files[f"{name}.tll.xml"] = programs
+    files[f"{name}.sumocfg"] = _configuration(network_file, [each for each in files if not each.endswith(".fcd.xml")], result)
+    files[network_file] = converted
     for file, root in files.items():
         etree.indent(root)
         folder.write(file, etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n")
@@ -131,6 +147,40 @@ def _edges(places: _Places) -> list[str]:
     return [edge for number, edge in enumerate(outside) if number == 0 or edge != outside[number - 1]]
 
 
+_CLASSES = {
+    "ambulance": "emergency", "fire": "emergency", "police": "authority", "military": "army", "publicTransport": "bus",
+}  # fmt: skip
+"""SUMO's vehicle classes by OpenSCENARIO role; other roles have that of their category."""
+_LIGHTS = {
+    "indicatorRight": 1, "indicatorLeft": 2, "warningLights": 4, "brakeLights": 8, "lowBeam": 16, "fogLights": 32,
+    "highBeam": 64, "reversingLights": 128, "specialPurposeLights": 2048,
+}  # fmt: skip
+"""Bits of SUMO's vehicle signals by OpenSCENARIO's light."""
+
+
+def _programs(result: RunResult, net: SumoNet, network: etree._Element) -> etree._Element:
+    """A program for each traffic light that the run has switched: its phases are the states between two changes.
+
+    Links without a state are off: the junction's right of way holds.
+    """
+    root = etree.Element("additional")
+    links = {each.get("id", ""): len(each.findall("phase")[0].get("state", "")) for each in network.iter("tlLogic")}
+    changes: dict[str, dict[float, dict[int, str]]] = {}
+    for signal, history in signal_states(result.events).items():
+        for time, state in history:
+            for light, link in net.signals.get(signal, ()):
+                changes.setdefault(light, {}).setdefault(time, {})[link] = link_state(state) or _DARK
+    for light, times in changes.items():
+        program = etree.SubElement(root, "tlLogic", id=light, type="static", programID="scenario", offset="0")
+        letters = [_DARK] * links[light]
+        ends = [*sorted(time for time in times if time > 0.0), max(result.end_time, *times) + _AFTER]
+        for begin, end in pairwise([0.0, *ends]):
+            for link, letter in times.get(begin, {}).items():
+                letters[link] = letter
+            etree.SubElement(program, "phase", duration=decimal(end - begin), state="".join(letters))
+    return root
+
+
 # files --------------------------------------------------------------------------------------
 
 
@@ -167,7 +217,16 @@ def _type(track: recording.Track, name: str, hurry: float) -> etree._Element:
     size = {"length": track.box.length, "width": track.box.width, "height": track.box.height}
     limits = {"accel": kind.acceleration, "decel": kind.deceleration, "maxSpeed": kind.speed}
     numbers = {key: decimal(max(value, 0.1)) for key, value in {**size, **limits, "speedFactor": 1.001 * hurry}.items()}
-    return etree.Element("vType", {"id": name, "vClass": kind.vehicle_class, "sigma": "0", "speedDev": "0", **numbers})
+    vehicle_class = _CLASSES.get(track.role, kind.vehicle_class)
+    element = etree.Element("vType", {"id": name, "vClass": vehicle_class, "sigma": "0", "speedDev": "0", **numbers})
+    if track.mass > 0.0:
+        element.set("mass", decimal(track.mass))
+    texts = {"name": track.name, "kind": track.kind, "category": track.category, "role": track.role}
+    box = {f"box_{axis}": decimal(getattr(track.box, axis)) for axis in "xyz"}
+    for key, value in {**texts, **box, "front_axle": decimal(track.front_axle)}.items():
+        if value:
+            etree.SubElement(element, "param", key=key, value=value)
+    return element
 
 
 def _vehicle(track: recording.Track, name: str, first: _Place, edges: Sequence[str]) -> etree._Element:
@@ -180,7 +239,7 @@ def _vehicle(track: recording.Track, name: str, first: _Place, edges: Sequence[s
 
 
 def _fcd(result: RunResult, ids: Sequence[str], places: Sequence[_Places]) -> etree._Element:
-    root = etree.Element("fcd-export")
+    root, lights = etree.Element("fcd-export"), VehicleLights(result.events)
     tracks = list(result.recording.tracks.values())
     fronts = [fixed_point(track, track.box.x + track.box.length / 2, track.box.y, 0.0) for track in tracks]
     walks = [KINDS.get(track.category, OBSTACLE).vehicle_class == "pedestrian" for track in tracks]
@@ -193,17 +252,25 @@ def _fcd(result: RunResult, ids: Sequence[str], places: Sequence[_Places]) -> et
                 each.set(axis, decimal(value))
             each.set("angle", decimal(float(np.mod(90.0 - np.degrees(columns["h"][row]), 360.0))))
             each.set("speed", decimal(abs(columns["speed"][row])))
+            each.set("slope", decimal(-math.degrees(columns["pitch"][row])))
+            if not walks[number]:
+                each.set("acceleration", decimal(columns["acceleration"][row]))
+                if modes := lights.at(tracks[number].name, time):
+                    each.set("signals", str(sum(bit for light, bit in _LIGHTS.items() if modes.get(light, "off") != "off")))
             if place is not None:
                 each.set("pos", decimal(place.position))
                 each.set(*(("edge", place.lane.rpartition("_")[0]) if walks[number] else ("lane", place.lane)))
     return root
 
 
-def _configuration(network: str, routes: str, result: RunResult) -> etree._Element:
+def _configuration(network: str, names: Sequence[str], result: RunResult) -> etree._Element:
+    routes, *programs = names
     root = etree.Element("configuration")
     files, time = etree.SubElement(root, "input"), etree.SubElement(root, "time")
     etree.SubElement(files, "net-file", value=network)
     etree.SubElement(files, "route-files", value=routes)
+    if programs:
+        etree.SubElement(files, "additional-files", value=",".join(programs))
     for tag, value in (("begin", 0.0), ("end", result.end_time), ("step-length", result.recording.timestep)):
         etree.SubElement(time, tag, value=decimal(value))
     return root

@@ -12,8 +12,9 @@ import math
 from typing import Any
 
 from runner.exports.lanelets import lanelets
-from runner.exports.osi import Osi, fill_base, fill_type
+from runner.exports.osi import Osi, fill_base, fill_frame, fill_type
 from runner.exports.osi_lanes import Lanes
+from runner.exports.osi_signals import fill_lights
 from runner.motion.placement import wrap
 from runner.sut.base import Observation, Participant, Pose
 from schemas.common.errors import ToolchainError
@@ -42,7 +43,7 @@ class Truth:
         message, network = self._osi.groundtruth.GroundTruth(), observation.network
         self._osi.stamp(message, observation.time)
         if network is not None:
-            message.map_reference, message.proj_string = network.path.name, network.geo_reference or ""
+            fill_frame(message, network)
         first, self._begun = not self._begun, True
         if first and network is not None:
             self._lanes = Lanes(network, lanelets(network).values(), 0)
@@ -65,6 +66,8 @@ class Truth:
         source.identifier.append(one.name)
         fill_base(each.base, one.box, self._values(one, time), True)
         fill_type(each, one, self._osi)
+        if one.kind == "vehicle" and one.lights:
+            fill_lights(each.vehicle_classification.light_state, one.lights)
         self._before[one.name] = time, one
         if network is None or self._lanes is None:
             return None

@@ -52,6 +52,7 @@ class Declaration:
         max_steering: greatest angle of the front wheels, rad (0 where it is not known).
         model: its 3D model, or else the name of its kind.
         mass: kg (0 where it is not known).
+        role: of a vehicle or pedestrian, e.g. ambulance, civil; empty where the file gives none.
         properties: its Properties by name.
         controllers: the controllers assigned from the beginning: name → properties.
         hitch: x of the hitch that a trailer can be put on, m; None where there is none.
@@ -68,6 +69,7 @@ class Declaration:
     max_steering: float = 0.0
     model: str = ""
     mass: float = 0.0
+    role: str = ""
     properties: Mapping[str, str] = field(default_factory=dict)
     controllers: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     hitch: float | None = None

@@ -61,6 +61,7 @@ def read_object(node: Node, name: str) -> Declaration:
         max_steering=_read_front_axle(described, "maxSteering"),
         model=described.get("model3d", "") or described.get("name", ""),
         mass=described.finite("mass", 0.0),
+        role=described.get("role", ""),
         properties=_read_properties(described),
         controllers={
             controller.get("name"): _read_properties(controller)

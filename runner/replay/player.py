@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runner.measures.measure import GREATEST_DECELERATION
+from runner.recording import signal_states
 from runner.replay import account as timeline
 from runner.replay import scene_roads
 from runner.replay.account import Stretches, account, main_partner, partners, stretches
@@ -186,7 +187,7 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
         ],
         "actors": result.actors,
         "events": [list(entry) for entry in result.events if timeline.is_shown(entry)],
-        "signals": scene_roads.signal_states(result.events),
+        "signals": signal_states(result.events),
         "curves": [] if ego is None else _curves(ego, result.criticality, dt, stride),
         **_pairs(result.criticality, dt, stride),
     }

@@ -18,7 +18,6 @@ from xodr.lookup.arrays import sample, stations, values
 from xodr.model import NO_WIDTH, PERMANENT, TEMPORARY, RoadMark
 
 if TYPE_CHECKING:
-    from runner.recording import LogEntry
     from xodr.geometry import Profile
     from xodr.model import Junction, LaneSection, OutlineCorner, RoadObject, Structure
     from xodr.network import RoadNetwork
@@ -374,12 +373,3 @@ def signals(network: RoadNetwork, area: Area) -> list[dict[str, Any]]:
                 | {"z": z, "up": signal.z_offset, "type": signal.type, "h": seen_from, "both": signal.orientation == "none"}
             )
     return found
-
-
-def signal_states(events: Iterable[LogEntry]) -> dict[str, list[tuple[float, str]]]:
-    """By signal, since when (s) it has shown what."""
-    states: dict[str, list[tuple[float, str]]] = defaultdict(list)
-    for entry in events:
-        if entry.kind == "trafficSignal":
-            states[entry.subject].append((entry.time, entry.text))
-    return dict(states)

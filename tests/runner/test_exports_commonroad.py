@@ -101,7 +101,7 @@ def test_the_goal_is_where_the_ego_was_before_it_hit_somebody(tmp_path: Path) ->
     path = scenario(tmp_path, entities=[car("Ego"), car("Other")], init=crash, stop=3.0)
     crashed = runner.run(path, world="kinematic", timestep=0.1, sut="none")
     assert crashed.verdict.reasons
-    (goal,) = commonroad.scenario(crashed, "crash").iter("goalState")
+    (goal,) = commonroad.scenario(crashed, "crash", []).iter("goalState")
     centre = [float(goal.findtext(f"position/rectangle/center/{axis}", "")) for axis in "xy"]
     ego, other = (box_centre(crashed.recording.tracks[name]) for name in ("Ego", "Other"))
     gaps = other[:, 0] - ego[:, 0] - 5.0

@@ -95,8 +95,8 @@ def test_motion_is_that_of_the_world_frame(result: runner.RunResult, tmp_path: P
 
 def test_traces_are_named_as_the_standard_names_them(result: runner.RunResult, tmp_path: Path) -> None:
     osi.export(result, "a_run~1", Folder(tmp_path))
-    first, second = sorted(tmp_path.iterdir())
-    first, second = sorted((first, second), key=lambda each: each.suffix)
+    first, second, road = sorted(tmp_path.iterdir(), key=lambda each: each.suffix)
+    assert road.name == read(second)[0].map_reference
     assert (first.suffix, second.suffix, first.stem) == (".mcap", ".osi", second.stem.replace("_gt_", "_multi_"))
     parsed = osi_utilities.parse_osi_trace_filename(second.name)
     assert (parsed["message_type"].name, parsed["number_of_frames"]) == ("GROUND_TRUTH", len(read(second)))

@@ -44,7 +44,7 @@ def test_a_run_gives_the_same_bytes_again(result: runner.RunResult, tmp_path: Pa
         for name in ("a", "b"):
             target.export(result, "run", Folder(tmp_path / name))
     names = [path.name for path in sorted((tmp_path / "a").iterdir())]
-    assert len(names) == 4
+    assert len(names) == 7
     assert all((tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes() for name in names)
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from runner.recording import LogEntry
+from runner.recording import LogEntry, signal_states
 from runner.replay.account import is_shown, rows
-from runner.replay.scene_roads import signal_states
 
 EVENT = "story::act::group::maneuver::event"
 LOG = [

@@ -234,6 +234,38 @@ def stations(road: Road, longest: float = 5.0) -> FloatArray:
     return np.append(np.concatenate(pieces), road.length)
 
 
+_FINEST = 0.05
+"""Distance (m) of stations below which none is added"""
+
+
+def section_stations(road: Road, section: LaneSection, error: float, longest: float = 5.0) -> FloatArray:
+    """s (m) of a lane section, ends included, between which straight lines miss no lane border by more than `error` (m)."""
+    inside = [s for s in stations(road, longest).tolist() if section.s < s < section.end]
+    borders = [section.lanes[0].center, *(section.lanes[lane].outer for lane in (*section.left, *section.right))]
+    inside += [s for border in borders for s in border.starts if section.s < s < section.end]
+    found = np.array(sorted({section.s, section.end, *inside}))
+    if len(found) < 2:
+        return found
+    places = {s: _across(road, borders, s) for s in found.tolist()}
+    pending = list(pairwise(found.tolist()))
+    while pending:
+        low, high = pending.pop()
+        middle = 0.5 * (low + high)
+        if high - low < _FINEST:
+            continue
+        places[middle] = _across(road, borders, middle)
+        away = np.linalg.norm(places[middle] - 0.5 * (places[low] + places[high]), axis=1)
+        if away.max() > error:
+            pending += [(low, middle), (middle, high)]
+        else:
+            del places[middle]
+    return np.array(sorted(places))
+
+
+def _across(road: Road, borders: list[Profile], s: float) -> Points:
+    return np.array([road.pose(s, border(s))[:3] for border in borders])
+
+
 def lane_borders(road: Road, longest: float = 5.0) -> list[tuple[int, Points, Points]]:
     """For every lane of every section its id and its inner and outer border as polylines."""
     everywhere = stations(road, longest)

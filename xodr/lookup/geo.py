@@ -56,6 +56,9 @@ def without_files(projection: str, path: Path) -> str:
 class GeoReference:
     """The map projection of one road network.
 
+    Attributes:
+        crs: the projection, as pyproj has it.
+
     Raises:
         Unsupported: the network has no geoReference.
         InvalidFile: PROJ does not understand it.
@@ -69,6 +72,7 @@ class GeoReference:
             raise Unsupported("geographic positions need a geoReference in the road network", path=network.path, element="header")
         try:
             crs = pyproj.CRS.from_user_input(without_files(projection, network.path))
+            self.crs = crs
             self._transformer = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
         except pyproj.exceptions.ProjError as error:
             message = f"geoReference {projection!r} is not understood: {error}"
@@ -81,3 +85,10 @@ class GeoReference:
         easting, northing = self._transformer.transform(place.longitude, place.latitude)
         dx, dy = easting - self._x, northing - self._y
         return self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx, place.altitude - self._z
+
+    def to_geodetic(self, x: float, y: float, z: float = 0.0) -> Geodetic:
+        """Place on Earth of world coordinates (m); not finite where the projection does not reach it."""
+        easting = self._x + self._cos * x - self._sin * y
+        northing = self._y + self._sin * x + self._cos * y
+        longitude, latitude = self._transformer.transform(easting, northing, direction="INVERSE")
+        return Geodetic(latitude, longitude, z + self._z)

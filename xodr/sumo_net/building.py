@@ -10,10 +10,13 @@ import hashlib
 import importlib.util
 import json
 import logging
+import math
 import os
 import sys
+import warnings
 from collections import defaultdict
 from functools import cache, lru_cache
+from itertools import accumulate, pairwise
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,6 +27,7 @@ from lxml import etree
 from schemas.common.errors import ToolchainError, Unsupported, UsageError
 from schemas.common.storage import Stamp, cache_folder, is_own, keep, read_bytes, stamp
 from schemas.xml import parse
+from xodr.lookup.geo import GeoReference
 from xodr.network import RoadNetwork
 from xodr.reader import load
 from xodr.sumo_net.net import LaneTrack, SignalLink, SumoNet, text
@@ -172,6 +176,59 @@ def convert(roads: RoadNetwork | None) -> tuple[bytes, dict[str, Any]]:
         "fallback": fallback,
     }
     return etree.tostring(network, xml_declaration=True, encoding="UTF-8"), index
+
+
+def georeference(network: etree._Element, roads: RoadNetwork) -> str | None:
+    """Give a SUMO network the projection and the offset of its roads; why not, where that can't be done.
+
+    SUMO adds `netOffset` to projected coordinates; it can't turn them.
+    """
+    location = network.find("location")
+    if roads.geo_reference is None or location is None:
+        return None
+    x, y, _, heading = roads.header.offset
+    if heading:
+        return f"the projection is left out: SUMO can't turn coordinates, and the header's offset turns them by {heading:g} rad"
+    try:
+        projection = proj_text(roads)
+    except ToolchainError as error:
+        return f"the projection is left out: {error.message}"
+    location.set("projParameter", projection)
+    location.set("netOffset", f"{-x:.4f},{-y:.4f}")
+    return None
+
+
+def proj_text(roads: RoadNetwork) -> str:
+    """The projection of roads as a PROJ string of coordinates.
+
+    Raises:
+        Unsupported, InvalidFile: see `xodr.lookup.geo.GeoReference`.
+    """
+    crs = GeoReference(roads).crs
+    given = str(roads.geo_reference).strip()
+    if not given.startswith("+proj="):
+        with warnings.catch_warnings(action="ignore", category=UserWarning):  # names of datums are lost
+            given = crs.to_proj4()
+    return given.replace("+type=crs", "").strip()
+
+
+def lift(network: etree._Element, net: SumoNet, roads: RoadNetwork) -> None:
+    """Give the lanes of a SUMO network the heights of its roads."""
+    if all(road.flat for road in roads.roads.values()):
+        return
+    for lane in network.iter("lane"):
+        track = net.track(lane.get("id", ""))
+        if track is None:
+            continue
+        points = [(float(x), float(y)) for x, y, *_ in (each.split(",") for each in lane.get("shape", "").split())]
+        road = roads.roads[track.road_id]
+        gone = [0.0, *accumulate(math.dist(a, b) for a, b in pairwise(points))]
+        shape = []
+        for (x, y), length in zip(points, gone, strict=True):
+            s = track.start + (track.end - track.start) * (length / gone[-1] if gone[-1] else 0.0)
+            lane_id = track.lane_id if track.lane_id in road.section(s).lanes else road.lane_at(s, 0.0)
+            shape.append(f"{x:.4f},{y:.4f},{road.pose(s, road.lane_t(s, lane_id)).z:.4f}")
+        lane.set("shape", " ".join(shape))
 
 
 def _check_widths(plain: PlainNetwork) -> None:
