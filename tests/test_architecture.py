@@ -17,7 +17,7 @@ FLOORS = {"schemas": 0, "xosc": 1, "xodr": 1, "runner": 2, "recognition": 3, "ge
 """The packages; one imports those of lower floors only."""
 MOST_FLAT = 12
 """Modules of a package's top folder."""
-MOST_FILES = 390
+MOST_FILES = 430
 """Product files"""
 MEDIAN = (120, 250)
 """Lines of the median product file"""
