@@ -112,3 +112,22 @@ def test_the_values_of_other_versions_are_told_and_stay(write) -> None:
     assert "'override' is not a valid value" in remark and load(path).version == (1, 0)
     event = next(load(path).node.iter("Event"))
     assert event.get("priority") == "override"
+
+
+@pytest.mark.parametrize("minor", [0, 1, 2])
+def test_a_missing_child_says_nothing_of_the_version(write, minor: int) -> None:
+    """Without a StopTrigger, which later versions do not need, a file was read as one of those."""
+    whole = storyboard().replace("<StopTrigger/>", "")
+    assert load(write(*WHOLE[:3], whole, minor=minor)).version == (1, minor)
+
+
+def test_an_element_that_the_declared_version_lacks_speaks_for_the_nearest_that_has_it(write) -> None:
+    path = write("<ParameterDeclarations/><VariableDeclarations/>", *WHOLE, minor=0)
+    assert load(path).version == (1, 2)
+    assert said(path)[0].startswith("2: the header has the revision 1.0, the content is that of version 1.2: 1.0 has no V")
+
+
+def test_other_evidence_holds_whatever_else_is_missing(write) -> None:
+    whole = storyboard("<Init/>").replace("<StopTrigger/>", "")
+    path = write("<ParameterDeclarations/><VariableDeclarations/>", *WHOLE[:3], whole, minor=0)
+    assert load(path).version == (1, 2)

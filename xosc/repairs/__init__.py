@@ -18,7 +18,7 @@ from schemas import validate
 from schemas.common.remarks import Remark
 from schemas.registry import HEADERS, OPENSCENARIO, header_of, revision, schema_for
 from xosc.node import Node
-from xosc.repairs import attributes, elements
+from xosc.repairs import attributes, elements, names
 
 # revision ---------------------------------------------------------------------------------------
 
@@ -32,10 +32,13 @@ Version = tuple[int, int]
 
 
 def correct_revision(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
-    """Enter the revision of the version whose schema the document keeps, where it does not keep that of its own.
+    """Enter the revision of another version where the content says that it is of that one.
 
-    Where several do, it is the one nearest to what the header says; the newest where that says nothing. A document of a later
-    revision that keeps none is read as one of the newest: what came later is then found as anything else that breaks its schema.
+    The declared version rules the meaning. Only elements, attributes and expressions that it does not
+    have, and that another has, speak for that one: of the versions that lack fewest, the nearest is taken. A missing
+    child says nothing. Where the header has no revision, the newest version whose schema the content keeps is
+    taken. A document of a later revision is read as one of the newest: what came later is then found as
+    anything else that breaks its schema.
 
     Args:
         root: the root, in no namespace; its header is changed or added.
@@ -44,13 +47,9 @@ def correct_revision(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
     header, said = header_of(root.element), claimed(root)
     if said in versions and (schema_for(OPENSCENARIO, said) is None or _keeps(root, said)):
         return []
-    for version in sorted(versions, key=lambda each: _distance(each, said)):
-        if version != said and _keeps(root, version):
-            break
-    else:
-        if said is None or not versions[-1] < said < (versions[-1][0] + 1, 0):
-            return []
-        version = versions[-1]
+    version = _meant(root, versions, said)
+    if version is None or version == said:
+        return []
     name = f"{version[0]}.{version[1]}"
     if header is None:
         header = etree.Element(HEADERS[OPENSCENARIO], _HEADER)
@@ -59,11 +58,24 @@ def correct_revision(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
     else:
         has = f"the revision {said[0]}.{said[1]}" if said else "no revision"
         rule = _VALID if said else _DEFINED
-        read = f"the content is that of version {name}" if _keeps(root, version) else f"it is read as version {name}"
+        evidence = names.foreign(root, said) if said in versions else []
+        shown = f": {evidence[0]}" if evidence else ""
+        kept = bool(evidence) or _keeps(root, version)
+        read = f"the content is that of version {name}{shown}" if kept else f"it is read as version {name}"
         remark = Node(header, root.path).remark(rule, f"the header has {has}, {read}")
     header.set("revMajor", str(version[0]))
     header.set("revMinor", str(version[1]))
     return [remark]
+
+
+def _meant(root: Node, versions: tuple[Version, ...], said: Version | None) -> Version | None:
+    """The version to read a document as; None where nothing says which."""
+    later = said is not None and versions[-1] < said < (versions[-1][0] + 1, 0)
+    if said in versions or later:
+        lacks = {version: len(names.foreign(root, version)) for version in versions}
+        return min(versions, key=lambda version: (lacks[version], _distance(version, said)))
+    nearest = sorted(versions, key=lambda version: _distance(version, said))
+    return next((version for version in nearest if _keeps(root, version)), None)
 
 
 def claimed(root: Node) -> Version | None:
