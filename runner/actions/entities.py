@@ -30,7 +30,10 @@ def _entity(node: Node, context: Context) -> Entity:
 @action("AddEntityAction")
 @dataclass(frozen=True, slots=True)
 class AddEntityAction(GlobalAction):
-    """Brings a declared entity into the world at a position, standing; nothing happens where it is there already."""
+    """Brings a declared entity into the world at a position; nothing happens where it is there already.
+
+    It drives at the speed that it was last asked for: before it was deleted, or by an initial SpeedAction; else it stands.
+    """
 
     entity: Entity
     position: Position
@@ -44,9 +47,13 @@ class AddEntityAction(GlobalAction):
         """The position."""
         return [(self.entity, self.position)]
 
+    def references(self) -> Iterable[Entity]:
+        """Entities that the position is relative to."""
+        return self.position.references()
+
     def start(self, run: Run) -> None:
         """Add at once."""
-        if self.entity.active:
+        if self.entity.active and self.entity.placed:
             run.note("entity", self.entity.name, "is in the scenario already")
             return
         run.activate(self.entity, self.position.resolve(run, self.entity))

@@ -86,8 +86,10 @@ class SpeedAction(PrivateAction):
 def set_speed(actor: Entity, speed: float, run: Run) -> None:
     """Have the entity drive at a speed (m/s) from the coming step on; at the start, or when it has just entered, from now on."""
     actor.controls.target_speed = speed
-    if run.initialising or actor.entered == run.time:
+    if run.initialising:
         actor.speed = speed
+    elif actor.entered == run.time:
+        actor.begin_at(speed)
 
 
 def demanded_speed(actor: Entity) -> float:

@@ -277,6 +277,10 @@ class PrivateAction(ABC):
 class GlobalAction(ABC):
     """An action on the simulation at large."""
 
+    def references(self) -> Iterable[Entity]:
+        """Same as `PrivateAction.references`."""
+        return ()
+
     def puts(self) -> Iterable[tuple[Entity, Position | None]]:
         """Return the entities that it teleports, with None for a place known only in a run."""
         return []

@@ -150,7 +150,7 @@ class Run(Instant, Protocol):
         ...
 
     def activate(self, entity: Entity, placement: Placement) -> None:
-        """Bring an entity into the world, standing (AddEntityAction), its trailers with it."""
+        """Bring an entity into the world (AddEntityAction), at the speed that it was last asked for, its trailers with it."""
         ...
 
     def deactivate(self, entity: Entity) -> None:

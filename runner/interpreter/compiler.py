@@ -405,7 +405,7 @@ def _read_event(node: Node, maneuver: Maneuver, whole: bool, context: ScenarioCo
     chosen = "parallel" if context.document.for_carla else priority
     event = Event(node.get("name", ""), maneuver, chosen, _maximum(node, context), node.where)
     for action_node in _parts(node, "Action", context):
-        ActionElement(action_node.get("name", ""), event, context.actions(action_node), whole)
+        ActionElement(action_node.get("name", ""), event, context.actions(action_node), whole, action_node)
     event.trigger = Trigger.from_xml(node.find("StartTrigger"), context)
 
 

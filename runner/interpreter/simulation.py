@@ -129,8 +129,7 @@ class Simulation:
         for entity in self.entities.values():
             if entity.controls.tractor is None:
                 for member in train(entity):
-                    member.speed = entity.speed
-                    member.vx, member.vy = entity.speed * math.cos(member.h), entity.speed * math.sin(member.h)
+                    member.begin_at(entity.speed)
 
     def _evaluate(self) -> None:
         if self._changed or self._published or self._next_step:
@@ -378,17 +377,20 @@ class Simulation:
         return driven
 
     def activate(self, entity: Entity, placement: Placement) -> None:
-        """Bring an entity into the world, standing (AddEntityAction), its trailers with it."""
+        """Bring an entity into the world (AddEntityAction), at the speed that it was last asked for, its trailers with it."""
         self.place(entity, placement)
-        self.enter(entity)
+        if not entity.active:
+            self.enter(entity)
 
     def enter(self, entity: Entity) -> None:
-        """Bring an entity that has got its first place into the world, standing, its trailers with it."""
+        """Bring an entity that has got its first place into the world, at the speed that it was last asked for."""
         self.wake()
         for member in train(entity):
             if member is entity or not member.active:
                 member.active = True
-                member.speed = member.controls.target_speed = member.acceleration = 0.0
+                member.controls.target_speed = entity.controls.target_speed
+                member.begin_at(entity.controls.target_speed)
+                member.at_road_end, member.road_end, member.standstill = False, 0.0, 0.0
                 member.entered = self.time
                 self.world.add(member)
 

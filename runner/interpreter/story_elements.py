@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from runner.contracts.element import Action, GlobalAction, PrivateAction
 from runner.contracts.run import ElementState, Run, Running, Transition
+from xosc.rules.references import ENTITY_POSITION_UID
 
 if TYPE_CHECKING:
     from runner.participants.entity import Entity
+    from xosc.node import Node
 
 
 class StoryboardRun(Run, Protocol):
@@ -159,9 +161,18 @@ class ActionElement(Element):
 
     kind = "action"
 
-    def __init__(self, name: str, parent: Element | None, actions: Sequence[Action], whole: bool = False) -> None:
+    def __init__(
+        self,
+        name: str,
+        parent: Element | None,
+        actions: Sequence[Action],
+        whole: bool = False,
+        node: Node | None = None,
+    ) -> None:
         super().__init__(name, parent)
         self.actions = actions
+        self.node = node
+        """its element; None for an initial action"""
         self.whole = whole
         """Whether the actors are one EntitySelection: a conflict for one is a conflict for all (standard 7.5.1)."""
         self._processes: list[Process] = []
@@ -186,9 +197,15 @@ class ActionElement(Element):
                     if actor.active or (action.places and not actor.placed):
                         self._start_private(run, action, actor)
                     else:
-                        run.note("entity", actor.name, f"is not there: {self.path} leaves it out")
+                        self._leave_out(run, actor)
         if self.state is ElementState.RUNNING and not self._processes:
             self.end(run)
+
+    def _leave_out(self, run: StoryboardRun, actor: Entity) -> None:
+        run.note("entity", actor.name, f"is not there: {self.path} leaves it out")
+        if self.node is not None:
+            text = f"{actor.name!r} is not there at {run.time:.2f} s: the action {self.name!r} does nothing for it"
+            run.remarks.note(self.node.remark(ENTITY_POSITION_UID, text))
 
     def _start_private(self, run: StoryboardRun, action: PrivateAction, actor: Entity) -> None:
         domains = action.claims()

@@ -346,21 +346,19 @@ def ordered_init(init: list[tuple[Entity | None, ActionElement]]) -> list[tuple[
 def _waits(item: tuple[Entity | None, ActionElement], pending: list[tuple[Entity | None, ActionElement]]) -> bool:
     actor, element = item
     for action in element.actions:
-        if not isinstance(action, PrivateAction):
-            continue
         needed = {id(entity) for entity in action.references()}
-        for other, others in pending:
-            if other is None or other is actor or id(other) not in needed:
+        for other, others in pending if needed else ():
+            if other is not None and (other is actor or id(other) not in needed):
                 continue
-            if any(_prepares(a, action) for a in others.actions):
+            if any(_prepares(earlier, action, needed) for earlier in others.actions if earlier is not action):
                 return True
     return False
 
 
-def _prepares(earlier: Action, later: PrivateAction) -> bool:
-    if not isinstance(earlier, PrivateAction):
-        return False
-    return earlier.places or not set(earlier.claims()).isdisjoint(later.claims())
+def _prepares(earlier: Action, later: Action, needed: set[int]) -> bool:
+    if isinstance(earlier, PrivateAction):
+        return earlier.places or (isinstance(later, PrivateAction) and not set(earlier.claims()).isdisjoint(later.claims()))
+    return any(id(entity) in needed for entity, _ in earlier.puts())
 
 
 def _adding_first(due: list[Event]) -> list[Event]:

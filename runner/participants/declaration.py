@@ -156,3 +156,8 @@ class EntityState:
     visible: dict[str, bool] = field(default_factory=lambda: {"graphics": True, "sensors": True, "traffic": True})
     lights: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     animations: dict[str, str] = field(default_factory=dict)
+
+    def begin_at(self, speed: float) -> None:
+        """Have a speed (m/s) without an acceleration that led to it: nothing is known of the time before."""
+        self.speed, self.acceleration = speed, 0.0
+        self.vx, self.vy = speed * math.cos(self.h), speed * math.sin(self.h)
