@@ -188,9 +188,10 @@ class Recorder:
                 written = rows[e] = _Rows()
             road = e.road if e.on_lane else None
             if road is not None:
+                lane, offset = e.lane_below()
                 written.roads.append(road.id)
                 written.numbers += pack(
-                    time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, e.lane, e.s, e.t, e.offset
+                    time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, lane, e.s, e.t, offset
                 )
             else:
                 written.roads.append(None)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from runner import spacing
-from runner.actions.lateral import follow_road, settle_lane
+from runner.actions.lateral import follow_road
 from runner.actions.speed import set_speed
 from runner.contracts.element import LATERAL, LONGITUDINAL, PrivateAction, need_places
 from runner.contracts.registry import action
@@ -256,7 +256,7 @@ class LateralDistanceAction(PrivateAction):
             return running
         running.step(run.dt)
         actor.controls.motion.advance(actor, 0.0, run.dt)
-        settle_lane(actor)
+        run.roads.settle(actor)
         return running if self.continuous else None
 
 
@@ -325,7 +325,7 @@ class _Sidestep(Running):
             h = self._action.reference.h
             actor.h = h if math.cos(actor.h - h) >= 0.0 else wrap(h + math.pi)
             return not self._action.continuous and abs(error) < _LATERALLY_REACHED
-        actor.controls.target_offset = actor.offset + actor.direction * step
+        actor.controls.target_offset = actor.kept_offset + actor.direction * step
         actor.controls.path_compensated = self._controller is not None
         return not self._action.continuous and abs(error) < _LATERALLY_REACHED
 
@@ -336,4 +336,4 @@ class _Sidestep(Running):
 
     def stop(self) -> None:
         """The entity belongs to the lane that it is on."""
-        settle_lane(self._actor)
+        self._run.roads.settle(self._actor)

@@ -25,6 +25,7 @@ from xosc.rules.references import KEPT_LANE_OFFSET_UID, OTHER_ENTITY_UID
 if TYPE_CHECKING:
     from runner.contracts.registry import Context
     from runner.contracts.run import Run
+    from runner.motion.on_roads import Roads
     from xodr.network import RoadNetwork
 
 _DEFAULT_ACCELERATION = 0.5
@@ -76,18 +77,21 @@ class LaneChangeAction(PrivateAction):
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Express the entity's place in the target lane, and begin to move there."""
         follow_road(actor, run, self.node)
-        before = actor.road, actor.lane
+        before = actor.road, actor.kept_lane
         lane = self._lane(actor, run)
         assert actor.road is not None
-        actor.offset = actor.t - actor.road.lane_t(actor.s, lane)
-        change = (self.offset - actor.offset) * actor.direction
+        actor.kept_offset = actor.t - actor.road.lane_t(actor.s, lane)
+        change = (self.offset - actor.kept_offset) * actor.direction
         if (actor.road, lane) == before and abs(change) <= _SAME_PLACE:
             text = f"{actor.name} is in lane {lane} already, at that offset: the lane change moves nothing"
             run.remarks.note(self.node.remark(OTHER_ENTITY_UID, text))
-        actor.lane = lane
+        actor.kept_lane = lane
         extent = self.dynamics.extent(change)
         goal = self.offset * actor.direction
-        running = _Transition(actor, goal, self.dynamics.shape, extent, self.dynamics.dimension == "distance", True)
+        over_distance = self.dynamics.dimension == "distance"
+        running = _Transition(
+            actor, run.roads, goal, self.dynamics.shape, extent, over_distance=over_distance, compensated=True
+        )
         return _begin(running, extent, actor, run)
 
     def _lane(self, actor: Entity, run: Run) -> int:
@@ -109,7 +113,7 @@ class LaneChangeAction(PrivateAction):
         there = road.lane_ids(actor.s)
         lane: int | None = self.value
         if point is not None:
-            lane = road.lane_beside(actor.s, point.lane_id, self.value * direction) if point.lane_id in there else None
+            lane = self._counted(actor, run, point, self.value * direction)
         if lane is None or lane not in there:
             target = f"{self.value}" if reference is None else f"{self.value:+d} from that of {reference.name}"
             raise self.node.invalid(
@@ -117,6 +121,18 @@ class LaneChangeAction(PrivateAction):
                 f"{', '.join(map(str, there))}"
             )
         return lane
+
+    def _counted(self, actor: Entity, run: Run, origin: RoadPoint, steps: int) -> int | None:
+        """The lane of the actor's road that lies so many steps towards +t of the lane of an origin; None without one."""
+        road, network = actor.road, run.roads.network
+        assert road is not None and network is not None
+        lane = origin.lane_id
+        if origin.road_id != road.id:
+            here = run.roads.road_point(actor)
+            relative = network.relative_in_lane(here, origin) if here is not None else None
+            if here is not None and relative is not None:
+                lane, steps = here.lane_id, relative.lanes + (steps if relative.aligned else -steps)
+        return road.lane_beside(actor.s, lane, steps) if lane in road.lane_ids(actor.s) else None
 
     def _keep_to(self, actor: Entity, run: Run, layer: str) -> None:
         """Have an entity that follows a lane follow that of another layer under it, its place unchanged."""
@@ -179,9 +195,10 @@ class LaneOffsetAction(PrivateAction):
             text = f"{actor.name} can't keep {self.value:g} m from its own lane offset; its offset at the start counts"
             run.remarks.add(self.node.remark(KEPT_LANE_OFFSET_UID, text))
         follow_road(actor, run, self.node)
+        run.roads.settle(actor)
         goal = self.goal(actor, run)
-        extent = self._duration(goal - actor.offset * actor.direction)
-        running = _Transition(actor, goal, self.shape, extent, False, False)
+        extent = self._duration(goal - actor.kept_offset * actor.direction)
+        running = _Transition(actor, run.roads, goal, self.shape, extent, over_distance=False, compensated=False)
         if not self.continuous:
             return _begin(running, extent, actor, run)
         return _Kept(running, lambda: goal if self.reference is None or from_itself else self.goal(actor, run))
@@ -228,11 +245,11 @@ def _aside(actor: Entity, place: RoadPoint, run: Run) -> float:
     """Offset (m, towards +t) of a place from the centre of an entity's lane; from its own lane's where no way leads there."""
     road = actor.road
     assert road is not None and run.roads.network is not None
-    if place.road_id == road.id and actor.lane in road.lane_ids(place.s):
-        return place.t - road.lane_t(place.s, actor.lane)
-    here = RoadPoint(road.id, actor.s, actor.t, actor.lane, actor.offset, actor.layer)
+    if place.road_id == road.id and actor.kept_lane in road.lane_ids(place.s):
+        return place.t - road.lane_t(place.s, actor.kept_lane)
+    here = RoadPoint(road.id, actor.s, actor.t, actor.kept_lane, actor.kept_offset, actor.layer)
     relative = run.roads.network.relative_in_lane(here, place)
-    return place.offset if relative is None else actor.offset + relative.dt
+    return place.offset if relative is None else actor.kept_offset + relative.dt
 
 
 def _begin(running: _Transition, extent: float, actor: Entity, run: Run) -> Running | None:
@@ -243,24 +260,6 @@ def _begin(running: _Transition, extent: float, actor: Entity, run: Run) -> Runn
     actor.controls.motion.advance(actor, 0.0, run.dt)
     running.stop()
     return None
-
-
-def settle_lane(actor: Entity) -> None:
-    """Have an entity belong to the lane that it is on (or will be on after this step), its place unchanged."""
-    road = actor.road
-    if road is None or not actor.on_lane:
-        return
-    center = road.lane_t(actor.s, actor.lane)
-    lane = road.lane_at(
-        actor.s, center + (actor.offset if actor.controls.target_offset is None else actor.controls.target_offset)
-    )
-    if lane in (0, actor.lane):
-        return
-    shift = road.lane_t(actor.s, lane) - center
-    actor.lane = lane
-    actor.offset -= shift
-    if actor.controls.target_offset is not None:
-        actor.controls.target_offset -= shift
 
 
 class _Transition(Running):
@@ -279,6 +278,7 @@ class _Transition(Running):
         "_origin",
         "_over_distance",
         "_past",
+        "_roads",
         "_slope",
         "_start",
         "_value",
@@ -286,11 +286,12 @@ class _Transition(Running):
     )
 
     def __init__(
-        self, actor: Entity, goal: float, shape: TransitionShape, extent: float, over_distance: bool, compensated: bool
-    ) -> None:
+        self, actor: Entity, roads: Roads, goal: float, shape: TransitionShape, extent: float, *, over_distance: bool,
+        compensated: bool,
+    ) -> None:  # fmt: skip
         self.goal = goal
-        self._actor = actor
-        self._start = actor.offset * actor.direction
+        self._actor, self._roads = actor, roads
+        self._start = actor.kept_offset * actor.direction
         self._value = shape.value
         self._extent = extent
         self._over_distance = over_distance
@@ -304,7 +305,7 @@ class _Transition(Running):
     def step(self, dt: float) -> bool:
         """Ask for the shape's offset at the end of the step, limited to what the entity's motion reaches."""
         actor = self._actor
-        way, left = abs(actor.speed) * dt, actor.offset * actor.direction
+        way, left = abs(actor.speed) * dt, actor.kept_offset * actor.direction
         if abs(left - self._asked) > _SAME_PLACE and actor.controls.target_offset is None:
             self._easing = Easing(self.goal, left, self._slope, actor.speed)
         offset, over = self._next(way, dt) if self._easing is None else self._eased(self._easing, way)
@@ -331,9 +332,8 @@ class _Transition(Running):
         return (self.goal if easing.done else offset), easing.done
 
     def stop(self) -> None:
-        """After a lane change the entity belongs to the lane that it is on, which may not be the one it was bound for."""
-        if self._compensated:
-            settle_lane(self._actor)
+        """Have the entity keep to the lane that it is on, which may not be the one it was bound for or began in."""
+        self._roads.settle(self._actor)
 
 
 class _Kept(Running):
@@ -350,3 +350,7 @@ class _Kept(Running):
         self._transition.goal = self._goal()
         self._transition.step(dt)
         return False
+
+    def stop(self) -> None:
+        """As after any lateral motion."""
+        self._transition.stop()

@@ -120,7 +120,8 @@ class Departures:
         if ego is None or not (ego.active and ego.placed):
             return
         if ego.on_lane:
-            if ego.section is self._section and ego.lane == self._lane and ego.offset == self._offset and not ego.at_road_end:
+            kept = ego.kept_lane == self._lane and ego.kept_offset == self._offset
+            if ego.section is self._section and kept and not ego.at_road_end:
                 return
         elif self._judged == run.changes and self._is_clear(ego):
             return
@@ -138,7 +139,7 @@ class Departures:
             return
         elif ego.on_lane:
             self._section = ego.section if run.roads.is_within_lane(ego) else None
-            self._lane, self._offset = ego.lane, ego.offset
+            self._lane, self._offset = ego.kept_lane, ego.kept_offset
         else:
             self._judged, self._x, self._y, self._clearance = run.changes, ego.x, ego.y, run.roads.clearance(ego)
 

@@ -48,8 +48,8 @@ _STATE = (
     "acceleration",
     "s",
     "t",
-    "offset",
-    "lane",
+    "kept_offset",
+    "kept_lane",
     "at_road_end",
 )
 _state = attrgetter(*_STATE)

@@ -3,6 +3,8 @@
 This module owns the entity's side of the road conventions: `EntityState.direction` is +1 when the entity faces increasing s,
 offsets and t are positive to the left of the reference line's direction whatever the entity faces, and a
 negative speed moves it backwards without turning it.
+
+Motion keeps to an entity's intent: `kept_lane` at `kept_offset`. `Roads.road_point` is its place, which everything else reads.
 """
 
 from __future__ import annotations
@@ -59,10 +61,10 @@ class LaneMotion:
             self._ease(entity, controls.easing, abs(distance))
         if controls.target_offset is not None:
             distance, turn = self._sidestep(entity, distance)
-        lane = section.lanes[entity.lane]
+        lane = section.lanes[entity.kept_lane]
         center, constant = lane.center, lane.center.constant
         ds = entity.direction * distance
-        if constant is not None and road.flat and self._glide(entity, road, section, constant + entity.offset, ds, turn):
+        if constant is not None and road.flat and self._glide(entity, road, section, constant + entity.kept_offset, ds, turn):
             return speed
         if constant is None or not road.line.straight:
             per_s = 1.0 - road.line.curvature(entity.s + 0.5 * ds) * t
@@ -71,7 +73,7 @@ class LaneMotion:
         s = entity.s + ds
         if section.s <= s < section.end and (constant is not None or not lane.closed(s, ds > 0.0)):
             entity.s = s
-            entity.t = (center(s) if constant is None else constant) + entity.offset
+            entity.t = (center(s) if constant is None else constant) + entity.kept_offset
             self._pose(entity, turn)
             return speed
         return self._cross(entity, distance, turn, dt, steered)
@@ -114,7 +116,7 @@ class LaneMotion:
     def _ease(self, entity: Entity, easing: Easing, distance: float) -> None:
         """Ask for the next offset on the way back into the lane, unless something else has moved it, or is to."""
         controls = entity.controls
-        if controls.target_offset is not None or abs(entity.offset * entity.direction - easing.left) > _MOVED:
+        if controls.target_offset is not None or abs(entity.kept_offset * entity.direction - easing.left) > _MOVED:
             controls.easing = None
             return
         controls.target_offset, controls.path_compensated = easing.advance(distance) * entity.direction, True
@@ -124,8 +126,8 @@ class LaneMotion:
     def _sidestep(self, entity: Entity, distance: float) -> tuple[float, float]:
         """Take the offset asked for: the distance that is left to go along the lane, and the angle of the way to it (rad)."""
         assert entity.controls.target_offset is not None
-        lateral = entity.controls.target_offset - entity.offset
-        entity.offset = entity.controls.target_offset
+        lateral = entity.controls.target_offset - entity.kept_offset
+        entity.kept_offset = entity.controls.target_offset
         entity.controls.target_offset = None
         left = lateral * entity.direction
         if not entity.controls.path_compensated:
@@ -139,7 +141,7 @@ class LaneMotion:
         assert entity.road is not None
         backwards = distance < 0.0
         forward = (entity.direction > 0) != backwards
-        point = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset, entity.layer)
+        point = RoadPoint(entity.road.id, entity.s, entity.t, entity.kept_lane, entity.kept_offset, entity.layer)
         if entity.controls.route is not None:
             point = self._on_route(point, entity.road, entity.controls.route, forward)
         choose = entity.controls.route.choose if entity.controls.route is not None else None
@@ -147,7 +149,7 @@ class LaneMotion:
         reached, forward, left = self.network.travel(point, abs(distance), forward, choose)
         reached = self._preferred(entity, reached)
         entity.road, entity.layer = self.network.road_of(reached), reached.layer
-        entity.lane, entity.s, entity.t, entity.offset = reached.lane_id, reached.s, reached.t, reached.offset
+        entity.kept_lane, entity.s, entity.t, entity.kept_offset = reached.lane_id, reached.s, reached.t, reached.offset
         entity.section = entity.road.section(entity.s)
         entity.direction = 1 if forward != backwards else -1
         if not steered and abs(reached.offset * entity.direction - aside) > _MOVED:
@@ -192,15 +194,15 @@ class LaneMotion:
         else:
             entity.x, entity.y, entity.z, h, pitch, roll = road.pose(entity.s, entity.t)
             entity.pitch, entity.roll = direction * pitch, direction * roll
-        if entity.section.lanes[entity.lane].center.constant is None:
-            h += slant(road, entity.section, entity.lane, entity.s, entity.t)
+        if entity.section.lanes[entity.kept_lane].center.constant is None:
+            h += slant(road, entity.section, entity.kept_lane, entity.s, entity.t)
         h = h + entity.heading_offset + turn
         entity.h = h + math.pi if direction < 0 else h
 
     def distance_to(self, entity: Entity, placement: Placement) -> float | None:
         """Distance (m, in s) along the entity's route, or else the shortest way, to a place; negative once passed."""
         assert entity.road is not None
-        here = RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset, entity.layer)
+        here = RoadPoint(entity.road.id, entity.s, entity.t, entity.kept_lane, entity.kept_offset, entity.layer)
         there = placement.point or self.network.locate(placement.x, placement.y, placement.z)
         distance: float | None = entity.controls.route.distance(here, there) if entity.controls.route is not None else None
         if distance is None:
@@ -212,7 +214,7 @@ class LaneMotion:
 def _drift(entity: Entity) -> float:
     """Return the lateral drift (m to +t per m of s) of the centre of an entity's lane."""
     assert entity.section is not None
-    center = entity.section.lanes[entity.lane].center
+    center = entity.section.lanes[entity.kept_lane].center
     return center.slope(entity.s) if center.constant is None else 0.0
 
 
@@ -230,11 +232,12 @@ class Roads:
         """Whether there is one straight, level road and no way round: s changes no faster than the place in the plane."""
 
     def road_point(self, entity: Entity) -> RoadPoint | None:
-        """Return the road position of an entity; None off the road network."""
+        """Return the place of an entity on the roads, with the lane under it; None without a road network."""
         if self.network is None:
             return None
         if entity.on_lane and entity.road is not None:
-            return RoadPoint(entity.road.id, entity.s, entity.t, entity.lane, entity.offset, entity.layer)
+            lane, offset = entity.lane_below()
+            return RoadPoint(entity.road.id, entity.s, entity.t, lane, offset, entity.layer)
         if entity.located_at != (entity.x, entity.y):
             entity.located_at = (entity.x, entity.y)
             layer = entity.controls.preferred_layer
@@ -244,9 +247,9 @@ class Roads:
     def is_off_road(self, entity: Entity) -> bool:
         """Whether an entity's reference point is on no lane of the road network; never where there is no road network."""
         if entity.on_lane and entity.section is not None:
-            lane = entity.section.lanes[entity.lane]
+            lane = entity.section.lanes[entity.kept_lane]
             width = lane.width.constant
-            if lane.type != "none" and abs(entity.offset) <= (lane.width(entity.s) if width is None else width) / 2:
+            if lane.type != "none" and abs(entity.kept_offset) <= (lane.width(entity.s) if width is None else width) / 2:
                 return False
         point = self.road_point(entity)
         return point is not None and self.network is not None and not self.network.on_road(point)
@@ -255,9 +258,9 @@ class Roads:
         """Whether an entity that follows a lane is on the road wherever in this lane section it goes on at its offset."""
         if not entity.on_lane or entity.section is None:
             return False
-        lane = entity.section.lanes[entity.lane]
+        lane = entity.section.lanes[entity.kept_lane]
         width = lane.width.constant
-        return width is not None and lane.type != "none" and abs(entity.offset) <= width / 2
+        return width is not None and lane.type != "none" and abs(entity.kept_offset) <= width / 2
 
     def clearance(self, entity: Entity) -> float:
         """Return the distance (m) an entity in free motion on the road may move before it can leave the road; 0 if unknown.
@@ -294,6 +297,27 @@ class Roads:
             layer = None if placement.layered else entity.controls.preferred_layer
             point = self.network.moved(placement.point, layer or placement.point.layer)
             self.follow_lane(entity, point, placement.direction, placement.heading_offset)
+            self.settle(entity)
+
+    def settle(self, entity: Entity) -> None:
+        """Have an entity keep to the lane that it is on (or will be on after this step), its place unchanged."""
+        road, section, controls = entity.road, entity.section, entity.controls
+        if road is None or section is None or not entity.on_lane:
+            return
+        target = controls.target_offset
+        moved = 0.0 if target is None else target - entity.kept_offset
+        center = section.lanes[entity.kept_lane].center(entity.s)
+        width = section.lanes[entity.kept_lane].width(entity.s)
+        if abs(entity.kept_offset + moved) <= 0.5 * width + _MOVED:
+            return
+        lane = road.lane_at(entity.s, entity.t + moved)
+        if lane in (0, entity.kept_lane):
+            return
+        shift = road.lane_t(entity.s, lane) - center
+        entity.kept_lane = lane
+        entity.kept_offset -= shift
+        if target is not None:
+            controls.target_offset = target - shift
 
     def prefer(self, entity: Entity, layer: str) -> None:
         """Let an entity keep to a layer of lanes: where its lane is of the other one, from where the layers are one again."""
@@ -312,7 +336,7 @@ class Roads:
         assert self.network is not None and self._lane_motion is not None
         entity.road, entity.layer = self.network.road_of(point), point.layer
         entity.section = entity.road.section(point.s)
-        entity.lane, entity.s, entity.t, entity.offset = point.lane_id, point.s, point.t, point.offset
+        entity.kept_lane, entity.s, entity.t, entity.kept_offset = point.lane_id, point.s, point.t, point.offset
         entity.direction, entity.heading_offset, entity.on_lane = direction, heading_offset, True
         entity.controls.motion = self._lane_motion
 

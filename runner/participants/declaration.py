@@ -9,12 +9,17 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from schemas.common.errors import InvalidFile, Unsupported
-from xodr.model import TEMPORARY
+from xodr.model import NO_WIDTH, TEMPORARY
+from xodr.road import lane_in
 from xosc.node import Node
 
 if TYPE_CHECKING:
     from xodr.model import LaneSection, RoadPoint
     from xodr.road import Road
+
+
+_ROUNDING = 1e-6
+"""Distance (m) beyond a lane's border that counts as on it"""
 
 
 class BoundingBox(NamedTuple):
@@ -95,9 +100,12 @@ class EntityState:
     """Whether a participant exists, where it is, how it moves, and what can be seen of it.
 
     Poses are those of the OpenSCENARIO reference point (vehicles: rear axle centre on the ground), in the world frame of the
-    road network: x, y, z in m; h mathematical, pitch, roll in rad. `speed` is signed, along the own heading. Road
-    coordinates are those of OpenDRIVE; they are current only while `on_lane` is true (lane motion) and otherwise looked up by
-    `runner.motion.on_roads.Roads.road_point`.
+    road network: x, y, z in m; h mathematical, pitch, roll in rad. `speed` is signed, along the own heading.
+
+    Its *place* (road, s, t, and the lane under the reference point) is one thing, its *intent* (`kept_lane`, `kept_offset`)
+    another: in a lane change the intent is the lane bound for, while the place is still the old one. Motion reads the intent;
+    outputs, observations, conditions and positions read the place (`runner.motion.on_roads.Roads.road_point`). Road
+    coordinates are those of OpenDRIVE; they are current only while `on_lane` is true (lane motion) and else looked up there.
     """
 
     active: bool = True
@@ -139,11 +147,12 @@ class EntityState:
     section: LaneSection | None = None
     layer: str = TEMPORARY
     """layer of lanes that it keeps to"""
-    lane: int = 0
     s: float = 0.0
     t: float = 0.0
-    offset: float = 0.0
-    """t minus the t of the lane's centre, m"""
+    kept_lane: int = 0
+    """lane that its motion keeps to"""
+    kept_offset: float = 0.0
+    """t minus the t of that lane's centre, m"""
     direction: int = 1
     """+1 when the entity faces increasing s, −1 otherwise"""
     heading_offset: float = 0.0
@@ -161,3 +170,18 @@ class EntityState:
         """Have a speed (m/s) without an acceleration that led to it: nothing is known of the time before."""
         self.speed, self.acceleration = speed, 0.0
         self.vx, self.vy = speed * math.cos(self.h), speed * math.sin(self.h)
+
+    def lane_below(self) -> tuple[int, float]:
+        """Lane under the reference point and the offset (m, towards +t) from its centre; only while `on_lane`.
+
+        On the border of two lanes, the kept one is meant.
+        """
+        assert self.road is not None and self.section is not None
+        lane, offset = self.section.lanes[self.kept_lane], self.kept_offset
+        width = lane.width.constant
+        if width is None:
+            width = lane.width(self.s)
+        if width > NO_WIDTH and abs(offset) <= 0.5 * width + _ROUNDING:
+            return self.kept_lane, offset
+        below = lane_in(self.section, self.s, self.t)
+        return below, self.t - self.section.lanes[below].center(self.s)
