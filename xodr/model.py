@@ -7,6 +7,7 @@ driving. A side of the road without temporary lanes keeps its permanent ones, bu
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -110,6 +111,7 @@ class Lane:
     direction: "standard" (by lane id and traffic rule), "reversed" or "both" (OpenDRIVE 1.8).
     opens, closes: s before and after which the lane has no width within its section; infinite where it has some at the end.
     speeds: (s, limit [m/s] or None for none) in ascending s. marks, accesses: in ascending s.
+    heights: (s, inner, outer [m] above the road's surface) in ascending s.
     """
 
     id: int
@@ -131,6 +133,25 @@ class Lane:
     successors: tuple[LaneRef, ...] = ()
     road_works: bool = False
     accesses: tuple[LaneAccess, ...] = ()
+    heights: tuple[tuple[float, float, float], ...] = ()
+
+    def height(self, s: float, t: float) -> float:
+        """Height [m] of the lane above the road's surface at (s, t), for t on the lane (OpenDRIVE 11.7.3).
+
+        The standard does not say how the height changes between two records; it is interpolated linearly in s and in t.
+        """
+        if not self.heights:
+            return 0.0
+        index = max(bisect_right(self.heights, s, key=lambda record: record[0]) - 1, 0)
+        start, inner, outer = self.heights[index]
+        if index + 1 < len(self.heights):
+            end, following_inner, following_outer = self.heights[index + 1]
+            share = min(max((s - start) / (end - start), 0.0), 1.0) if end > start else 0.0
+            inner += share * (following_inner - inner)
+            outer += share * (following_outer - outer)
+        width = self.width(s)
+        across = min(max(abs(t - self.inner(s)) / width, 0.0), 1.0) if width > NO_WIDTH else 0.0
+        return inner + across * (outer - inner)
 
     def closed(self, s: float, forward: bool) -> bool:
         """Whether the lane has narrowed to nothing at s, and has no width ahead in its section."""

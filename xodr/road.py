@@ -29,6 +29,9 @@ from xodr.model import (
     WorldPose,
 )
 
+_ON_BORDER = 1e-6
+"""Distance [m] beyond the border of a lane that counts as on it."""
+
 
 @dataclass(slots=True)
 class Surface:
@@ -64,7 +67,7 @@ class Road:
     path: the file, for complaints. junction_id: the junction that a connecting road belongs to. rule: "RHT" or "LHT".
     in_force: of a road without its temporary lanes, the one with them; else None.
     sections: the lanes in force. permanent: the permanent ones where the road has temporary lanes, too, else None; see `on`.
-    flat: no elevation, superelevation or surface shape: z, pitch and roll are 0 everywhere.
+    flat: no elevation, superelevation, surface shape or raised lane: z, pitch and roll are 0 everywhere.
     """
 
     path: str
@@ -89,6 +92,7 @@ class Road:
     flat: bool = field(init=False)
     _starts: list[float] = field(init=False)
     _levels: bool = field(init=False)
+    _raised: bool = field(init=False)
     _left_direction: int = field(init=False)
     _standard: bool = field(init=False)
     in_force: Road | None = field(init=False, default=None)
@@ -97,7 +101,9 @@ class Road:
     def __post_init__(self) -> None:
         lanes = [lane for section in self.sections for lane in section.lanes.values()]
         surface = [lane for section in self.permanent or self.sections for lane in section.lanes.values()]
-        self.flat = self.elevation.constant == 0.0 and self.superelevation.constant == 0.0 and self.surface is None
+        self._raised = any(lane.heights for lane in surface)
+        level = self.elevation.constant == 0.0 and self.superelevation.constant == 0.0 and self.surface is None
+        self.flat = level and not self._raised
         self._starts = [section.s for section in self.sections]
         self._levels = any(lane.level for lane in surface if lane.id) and self.superelevation.constant != 0.0
         self._left_direction = -1 if self.rule == "RHT" else 1
@@ -125,9 +131,24 @@ class Road:
         if roll:
             tilted = self._tilted_part(s, t)
             z += tilted * math.sin(roll)
+            z += self.lane_height(s, t) * math.cos(roll)
             t += tilted * (math.cos(roll) - 1.0)
+        elif self._raised:
+            z += self.lane_height(s, t)
         x, y, h = self.from_above(s, t)
         return WorldPose(x, y, z, h, -math.atan(slope), roll)
+
+    def lane_height(self, s: float, t: float) -> float:
+        """Height [m] of the lane at (s, t) above the road's surface, along its normal: 0.15 on a raised sidewalk.
+
+        Permanent lanes count: temporary ones have no height. Beyond the road it is 0.
+        """
+        if not self._raised:
+            return 0.0
+        section = self.on(PERMANENT).section(s)
+        lane = section.lanes[lane_in(section, s, t)]
+        low, high = sorted((lane.inner(s), lane.outer(s)))
+        return lane.height(s, t) if low - _ON_BORDER <= t <= high + _ON_BORDER else 0.0
 
     def from_above(self, s: float, aside: float) -> tuple[float, float, float]:
         """x, y and heading of the place `aside` [m] to the left of the reference line, measured horizontally."""

@@ -13,7 +13,7 @@ from runner.motion.dynamics import GapController
 from runner.motion.following import JOINING, PathMotion, join
 from runner.motion.paths import Chain, turns_back
 from runner.motion.schedules import Schedule, delayed, paced, prescribed, smooth, steady
-from runner.motion.trajectories import TimedPath, Trajectory
+from runner.motion.trajectories import Rests, TimedPath, Trajectory
 from runner.participants.declaration import Performance
 from runner.participants.trailers import line_up
 from xosc.rules.positions import TIMING_UID
@@ -127,8 +127,9 @@ class FollowTrajectoryAction(PrivateAction):
         elif self.trajectory.moved:
             pace = self._prescribed_pace(track, skip, actor, run.time)
         again = path if self.trajectory.closed and pace is None else None
-        oriented = self.trajectory.shape.faces
+        oriented = self.trajectory.shape.faces or (pace is not None and track.rests is Rests.SOME)
         motion = PathMotion(run.roads, path, s, again, track.grounded, pace is not None, oriented)
+        motion.turns = track.rests is not Rests.ALL or not actor.placed
         if self.follow and actor.placed:
             _join(motion, actor, pace, run.time)
         else:

@@ -89,9 +89,7 @@ class LaneChangeAction(PrivateAction):
         extent = self.dynamics.extent(change)
         goal = self.offset * actor.direction
         over_distance = self.dynamics.dimension == "distance"
-        running = _Transition(
-            actor, run.roads, goal, self.dynamics.shape, extent, over_distance=over_distance, compensated=True
-        )
+        running = _Transition(actor, run.roads, goal, self.dynamics.shape, extent, over_distance=over_distance, compensated=True)
         return _begin(running, extent, actor, run)
 
     def _lane(self, actor: Entity, run: Run) -> int:

@@ -128,6 +128,8 @@ class PathMotion:
         self.roads, self.path, self.s, self.again = roads, path, s, again
         self._reach = _AT_END if timed else 0.0
         self._timed, self._oriented = timed, oriented
+        self.turns = True
+        """Whether the entity turns with the path; else it keeps its heading."""
         self._gear = 0.0
         """Direction of motion for positive speed: +1 along the path, -1 against it; 0 before the first motion"""
         self._back = False
@@ -181,8 +183,11 @@ class PathMotion:
         If the path does not define the heading, the sign of the first speed (m/s) does; a standing entity keeps its heading.
         """
         reverse = not self._oriented and (self._gear or speed or self._along(entity)) < 0.0
+        kept = entity.h
         entity.x, entity.y, entity.z, entity.h, entity.pitch, entity.roll = self.path.at(self.s)
-        if reverse and self._along(entity) > 0.0:
+        if not self.turns:
+            entity.h = kept
+        elif reverse and self._along(entity) > 0.0:
             entity.h += math.pi
         if self._surface:
             place = in_world(self.roads.network, pose_of(entity), z_known=False, hint=self.roads.road_point(entity))

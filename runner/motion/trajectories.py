@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from enum import Enum
 from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
@@ -17,6 +18,7 @@ from runner.motion.nurbs import ControlPoint, sampled
 from runner.motion.paths import Chain, Corner, Path, Polyline, Segments, smoothed
 from runner.motion.placement import Placement
 from runner.motion.schedules import VertexMotion
+from runner.motion.standstill import steadied
 from xodr.geometry import Arc, Line, PlanElement, Spiral, Start
 from xosc.rules.positions import TIMING_UID
 
@@ -40,10 +42,18 @@ _LONGEST = 1e7
 """Length (m) beyond which a trajectory is taken for a mistake."""
 
 
+class Rests(Enum):
+    """Stretches of a track that lead nowhere, and on which a follower keeps its heading (`runner.motion.standstill`)."""
+
+    NONE = "none"
+    SOME = "some"
+    ALL = "all"
+
+
 class TimedPath(NamedTuple):
     """A trajectory in the world: its path, and the times (s) that it gives at some s (m) along the path.
 
-    grounded: whether its height is that of the road. motions: what is prescribed at each of these s.
+    grounded: whether its height is that of the road. motions: what is prescribed at each of these s. rests: where it stands.
     """
 
     path: Path
@@ -51,6 +61,7 @@ class TimedPath(NamedTuple):
     stations: Sequence[float]
     grounded: bool = True
     motions: Sequence[VertexMotion] = ()
+    rests: Rests = Rests.NONE
 
 
 class Timetable(NamedTuple):
@@ -143,8 +154,10 @@ class PolylineShape(TrajectoryShape):
     def build(self, run: Surroundings | None, actor: Entity | None) -> TimedPath:
         """Lines from vertex to vertex, or a curve through them."""
         corners = [_corner(position, position.resolve(run, actor)) for position in self.positions]
-        path = smoothed(corners) if self.curved else Polyline(corners)
-        return TimedPath(path, self.times, path.stations, motions=self.motions)
+        steady = corners if self.curved or self.faces else steadied(corners)
+        path = smoothed(corners) if self.curved else Polyline(steady or corners)
+        rests = Rests.ALL if steady is None else Rests.SOME if steady != corners else Rests.NONE
+        return TimedPath(path, self.times, path.stations, motions=self.motions, rests=rests)
 
 
 def _apart(one: Position, other: Position) -> bool:

@@ -171,7 +171,19 @@ def _lane(element: etree._Element, lane_id: int, ends: tuple[float, float], inne
         successors=successors,
         road_works=element.get("roadWorks") in ("true", "1"),
         accesses=_accesses(element, start),
+        heights=_heights(element, start),
     )
+
+
+def _heights(element: etree._Element, start: float) -> tuple[tuple[float, float, float], ...]:
+    """Height records, whose `sOffset` counts from the section's start; without any effect where all are 0."""
+    records = element.findall("height")
+    offsets = ascending(records, "sOffset") if records else []
+    found = tuple(
+        (start + offset, number(record, "inner"), number(record, "outer"))
+        for offset, record in zip(offsets, records, strict=True)
+    )
+    return found if any(inner or outer for _, inner, outer in found) else ()
 
 
 def _relative(elements: list[etree._Element], start: float) -> Profile:
