@@ -2,7 +2,7 @@
 
     python docs/generate.py
 
-makes the pages in `docs/reference` anew.
+makes the pages in `docs/reference` anew, and the tables of fields and formats on other pages.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import typer
 from typer.cli import get_docs_for_click
 
 from runner.measures.measure import measures
+from schemas.common import fates
 from xosc_toolchain.start import MODULES as COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -60,6 +61,17 @@ def pages() -> dict[Path, str]:
         name: python_page(name) for name in packages
     }
     return {REFERENCE / f"{name}.md": text for name, text in texts.items()}
+
+
+def matrices() -> dict[Path, str]:
+    """Pages with tables of fields and formats between their text."""
+    from runner.exports import RUN_FIELDS, TARGETS
+
+    page = ROOT / "docs" / "exports.md"
+    tables = {target.name: import_module(target.module).FATES for target in TARGETS.values() if target.of_run}
+    kept, all_of_them = fates.share_kept(tables)
+    lines = [*fates.matrix(RUN_FIELDS, tables), "", f"Kept: {kept} of {all_of_them} ({kept / all_of_them:.0%})."]
+    return {page: fates.replaced(page.read_text(encoding="utf-8"), "matrix of runs", ["", *lines, ""])}
 
 
 def index_page(packages: Iterable[str]) -> str:
@@ -292,7 +304,7 @@ def _imports(module: str) -> dict[str, str]:
 
 def main() -> None:
     """Write the pages."""
-    for path, text in pages().items():
+    for path, text in (pages() | matrices()).items():
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
 

@@ -37,3 +37,47 @@ def _in_folder(of_run: bool) -> Iterator[ExportTarget]:
 
 TARGETS = find_targets()
 """All targets by name."""
+
+
+RUN_FIELDS = {
+    "name": "of each participant",
+    "kind": "vehicle, pedestrian, miscellaneous",
+    "category": "car, truck, …",
+    "role": "ambulance, police, …",
+    "length and width": "of the box",
+    "height of the box": "",
+    "box about the reference point": "",
+    "front axle": "",
+    "mass": "",
+    "ego": "which one it is",
+    "time": "",
+    "position": "x, y at every step",
+    "height": "z at every step",
+    "heading": "",
+    "pitch": "",
+    "roll": "",
+    "speed": "",
+    "acceleration": "",
+    "place on the road": "road, lane, s, t",
+    "lights": "of vehicles, at every step",
+    "events": "",
+    "verdict": "",
+    "criticality": "",
+    "tags": "",
+    "projection": "geoReference",
+    "offset": "of the header",
+    "lane borders": "within 5 cm",
+    "road heights": "",
+    "lane heights": "",
+    "lane types": "",
+    "speed limits": "",
+    "road marks": "",
+    "lane links": "",
+    "neighbours": "of lanes",
+    "junctions": "",
+    "signs": "place, number, value",
+    "traffic lights": "place, lanes",
+    "light states": "at every step",
+    "objects": "of the roads",
+}
+"""Fields of a run and its roads, with what is meant; each target of runs declares their fates (`FATES`)."""

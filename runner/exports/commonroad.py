@@ -25,6 +25,7 @@ from runner.exports.signals import SignalPlace, arrow, link_at, signal_places, s
 from runner.recording import signal_states
 from runner.worlds.sumo_translation import GREEN, OFF, RED, RED_YELLOW, YELLOW, YIELD
 from schemas.common.errors import ToolchainError
+from schemas.common.fates import changed, kept, lost
 from xodr.lookup.geo import GeoReference
 from xosc.versions import with_recent
 
@@ -35,11 +36,40 @@ if TYPE_CHECKING:
     from xosc.exports.draft import Folder
 
 TARGETS = {"commonroad": "CommonRoad 2020a XML: lanelets, obstacles, planning problem"}
+_NO_NAMES, _SCENARIO = "participants have numbers", "a scenario is what may be driven, not what was"
+_CENTRE = "positions are box centres; the shift of the box is lost"
+FATES = {
+    "name": lost(_NO_NAMES), "kind": changed("`type` of the obstacle: car, truck, bus, bicycle, …"),
+    "category": changed("`type` of the obstacle: car, truck, bus, bicycle, …"),
+    "role": changed("ambulance, fire and police are priorityVehicle; others are lost"),
+    "length and width": kept("`rectangle`"), "height of the box": lost("shapes are flat"),
+    "box about the reference point": lost(_CENTRE), "front axle": lost("no attribute"), "mass": lost("no attribute"),
+    "ego": kept("`planningProblem`"), "time": kept("`time`"),
+    "position": changed("box centres; the ego has its start and its goal, its way is the solution"),
+    "height": changed("`positionZ` of all but the ego, where roads are not flat"), "heading": kept("`orientation`"),
+    "pitch": changed("`pitchAngle`, `rollAngle` of all but the ego, where roads are not flat"),
+    "roll": changed("`pitchAngle`, `rollAngle` of all but the ego, where roads are not flat"), "speed": kept("`velocity`"),
+    "acceleration": kept("`acceleration`"), "place on the road": lost("lanelets are found by position"),
+    "lights": changed("indicators, warning, brake and blue lights: lit or not"), "events": lost(_SCENARIO),
+    "verdict": lost(_SCENARIO), "criticality": lost(_SCENARIO), "tags": lost(_SCENARIO),
+    "projection": kept("`geoReference`"), "offset": kept("`additionalTransformation`"), "lane borders": kept("bounds"),
+    "road heights": kept("z of points"), "lane heights": lost("the road model has no heights of lanes"),
+    "lane types": changed("`laneletType`: what both have; others have the type of their road"),
+    "speed limits": kept("sign 274"), "road marks": changed("types that CommonRoad has; colours and widths are lost"),
+    "lane links": kept("`successor`"), "neighbours": kept("`adjacentLeft`, `adjacentRight`"),
+    "junctions": changed("their lanelets have the type intersection"),
+    "signs": changed("those with a number that CommonRoad has, without heights"),
+    "traffic lights": kept("`trafficLight`"), "light states": kept("`cycle`"),
+    "objects": lost("no element for things beside the road"),
+}  # fmt: skip
+"""Fates of `runner.exports.RUN_FIELDS`"""
 _OBSTACLES = with_recent({
     "car": "car", "van": "car", "truck": "truck", "trailer": "truck", "semitrailer": "truck", "bus": "bus",
     "motorbike": "motorcycle", "bicycle": "bicycle", "train": "train", "tram": "train", "pedestrian": "pedestrian",
 })  # fmt: skip
 """CommonRoad's types by OpenSCENARIO category; everything else is `unknown`."""
+_PRIORITY = {"ambulance", "fire", "police"}
+"""Roles of obstacles of type priorityVehicle."""
 _UNKNOWN_PLACE = {"geoNameId": "-999", "gpsLatitude": "999", "gpsLongitude": "999"}
 """Location of CommonRoad scenarios without a geographic position."""
 _FACING = 0.25
@@ -143,7 +173,7 @@ def benchmark_id(name: str) -> str:
 
 def _obstacle(track: Track, standing: bool, number: int, step: float) -> etree._Element:
     element = etree.Element("staticObstacle" if standing else "dynamicObstacle", id=str(number))
-    etree.SubElement(element, "type").text = "unknown" if standing else _OBSTACLES.get(track.category, "unknown")
+    etree.SubElement(element, "type").text = "unknown" if standing else _kind(track)
     etree.SubElement(element, "shape").append(_rectangle(track))
     first, *more = _states(track, step)
     element.append(first)
@@ -151,6 +181,10 @@ def _obstacle(track: Track, standing: bool, number: int, step: float) -> etree._
         way = etree.SubElement(element, "trajectory")
         way.extend(more or _waiting(first))
     return element
+
+
+def _kind(track: Track) -> str:
+    return "priorityVehicle" if track.role in _PRIORITY else _OBSTACLES.get(track.category, "unknown")
 
 
 def _states(track: Track, step: float) -> list[etree._Element]:

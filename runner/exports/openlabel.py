@@ -14,6 +14,7 @@ import numpy as np
 
 from runner.exports.moments import box_centre, moments, wrapped
 from runner.exports.osi_signals import VehicleLights
+from schemas.common.fates import kept, lost
 from xosc.tags import openlabel, tags_of
 
 if TYPE_CHECKING:
@@ -21,6 +22,22 @@ if TYPE_CHECKING:
     from runner.recording import Track
     from xodr import RoadNetwork
     from xosc.exports.draft import Folder
+
+_OF_ROADS = "labels are of participants; the scenario names the road file"
+FATES = {
+    "name": kept("`name`"), "kind": kept("`kind`"), "category": kept("`type`"), "role": kept("`role`"),
+    "length and width": kept("`cuboid`"), "height of the box": kept("`cuboid`"),
+    "box about the reference point": kept("`box_centre`"), "front axle": kept("`front_axle`"), "mass": kept("`mass`"),
+    "ego": kept("`ego`"), "time": kept("`timestamp`"), "position": kept("`cuboid`"), "height": kept("`cuboid`"),
+    "heading": kept("`cuboid`"), "pitch": kept("`cuboid`"), "roll": kept("`cuboid`"), "speed": kept("`speed`"),
+    "acceleration": kept("`acceleration`"), "place on the road": lost("poses lead to it"), "lights": kept("`text`"),
+    "events": lost("labels are of states"), "verdict": lost("labels are of states"), "criticality": lost("labels are of states"),
+    "tags": kept("`tags`"), "projection": kept("`geo`"), "offset": kept("`pose_wrt_parent`"),
+    **dict.fromkeys(
+        ("lane borders", "road heights", "lane heights", "lane types", "speed limits", "road marks", "lane links", "neighbours",
+         "junctions", "signs", "traffic lights", "light states", "objects"), lost(_OF_ROADS)),
+}  # fmt: skip
+"""Fates of `runner.exports.RUN_FIELDS`; numbers are rounded to 1e-6"""
 
 TARGETS = {"openlabel": "ASAM OpenLABEL JSON: tags, and everyone's box in every frame"}
 _WORLD = "world"

@@ -12,6 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from runner.outputs.tables import write_criticality, write_parquet
+from schemas.common.fates import kept
 from xosc.tags import tags_of
 
 if TYPE_CHECKING:
@@ -22,6 +23,22 @@ if TYPE_CHECKING:
     from xosc.exports.draft import Folder
     from xosc.tags import Tag
 
+
+FATES = {
+    **dict.fromkeys(
+        ("name", "kind", "category", "role", "length and width", "height of the box", "box about the reference point",
+         "front axle", "mass", "ego"), kept("participants")),
+    **dict.fromkeys(
+        ("time", "position", "height", "heading", "pitch", "roll", "speed", "acceleration", "place on the road"),
+        kept("trajectories")),
+    "lights": kept("events"), "events": kept("events"), "verdict": kept("metadata"), "criticality": kept("criticality"),
+    "tags": kept("tags"), "projection": kept("metadata"), "offset": kept("metadata"),
+    **dict.fromkeys(
+        ("lane borders", "road heights", "lane heights", "lane types", "speed limits", "road marks", "lane links", "neighbours",
+         "junctions", "signs", "traffic lights"), kept("road file")),
+    "light states": kept("events"), "objects": kept("road file"),
+}  # fmt: skip
+"""Fates of `runner.exports.RUN_FIELDS`; values of tags are texts"""
 
 _TEXTS = ("name", "kind", "category", "role")
 _SIZES = ("x", "y", "z", "length", "width", "height")

@@ -20,6 +20,7 @@ from runner.exports.moments import decimal, fixed_point, moments, unsupported
 from runner.exports.osi_signals import VehicleLights
 from runner.recording import signal_states
 from runner.worlds.sumo_translation import KINDS, OBSTACLE, link_state
+from schemas.common.fates import changed, kept, lost
 from schemas.xml import parse
 from xodr import sumo_net
 from xodr.sumo_net import LaneTrack
@@ -146,6 +147,28 @@ def _edges(places: _Places) -> list[str]:
     outside = [edge for edge in edges if not edge.startswith(":")]
     return [edge for number, edge in enumerate(outside) if number == 0 or edge != outside[number - 1]]
 
+
+_MOTION, _NETWORK = "SUMO's outputs are of motion", "SUMO's networks have none"
+FATES = {
+    "name": kept("`param`"), "kind": kept("`param`"), "category": kept("`param`"), "role": kept("`param`, `vClass`"),
+    "length and width": kept("`vType`"), "height of the box": kept("`vType`"),
+    "box about the reference point": kept("`param`"), "front axle": kept("`param`"), "mass": kept("`vType`"),
+    "ego": lost("SUMO has no ego"), "time": kept("FCD"), "position": kept("FCD, front bumper"), "height": kept("FCD"),
+    "heading": kept("FCD"), "pitch": kept("FCD, `slope`"), "roll": lost("SUMO's vehicles do not roll"),
+    "speed": changed("without the sign of going backwards"), "acceleration": kept("FCD"),
+    "place on the road": changed("lane and position of SUMO's network"),
+    "lights": changed("bits of `signals`: lit or not; no licence plate, daytime running light"), "events": lost(_MOTION),
+    "verdict": lost(_MOTION), "criticality": lost(_MOTION), "tags": lost(_MOTION),
+    "projection": kept("`projParameter`"), "offset": changed("`netOffset`; not height and turn, which lose the projection"),
+    "lane borders": changed("centre lines are exact, a lane of an edge has one width"),
+    "road heights": kept("z of shapes"), "lane heights": lost("the road model has no heights of lanes"), "lane types": kept("`type`"),
+    "speed limits": kept("`speed`"), "road marks": lost(_NETWORK),
+    "lane links": kept("connections"), "neighbours": changed("lanes of one edge; opposite ones are other edges"),
+    "junctions": changed("one node each, with netconvert's right of way"), "signs": lost(_NETWORK),
+    "traffic lights": changed("the links that they hold, without their place"), "light states": kept("program `scenario`"),
+    "objects": lost(_NETWORK),
+}  # fmt: skip
+"""Fates of `runner.exports.RUN_FIELDS`; participants of those that have a route"""
 
 _CLASSES = {
     "ambulance": "emergency", "fire": "emergency", "police": "authority", "military": "army", "publicTransport": "bus",

@@ -35,6 +35,11 @@ def test_pages_are_what_make_docs_writes() -> None:
     assert not stale, "run make docs"
 
 
+def test_tables_of_fields_and_formats_are_what_make_docs_writes() -> None:
+    stale = [path.name for path, text in generate.matrices().items() if path.read_text(encoding="utf-8") != text]
+    assert not stale, "run make docs"
+
+
 def undocumented(path: str) -> Iterator[str]:
     """Public names of a module, and of its classes, without a docstring."""
     module = import_module(path)

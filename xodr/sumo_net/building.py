@@ -22,14 +22,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 from lxml import etree
 
+from schemas.common.array_types import FloatArray
 from schemas.common.errors import ToolchainError, Unsupported, UsageError
 from schemas.common.storage import Stamp, cache_folder, is_own, keep, read_bytes, stamp
 from schemas.xml import parse
 from xodr.lookup.geo import GeoReference
 from xodr.network import RoadNetwork
 from xodr.reader import load
+from xodr.road import Road
 from xodr.sumo_net.net import LaneTrack, SignalLink, SumoNet, text
 from xodr.sumo_net.plain import PlainNetwork, SumoLane, plain_network
 
@@ -221,14 +224,25 @@ def lift(network: etree._Element, net: SumoNet, roads: RoadNetwork) -> None:
         if track is None:
             continue
         points = [(float(x), float(y)) for x, y, *_ in (each.split(",") for each in lane.get("shape", "").split())]
-        road = roads.roads[track.road_id]
-        gone = [0.0, *accumulate(math.dist(a, b) for a, b in pairwise(points))]
-        shape = []
-        for (x, y), length in zip(points, gone, strict=True):
-            s = track.start + (track.end - track.start) * (length / gone[-1] if gone[-1] else 0.0)
-            lane_id = track.lane_id if track.lane_id in road.section(s).lanes else road.lane_at(s, 0.0)
-            shape.append(f"{x:.4f},{y:.4f},{road.pose(s, road.lane_t(s, lane_id)).z:.4f}")
+        gone = np.array([0.0, *accumulate(math.dist(a, b) for a, b in pairwise(points))])
+        heights = _heights(roads.roads[track.road_id], track, gone / max(gone[-1], _SHORTEST))
+        shape = [f"{x:.4f},{y:.4f},{z:.4f}" for (x, y), z in zip(points, heights.tolist(), strict=True)]
         lane.set("shape", " ".join(shape))
+
+
+_SHORTEST, _HEIGHTS_APART = 1e-9, 2.0
+
+
+def _heights(road: Road, track: LaneTrack, shares: FloatArray) -> FloatArray:
+    """Heights (m) of a lane's centre line at shares of its length as seen from above."""
+    count = math.ceil(abs(track.end - track.start) / _HEIGHTS_APART) + 1
+    places = []
+    for s in np.linspace(track.start, track.end, max(count, 2)).tolist():
+        lane_id = track.lane_id if track.lane_id in road.section(s).lanes else road.lane_at(s, 0.0)
+        places.append(road.pose(s, road.lane_t(s, lane_id))[:3])
+    line = np.array(places)
+    gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T)))
+    return np.interp(shares * gone[-1], gone, line[:, 2])
 
 
 def _check_widths(plain: PlainNetwork) -> None:
