@@ -53,7 +53,7 @@ FATES = {
     "lights": changed("indicators, warning, brake and blue lights: lit or not"), "events": lost(_SCENARIO),
     "verdict": lost(_SCENARIO), "criticality": lost(_SCENARIO), "tags": lost(_SCENARIO),
     "projection": kept("`geoReference`"), "offset": kept("`additionalTransformation`"), "lane borders": kept("bounds"),
-    "road heights": kept("z of points"), "lane heights": lost("the road model has no heights of lanes"),
+    "road heights": kept("z of points"), "lane heights": kept("z of points"),
     "lane types": changed("`laneletType`: what both have; others have the type of their road"),
     "speed limits": kept("sign 274"), "road marks": changed("types that CommonRoad has; colours and widths are lost"),
     "lane links": kept("`successor`"), "neighbours": kept("`adjacentLeft`, `adjacentRight`"),

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+from schemas.common.array_types import FloatArray
 from xodr import RoadNetwork
 from xodr.graph.links import next_lane
 from xodr.lookup.arrays import Points, sample, section_stations
@@ -20,6 +21,9 @@ SPACING = 2.0
 """Greatest distance (m) of the points of a bound, along the road."""
 CHORD_ERROR = 0.01
 """Greatest distance (m) of a bound from the lines between its points."""
+
+_INSIDE = 1e-5
+"""Distance (m) from its borders at which a raised lane is looked at."""
 
 Key = tuple[str, int, int]
 """A lane: road id, number of its section, lane id."""
@@ -90,7 +94,7 @@ def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[Expor
         widths = [lane.width(s) for s in along.tolist()]
         if not lane.id or lane.type == "none" or max(widths) <= NO_WIDTH:
             continue
-        inner, outer = (sample(road, along, [side(s) for s in along.tolist()]) for side in (lane.inner, lane.outer))
+        inner, outer = _bounds(road, lane, along)
         marks = (_mark(_inwards(section, lane)), _mark(lane))
         towards_s = road.direction(lane.id, section.s) > 0
         on_right = lane.id < 0
@@ -104,6 +108,16 @@ def _of_section(network: RoadNetwork, road: Road, number: int) -> Iterator[Expor
             in_junction=road.junction_id in network.junctions,
             limit=road.speed_limit(section.s, lane.id),
         )
+
+
+def _bounds(road: Road, lane: Lane, along: FloatArray) -> tuple[Points, Points]:
+    """The inner and the outer border of a lane at its own height: on a kerb the border of the lane below is another one."""
+    aside = [(lane.inner(s), lane.outer(s)) for s in along.tolist()]
+    if lane.heights:
+        towards = _INSIDE if lane.id > 0 else -_INSIDE
+        aside = [(inner + towards, outer - towards) for inner, outer in aside]
+    inner, outer = (sample(road, along, [each[side] for each in aside]) for side in (0, 1))
+    return inner, outer
 
 
 def _inwards(section: LaneSection, lane: Lane) -> Lane:

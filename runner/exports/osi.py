@@ -205,7 +205,7 @@ FATES = {
     "events": lost("ground truth is what is there"), "verdict": lost("ground truth is what is there"),
     "criticality": lost("ground truth is what is there"), "tags": lost("ground truth is what is there"),
     "projection": kept("`proj_string`"), "offset": kept("`proj_frame_offset`"), "lane borders": kept("`lane_boundary`"),
-    "road heights": kept("z of boundaries"), "lane heights": lost("the road model has no heights of lanes"), "lane types": kept("`logical_lane`"),
+    "road heights": kept("z of boundaries"), "lane heights": kept("z of boundaries"), "lane types": kept("`logical_lane`"),
     "speed limits": kept("`traffic_rule`"), "road marks": changed("double lines are single; colours that OSI has not are other"),
     "lane links": kept("`successor_lane`"), "neighbours": kept("`left_adjacent_lane`, `right_…`"),
     "junctions": changed("all lanes of a junction are one lane of type intersection"), "signs": kept("`traffic_sign`"),

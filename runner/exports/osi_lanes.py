@@ -126,6 +126,8 @@ class Lanes:
                 made[number].id.value = number
             self._fill_lane(made[number].classification, lanelet)
         lines = {border: line for each in self._lanelets for border, line in self._lines(each)}
+        for each in self._lanelets:  # on a kerb the outer side of the lane counts whose border it is
+            lines |= {border: line for border, line in self._lines(each) if border == each.key}
         for border, number in self._border_ids.items():
             _fill_boundary(message.lane_boundary.add(), number, *lines[border])
         return message

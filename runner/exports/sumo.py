@@ -161,7 +161,7 @@ FATES = {
     "verdict": lost(_MOTION), "criticality": lost(_MOTION), "tags": lost(_MOTION),
     "projection": kept("`projParameter`"), "offset": changed("`netOffset`; not height and turn, which lose the projection"),
     "lane borders": changed("centre lines are exact, a lane of an edge has one width"),
-    "road heights": kept("z of shapes"), "lane heights": lost("the road model has no heights of lanes"), "lane types": kept("`type`"),
+    "road heights": kept("z of shapes"), "lane heights": kept("z of shapes"), "lane types": kept("`type`"),
     "speed limits": kept("`speed`"), "road marks": lost(_NETWORK),
     "lane links": kept("connections"), "neighbours": changed("lanes of one edge; opposite ones are other edges"),
     "junctions": changed("one node each, with netconvert's right of way"), "signs": lost(_NETWORK),

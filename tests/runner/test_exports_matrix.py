@@ -224,7 +224,11 @@ def read_osi(result: runner.RunResult, folder: Path) -> Read:
             for rule in each.traffic_rule
         },
         "lane links": {
-            (keys[number], keys[link.other_lane_id.value]) for number, each in logical.items() for link in each.successor_lane
+            (keys[number], keys[link.other_lane_id.value])
+            for number, each in logical.items()
+            for link in (
+                each.successor_lane if each.move_direction == each.MOVE_DIRECTION_INCREASING_S else each.predecessor_lane
+            )
         },
         "neighbours": {
             (keys[number], keys[link.other_lane_id.value])
@@ -286,11 +290,8 @@ def read_sumo(result: runner.RunResult, folder: Path) -> Read:
             if (what == "lane heights") == bool(raised):
                 for x, y, z in shape:
                     there = network.locate(x, y)
-                    s, t = (
-                        (there.s, there.t)
-                        if there.road_id == road_id
-                        else (end := 0.0 if road_id == "2" else road.length, lane.center(end))
-                    )
+                    end = 0.0 if road_id == "2" else road.length
+                    s, t = (there.s, there.t) if there.road_id == road_id else (end, lane.center(end))
                     assert abs(road.elevation(s) + t * math.sin(road.superelevation(s)) + raised - z) < CLOSE, (what, lane_id, s)
 
     (program,) = etree.parse(folder / "run.tll.xml").getroot()
@@ -322,7 +323,8 @@ def read_sumo(result: runner.RunResult, folder: Path) -> Read:
             key: lane.getSpeed() for lane, key in keys.items() if limit(result.recording.network.road(key[0]), key[1])
         },
         "lane links": {
-            (keys[lane], keys[link.getToLane()]) for lane in keys for link in lane.getOutgoing() if link.getToLane() in keys
+            (keys[lane], keys[link.getToLane()]) for lane in keys for link in lane.getOutgoing()
+            if keys.get(link.getToLane(), keys[lane]) != keys[lane]
         },
         "light states": [letters[next(letter for letter in state if letter in letters)] for state in shown],
     }  # fmt: skip
@@ -357,7 +359,7 @@ def read_commonroad(result: runner.RunResult, folder: Path) -> Read:
     network = result.recording.network
     keys = {}
     for number, each in lanelets.items():
-        middle = [np.mean(_bound(each, side), axis=0)[:2] for side in ("leftBound", "rightBound")]
+        middle = [_bound(each, side)[len(_bound(each, side)) // 2, :2] for side in ("leftBound", "rightBound")]
         there = network.locate(*np.mean(middle, axis=0))
         keys[number] = (there.road_id, there.lane_id)
     limits = {sign.get("id"): float(sign.findtext("trafficSignElement/additionalValue")) for sign in root.iter("trafficSign")
