@@ -14,8 +14,8 @@ SIGNS = {KEPT: "●", CHANGED: "◐", LOST: "○"}
 """Signs of the fates in tables."""
 
 
-class Fate(NamedTuple):
-    """Fate of a field.
+class FieldFate(NamedTuple):
+    """FieldFate of a field.
 
     Attributes:
         outcome: `KEPT`, `CHANGED` or `LOST`.
@@ -26,22 +26,22 @@ class Fate(NamedTuple):
     text: str
 
 
-def kept(where: str = "") -> Fate:
+def kept(where: str = "") -> FieldFate:
     """The field is read back with the same value."""
-    return Fate(KEPT, where)
+    return FieldFate(KEPT, where)
 
 
-def changed(how: str) -> Fate:
+def changed(how: str) -> FieldFate:
     """The field is there in part, or in another form."""
-    return Fate(CHANGED, how)
+    return FieldFate(CHANGED, how)
 
 
-def lost(why: str) -> Fate:
+def lost(why: str) -> FieldFate:
     """The field is not there."""
-    return Fate(LOST, why)
+    return FieldFate(LOST, why)
 
 
-Fates = Mapping[str, Fate]
+Fates = Mapping[str, FieldFate]
 """Fates by field."""
 
 
@@ -74,7 +74,7 @@ def matrix(fields: Mapping[str, str], tables: Mapping[str, Fates]) -> Iterator[s
         yield " ".join(f"{number}: {text}." for number, text in enumerate(notes, 1))
 
 
-def _cell(fate: Fate, notes: list[str]) -> str:
+def _cell(fate: FieldFate, notes: list[str]) -> str:
     if not fate.text:
         return SIGNS[fate.outcome]
     if fate.outcome == KEPT:
