@@ -56,7 +56,7 @@ types: install
 	$(BIN)/mypy
 
 docs: install  ## write the generated pages of docs/ anew
-	$(BIN)/python -m runner.coverage docs/coverage.md
+	$(BIN)/python -m studies.coverage docs/coverage.md
 	$(BIN)/python docs/generate.py
 	$(BIN)/python docs/picture.py
 

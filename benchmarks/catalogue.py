@@ -1,16 +1,18 @@
 """Time to make a catalogue of a recording of highD's size (17 minutes, 1,000 vehicles).
 
-    python benchmarks/catalogue.py [--recording FOLDER] [--seconds 1020] [--labels auto|rules] [--jobs N] [--parts]
+    python benchmarks/catalogue.py [--recording FOLDER] [--seconds 1020] [--labels auto|rules]
+    [--jobs N] [--parts]
     python benchmarks/catalogue.py --page CATALOGUE [--scenarios 5000]
 
-The recording is made first, by the recorder in highD's format, unless the folder has it; only what comes after is timed, in
-seconds and in seconds of processors, which tell more where others work on the machine. Then what took most of the time is
-compared with the plain ways: measuring all others of a scene at once with one after the other, and catalogues of trajectories as
-text with documents of scenariogeneration's objects. With --parts the catalogue is made in this process instead, and what each
-part took of the processor is printed; so are the bytes of a recorded hour.
+The recording is made first, by the recorder in highD's format, unless the folder has it; only what
+comes after is timed, in seconds and in seconds of processors, which tell more where others work on
+the machine. Then what took most of the time is compared with the plain ways: measuring all others
+of a scene at once with one after the other, and catalogues of trajectories as text with documents
+of scenariogeneration's objects. With --parts the catalogue is made in this process instead, and
+what each part took of the processor is printed; so are the bytes of a recorded hour.
 
-With --page the scenarios of a catalogue are repeated to that number on one page, and headless Chromium measures how long it takes
-to show the page and to answer a filter and an order.
+With --page the scenarios of a catalogue are repeated to that number on one page, and headless
+Chromium measures how long it takes to show the page and to answer a filter and an order.
 """
 
 from __future__ import annotations
@@ -30,23 +32,24 @@ from pathlib import Path
 
 from scenariogeneration import xosc as sg
 
-from recognition import datasets
-from recognition.catalogue import index, recordings, write
-from recognition.catalogue.cut import Excerpt, Part, SceneCutter, Scope
+from recognition import recordings as datasets
+from recognition.catalogue import recordings
 from recognition.catalogue.model import ByModel, load
 from recognition.catalogue.pipeline import SHIPPED, ByRules, build
 from recognition.catalogue.recordings import CatalogueSettings
-from recognition.catalogue.replay import trajectories
-from recognition.catalogue.write import CatalogWriter
+from recognition.catalogue.writing import index, write
+from recognition.catalogue.writing.replay import trajectories
+from recognition.catalogue.writing.write import CatalogWriter
 from recognition.recorder.recorder import record_one
 from recognition.recorder.sites import SITES
-from recognition.sites import site_of
-from runner.measures.criticality import criticality
-from runner.measures.relations import MotionRows
-from schemas.common.command_line import progress_bar
-from xosc import maneuvers
+from recognition.scenes import site_of
+from recognition.scenes.cut import Excerpt, Part, SceneCutter, Scope
+from runner.judging.measures.criticality import criticality
+from runner.judging.measures.relations import MotionRows
+from schemas.common.terminal.command_line import progress_bar
 from xosc.document import to_bytes
-from xosc.maneuvers import world_position
+from xosc.writing import maneuvers
+from xosc.writing.maneuvers import world_position
 
 _LENGTH = 17.0 * 60.0
 _TRAFFIC = 0.75
@@ -60,11 +63,17 @@ def main() -> None:
     """Print times."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--recording", type=Path, help="folder of the recording")
-    arguments.add_argument("--seconds", type=float, default=_LENGTH, help="length of the recording that is made")
+    arguments.add_argument(
+        "--seconds", type=float, default=_LENGTH, help="length of the recording that is made"
+    )
     arguments.add_argument("--labels", choices=("auto", "rules"), default="auto")
     arguments.add_argument("--jobs", type=int, default=2, help="processes of the command")
-    arguments.add_argument("--parts", action="store_true", help="in this process instead, with the time of each part")
-    arguments.add_argument("--page", type=Path, metavar="CATALOGUE", help="measure the page of this catalogue instead")
+    arguments.add_argument(
+        "--parts", action="store_true", help="in this process instead, with the time of each part"
+    )
+    arguments.add_argument(
+        "--page", type=Path, metavar="CATALOGUE", help="measure the page of this catalogue instead"
+    )
     arguments.add_argument("--scenarios", type=int, default=5000, help="scenarios of the page")
     options = arguments.parse_args()
     if options.page:
@@ -82,18 +91,37 @@ def main() -> None:
             in_parts(folder, out, options.labels)
             return
         start = time.perf_counter()
-        command = [sys.executable, "-m", "recognition.xosc_recognize", str(folder), "--labels", options.labels]
+        command = [
+            sys.executable,
+            "-m",
+            "recognition.xosc_recognize",
+            str(folder),
+            "--labels",
+            options.labels,
+        ]
         subprocess.run([*command, "--out", str(out), "--jobs", str(options.jobs)], check=True)
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         took, processors = time.perf_counter() - start, used.ru_utime + used.ru_stime
         count = len(json.loads((out / "index.json").read_text())["scenarios"])
-        print(f"{count} scenarios: {took:.1f} s with {options.jobs} jobs, {processors:.1f} s of processors")
+        print(
+            f"{count} scenarios: {took:.1f} s with {options.jobs} jobs, {processors:.1f} s of processors"
+        )
         compare(folder, Path(scratch))
 
 
 def in_parts(folder: Path, out: Path, labels: str) -> None:
     """Make the catalogue in this process, and print what its parts took of the processor."""
-    taken = dict.fromkeys(("reading and smoothing", "rules", "model", "cutting scenes", "measuring scenes", "writing"), 0.0)
+    taken = dict.fromkeys(
+        (
+            "reading and smoothing",
+            "rules",
+            "model",
+            "cutting scenes",
+            "measuring scenes",
+            "writing",
+        ),
+        0.0,
+    )
     taken |= dict.fromkeys(("films", "lanes of the page", "page", "exposure"), 0.0)
     places: list[tuple[object, str]] = [
         (datasets.Source, "load"), (recordings, "label"), (ByModel, "look"), (SceneCutter, "cut"), (write, "criticality_of"),
@@ -104,11 +132,21 @@ def in_parts(folder: Path, out: Path, labels: str) -> None:
     start = time.process_time()
     recogniser = ByRules() if labels == "rules" else load(SHIPPED)
     loading = time.process_time() - start
-    summary = build([folder], out, CatalogueSettings(), lambda: recogniser, functools.partial(progress_bar, quiet=True))
+    summary = build(
+        [folder],
+        out,
+        CatalogueSettings(),
+        lambda: recogniser,
+        functools.partial(progress_bar, quiet=True),
+    )
     whole, count = time.process_time() - start, sum(summary.classes.values())
     taken["writing"] -= taken["cutting scenes"] + taken["measuring scenes"] + taken["films"]
-    print(f"{count} scenarios: {whole:.1f} s of processors, {1e3 * taken['writing'] / count:.1f} ms to write one")
-    for part, seconds in ({"reading the model": loading} | taken | {"rest": whole - loading - sum(taken.values())}).items():
+    print(
+        f"{count} scenarios: {whole:.1f} s of processors, {1e3 * taken['writing'] / count:.1f} ms to write one"
+    )
+    for part, seconds in (
+        {"reading the model": loading} | taken | {"rest": whole - loading - sum(taken.values())}
+    ).items():
         print(f"{part:<22}{seconds:6.1f} s {seconds / whole:4.0%}")
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     hours = sum(_duration(source) for source in datasets.open(folder).sources) / 3600.0
@@ -125,7 +163,11 @@ def show(catalogue: Path, count: int, scratch: Path) -> None:
     """Print how long a page of many scenarios takes to load, to filter and to sort, and its size."""
     from tests.runner.chromium import Browser
 
-    head, mark, rest = (catalogue / "index.html").read_text().partition('<script type="application/json" id="data">')
+    head, mark, rest = (
+        (catalogue / "index.html")
+        .read_text()
+        .partition('<script type="application/json" id="data">')
+    )
     text, end, rest = rest.partition("</script>")
     data = json.loads(text)
     rows = [row % len(data["films"]) for row in range(count)]
@@ -141,19 +183,22 @@ def show(catalogue: Path, count: int, scratch: Path) -> None:
         for width in (1400, 390):
             browser.open(path, width=width)
             shown = browser.run("performance.now()")
-            change = (
-                "const all = document.getElementById('choose-{0}'); all.value = '{1}'; all.dispatchEvent(new Event('change'))"
-            )
+            change = "const all = document.getElementById('choose-{0}'); all.value = '{1}'; all.dispatchEvent(new Event('change'))"
             times = [
                 browser.run(f"(() => {{ const start = performance.now(); {change.format(*each)}; document.body.offsetHeight; "
                             "return performance.now() - start; })()")
                 for each in (("class", data["names"]["class"][0]), ("class", ""), ("sort", "-gap"))
             ]  # fmt: skip
-            told = ", ".join(f"{name} {took:.0f} ms" for name, took in zip(("filter", "all", "order"), times, strict=True))
+            told = ", ".join(
+                f"{name} {took:.0f} ms"
+                for name, took in zip(("filter", "all", "order"), times, strict=True)
+            )
             print(f"{width} px: shown within {shown:.0f} ms, {told}; errors: {browser.errors}")
 
 
-def _timed(work: Callable[..., object], part: str, taken: dict[str, float]) -> Callable[..., object]:
+def _timed(
+    work: Callable[..., object], part: str, taken: dict[str, float]
+) -> Callable[..., object]:
     """The same work, with the processor time that it takes added to what the part has taken."""
 
     @functools.wraps(work)
@@ -172,28 +217,50 @@ def compare(folder: Path, scratch: Path) -> None:
     (source, *_) = datasets.open(folder).sources
     recording = source.load()
     site_of(source, recording, scratch)
-    cutter, egos = SceneCutter(recording, Scope()), list(recording.tracks.values())[:: max(1, len(recording.tracks) // _SCENES)]
-    scenes = [cutter.cut(ego.name, ego.columns["time"][0], ego.columns["time"][0] + _SCENE) for ego in egos]
+    cutter, egos = (
+        SceneCutter(recording, Scope()),
+        list(recording.tracks.values())[:: max(1, len(recording.tracks) // _SCENES)],
+    )
+    scenes = [
+        cutter.cut(ego.name, ego.columns["time"][0], ego.columns["time"][0] + _SCENE)
+        for ego in egos
+    ]
     motions = [[_motion(part, scene) for part in scene.parts] for scene in scenes]
     together = _seconds(lambda: [criticality(ego, others).summary for ego, *others in motions])
-    alone = _seconds(lambda: [criticality(ego, [other]).summary for ego, *others in motions for other in others])
-    print(f"measuring {len(scenes)} scenes: {together:.2f} s, one by one {alone:.2f} s: {alone / together:.1f} times as long")
-    text = _seconds(lambda: [maneuvers.trajectory_catalog(_HEADER, trajectories(scene)) for scene in scenes])
-    objects = _seconds(lambda: [_document([_objects(part, scene) for part in scene.parts]) for scene in scenes])
-    print(f"their trajectories: {text:.2f} s, of objects {objects:.2f} s: {objects / text:.1f} times as long")
+    alone = _seconds(
+        lambda: [criticality(ego, [other]).summary for ego, *others in motions for other in others]
+    )
+    print(
+        f"measuring {len(scenes)} scenes: {together:.2f} s, one by one {alone:.2f} s: {alone / together:.1f} times as long"
+    )
+    text = _seconds(
+        lambda: [maneuvers.trajectory_catalog(_HEADER, trajectories(scene)) for scene in scenes]
+    )
+    objects = _seconds(
+        lambda: [_document([_objects(part, scene) for part in scene.parts]) for scene in scenes]
+    )
+    print(
+        f"their trajectories: {text:.2f} s, of objects {objects:.2f} s: {objects / text:.1f} times as long"
+    )
 
 
 def _motion(part: Part, scene: Excerpt) -> MotionRows:
     columns = part.track.columns
     inside = (columns["time"] >= scene.start) & (columns["time"] <= scene.end)
-    return MotionRows.from_columns(part.name, part.track.box, {name: values[inside] for name, values in columns.items()})
+    return MotionRows.from_columns(
+        part.name, part.track.box, {name: values[inside] for name, values in columns.items()}
+    )
 
 
 def _objects(part: Part, scene: Excerpt) -> sg.Trajectory:
     """A trajectory as scenariogeneration builds it."""
     places = zip(*(part.column(name).tolist() for name in ("x", "y", "h")), strict=True)
     built = sg.Trajectory(part.name, False)
-    built.add_shape(sg.Polyline((part.time - scene.start).tolist(), [world_position(x, y, h=h) for x, y, h in places]))
+    built.add_shape(
+        sg.Polyline(
+            (part.time - scene.start).tolist(), [world_position(x, y, h=h) for x, y, h in places]
+        )
+    )
     return built
 
 

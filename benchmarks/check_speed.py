@@ -2,7 +2,8 @@
 
     python benchmarks/check_speed.py PATH... [--repeat N]
 
-Only files whose version has an XSD at hand are counted. Start-up, which compiles each XSD once, is not counted.
+Only files whose version has an XSD at hand are counted. Start-up, which compiles each XSD once, is
+not counted.
 """
 
 from __future__ import annotations
@@ -16,17 +17,19 @@ from pathlib import Path
 from lxml import etree
 
 from schemas import check
-from schemas.common.command_line import expand
-from schemas.registry import Schema, detect, schema_for
+from schemas.common.terminal.command_line import expand
+from schemas.common.xml import parse
 from schemas.validate import violations
-from schemas.xml import parse
+from schemas.versions.registry import Schema, detect, schema_for
 
 
 def main() -> None:
     """Print the three speeds and their ratios."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("paths", nargs="+", help="files, folders and globs")
-    arguments.add_argument("--repeat", type=int, default=5, help="passes over the files, of which the median counts")
+    arguments.add_argument(
+        "--repeat", type=int, default=5, help="passes over the files, of which the median counts"
+    )
     options = arguments.parse_args()
     files = _validatable(expand(options.paths))
     if not files:
@@ -50,7 +53,9 @@ def main() -> None:
     print(f"{'plain libxml2':<24}{reference:>8.0f} files/s")
     for name, work in (("schema check", schema_check), ("check with all rules", full_check)):
         speed = _speed(work, files, options.repeat)
-        print(f"{name:<24}{speed:>8.0f} files/s  {reference / speed:.2f} times the time of plain libxml2")
+        print(
+            f"{name:<24}{speed:>8.0f} files/s  {reference / speed:.2f} times the time of plain libxml2"
+        )
 
 
 def _validatable(paths: Sequence[Path]) -> list[tuple[Path, Schema]]:
@@ -59,7 +64,9 @@ def _validatable(paths: Sequence[Path]) -> list[tuple[Path, Schema]]:
     return [(path, schema) for path, schema in found if schema is not None and not schema.xsd_1_1]
 
 
-def _speed(work: Callable[[Path, Schema], object], files: Sequence[tuple[Path, Schema]], repeat: int) -> float:
+def _speed(
+    work: Callable[[Path, Schema], object], files: Sequence[tuple[Path, Schema]], repeat: int
+) -> float:
     for path, schema in files:
         work(path, schema)  # warms caches, which is start-up
     times = []

@@ -2,8 +2,8 @@
 
     python benchmarks/densities.py [--density NAME]
 
-Rows are logarithms of the eight values of each unit of our own recordings, as a search has them before anything is pinned.
-Times are of the processor.
+Rows are logarithms of the eight values of each unit of our own recordings, as a search has them
+before anything is pinned. Times are of the processor.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from time import process_time
 
 import numpy as np
 
-from generation.density.models import JUDGE
-from generation.density.prior import fitted, held_out
-from generation.recorded import of_recordings
-from recognition.maneuvers.parameters import KINDS
-from recognition.maneuvers.units import Samples
+from generation.space.density.models import JUDGE
+from generation.space.density.prior import fitted, held_out
+from generation.space.recorded import of_recordings
+from recognition.labels.maneuvers.parameters import KINDS
+from recognition.labels.maneuvers.units import Samples
 
 
 def main() -> None:

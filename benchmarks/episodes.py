@@ -2,8 +2,9 @@
 
     python benchmarks/episodes.py [SCENARIO] [--episodes N] [--processes N] [--timestep S]
 
-Points are drawn uniformly from the scenario's parameter space. The parts are measured in one process by a clock of its
-processor time around each of them; the clock itself costs a little, which is in the rest.
+Points are drawn uniformly from the scenario's parameter space. The parts are measured in one
+process by a clock of its processor time around each of them; the clock itself costs a little, which
+is in the rest.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from typing import Any
 import numpy as np
 
 import xosc
-from generation.outcomes import Evaluator
-from generation.search.space import Space
-from runner.interpreter import execution
-from runner.interpreter.simulation import Simulation
-from runner.measures import criticality
+from generation.search.outcomes import Evaluator
+from generation.space.space import Space
+from runner.engine.storyboard.simulation import Simulation
+from runner.engine.worlds.sumo import SumoWorld
+from runner.judging import execution
+from runner.judging.measures import criticality
+from runner.judging.settings import RunSettings
 from runner.recording import Recorder
-from runner.settings import RunSettings
-from runner.worlds.sumo import SumoWorld
 
 SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "cut_in_highway.xosc"
 PARTS: tuple[tuple[Any, str, str], ...] = (
@@ -65,11 +66,15 @@ class Clock:
 def whole(scenario: Path, space: Space, theta: np.ndarray, timestep: float, processes: int) -> None:
     """Run all episodes as a search does."""
     start = perf_counter()
-    with Evaluator(scenario, space, run=RunSettings(timestep=timestep), processes=processes) as evaluator:
+    with Evaluator(
+        scenario, space, run=RunSettings(timestep=timestep), processes=processes
+    ) as evaluator:
         found = evaluator(theta)
     seconds = perf_counter() - start
     rate = len(theta) / seconds
-    print(f"{len(theta)} episodes, {processes} processes, {timestep} s a step: {seconds:.1f} s, {rate:.0f} a second")
+    print(
+        f"{len(theta)} episodes, {processes} processes, {timestep} s a step: {seconds:.1f} s, {rate:.0f} a second"
+    )
     print(
         f"    {found.end_time.mean():.1f} simulated s each, {(~found.executed).sum()} errors, {found.collision.sum()} collisions"
     )
@@ -81,11 +86,15 @@ def parts(scenario: Path, space: Space, theta: np.ndarray, timestep: float) -> N
     clock = Clock()
     for owner, function, name in PARTS:
         clock.around(owner, function, name)
-    execution.run(scenario, parameters={**space.pinned, **space.values(theta[0])}, timestep=timestep)  # fills the caches
+    execution.run(
+        scenario, parameters={**space.pinned, **space.values(theta[0])}, timestep=timestep
+    )  # fills the caches
     clock.total.clear()
     start = process_time()
     for row in theta:
-        result = execution.run(scenario, parameters={**space.pinned, **space.values(row)}, timestep=timestep)
+        result = execution.run(
+            scenario, parameters={**space.pinned, **space.values(row)}, timestep=timestep
+        )
         assert result.criticality is not None
     seconds = (process_time() - start) / len(theta)
     print(f"one episode: {seconds * 1e3:.1f} ms of processor time")

@@ -2,9 +2,10 @@
 
     python benchmarks/exports.py FOLDER... [--to 1.0 --to carla] [--jobs 2] [--no-runs]
 
-Scenarios and distributions below the folders count, catalogues do not. A file moves as before when every participant of the
-exported file (of its first set of parameters) is within 20 cm of where the original has it, at every step until the
-original ends, in the kinematic world and without a system under test. One whose original can't be run is counted apart.
+Scenarios and distributions below the folders count, catalogues do not. A file moves as before when
+every participant of the exported file (of its first set of parameters) is within 20 cm of where the
+original has it, at every step until the original ends, in the kinematic world and without a system
+under test. One whose original can't be run is counted apart.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ import numpy as np
 
 import runner
 import xosc
-from runner.exports import TARGETS
-from runner.exports.exporting import export_documents
-from runner.settings import RunSettings
+from runner.exchange.exports import TARGETS
+from runner.exchange.exports.exporting import export_documents
+from runner.judging.settings import RunSettings
 from schemas.common.errors import ToolchainError
 from xosc.exports.draft import Folder
 
@@ -49,7 +50,11 @@ class Answer(NamedTuple):
 
 def scenarios(folders: list[Path]) -> list[Path]:
     """All scenarios and distributions that can be read."""
-    found = [file for folder in folders for file in ([folder] if folder.is_file() else sorted(folder.rglob("*.xosc")))]
+    found = [
+        file
+        for folder in folders
+        for file in ([folder] if folder.is_file() else sorted(folder.rglob("*.xosc")))
+    ]
     return [path for path in found if _kind(path) != "catalog"]
 
 
@@ -75,7 +80,9 @@ def answer(path: Path, target: str, runs: bool) -> Answer:
             return Answer(path, target, "", np.nan)
         whole = Path(scratch) / path.name
         try:
-            got = motion(whole if whole.exists() else sorted(Path(scratch).glob(f"{path.stem}~*.xosc"))[0])
+            got = motion(
+                whole if whole.exists() else sorted(Path(scratch).glob(f"{path.stem}~*.xosc"))[0]
+            )
         except ToolchainError as error:
             return Answer(path, target, f"exported, and then: {_reason(str(error))}", np.inf)
         return Answer(path, target, "", greatest_distance(expected, got))
@@ -88,7 +95,10 @@ def motion(path: Path) -> Motion:
     if xosc.load(path).kind == "distribution":
         path, parameters = next(iter(xosc.variations(path)))
     tracks = runner.run(path, SETTINGS, parameters=parameters).recording.tracks
-    return {name: np.column_stack([track.columns[c] for c in ("time", "x", "y")]) for name, track in tracks.items()}
+    return {
+        name: np.column_stack([track.columns[c] for c in ("time", "x", "y")])
+        for name, track in tracks.items()
+    }
 
 
 def greatest_distance(expected: Motion, got: Motion) -> float:
@@ -99,7 +109,9 @@ def greatest_distance(expected: Motion, got: Motion) -> float:
     distances = [0.0]
     for name, rows in expected.items():
         others = got[names[name]]
-        _, here, there = np.intersect1d(rows[:, 0].round(6), others[:, 0].round(6), return_indices=True)
+        _, here, there = np.intersect1d(
+            rows[:, 0].round(6), others[:, 0].round(6), return_indices=True
+        )
         if len(here) < len(rows):
             return np.inf
         distances.append(float(np.hypot(*(rows[here, 1:] - others[there, 1:]).T).max()))
@@ -131,7 +143,12 @@ def main() -> None:
     """Entry point."""
     parser = ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folders", nargs="+", type=Path)
-    parser.add_argument("--to", action="append", choices=DOCUMENTS, help="repeatable; all targets of documents without it")
+    parser.add_argument(
+        "--to",
+        action="append",
+        choices=DOCUMENTS,
+        help="repeatable; all targets of documents without it",
+    )
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--no-runs", action="store_true", help="export only")
     parser.add_argument("--first", type=int, help="that many files only")

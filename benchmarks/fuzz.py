@@ -1,12 +1,15 @@
 """Fuzz the commands and readers: files changed by what their formats allow, and a report of all that must not happen.
 
-    python -m benchmarks.fuzz [FOLDER...] [--count N] [--minutes M] [--seed S] [--jobs J] [--only KIND] [--keep DIR]
+    python -m benchmarks.fuzz [FOLDER...] [--count N] [--minutes M] [--seed S] [--jobs J] [--only
+    KIND] [--keep DIR]
 
-Inputs are made from the scenarios of the library, of the conformance tests or of the folders given, and from small recordings,
-maps, models and results of runs. Number and seed decide an input: `--first 17 --count 1` repeats one. A defect is a traceback
-or internal error, an exit code that no file may lead to, an error without a file, text that a terminal or CI service would obey,
-more processor time or memory than allowed, a file written outside of the output folder, and a green answer for a scenario that
-the check refuses. With `--keep` the files of each input with a defect are copied, for tests/security/corpus.
+Inputs are made from the scenarios of the library, of the conformance tests or of the folders given,
+and from small recordings, maps, models and results of runs. Number and seed decide an input:
+`--first 17 --count 1` repeats one. A defect is a traceback or internal error, an exit code that no
+file may lead to, an error without a file, text that a terminal or CI service would obey, more
+processor time or memory than allowed, a file written outside of the output folder, and a green
+answer for a scenario that the check refuses. With `--keep` the files of each input with a defect
+are copied, for tests/security/corpus.
 """
 
 from __future__ import annotations
@@ -31,16 +34,28 @@ def main() -> None:
     arguments.add_argument("folders", nargs="*", type=Path, help="scenario files to begin with")
     arguments.add_argument("--count", type=int, default=1000, help="inputs")
     arguments.add_argument("--minutes", type=float, default=0.0, help="end after that time, too")
-    arguments.add_argument("--first", type=int, default=0, help="number of the first input, to repeat one")
+    arguments.add_argument(
+        "--first", type=int, default=0, help="number of the first input, to repeat one"
+    )
     arguments.add_argument("--seed", type=int, default=0)
     arguments.add_argument("--jobs", type=int, default=2, help="processes")
-    arguments.add_argument("--only", default="", help="beginning of the names of kinds: check, 'export carla', recordings, …")
-    arguments.add_argument("--limit", type=float, default=LONGEST, help="processor time that an input may take, s")
-    arguments.add_argument("--memory", type=float, default=LARGEST, help="memory that an input may take, MiB")
+    arguments.add_argument(
+        "--only",
+        default="",
+        help="beginning of the names of kinds: check, 'export carla', recordings, …",
+    )
+    arguments.add_argument(
+        "--limit", type=float, default=LONGEST, help="processor time that an input may take, s"
+    )
+    arguments.add_argument(
+        "--memory", type=float, default=LARGEST, help="memory that an input may take, MiB"
+    )
     arguments.add_argument("--keep", type=Path, help="folder for the files of inputs with defects")
     arguments.add_argument("--verbose", action="store_true", help="print every input")
     options = arguments.parse_args()
-    os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1"))  # servers fork: they start no threads
+    os.environ.update(
+        dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    )  # servers fork: they start no threads
     start = time.monotonic()
     results = _run(options)
     print(f"{len(results)} inputs, seed {options.seed}, in {time.monotonic() - start:.0f} s")
@@ -77,7 +92,10 @@ def _run(options: argparse.Namespace) -> list[Result]:
             if options.verbose or result.defect:
                 _show(result)
             if len(results) % 1000 == 0:
-                print(f"… {len(results)} inputs, {sum(bool(each.defect) for each in results)} defects", flush=True)
+                print(
+                    f"… {len(results)} inputs, {sum(bool(each.defect) for each in results)} defects",
+                    flush=True,
+                )
     return sorted(results)
 
 
@@ -97,7 +115,9 @@ def _report(results: Sequence[Result]) -> int:
     for kind, counts in sorted(codes.items()):
         seconds = sum(result.seconds for result in results if result.kind == kind)
         answers = ", ".join(f"{code}: {count}" for code, count in sorted(counts.items()))
-        print(f"{kind or '(died or hung)':24}{counts.total():8}{defects[kind]:9}{seconds:10.0f} s   {answers}")
+        print(
+            f"{kind or '(died or hung)':24}{counts.total():8}{defects[kind]:9}{seconds:10.0f} s   {answers}"
+        )
     print(f"{len(results)} inputs, {defects.total()} defects")
     slowest, largest = max(results, key=lambda r: r.seconds), max(results, key=lambda r: r.growth)
     print(

@@ -1,10 +1,11 @@
 """Number of inconclusive runs, and their causes.
 
-    python benchmarks/inconclusive.py FOLDER... [--sut NAME] [--world NAME] [--sets N] [--road-path DIR] [--passed N] [--jobs N]
+    python benchmarks/inconclusive.py FOLDER... [--sut NAME] [--world NAME] [--sets N] [--road-path
+    DIR] [--passed N] [--jobs N]
 
-Files are those of benchmarks/playable.py; of a variation file so many parameter sets are drawn. Runs last 60 s at most. Each
-cause is followed by its files, with the reason of the first run of each, then errors and some passed runs: to be looked at,
-whether a person would call them tested.
+Files are those of benchmarks/playable.py; of a variation file so many parameter sets are drawn.
+Runs last 60 s at most. Each cause is followed by its files, with the reason of the first run of
+each, then errors and some passed runs: to be looked at, whether a person would call them tested.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from playable import files
 
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
-from runner.interpreter.verdict import CAUSES
-from runner.settings import DEFAULT_SYSTEM, WORLDS, RunSettings
+from runner.judging.settings import DEFAULT_SYSTEM, WORLDS, RunSettings
+from runner.judging.verdict import CAUSES
 from xosc.distributions import Selection
 
 
@@ -36,9 +37,18 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
     settings = RunSettings(
-        timestep=0.1, sut=given.sut, world=given.world, max_time=60.0, road_path=tuple(given.road_path)
+        timestep=0.1,
+        sut=given.sut,
+        world=given.world,
+        max_time=60.0,
+        road_path=tuple(given.road_path),
     )  # limits that no shipped scenario reaches before its events
-    jobs = jobs_of(list(files(given.folders)), {}, enforce_constraints=True, selection=Selection(sample=given.sets))
+    jobs = jobs_of(
+        list(files(given.folders)),
+        {},
+        enforce_constraints=True,
+        selection=Selection(sample=given.sets),
+    )
     states: Counter[str] = Counter()
     by_cause: defaultdict[str, list[Outcome]] = defaultdict(list)
     passed: list[Outcome] = []
@@ -50,7 +60,10 @@ def main() -> None:
             by_cause["error"].append(outcome)
         if outcome.state == "passed":
             passed.append(outcome)
-    print(f"{states.total()} runs, sut {given.sut}: " + ", ".join(f"{number} {state}" for state, number in states.most_common()))
+    print(
+        f"{states.total()} runs, sut {given.sut}: "
+        + ", ".join(f"{number} {state}" for state, number in states.most_common())
+    )
     for cause in (*CAUSES, "error"):
         runs = by_cause.get(cause, [])
         firsts = {outcome.job.source: outcome for outcome in reversed(runs)}

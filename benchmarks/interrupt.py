@@ -2,10 +2,11 @@
 
     python benchmarks/interrupt.py [PATH...] [--kills 200] [--seed 0]
 
-PATHs are as for `xosc-run`, the shipped library by default. A batch is one `xosc-run --jobs 2` with an output folder. All its
-processes are killed (SIGKILL) after a random time, and it is resumed, until it completes; then the next batch begins, until there
-were as many kills as asked for. Each completed batch must have the files of the plain one, byte by byte, and one journal entry a
-run. The exit code is 1 where one has not.
+PATHs are as for `xosc-run`, the shipped library by default. A batch is one `xosc-run --jobs 2` with
+an output folder. All its processes are killed (SIGKILL) after a random time, and it is resumed,
+until it completes; then the next batch begins, until there were as many kills as asked for. Each
+completed batch must have the files of the plain one, byte by byte, and one journal entry a run. The
+exit code is 1 where one has not.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ _OWN = {"runs.jsonl", ".lock"}
 
 def main() -> int:
     """Print a line for each batch and the sum of all; the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("paths", nargs="*", default=[str(_LIBRARY)])
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
@@ -45,16 +48,23 @@ def main() -> int:
             out = folder / f"batch{batches}"
             killed = _killed_and_resumed(options.paths, out, longest, draw, options.kills - kills)
             found = _content(out)
-            wrong = [name for name in expected.keys() | found.keys() if expected.get(name) != found.get(name)]
+            wrong = [
+                name
+                for name in expected.keys() | found.keys()
+                if expected.get(name) != found.get(name)
+            ]
             kills, batches, different = kills + killed, batches + 1, different + len(wrong)
             print(
-                f"batch {batches}: killed {killed} times, {len(found)} files, {len(wrong)} differ {wrong[:3] or ''}", flush=True
+                f"batch {batches}: killed {killed} times, {len(found)} files, {len(wrong)} differ {wrong[:3] or ''}",
+                flush=True,
             )
     print(f"{kills} kills in {batches} batches of {longest:.1f} s: {different} files differ")
     return min(different, 1)
 
 
-def _killed_and_resumed(paths: list[str], out: Path, longest: float, draw: random.Random, most: int) -> int:
+def _killed_and_resumed(
+    paths: list[str], out: Path, longest: float, draw: random.Random, most: int
+) -> int:
     """Kill a batch and resume it until it completes; how often it was killed."""
     kills = 0
     while True:
@@ -77,7 +87,9 @@ def _run(paths: list[str], out: Path) -> subprocess.Popen[bytes]:
 def _content(out: Path) -> dict[str, object]:
     """Return the content of a batch folder: its files by name, and the sorted entries of its journal."""
     files: dict[str, object] = {
-        str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*") if path.is_file() and path.name not in _OWN
+        str(path.relative_to(out)): path.read_bytes()
+        for path in out.rglob("*")
+        if path.is_file() and path.name not in _OWN
     }
     entries = [json.loads(line) for line in (out / "runs.jsonl").read_text().splitlines()]
     return files | {"runs.jsonl": sorted(entries, key=lambda entry: str(entry["job"]["name"]))}

@@ -1,10 +1,12 @@
 """The reference drivers on the cut-in grids that they were published with, against the published implementation's collisions.
 
-    python benchmarks/jrc_grids.py [--drivers NAME...] [--every N] [--processes N] [--world sumo|kinematic]
+    python benchmarks/jrc_grids.py [--drivers NAME...] [--every N] [--processes N] [--world
+    sumo|kinematic]
 
-Every run is one of `xosc/library/r157_cut_in.xosc`, in steps of 0.1 s as there (github.com/ec-jrc/JRC-FSM). A collision is a
-rear-end one where the middle of the ego is behind that of the other. `--every` takes each N-th run only and scales the counts; N
-should be no multiple of 2 or 3, as 18 lateral speeds vary fastest.
+Every run is one of `xosc/library/r157_cut_in.xosc`, in steps of 0.1 s as there
+(github.com/ec-jrc/JRC-FSM). A collision is a rear-end one where the middle of the ego is behind
+that of the other. `--every` takes each N-th run only and scales the counts; N should be no multiple
+of 2 or 3, as 18 lateral speeds vary fastest.
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ import numpy as np
 
 from runner.batch.jobs import Job, Outcome, failure
 from runner.batch.pool import Pool
-from runner.interpreter.execution import run
-from runner.settings import RunSettings
+from runner.judging.execution import run
+from runner.judging.settings import RunSettings
 
 SCENARIO = Path(__file__).parents[1] / "xosc" / "library" / "r157_cut_in.xosc"
 TIMESTEP = 0.1
@@ -47,7 +49,9 @@ GRIDS = {
     "high": Grid((70, 90, 110, 130), 30, range(1, 120, 2)),
     "low": Grid((10, 20, 30, 40, 50, 60), 10, range(1, 60)),
 }
-RAMPS = {round(speed, 1): len(np.arange(0.0, speed, 0.15)) for speed in np.arange(0.0, 1.8, 0.1).tolist()}
+RAMPS = {
+    round(speed, 1): len(np.arange(0.0, speed, 0.15)) for speed in np.arange(0.0, 1.8, 0.1).tolist()
+}
 """Steps in which each lateral speed (m/s) is reached. The published grid lies a rounding error above 0.3, 0.6 and 1.2 m/s, and
 its implementation takes a step more for these."""
 PUBLISHED = {
@@ -81,12 +85,23 @@ def jobs(grid: Grid, driver: str) -> Iterator[Job]:
 def drive(job: Job, options: RunSettings) -> Outcome:
     """One run; whether a collision is a rear-end one is its measure."""
     try:
-        result = run(job.scenario, parameters=job.parameters, sut=options.sut, timestep=options.timestep, world=options.world)
+        result = run(
+            job.scenario,
+            parameters=job.parameters,
+            sut=options.sut,
+            timestep=options.timestep,
+            world=options.world,
+        )
     except Exception as error:
         return failure(job, error)
     ego, other = (result.recording.tracks[name].columns["x"] for name in ("Ego", "CutIn"))
     collided = bool(result.verdict.failures)
-    return Outcome(job, "failed" if collided else "passed", 0, measures={"rear_end": collided and bool(ego[-1] <= other[-1])})
+    return Outcome(
+        job,
+        "failed" if collided else "passed",
+        0,
+        measures={"rear_end": collided and bool(ego[-1] <= other[-1])},
+    )
 
 
 def died(job: Job) -> Outcome:
@@ -101,7 +116,9 @@ def compare(pool: Pool, name: str, driver: str, every: int) -> None:
     seconds = perf_counter() - start
     errors = [outcome for outcome in outcomes if outcome.state == "error"]
     if errors:
-        raise SystemExit(f"{len(errors)} runs failed, the first: {errors[0].job.name}: {errors[0].message}")
+        raise SystemExit(
+            f"{len(errors)} runs failed, the first: {errors[0].job.name}: {errors[0].message}"
+        )
     total = sum(1 for _ in jobs(GRIDS[name], driver))
     scale = total / len(outcomes)
     found = Count(
@@ -127,7 +144,11 @@ def main() -> None:
     arguments.add_argument("--world", default="sumo")
     options = arguments.parse_args()
     for driver in options.drivers:
-        with Pool(options.processes, partial(drive, options=RunSettings(TIMESTEP, driver, world=options.world)), died) as pool:
+        with Pool(
+            options.processes,
+            partial(drive, options=RunSettings(TIMESTEP, driver, world=options.world)),
+            died,
+        ) as pool:
             for name in GRIDS:
                 compare(pool, name, driver, options.every)
 

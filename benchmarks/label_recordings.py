@@ -3,8 +3,9 @@
     python benchmarks/label_recordings.py PATH... [--repeat N]
     python benchmarks/label_recordings.py --traffic VEHICLES
 
-PATH are folders or files with recordings; each recording is read, gets its site and its labels. With --traffic a synthetic
-recording of so many vehicles of 17 s at 25 Hz on a motorway of six lanes stands in, whose places are looked up as well.
+PATH are folders or files with recordings; each recording is read, gets its site and its labels.
+With --traffic a synthetic recording of so many vehicles of 17 s at 25 Hz on a motorway of six lanes
+stands in, whose places are looked up as well.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.datasets import open as open_data
-from recognition.datasets.source import participant
 from recognition.labels import label
-from recognition.sites import Site, site_at, site_of
-from recognition.sites.lanes import place
+from recognition.recordings import open as open_data
+from recognition.recordings.source import participant
+from recognition.scenes import Site, site_at, site_of
+from recognition.scenes.lanes import place
 from runner.recording import Recording, Track
 from xodr.builders import straight_highway
 
@@ -44,14 +45,23 @@ def main() -> None:
     """Print a line for each recording."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("paths", nargs="*", type=Path, help="folders or files with recordings")
-    arguments.add_argument("--traffic", type=int, metavar="VEHICLES", help="measure a synthetic recording")
-    arguments.add_argument("--repeat", type=int, default=3, help="passes, of which the median counts")
+    arguments.add_argument(
+        "--traffic", type=int, metavar="VEHICLES", help="measure a synthetic recording"
+    )
+    arguments.add_argument(
+        "--repeat", type=int, default=3, help="passes, of which the median counts"
+    )
     options = arguments.parse_args()
-    print(f"{'recording':<32}{'rows':>9}{'events':>8}{'read':>8}{'site':>8}{'place':>8}{'label':>8}  s")
+    print(
+        f"{'recording':<32}{'rows':>9}{'events':>8}{'read':>8}{'site':>8}{'place':>8}{'label':>8}  s"
+    )
     with tempfile.TemporaryDirectory() as folder:
         for path in options.paths:
             for index, source in enumerate(open_data(path, folder).sources):
-                show(source.name, [_recorded(path, index, Path(folder)) for _ in range(options.repeat)])
+                show(
+                    source.name,
+                    [_recorded(path, index, Path(folder)) for _ in range(options.repeat)],
+                )
         if options.traffic:
             show(
                 f"{options.traffic} synthetic vehicles",
@@ -62,8 +72,13 @@ def main() -> None:
 def show(name: str, passes: list[Times]) -> None:
     """Print the medians of some passes."""
     first = passes[0]
-    medians = [statistics.median(values) for values in zip(*(one[2:] for one in passes), strict=True)]
-    print(f"{name:<32}{first.rows:>9}{first.events:>8}" + "".join(f"{value:>8.2f}" for value in medians))
+    medians = [
+        statistics.median(values) for values in zip(*(one[2:] for one in passes), strict=True)
+    ]
+    print(
+        f"{name:<32}{first.rows:>9}{first.events:>8}"
+        + "".join(f"{value:>8.2f}" for value in medians)
+    )
 
 
 def _recorded(path: Path, index: int, folder: Path) -> Times:
@@ -94,7 +109,9 @@ def _synthetic(vehicles: int, folder: Path) -> Times:
     site = site_at(straight_highway(opposite_lanes=3, length=1000.0).write(folder / "traffic.xodr"))
     sited = time.perf_counter() - start
     rng = np.random.default_rng(1)
-    recording = Recording([_vehicle(str(number), rng) for number in range(vehicles)], 1.0 / RATE, None)
+    recording = Recording(
+        [_vehicle(str(number), rng) for number in range(vehicles)], 1.0 / RATE, None
+    )
     return _labelled(recording, site, _rows(recording), 0.0, sited)
 
 
@@ -103,8 +120,13 @@ def _vehicle(name: str, rng: np.random.Generator) -> Track:
     frame, time_of = np.arange(round(RATE * SECONDS)), rng.integers(0, round(1000.0 * RATE)) / RATE
     lanes, side = rng.permutation(3)[:2], rng.choice([-1.0, 1.0])
     centres = side * (1.875 + 3.75 * lanes) + (3.5 if side > 0.0 else 0.0)
-    share = np.clip((frame / RATE - rng.uniform(5.0, 12.0)) / 4.0 + 0.5, 0.0, 1.0) * (rng.random() < 0.2)
-    speed, y = rng.uniform(22.0, 36.0), centres[0] + (centres[1] - centres[0]) * share**2 * (3.0 - 2.0 * share)
+    share = np.clip((frame / RATE - rng.uniform(5.0, 12.0)) / 4.0 + 0.5, 0.0, 1.0) * (
+        rng.random() < 0.2
+    )
+    speed, y = (
+        rng.uniform(22.0, 36.0),
+        centres[0] + (centres[1] - centres[0]) * share**2 * (3.0 - 2.0 * share),
+    )
     who = participant(name, "car")
     zero = np.zeros(len(frame))
     columns = {
@@ -113,7 +135,13 @@ def _vehicle(name: str, rng: np.random.Generator) -> Track:
         "acceleration": zero, "road_id": np.full(len(frame), None, object), "lane_id": np.zeros(len(frame), np.int64),
         "s": zero, "t": zero, "lane_offset": zero,
     }  # fmt: skip
-    return Track(name, who.kind, who.category, who.box, lambda: {key: values.copy() for key, values in columns.items()})
+    return Track(
+        name,
+        who.kind,
+        who.category,
+        who.box,
+        lambda: {key: values.copy() for key, values in columns.items()},
+    )
 
 
 if __name__ == "__main__":

@@ -2,9 +2,10 @@
 
     python benchmarks/load_speed.py PATH... [--against CHECKOUT] [--repeat N]
 
-A process reads every file once: roads with `xodr.load`, scenarios with `xosc.load` and `xosc.resolve`. Processes of both take
-turns, the least processor time of each file counts, and only files that both read are compared. Imports are not counted, nor are
-runs of the garbage collector, which fall on one file or another.
+A process reads every file once: roads with `xodr.load`, scenarios with `xosc.load` and
+`xosc.resolve`. Processes of both take turns, the least processor time of each file counts, and only
+files that both read are compared. Imports are not counted, nor are runs of the garbage collector,
+which fall on one file or another.
 """
 
 from __future__ import annotations
@@ -16,10 +17,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from schemas.common.command_line import expand
+from schemas.common.terminal.command_line import expand
 
 HERE = Path(__file__).parents[1]
-WARM = (HERE / "xosc" / "library" / "simple_cut_in.xosc", next((HERE / "xodr" / "library").glob("*.xodr")))
+WARM = (
+    HERE / "xosc" / "library" / "simple_cut_in.xosc",
+    next((HERE / "xodr" / "library").glob("*.xodr")),
+)
 """Read first, as what a first file imports is no load time."""
 _READ = """
 import gc, json, sys, time
@@ -87,7 +91,9 @@ def _least(turns: list[dict[str, float]]) -> dict[str, float]:
 
 def _compared(seconds: list[float]) -> str:
     here, *others = seconds
-    return f"{1e3 * here:9.1f} ms" + "".join(f"{1e3 * other:9.1f} ms there, ratio {here / other:.2f}" for other in others)
+    return f"{1e3 * here:9.1f} ms" + "".join(
+        f"{1e3 * other:9.1f} ms there, ratio {here / other:.2f}" for other in others
+    )
 
 
 if __name__ == "__main__":

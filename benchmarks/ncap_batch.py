@@ -2,10 +2,11 @@
 
     python benchmarks/ncap_batch.py FOLDER [--jobs N] [--timestep S] [--world NAME]
 
-All parameter value distributions below the folder are run in one call of the command, outputs off, once without a system
-under test and once with `cas`. Then as many processes do nothing but libsumo: the same networks, the same number of steps,
-and the same number of participants moved by moveToXY and read back in each. Times are processor times of all processes together,
-which other work on the machine changes least.
+All parameter value distributions below the folder are run in one call of the command, outputs off,
+once without a system under test and once with `cas`. Then as many processes do nothing but libsumo:
+the same networks, the same number of steps, and the same number of participants moved by moveToXY
+and read back in each. Times are processor times of all processes together, which other work on the
+machine changes least.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ import libsumo
 import xosc
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
-from runner.interpreter.execution import prepare
-from runner.settings import RunSettings
-from xodr import sumo_net
+from runner.judging.execution import prepare
+from runner.judging.settings import RunSettings
+from xodr.formats import sumo_net
 
 _OK = (0, 1)
 
@@ -52,12 +53,18 @@ def main() -> None:
     arguments.add_argument("--timestep", type=float, default=0.01, help="s")
     arguments.add_argument("--world", default="sumo")
     options = arguments.parse_args()
-    files = [path for path in sorted(options.folder.rglob("*.xosc")) if xosc.load(path).kind == "distribution"]
+    files = [
+        path
+        for path in sorted(options.folder.rglob("*.xosc"))
+        if xosc.load(path).kind == "distribution"
+    ]
     if not files:
         raise SystemExit("no parameter value distribution there")
     for sut in ("none", "cas"):
         settings = RunSettings(timestep=options.timestep, sut=sut, world=options.world)
-        outcomes = list(run_batch(jobs_of(files, {}, True), settings, processes=options.jobs))  # fills the cache of networks
+        outcomes = list(
+            run_batch(jobs_of(files, {}, True), settings, processes=options.jobs)
+        )  # fills the cache of networks
         failed = [outcome for outcome in outcomes if outcome.exit_code not in _OK]
         loads = [_load(outcome, settings) for outcome in outcomes if outcome.exit_code in _OK]
         ours, theirs = _command(files, settings, options.jobs), _bare(loads, options.jobs)
@@ -79,12 +86,23 @@ def _load(outcome: Outcome, settings: RunSettings) -> Load:
     net = sumo_net.build(scenario.network.path)
     begin = max(scenario.network.roads.values(), key=lambda road: road.length).pose(0.0)
     steps = round((outcome.end_time or 0.0) / settings.timestep)
-    return Load(str(net.path), steps, len(scenario.entities), settings.timestep, begin.x, begin.y, begin.h)
+    return Load(
+        str(net.path), steps, len(scenario.entities), settings.timestep, begin.x, begin.y, begin.h
+    )
 
 
 def _command(files: list[Path], settings: RunSettings, jobs: int) -> float:
     """Seconds of the command, start-up included."""
-    command = [sys.executable, "-m", "runner.xosc_run", *map(str, files), "--sut", str(settings.sut), "--world", settings.world]
+    command = [
+        sys.executable,
+        "-m",
+        "runner.xosc_run",
+        *map(str, files),
+        "--sut",
+        str(settings.sut),
+        "--world",
+        settings.world,
+    ]
     command += ["--timestep", str(settings.timestep), "--jobs", str(jobs), "--quiet"]
     start = _spent()
     subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
@@ -109,10 +127,21 @@ def _bare(loads: list[Load], jobs: int) -> float:
 
 def _loop(load: Load) -> None:
     libsumo.start(
-        ["sumo", f"--net-file={load.net}", f"--step-length={load.timestep}", "--collision.action=none", "--no-warnings"]
+        [
+            "sumo",
+            f"--net-file={load.net}",
+            f"--step-length={load.timestep}",
+            "--collision.action=none",
+            "--no-warnings",
+        ]
     )
     vehicle, step = libsumo.vehicle, libsumo.simulationStep
-    move, position, angle, speed = vehicle.moveToXY, vehicle.getPosition, vehicle.getAngle, vehicle.getSpeed
+    move, position, angle, speed = (
+        vehicle.moveToXY,
+        vehicle.getPosition,
+        vehicle.getAngle,
+        vehicle.getSpeed,
+    )
     libsumo.route.add("dock", [sumo_net.DOCK])
     names = list(_added(load.participants))
     cos, sin, degrees = math.cos(load.h), math.sin(load.h), 90.0 - math.degrees(load.h)

@@ -2,8 +2,9 @@
 
     python benchmarks/osi_round_trip.py [FILE...]
 
-Each scenario runs on its exact roads without SUMO, is written as `.osi` and as `.mcap`, and read again. Vehicles and pedestrians
-are compared by their reference points, things by the centres of their boxes: OSI has no other point of them.
+Each scenario runs on its exact roads without SUMO, is written as `.osi` and as `.mcap`, and read
+again. Vehicles and pedestrians are compared by their reference points, things by the centres of
+their boxes: OSI has no other point of them.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 import runner
-from runner.exports import osi
-from runner.exports.moments import box_centre
+from runner.exchange.exports import osi
+from runner.exchange.exports.moments import box_centre
+from runner.exchange.traces.reading import read
 from runner.recording import Track
-from runner.traces.reading import read
 from schemas.common.errors import ToolchainError
 from xosc.listing import LIBRARY
 
@@ -30,8 +31,12 @@ PLACE, TIME = 0.01, 0.001
 def main() -> None:
     """Print a line for each scenario that is off or can't run, and the greatest distances; 1 where one is off."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    arguments.add_argument("files", nargs="*", type=Path, help="scenarios; by default the library's")
-    files = arguments.parse_args().files or sorted(each for each in LIBRARY.glob("*.xosc") if "_variation" not in each.name)
+    arguments.add_argument(
+        "files", nargs="*", type=Path, help="scenarios; by default the library's"
+    )
+    files = arguments.parse_args().files or sorted(
+        each for each in LIBRARY.glob("*.xosc") if "_variation" not in each.name
+    )
     worst, off, compared = (0.0, 0.0), 0, 0
     for path in files:
         try:
@@ -44,7 +49,9 @@ def main() -> None:
         if place > PLACE or time > TIME:
             off += 1
             print(f"{path.name}: {place:.4f} m, {time:.6f} s")
-    print(f"{compared} scenarios, two formats: at most {worst[0]:.2e} m and {worst[1]:.2e} s, {off} off")
+    print(
+        f"{compared} scenarios, two formats: at most {worst[0]:.2e} m and {worst[1]:.2e} s, {off} off"
+    )
     sys.exit(bool(off))
 
 
@@ -57,7 +64,10 @@ def _off(result: runner.RunResult) -> tuple[float, float]:
             osi.write_trace(result, path)
             back = read(path).recording.tracks
             for track in result.recording.tracks.values():
-                found = tuple(max(pair) for pair in zip(found, _apart(track, back.get(track.name)), strict=True))  # type: ignore[assignment]
+                found = tuple(
+                    max(pair)
+                    for pair in zip(found, _apart(track, back.get(track.name)), strict=True)
+                )  # type: ignore[assignment]
     return found
 
 
@@ -65,7 +75,9 @@ def _apart(one: Track, other: Track | None) -> tuple[float, float]:
     if other is None or len(one.columns["time"]) != len(other.columns["time"]):
         return float("inf"), float("inf")
     points = [
-        box_centre(each) if one.kind == "miscellaneous" else np.column_stack([each.columns[axis] for axis in "xyz"])
+        box_centre(each)
+        if one.kind == "miscellaneous"
+        else np.column_stack([each.columns[axis] for axis in "xyz"])
         for each in (one, other)
     ]
     times = np.abs(one.columns["time"] - other.columns["time"])

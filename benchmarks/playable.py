@@ -1,11 +1,12 @@
 """Number of scenario files that play, and reasons of the others.
 
-    python benchmarks/playable.py FOLDER... [--road-path DIR] [--catalog-path DIR] [--sut NAME] [--jobs N]
+    python benchmarks/playable.py FOLDER... [--road-path DIR] [--catalog-path DIR] [--sut NAME]
+    [--jobs N]
 
-Scenarios and variation files below the folders count, equal ones once, catalogues and what is no XML do not; of a variation
-file three parameter sets are drawn. Runs are those of the kinematic world, for 25 s at 0.1 s. A file plays when its runs end,
-passed or failed; it is incomplete where a road network, a catalogue or a scenario that it names is not there; all others are
-refused.
+Scenarios and variation files below the folders count, equal ones once, catalogues and what is no
+XML do not; of a variation file three parameter sets are drawn. Runs are those of the kinematic
+world, for 25 s at 0.1 s. A file plays when its runs end, passed or failed; it is incomplete where a
+road network, a catalogue or a scenario that it names is not there; all others are refused.
 """
 
 from __future__ import annotations
@@ -20,19 +21,25 @@ from pathlib import Path
 import xosc
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from schemas.common.errors import ToolchainError
 from xosc.distributions import Selection
 
 SETS = 3
 """Parameter sets that are drawn of a variation file."""
-INCOMPLETE = re.compile(r"LogicFile: the road network .* does not exist|there is no catalogue |ScenarioFile: .* does not exist")
+INCOMPLETE = re.compile(
+    r"LogicFile: the road network .* does not exist|there is no catalogue |ScenarioFile: .* does not exist"
+)
 
 
 def files(folders: list[Path]) -> Iterator[Path]:
     """Scenarios and variation files below folders, those of equal content once."""
     seen = set()
-    for path in (file for folder in folders for file in ([folder] if folder.is_file() else sorted(folder.rglob("*.xosc")))):
+    for path in (
+        file
+        for folder in folders
+        for file in ([folder] if folder.is_file() else sorted(folder.rglob("*.xosc")))
+    ):
         content = hashlib.sha256(path.read_bytes()).digest()
         if content not in seen and _kind(path) != "catalog":
             yield path
@@ -83,10 +90,14 @@ def main() -> None:
     verdicts = {path: verdict(outcomes) for path, outcomes in ended.items()}
     count = Counter(verdicts.values())
     complete = len(chosen) - count["incomplete"]
-    print(f"{len(chosen)} files, {complete} complete, {count['plays']} play ({count['plays'] / max(complete, 1):.0%} of those)")
+    print(
+        f"{len(chosen)} files, {complete} complete, {count['plays']} play ({count['plays'] / max(complete, 1):.0%} of those)"
+    )
     for reason, number in count.most_common():
         if reason not in ("plays", "incomplete"):
-            print(f"    {number:4}  {reason}  ({next(path for path, each in verdicts.items() if each == reason).name})")
+            print(
+                f"    {number:4}  {reason}  ({next(path for path, each in verdicts.items() if each == reason).name})"
+            )
 
 
 if __name__ == "__main__":

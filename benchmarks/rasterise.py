@@ -2,8 +2,9 @@
 
     python benchmarks/rasterise.py RECORDINGS [--windows N]
 
-Windows are drawn at random from all vehicles and times, with everything that the default grid shows: vehicles and road.
-Reading the recordings is measured apart. Times are of the CPU, of which rasterising uses one core: others' work does not count.
+Windows are drawn at random from all vehicles and times, with everything that the default grid
+shows: vehicles and road. Reading the recordings is measured apart. Times are of the CPU, of which
+rasterising uses one core: others' work does not count.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition import datasets
-from recognition.grids import Grid, Moments, covered, rasterise
-from recognition.sites import site_of
+from recognition import recordings as datasets
+from recognition.scenes import site_of
+from recognition.trfe.inputs.grids import Grid, Moments, covered, rasterise
 from runner.recording import Recording
 
 PAPER = 43_800
@@ -40,8 +41,14 @@ def main() -> None:
             read = time.process_time()
             grids = rasterise(recording, chosen, grid, site)
             end = time.process_time()
-            print(f"{source.name:<40}{len(recording.tracks):>5} tracks  {len(grids):>6} windows  {end - read:.2f} s")
-            reading, drawing, windows = reading + read - start, drawing + end - read, windows + len(grids)
+            print(
+                f"{source.name:<40}{len(recording.tracks):>5} tracks  {len(grids):>6} windows  {end - read:.2f} s"
+            )
+            reading, drawing, windows = (
+                reading + read - start,
+                drawing + end - read,
+                windows + len(grids),
+            )
     print(f"reading {reading:.1f} s, rasterising {drawing:.1f} s")
     print(f"{drawing / windows * PAPER:.0f} s for {PAPER} windows of {grid.frames} grids")
 
@@ -52,7 +59,11 @@ def moments(recording: Recording, grid: Grid, count: int, rng: np.random.Generat
     spans = {name: recording.tracks[name].columns["time"][[0, -1]] for name in vehicles}
     names = rng.choice(vehicles, count).tolist()
     drawn = [(name, float(rng.uniform(*spans[name]))) for name in names]
-    return [moment for moment, usable in zip(drawn, covered(recording, drawn, grid.offsets), strict=True) if usable]
+    return [
+        moment
+        for moment, usable in zip(drawn, covered(recording, drawn, grid.offsets), strict=True)
+        if usable
+    ]
 
 
 if __name__ == "__main__":

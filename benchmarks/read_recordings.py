@@ -2,8 +2,9 @@
 
     python benchmarks/read_recordings.py [--vehicles N] [--recordings N] [--repeat N]
 
-The recording is made up: 17 minutes at 25 Hz, vehicles that cross 420 m at constant speeds, all columns of highD. Reading it
-smooths it, and ends with the columns of every track. Then a folder with many such recordings is opened and read one by one.
+The recording is made up: 17 minutes at 25 Hz, vehicles that cross 420 m at constant speeds, all
+columns of highD. Reading it smooths it, and ends with the columns of every track. Then a folder
+with many such recordings is opened and read one by one.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
 
-from recognition import datasets
+from recognition import recordings as datasets
 
 RATE, MINUTES, LENGTH = 25.0, 17.0, 420.0
 UPPER, LOWER = "8.51;12.34;16.25", "21.00;24.96;28.80"
@@ -37,8 +38,12 @@ def main() -> None:
     """Print time, ratio and memory."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--vehicles", type=int, default=1000)
-    arguments.add_argument("--recordings", type=int, default=60, help="how many there are in the folder")
-    arguments.add_argument("--repeat", type=int, default=5, help="readings, of which the median counts")
+    arguments.add_argument(
+        "--recordings", type=int, default=60, help="how many there are in the folder"
+    )
+    arguments.add_argument(
+        "--repeat", type=int, default=5, help="readings, of which the median counts"
+    )
     options = arguments.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -47,9 +52,13 @@ def main() -> None:
         rows = _read_all(folder)
         reference = _median(lambda: pacsv.read_csv(tracks), options.repeat)
         reading = _median(lambda: _read_all(folder), options.repeat)
-        print(f"{options.vehicles} vehicles, {rows} rows, {tracks.stat().st_size / 1e6:.0f} MB; median of {options.repeat}")
+        print(
+            f"{options.vehicles} vehicles, {rows} rows, {tracks.stat().st_size / 1e6:.0f} MB; median of {options.repeat}"
+        )
         print(f"parsed by Arrow alone          {reference:6.2f} s")
-        print(f"read and smoothed, all columns {reading:6.2f} s  {reading / reference:.1f} times Arrow alone")
+        print(
+            f"read and smoothed, all columns {reading:6.2f} s  {reading / reference:.1f} times Arrow alone"
+        )
         _folder_of_many(folder, options.recordings)
 
 
@@ -81,10 +90,19 @@ def write_recording(folder: Path, vehicles: int, rng: np.random.Generator) -> No
         "finalFrame": first + frames - 1, "numFrames": frames, "class": np.where(length > 8.0, "Truck", "Car"),
         "drivingDirection": np.where(east, 2, 1),
     }  # fmt: skip
-    recording = {"id": 1, "frameRate": RATE, "speedLimit": -1.0, "upperLaneMarkings": UPPER, "lowerLaneMarkings": LOWER}
+    recording = {
+        "id": 1,
+        "frameRate": RATE,
+        "speedLimit": -1.0,
+        "upperLaneMarkings": UPPER,
+        "lowerLaneMarkings": LOWER,
+    }
     pacsv.write_csv(pa.table(tracks), folder / "01_tracks.csv")
     pacsv.write_csv(pa.table(meta), folder / "01_tracksMeta.csv")
-    pacsv.write_csv(pa.table({name: [value] for name, value in recording.items()}), folder / "01_recordingMeta.csv")
+    pacsv.write_csv(
+        pa.table({name: [value] for name, value in recording.items()}),
+        folder / "01_recordingMeta.csv",
+    )
 
 
 def _read_all(folder: Path) -> int:
@@ -100,7 +118,9 @@ def _folder_of_many(folder: Path, recordings: int) -> None:
     start = time.perf_counter()
     before = _memory()
     sources = datasets.open(folder, roads=folder / "roads").sources
-    print(f"folder of {len(sources)} opened in {time.perf_counter() - start:6.2f} s, {_memory() - before:+.0f} MB")
+    print(
+        f"folder of {len(sources)} opened in {time.perf_counter() - start:6.2f} s, {_memory() - before:+.0f} MB"
+    )
     for count, source in enumerate(sources, 1):
         recording = source.load()
         for track in recording.tracks.values():

@@ -2,11 +2,13 @@
 
     python benchmarks/replay_size.py [--seconds S] [--noise M] [--frames] [--town]
 
-The runs are those of step_cost.py, on a motorway and an intersection. `--noise` adds normally distributed noise to all positions,
-as recordings of real traffic have it and runs have not. `--frames` plays each page in a headless Chromium: how many frames a
-second it shows depends on what else the machine does (hence the load), the processor time that the page takes for a frame
-hardly; 16.7 ms is what 60 frames a second leave. `--town` instead plays a page in three dimensions, drawn by software at 1280 by
-720 pixels, of 50 km² of streets with hills, houses and signs and 200 vehicles.
+The runs are those of step_cost.py, on a motorway and an intersection. `--noise` adds normally
+distributed noise to all positions, as recordings of real traffic have it and runs have not.
+`--frames` plays each page in a headless Chromium: how many frames a second it shows depends on what
+else the machine does (hence the load), the processor time that the page takes for a frame hardly;
+16.7 ms is what 60 frames a second leave. `--town` instead plays a page in three dimensions, drawn
+by software at 1280 by 720 pixels, of 50 km² of streets with hills, houses and signs and 200
+vehicles.
 """
 
 from __future__ import annotations
@@ -26,11 +28,11 @@ from step_cost import ROADS, write_scenario
 
 import runner
 import xodr
-from runner.interpreter.result import RunResult, Verdict
-from runner.participants.declaration import BoundingBox
+from runner.engine.participants.declaration import BoundingBox
+from runner.judging.result import RunResult, Verdict
 from runner.recording import COLUMNS, Recording, Track
-from runner.replay.frames import write_animation
-from runner.replay.player import write_replay
+from runner.view.replay.frames import write_animation
+from runner.view.replay.player import write_replay
 
 if TYPE_CHECKING:
     from tests.runner.chromium import Browser
@@ -63,14 +65,18 @@ def main() -> None:
     """Print a line for each road."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--seconds", type=float, default=60.0, help="length of the runs")
-    arguments.add_argument("--noise", type=float, default=0.05, help="standard deviation of the noise, m")
+    arguments.add_argument(
+        "--noise", type=float, default=0.05, help="standard deviation of the noise, m"
+    )
     arguments.add_argument("--frames", action="store_true", help="play in Chromium as well")
     arguments.add_argument("--town", action="store_true", help="50 km² in three dimensions instead")
     options = arguments.parse_args()
     if options.town:
         _town()
         return
-    print(f"{PARTICIPANTS} participants, {options.seconds:g} s; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    print(
+        f"{PARTICIPANTS} participants, {options.seconds:g} s; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+    )
     with tempfile.TemporaryDirectory() as folder:
         for road in ROADS:
             scenario = write_scenario(Path(folder), road, PARTICIPANTS)
@@ -87,7 +93,9 @@ def _town() -> None:
         result, page = _traffic(_write_town(folder / "town.xodr")), folder / "town.html"
         begin = process_time()
         write_replay([result], page)
-        print(f"town: page {page.stat().st_size / 1e6:.2f} MB in {process_time() - begin:.1f} s; load {os.getloadavg()[0]:.1f}")
+        print(
+            f"town: page {page.stat().st_size / 1e6:.2f} MB in {process_time() - begin:.1f} s; load {os.getloadavg()[0]:.1f}"
+        )
         sys.path.append(str(Path(__file__).parents[1]))
         from tests.runner.chromium import Browser
 
@@ -101,7 +109,9 @@ def _town() -> None:
                 browser.press(" ")
                 browser.run(_COUNT)  # while the page finds out what it can draw
                 frames = float(browser.run(_COUNT)) / PLAYED
-                print(f"  {kind}: {frames:.0f} frames/s {browser.text('.told span') or 'nothing simplified'}")
+                print(
+                    f"  {kind}: {frames:.0f} frames/s {browser.text('.told span') or 'nothing simplified'}"
+                )
 
 
 _WHOLE = "position:fixed;inset:0;width:1280px;height:720px;z-index:9"
@@ -111,12 +121,17 @@ def _write_town(path: Path) -> Path:
     """Streets along x and y with pavements, hills, a house and a sign at each block."""
     sides = (("driving", 3.5), ("shoulder", 2.0), ("sidewalk", 2.5))
     left, right = (
-        "".join(_LANE.format(id=sign * number, type=kind, width=width) for number, (kind, width) in enumerate(sides, 1))
+        "".join(
+            _LANE.format(id=sign * number, type=kind, width=width)
+            for number, (kind, width) in enumerate(sides, 1)
+        )
         for sign in (1, -1)
     )
     roads = []
     for index in range(_SIDE // _BLOCK + 1):
-        for along, (x, y, h) in enumerate(((0, index * _BLOCK, 0.0), (index * _BLOCK, 0, math.pi / 2))):
+        for along, (x, y, h) in enumerate(
+            ((0, index * _BLOCK, 0.0), (index * _BLOCK, 0, math.pi / 2))
+        ):
             places = range(_BLOCK // 2, _SIDE, _BLOCK)
             hills = "".join(
                 f'<elevation s="{s}" a="{10 * (s // 500 % 2)}" b="0" c="{(3 - 6 * (s // 500 % 2)) * 4e-5}" '
@@ -131,9 +146,21 @@ def _write_town(path: Path) -> Path:
                 f'<signal id="{2 * index + along}-{s}" s="{s}" t="-7" orientation="+" dynamic="no" type="274" zOffset="2"/>'
                 for s in places
             )
-            values = {"id": 2 * index + along, "x": x, "y": y, "h": h, "length": _SIDE, "hills": hills}
-            roads.append(_STREET.format(**values, left=left, right=right, objects=houses, signals=signs))
-    path.write_text(f'<OpenDRIVE><header revMajor="1" revMinor="6"/>{"".join(roads)}</OpenDRIVE>', encoding="utf-8")
+            values = {
+                "id": 2 * index + along,
+                "x": x,
+                "y": y,
+                "h": h,
+                "length": _SIDE,
+                "hills": hills,
+            }
+            roads.append(
+                _STREET.format(**values, left=left, right=right, objects=houses, signals=signs)
+            )
+    path.write_text(
+        f'<OpenDRIVE><header revMajor="1" revMinor="6"/>{"".join(roads)}</OpenDRIVE>',
+        encoding="utf-8",
+    )
     return path
 
 
@@ -145,12 +172,30 @@ def _traffic(town: Path) -> RunResult:
         street = number % (_SIDE // _BLOCK + 1)
         s = 10.0 * time + (number * 977) % (_SIDE - 700)
         x, y, z, *_ = np.array([network.road(str(2 * street)).pose(place, -1.75) for place in s]).T
-        columns = dict.fromkeys(COLUMNS, np.zeros(len(time))) | {"time": time, "x": x, "y": y, "z": z}
-        columns |= {"speed": np.full(len(time), 10.0), "road_id": np.full(len(time), str(2 * street), object)}
-        tracks.append(Track(f"V{number}", "vehicle", "car", BoundingBox(1.4, 0.0, 0.75, 4.6, 1.9, 1.5), partial(dict, columns)))
+        columns = dict.fromkeys(COLUMNS, np.zeros(len(time))) | {
+            "time": time,
+            "x": x,
+            "y": y,
+            "z": z,
+        }
+        columns |= {
+            "speed": np.full(len(time), 10.0),
+            "road_id": np.full(len(time), str(2 * street), object),
+        }
+        tracks.append(
+            Track(
+                f"V{number}",
+                "vehicle",
+                "car",
+                BoundingBox(1.4, 0.0, 0.75, 4.6, 1.9, 1.5),
+                partial(dict, columns),
+            )
+        )
     recording = Recording(tracks, 0.05, network)
     settings = {"timestep": 0.05, "seed": 0}
-    return RunResult(town, {}, "completed", 60.0, Verdict(), (), "V0", "none", settings, [], recording)
+    return RunResult(
+        town, {}, "completed", 60.0, Verdict(), (), "V0", "none", settings, [], recording
+    )
 
 
 def _measure(name: str, result: RunResult, folder: Path, frames: bool) -> None:
@@ -192,7 +237,11 @@ def _frames(page: Path, folder: Path) -> tuple[float, float]:
 
 def _busy(browser: Browser) -> float:
     """Processor time (s) that the page's main thread has taken."""
-    return next(each["value"] for each in browser.call("Performance.getMetrics")["metrics"] if each["name"] == "TaskDuration")
+    return next(
+        each["value"]
+        for each in browser.call("Performance.getMetrics")["metrics"]
+        if each["name"] == "TaskDuration"
+    )
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
     python benchmarks/rfap.py [--trees 250] [--width 128] [--classes 14]
 
-Features are made up: noisy clouds of as many classes, so that trees are deep. Times are the processor's, of one thread.
+Features are made up: noisy clouds of as many classes, so that trees are deep. Times are the
+processor's, of one thread.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from sklearn.ensemble import RandomForestClassifier
 
 from recognition.trfe.forest import forest, random_trees, similarity, votes
-from recognition.trfe.samples import Features
+from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import IntArray
 
 SIZES = (250, 500, 1000, 2000, 4000)
@@ -38,19 +39,31 @@ def main() -> None:
     print(f"{options.trees} trees of {nodes:.0f} nodes on average, {options.width} dimensions")
     spent = _time(lambda: votes(grown, held))
     print(f"votes        {len(held):>5} samples  {spent:7.2f} s  {len(held) / spent:.0f} samples/s")
-    for name, trees in (("supervised", grown), ("unsupervised", random_trees(held[:2000], options.trees))):
+    for name, trees in (
+        ("supervised", grown),
+        ("unsupervised", random_trees(held[:2000], options.trees)),
+    ):
         for size in SIZES:
             spent = _time(lambda trees=trees, size=size: similarity(trees, held[:size]))
-            print(f"{name:<12} {size:>5} samples  {spent:7.2f} s  {1e9 * spent / size**2 / options.trees:.2f} ns a pair and tree")
-    spent, loop = _time(lambda: similarity(grown, held[:NAIVE])), _time(lambda: _naive(grown, held[:NAIVE]))
-    print(f"double loop  {NAIVE:>5} samples  {loop:7.2f} s  {loop / spent:.0f} times the time of ours")
+            print(
+                f"{name:<12} {size:>5} samples  {spent:7.2f} s  {1e9 * spent / size**2 / options.trees:.2f} ns a pair and tree"
+            )
+    spent, loop = (
+        _time(lambda: similarity(grown, held[:NAIVE])),
+        _time(lambda: _naive(grown, held[:NAIVE])),
+    )
+    print(
+        f"double loop  {NAIVE:>5} samples  {loop:7.2f} s  {loop / spent:.0f} times the time of ours"
+    )
 
 
 def _clouds(count: int, width: int, classes: int) -> tuple[Features, IntArray]:
     generator = np.random.default_rng(0)
     labels = generator.integers(1, classes + 1, count)
     centres = generator.standard_normal((classes + 1, width))
-    return (0.5 * centres[labels] + generator.standard_normal((count, width))).astype(np.float32), labels
+    return (0.5 * centres[labels] + generator.standard_normal((count, width))).astype(
+        np.float32
+    ), labels
 
 
 def _time(work: Callable[[], object]) -> float:

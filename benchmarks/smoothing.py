@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition import datasets
+from recognition import recordings as datasets
 from runner.recording import Track
 from schemas.common.array_types import FloatArray
 
@@ -23,19 +23,31 @@ def main() -> None:
     arguments.add_argument("paths", nargs="+", type=Path, help="recordings")
     sites: dict[str, list[tuple[FloatArray, ...]]] = {}
     counts: Counter[str] = Counter()
-    for source in (source for path in arguments.parse_args().paths for source in datasets.open(path).sources):
+    for source in (
+        source for path in arguments.parse_args().paths for source in datasets.open(path).sources
+    ):
         start = time.perf_counter()
         recording = source.load()
         counts["ms"] += round(1000.0 * (time.perf_counter() - start))
         assert source.report is not None
-        counts.update(rows=source.report.rows, cuts=len(source.report.cuts), excluded=source.report.excluded)
-        sites.setdefault(source.site, []).extend(moved(track) for track in recording.tracks.values() if track.kind == "vehicle")
-    print(f"{counts['rows']} rows read in {counts['ms'] / 1000:.1f} s, {counts['cuts']} cuts, {counts['excluded']} rows excluded")
+        counts.update(
+            rows=source.report.rows, cuts=len(source.report.cuts), excluded=source.report.excluded
+        )
+        sites.setdefault(source.site, []).extend(
+            moved(track) for track in recording.tracks.values() if track.kind == "vehicle"
+        )
+    print(
+        f"{counts['rows']} rows read in {counts['ms'] / 1000:.1f} s, {counts['cuts']} cuts, {counts['excluded']} rows excluded"
+    )
     for site, tracks in sites.items():
-        off, speed, acceleration, recorded, smoothed, jerk = (np.concatenate(values) for values in zip(*tracks, strict=True))
+        off, speed, acceleration, recorded, smoothed, jerk = (
+            np.concatenate(values) for values in zip(*tracks, strict=True)
+        )
         print(f"{site}: {len(off)} rows of vehicles")
         print(f"  centre off by {quantiles(off)} m")
-        print(f"  speed, acceleration off by {rms(speed):.3f} m/s, {rms(acceleration):.3f} m/s² (root mean square)")
+        print(
+            f"  speed, acceleration off by {rms(speed):.3f} m/s, {rms(acceleration):.3f} m/s² (root mean square)"
+        )
         print(
             f"  |acceleration| recorded {quantiles(recorded)}, smoothed {quantiles(smoothed)} m/s²; |jerk| {quantiles(jerk)} m/s³"
         )
@@ -46,7 +58,9 @@ def moved(track: Track) -> tuple[FloatArray, ...]:
     columns, ahead = track.columns, track.box.x
     places = ((columns[f"{of}x"], columns[f"{of}y"], columns[f"{of}h"]) for of in ("", "raw_"))
     (x, y), (raw_x, raw_y) = ((x + ahead * np.cos(h), y + ahead * np.sin(h)) for x, y, h in places)
-    speed, acceleration = (columns[name] - columns[f"raw_{name}"] for name in ("speed", "acceleration"))
+    speed, acceleration = (
+        columns[name] - columns[f"raw_{name}"] for name in ("speed", "acceleration")
+    )
     jerk = np.diff(columns["acceleration"]) / np.diff(columns["time"])
     amounts = (np.abs(columns[name]) for name in ("raw_acceleration", "acceleration"))
     return np.hypot(x - raw_x, y - raw_y), speed, acceleration, *amounts, np.abs(jerk)

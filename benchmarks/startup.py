@@ -2,8 +2,8 @@
 
     python benchmarks/startup.py [--repeat N]
 
-Each command is run once to fill the caches of road networks and bytecode, then N times in turn with the others; the least
-processor time counts.
+Each command is run once to fill the caches of road networks and bytecode, then N times in turn with
+the others; the least processor time counts.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ def main() -> None:
     """Print the processor time of each command in seconds, and its ratio to the first one."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--repeat", type=int, default=7)
-    turns = [[_seconds(command) for command in COMMANDS.values()] for _ in range(1 + arguments.parse_args().repeat)]
+    turns = [
+        [_seconds(command) for command in COMMANDS.values()]
+        for _ in range(1 + arguments.parse_args().repeat)
+    ]
     times = [min(times) for times in zip(*turns[1:], strict=True)]
     for name, seconds in zip(COMMANDS, times, strict=True):
         print(f"{name:34}{seconds:7.3f} s{seconds / times[0]:7.2f}")

@@ -2,12 +2,14 @@
 
     python benchmarks/step_cost.py [--steps N] [--timestep S]
 
-Two roads (a motorway, an intersection) with 2, 6 and 20 scripted participants; each changes its speed all the time and
-waits for an event that watches another one, some change lanes. The bare loop moves the same number of participants to the
-same places on the same network in the same process; the kinematic world does without SUMO. SUMO drives no one here, so a run
-would not begin it (`runner.worlds.sumo`); the interpreter is measured both ways, with SUMO begun at time 0, as it is where SUMO
-drives a vehicle, and not. The same steps are done in several rounds, and the least processor time of each stretch of them
-counts. Then once more, with SUMO, with a clock around each part of the step.
+Two roads (a motorway, an intersection) with 2, 6 and 20 scripted participants; each changes its
+speed all the time and waits for an event that watches another one, some change lanes. The bare loop
+moves the same number of participants to the same places on the same network in the same process;
+the kinematic world does without SUMO. SUMO drives no one here, so a run would not begin it
+(`runner.engine.worlds.sumo`); the interpreter is measured both ways, with SUMO begun at time 0, as
+it is where SUMO drives a vehicle, and not. The same steps are done in several rounds, and the least
+processor time of each stretch of them counts. Then once more, with SUMO, with a clock around each
+part of the step.
 """
 
 from __future__ import annotations
@@ -24,8 +26,8 @@ from typing import Any, NamedTuple
 
 import libsumo
 
-from runner.interpreter.execution import open_world, prepare
-from runner.interpreter.simulation import Simulation
+from runner.engine.storyboard.simulation import Simulation
+from runner.judging.execution import open_world, prepare
 from xodr.builders import four_way_intersection, straight_highway
 
 COUNTS = (2, 6, 20)
@@ -157,7 +159,9 @@ def timed(step: Callable[[int], object], steps: int) -> list[float]:
 
 def simulation(path: Path, timestep: float, world: str = "begun") -> Simulation:
     """A simulation that has begun, on a world by its name, or on SUMO that has begun too."""
-    sim = Simulation(prepare(path).scenario, open_world("sumo" if world == "begun" else world), timestep, 0)
+    sim = Simulation(
+        prepare(path).scenario, open_world("sumo" if world == "begun" else world), timestep, 0
+    )
     sim.begin()
     if world == "begun":
         sim.world.begin()  # type: ignore[attr-defined]
@@ -181,7 +185,12 @@ def moves_of(path: Path, steps: int, timestep: float) -> Moves:
         for _ in range(steps):
             sim.tick()
             vehicle = libsumo.vehicle
-            moves.append([(name, *vehicle.getPosition(name), vehicle.getAngle(name)) for name in vehicle.getIDList()])
+            moves.append(
+                [
+                    (name, *vehicle.getPosition(name), vehicle.getAngle(name))
+                    for name in vehicle.getIDList()
+                ]
+            )
     finally:
         sim.world.close()
     return moves
@@ -191,7 +200,12 @@ def bare(path: Path, moves: Moves, timestep: float) -> list[float]:
     """Seconds a step of libsumo alone, by stretches: the world is opened by the runner, then only libsumo is called."""
     sim = simulation(path, timestep)
     vehicle, step = libsumo.vehicle, libsumo.simulationStep
-    move, position, angle, speed = vehicle.moveToXY, vehicle.getPosition, vehicle.getAngle, vehicle.getSpeed
+    move, position, angle, speed = (
+        vehicle.moveToXY,
+        vehicle.getPosition,
+        vehicle.getAngle,
+        vehicle.getSpeed,
+    )
 
     def once(number: int) -> None:
         for name, x, y, h in moves[number]:
@@ -263,7 +277,9 @@ def profile(path: Path, steps: int, timestep: float) -> Iterator[tuple[str, floa
         whole = process_time() - start
     finally:
         sim.world.close()
-    yield from sorted(((name, spent / steps) for name, spent in clock.total.items()), key=lambda item: -item[1])
+    yield from sorted(
+        ((name, spent / steps) for name, spent in clock.total.items()), key=lambda item: -item[1]
+    )
     yield "rest", (whole - math.fsum(clock.total.values())) / steps
 
 
@@ -280,14 +296,26 @@ def main() -> None:
                 moves = moves_of(path, options.steps, options.timestep)
                 rounds = [
                     (
-                        *(interpreter(path, options.steps, options.timestep, world) for world in WORLDS),
+                        *(
+                            interpreter(path, options.steps, options.timestep, world)
+                            for world in WORLDS
+                        ),
                         bare(path, moves, options.timestep),
                     )
                     for _ in range(ROUNDS)
                 ]
-                *ours, bared = (fmean(map(min, zip(*column, strict=True))) * 1e6 for column in zip(*rounds, strict=True))
-                costs = (f"{name} {cost:5.1f} µs ({cost / bared:.2f})" for name, cost in zip(WORLDS.values(), ours, strict=True))
-                print(f"{road:<12} {count:>2}: {', '.join(costs)}, bare libsumo {bared:5.1f} µs", flush=True)
+                *ours, bared = (
+                    fmean(map(min, zip(*column, strict=True))) * 1e6
+                    for column in zip(*rounds, strict=True)
+                )
+                costs = (
+                    f"{name} {cost:5.1f} µs ({cost / bared:.2f})"
+                    for name, cost in zip(WORLDS.values(), ours, strict=True)
+                )
+                print(
+                    f"{road:<12} {count:>2}: {', '.join(costs)}, bare libsumo {bared:5.1f} µs",
+                    flush=True,
+                )
                 parts = profile(path, options.steps // 2, options.timestep)
                 print("    " + ", ".join(f"{name} {spent * 1e6:.1f}" for name, spent in parts))
 

@@ -22,7 +22,7 @@ from typing import Any, ForwardRef
 import typer
 from typer.cli import get_docs_for_click
 
-from runner.measures.measure import measures
+from runner.judging.measures.measure import measures
 from schemas.common import fates
 from xosc_toolchain.start import MODULES as COMMANDS
 
@@ -30,20 +30,20 @@ ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "docs" / "reference"
 
 MODULES = (
-    "xosc", "xosc.distributions", "xosc.maneuvers", "xosc.listing", "xosc.listing.questions", "xosc.tags",
-    "xodr", "xodr.builders", "xodr.lanelet2", "xodr.sumo_net",
+    "xosc", "xosc.distributions", "xosc.writing.maneuvers", "xosc.listing", "xosc.listing.questions", "xosc.writing.tags",
+    "xodr", "xodr.builders", "xodr.formats.lanelet2", "xodr.formats.sumo_net",
     "schemas", "schemas.common.errors",
-    "runner", "runner.settings", "runner.batch.batch", "runner.batch.jobs", "runner.recording",
-    "runner.measures.criticality", "runner.measures.measure",
-    "runner.sut", "runner.sut.adas", "runner.sut.fmu", "runner.positions", "runner.outside.environment", "runner.outside.learner",
+    "runner", "runner.judging.settings", "runner.batch.batch", "runner.batch.jobs", "runner.recording",
+    "runner.judging.measures.criticality", "runner.judging.measures.measure",
+    "runner.systems", "runner.systems.kinds.adas", "runner.systems.kinds.fmu", "runner.engine.positions", "runner.view.gym.environment", "runner.systems.outside.learner",
     "recognition", "recognition.catalogue.pipeline",
-    "recognition.maneuvers.parameters", "recognition.maneuvers.estimation", "recognition.maneuvers.events",
+    "recognition.labels.maneuvers.parameters", "recognition.labels.maneuvers.estimation", "recognition.labels.maneuvers.events",
     "recognition.catalogue.model",
-    "recognition.datasets", "recognition.sites", "recognition.labels", "recognition.grids", "recognition.trfe.screening",
+    "recognition.recordings", "recognition.scenes", "recognition.labels", "recognition.trfe.inputs.grids", "recognition.trfe.forest.screening",
     "recognition.recorder",
-    "recognition.maneuvers.estimation", "recognition.maneuvers.units",
-    "generation", "generation.search.space", "generation.recorded", "generation.search.methods.mcsg",
-    "generation.logical", "generation.settings", "generation.loop.loop",
+    "recognition.labels.maneuvers.estimation", "recognition.labels.maneuvers.units",
+    "generation", "generation.space.space", "generation.space.recorded", "generation.search.methods.mcsg",
+    "generation.space.logical", "generation.search.settings", "generation.loop.loop",
 )  # fmt: skip
 """The public surface: what these modules list in `__all__`, or else define without an underscore."""
 
@@ -57,30 +57,50 @@ _ITEM = re.compile(r"([\w*, ]+): (.*)")
 def pages() -> dict[Path, str]:
     """The pages of the reference by file."""
     packages = dict.fromkeys(path.partition(".")[0] for path in MODULES)
-    texts = {"README": index_page(packages), "commands": commands_page(), "measures": measures_page()} | {
-        name: python_page(name) for name in packages
-    }
+    texts = {
+        "README": index_page(packages),
+        "commands": commands_page(),
+        "measures": measures_page(),
+    } | {name: python_page(name) for name in packages}
     return {REFERENCE / f"{name}.md": text for name, text in texts.items()}
 
 
 def matrices() -> dict[Path, str]:
     """Pages with tables of fields and formats between their text."""
-    from runner.exports import RUN_FIELDS, TARGETS
+    from runner.exchange.exports import RUN_FIELDS, TARGETS
 
     page = ROOT / "docs" / "exports.md"
-    tables = {target.name: import_module(target.module).FATES for target in TARGETS.values() if target.of_run}
+    tables = {
+        target.name: import_module(target.module).FATES
+        for target in TARGETS.values()
+        if target.of_run
+    }
     kept, all_of_them = fates.share_kept(tables)
-    lines = [*fates.matrix(RUN_FIELDS, tables), "", f"Kept: {kept} of {all_of_them} ({kept / all_of_them:.0%})."]
-    return {page: fates.replaced(page.read_text(encoding="utf-8"), "matrix of runs", ["", *lines, ""])}
+    lines = [
+        *fates.matrix(RUN_FIELDS, tables),
+        "",
+        f"Kept: {kept} of {all_of_them} ({kept / all_of_them:.0%}).",
+    ]
+    return {
+        page: fates.replaced(page.read_text(encoding="utf-8"), "matrix of runs", ["", *lines, ""])
+    }
 
 
 def index_page(packages: Iterable[str]) -> str:
     """Return the index page of the reference."""
-    lines = [f"- [`import {name}`]({name}.md): {_first_line(inspect.getdoc(import_module(name)) or '')}" for name in packages]
+    lines = [
+        f"- [`import {name}`]({name}.md): {_first_line(inspect.getdoc(import_module(name)) or '')}"
+        for name in packages
+    ]
     commands = f"- [Commands](commands.md): {', '.join(f'`{name}`' for name, _ in apps())}"
     measured = "- [Measures](measures.md): criticality of a run, in results, tables, reports and `--fail-if`"
     lines = [commands, measured, *lines]
-    return "\n".join(["# Reference", "", _GENERATED.replace("this page is", "these pages are"), "", *lines]) + "\n"
+    return (
+        "\n".join(
+            ["# Reference", "", _GENERATED.replace("this page is", "these pages are"), "", *lines]
+        )
+        + "\n"
+    )
 
 
 def _first_line(doc: str) -> str:
@@ -125,11 +145,23 @@ def measures_page() -> str:
     """All criticality measures of a run, from their classes."""
     head = ["name", "measure", "unit", "formula", "critical", "defined where", "source"]
     rows = [
-        [f"`{name}`", each.label, each.unit or "-", each.formula, each.critical, each.validity, each.source]
+        [
+            f"`{name}`",
+            each.label,
+            each.unit or "-",
+            each.formula,
+            each.critical,
+            each.validity,
+            each.source,
+        ]
         for name, each in measures().items()
     ]
     table = [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
-    return f"# Measures\n\n{_GENERATED} [How to add one](../extending/measure.md).\n\n" + "\n".join(table) + "\n"
+    return (
+        f"# Measures\n\n{_GENERATED} [How to add one](../extending/measure.md).\n\n"
+        + "\n".join(table)
+        + "\n"
+    )
 
 
 # Python -------------------------------------------------------------------------------------
@@ -141,14 +173,24 @@ def python_page(package: str) -> str:
     for path in (path for path in MODULES if path.partition(".")[0] == package):
         module = import_module(path)
         named = {name: getattr(module, name) for name in public(module)}
-        homes = {name: shown.setdefault(_identity(module, name, value), path) for name, value in named.items()}
+        homes = {
+            name: shown.setdefault(_identity(module, name, value), path)
+            for name, value in named.items()
+        }
         elsewhere = [f"`{name}` (see {home})" for name, home in homes.items() if home != path]
         own = [name for name, home in homes.items() if home == path]
-        contents.append(f"- [{path}](#{path.replace('.', '')}): {', '.join(f'`{name}`' for name in own)}")
+        contents.append(
+            f"- [{path}](#{path.replace('.', '')}): {', '.join(f'`{name}`' for name in own)}"
+        )
         sections += [f"## {path}", _markdown(inspect.getdoc(module) or "")]
         sections += [f"Also here: {', '.join(elsewhere)}."] if elsewhere else []
         sections += [part for name in own for part in described(module, name, named[name])]
-    return "\n\n".join([f"# `import {package}`\n\n{_GENERATED}", "\n".join(contents), *filter(None, sections)]) + "\n"
+    return (
+        "\n\n".join(
+            [f"# `import {package}`\n\n{_GENERATED}", "\n".join(contents), *filter(None, sections)]
+        )
+        + "\n"
+    )
 
 
 def public(module: ModuleType) -> list[str]:
@@ -158,7 +200,9 @@ def public(module: ModuleType) -> list[str]:
     return [
         name
         for name, value in vars(module).items()
-        if not name.startswith("_") and inspect.isroutine(value) | inspect.isclass(value) and value.__module__ == module.__name__
+        if not name.startswith("_")
+        and inspect.isroutine(value) | inspect.isclass(value)
+        and value.__module__ == module.__name__
     ]
 
 
@@ -173,7 +217,11 @@ def described(module: ModuleType, name: str, value: Any) -> Iterator[str]:
             yield from [_code(_signature(member, method))] if inspect.isfunction(method) else []
             yield _markdown(inspect.getdoc(method) or "")
     else:
-        yield _code(_signature(name, value) if inspect.isroutine(value) else f"{name} = {_shortened(value)}".removesuffix(" = …"))
+        yield _code(
+            _signature(name, value)
+            if inspect.isroutine(value)
+            else f"{name} = {_shortened(value)}".removesuffix(" = …")
+        )
         yield documentation(module, name, value)
 
 
@@ -198,7 +246,10 @@ def members(value: type) -> Iterator[tuple[str, Any]]:
         if not name.startswith("_") and isinstance(
             member, FunctionType | property | cached_property | classmethod | staticmethod
         ):
-            yield name, member.__func__ if isinstance(member, classmethod | staticmethod) else member
+            yield (
+                name,
+                member.__func__ if isinstance(member, classmethod | staticmethod) else member,
+            )
 
 
 class _Bare(str):
@@ -208,7 +259,9 @@ class _Bare(str):
 
 
 def _signature(name: str, value: Any) -> str:
-    if inspect.isclass(value) and (issubclass(value, enum.Enum) or getattr(value, "_is_protocol", False)):
+    if inspect.isclass(value) and (
+        issubclass(value, enum.Enum) or getattr(value, "_is_protocol", False)
+    ):
         members = [each.name for each in value] if issubclass(value, enum.Enum) else []
         return f"{name}: {', '.join(members)}" if members else name
     found = inspect.signature(value)
@@ -217,12 +270,18 @@ def _signature(name: str, value: Any) -> str:
         for each in found.parameters.values()
         if each.name not in ("self", "cls")
     ]
-    given = f" -> {inspect.formatannotation(_bare(found.return_annotation))}" if _has(found.return_annotation) else ""
+    given = (
+        f" -> {inspect.formatannotation(_bare(found.return_annotation))}"
+        if _has(found.return_annotation)
+        else ""
+    )
     text = f"{name}{inspect.Signature(parameters)}{given}"
     if len(text) <= _WIDTH:
         return text
     star = [each for each in parameters if each.kind is each.KEYWORD_ONLY][:1]
-    lines = [line for each in parameters for line in (["*", str(each)] if each in star else [str(each)])]
+    lines = [
+        line for each in parameters for line in (["*", str(each)] if each in star else [str(each)])
+    ]
     return f"{name}(\n" + "".join(f"    {line},\n" for line in lines) + f"){given}"
 
 
@@ -265,7 +324,11 @@ def _markdown(doc: str) -> str:
             lines.append(_escaped(line))
         else:
             lines.append(_escaped(f"  {line.strip()}") if inside and line.strip() else line)
-    lines += ["", "**Example**", "", "```pycon", *dedent(example).rstrip().splitlines(), "```"] if example else []
+    lines += (
+        ["", "**Example**", "", "```pycon", *dedent(example).rstrip().splitlines(), "```"]
+        if example
+        else []
+    )
     return "\n".join(line.rstrip() for line in lines)
 
 
@@ -280,10 +343,25 @@ def _constants(module: str) -> dict[str, str]:
     body = ast.parse(inspect.getsource(import_module(module))).body
     found = {}
     for line, after in zip(body, [*body[1:], None], strict=True):
-        targets = line.targets if isinstance(line, ast.Assign) else [line.target] if isinstance(line, ast.AnnAssign) else []
-        if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
+        targets = (
+            line.targets
+            if isinstance(line, ast.Assign)
+            else [line.target]
+            if isinstance(line, ast.AnnAssign)
+            else []
+        )
+        if (
+            isinstance(after, ast.Expr)
+            and isinstance(after.value, ast.Constant)
+            and isinstance(after.value.value, str)
+        ):
             text = inspect.cleandoc(after.value.value)
-            found |= {name.id: text for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+            found |= {
+                name.id: text
+                for target in targets
+                for name in ast.walk(target)
+                if isinstance(name, ast.Name)
+            }
     return found
 
 
@@ -298,7 +376,11 @@ def _imports(module: str) -> dict[str, str]:
     """The module that each name of a module is imported from, also where that is for types only."""
     body = ast.parse(inspect.getsource(import_module(module))).body
     body += [line for block in body if isinstance(block, ast.If) for line in block.body]
-    lines = [line for line in body if isinstance(line, ast.ImportFrom) and line.module and line.level == 0]
+    lines = [
+        line
+        for line in body
+        if isinstance(line, ast.ImportFrom) and line.module and line.level == 0
+    ]
     return {alias.name: str(line.module) for line in lines for alias in line.names}
 
 

@@ -2,7 +2,8 @@
 
     python docs/picture.py
 
-makes docs/architecture.svg anew: rooms are the folders of the packages, dots the modules that the page's numbered steps name.
+makes docs/architecture.svg anew: rooms are the folders of the packages, dots the modules that the
+page's numbered steps name.
 """
 
 from __future__ import annotations
@@ -61,7 +62,10 @@ class Dot(NamedTuple):
 def ways(text: str) -> list[Way]:
     """The sections of the page that consist of numbered steps."""
     sections = (section.partition("\n") for section in text.split("\n## ")[1:])
-    return [Way(title, [NAMED.findall(step) for _, step in _STEP.findall(body)]) for title, _, body in sections]
+    return [
+        Way(title, [NAMED.findall(step) for _, step in _STEP.findall(body)])
+        for title, _, body in sections
+    ]
 
 
 def rooms(package: str) -> list[str]:
@@ -70,7 +74,7 @@ def rooms(package: str) -> list[str]:
 
 
 def dots(found: list[Way]) -> dict[str, list[Dot]]:
-    """Steps by the room (`runner.motion`) that they are in, or by the package where they are in none."""
+    """Steps by the room (`runner.engine.motion`) that they are in, or by the package where they are in none."""
     by_room: dict[str, list[Dot]] = {}
     for way, (_, steps) in enumerate(found):
         for number, names in enumerate(steps, start=1):

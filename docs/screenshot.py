@@ -2,8 +2,8 @@
 
     python docs/screenshot.py
 
-runs highway_lead_brake with `cas`, opens its page in a headless Chromium (Debian: apt-get install chromium), and makes
-docs/replay.png anew.
+runs highway_lead_brake with `cas`, opens its page in a headless Chromium (Debian: apt-get install
+chromium), and makes docs/replay.png anew.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 
 import xosc_toolchain as xt
-from runner.replay.player import write_replay
+from runner.view.replay.player import write_replay
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "replay.png"
@@ -24,7 +24,13 @@ _MOMENT = "t=5.4&view=chase"
 """Shortly before the contact, in three dimensions"""
 _SIZE = "1280,880"
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-_FLAGS = ("--headless", "--no-sandbox", "--hide-scrollbars", "--no-first-run", "--disable-background-networking")
+_FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--hide-scrollbars",
+    "--no-first-run",
+    "--disable-background-networking",
+)
 _GRAPHICS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 _SECONDS = 5
 """Time that the page has for drawing, s"""
@@ -38,10 +44,16 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "replay.html"
         write_replay([xt.run(_SCENARIO, sut="cas", end_after_collision=True)], page)
-        own = (f"--user-data-dir={folder}/profile", f"--window-size={_SIZE}", f"--screenshot={PICTURE}")
+        own = (
+            f"--user-data-dir={folder}/profile",
+            f"--window-size={_SIZE}",
+            f"--screenshot={PICTURE}",
+        )
         waits = f"--virtual-time-budget={1000 * _SECONDS}"
         subprocess.run(
-            [browser, *_FLAGS, *_GRAPHICS, *own, waits, f"{page.as_uri()}#{_MOMENT}"], check=True, stderr=subprocess.DEVNULL
+            [browser, *_FLAGS, *_GRAPHICS, *own, waits, f"{page.as_uri()}#{_MOMENT}"],
+            check=True,
+            stderr=subprocess.DEVNULL,
         )
 
 

@@ -9,7 +9,7 @@ from schemas.common.packages import public
 if TYPE_CHECKING:
     from generation.pipeline import Generated as Generated
     from generation.pipeline import generate as generate
-    from generation.settings import SearchSettings as SearchSettings
+    from generation.search.settings import SearchSettings as SearchSettings
 
     __version__: str
 else:
@@ -17,7 +17,7 @@ else:
         __name__,
         {
             "Generated": "generation.pipeline",
-            "SearchSettings": "generation.settings",
+            "SearchSettings": "generation.search.settings",
             "generate": "generation.pipeline",
         },
     )

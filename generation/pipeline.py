@@ -12,23 +12,52 @@ from typing import Any
 
 import numpy as np
 
-from generation.density.base import Density
-from generation.density.gate import EVERYWHERE, NEAR, NO_DRAWS, Domain, Gate, Share, Statement, replay_shares
-from generation.density.models import DEFAULT, UNIFORM
-from generation.density.prior import Prior
-from generation.density.roles import roles_of
 from generation.estimation.estimate import RUNS, Estimate, EstimateSettings, Known, estimate
 from generation.estimation.probability import driving
-from generation.outcomes import REFERENCES, Cases, Drivers, Episodes, Evaluate, Evaluator, Outcomes, agrees, choose, remembering
-from generation.recorded import Recorded
-from generation.search.problem import Counting, History, Memory, Realism, Reward, SearchProblem, counted, method
-from generation.search.space import Space, apart, distinctive
-from generation.settings import SearchSettings
+from generation.search.gate import (
+    EVERYWHERE,
+    NEAR,
+    NO_DRAWS,
+    Domain,
+    Gate,
+    Share,
+    Statement,
+    replay_shares,
+)
+from generation.search.outcomes import (
+    REFERENCES,
+    Cases,
+    Drivers,
+    Episodes,
+    Evaluate,
+    Evaluator,
+    Outcomes,
+    agrees,
+    choose,
+    remembering,
+)
+from generation.search.problem import (
+    Counting,
+    History,
+    Memory,
+    Realism,
+    Reward,
+    SearchProblem,
+    counted,
+    method,
+)
+from generation.search.settings import SearchSettings
+from generation.search.variations import Evidence, Writer, Written
+from generation.space.density.base import Density
+from generation.space.density.models import DEFAULT, UNIFORM
+from generation.space.density.prior import Prior
+from generation.space.density.roles import roles_of
+from generation.space.recorded import Recorded
+from generation.space.space import Space, apart, distinctive
 from generation.twin.episodes import Twin
-from generation.variations import Evidence, Writer, Written
 from runner.batch.inputs import OURS, inputs
-from runner.settings import RunSettings
-from runner.sut import system_name
+from runner.judging.settings import RunSettings
+from runner.systems import system_name
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported, UsageError
 from schemas.common.storage import alone, digest, write_object
@@ -52,18 +81,22 @@ class Generated:
         recorded: the recorded manoeuvres that the density was fitted on, inside the limits.
         prior: what traffic does.
         history: all episodes of the search, without draws.
-        episodes: all runs that are kept: of this search and of those before, draws of the density, runs of the estimate.
+        episodes: all runs that are kept: of this search and of those before, draws of the density,
+            runs of the estimate.
         cases: the edge cases.
         files: what was written; empty where there are no edge cases.
         gate: what the density was measured by.
         reused: how many answers came from runs that were kept.
         estimate: how often the system fails; None where that was not asked for.
-        damaged: how many runs that were kept were damaged, and made anew where the search asked for them.
-        statement: bound on the probability of failures that were not found, from the unguided draws of this call.
+        damaged: how many runs that were kept were damaged, and made anew where the search asked for
+            them.
+        statement: bound on the probability of failures that were not found, from the unguided draws
+            of this call.
         draws: the unguided draws of this call; None where there were none.
         domain: operational domain outside of which nothing is foreseeable.
         cut: whether its time was over before its budget.
-        plays: how many points the twin played with the system under test to choose the runs of the search; 0 without a twin.
+        plays: how many points the twin played with the system under test to choose the runs of the
+            search; 0 without a twin.
     """
 
     space: Space
@@ -95,12 +128,13 @@ def generate(
 ) -> Generated:
     """Search a logical scenario for edge cases and write them.
 
-    Runs are kept in the folder as they come: after an interruption the same call goes on where it was, and one with another
-    budget, seed or method extends the search. Edge cases are chosen from all runs that are kept; files of a search before that
-    no user has changed are replaced. Draws of the density and runs of an estimate are among those that cases are chosen from.
+    Runs are kept in the folder as they come: after an interruption the same call goes on where it
+    was, and one with another budget, seed or method extends the search. Edge cases are chosen from
+    all runs that are kept; files of a search before that no user has changed are replaced. Draws of
+    the density and runs of an estimate are among those that cases are chosen from.
 
-    A quarter of the budget are unguided draws of the density, which no method sees: they bound the probability of failures that
-    the search did not find. The method spends the rest.
+    A quarter of the budget are unguided draws of the density, which no method sees: they bound the
+    probability of failures that the search did not find. The method spends the rest.
 
     Args:
         scenario: the file.
@@ -108,20 +142,21 @@ def generate(
         out: folder for the files.
         settings: what to search for.
         progress: called with the number of runs after each batch of them.
-        found: critical points (m, d) of earlier searches of the same space: this one starts from them, where its method
-            starts from scenarios at all, and none of its cases is much like one of them.
+        found: critical points (m, d) of earlier searches of the same space: this one starts from
+            them, where its method starts from scenarios at all, and none of its cases is much like
+            one of them.
         interim: called with what was found and written so far, after each `settings.every` runs.
 
     Raises:
-        UsageError: a setting is wrong, the method searches no manoeuvres, too few recorded ones are inside the box, or something
-            is in the way in the folder.
+        UsageError: a setting is wrong, the method searches no manoeuvres, too few recorded ones are
+            inside the box, or something is in the way in the folder.
         InvalidFile: the scenario is malformed.
 
     Example:
         >>> from pathlib import Path
         >>> import xosc_toolchain as xt
-        >>> from generation.variations import asked_of
-        >>> from generation.settings import Ask
+        >>> from generation.search.variations import asked_of
+        >>> from generation.search.settings import Ask
         >>> asked = asked_of(Ask(density="uniform"), Path("xosc/library/cut_in_highway.xosc"))
         >>> run = xt.RunSettings(sut="cas", world="kinematic", timestep=0.1)
         >>> settings = xt.SearchSettings(run, budget=40, density="uniform", processes=1)
@@ -141,16 +176,23 @@ def generate(
     prior = prior.within(partial(domain.holds, space) if domain else None)
     with alone(out, "a search"), evaluator_of(scenario, space, settings) as evaluator:
         runs, draws, more = (
-            Memory(evaluator, _runs_file(scenario, space, out, settings, kind)) for kind in ("runs", "draws", "estimate")
+            Memory(evaluator, _runs_file(scenario, space, out, settings, kind))
+            for kind in ("runs", "draws", "estimate")
         )
         # Draws: what the density is measured by, and what bounds failures that are not found
-        unguided = prior.sample(drawn_of(settings.budget), np.random.default_rng([settings.seed, len(space.names)]))
+        unguided = prior.sample(
+            drawn_of(settings.budget), np.random.default_rng([settings.seed, len(space.names)])
+        )
         drawn = counted(draws, progress)(unguided)
         unseen = Episodes(unguided, drawn, reward(unguided, drawn))
         gate = _gate(scenario, space, source, unseen, out, settings)
         # Search: spend the rest of the budget
         twin = _twin(scenario, space, settings)
-        screen, references = (Counting(twin), twin.together([*REFERENCES.values()])) if twin is not None else (None, None)
+        screen, references = (
+            (Counting(twin), twin.together([*REFERENCES.values()]))
+            if twin is not None
+            else (None, None)
+        )
         judged = prior.judged if gate.refusal is None else prior.unjudged
         drivers = remembering(evaluator)
 
@@ -158,7 +200,9 @@ def generate(
             """Judge: estimate the rate of failures, choose edge cases among all runs that are kept, and write them."""
             every = Episodes.joined([runs.episodes(reward), draws.episodes(reward)])
             estimated = settings.estimate and ended
-            rate = _estimate(problem, source, more, evaluator, every, settings) if estimated else None
+            rate = (
+                _estimate(problem, source, more, evaluator, every, settings) if estimated else None
+            )
             every = Episodes.joined([every, more.episodes(reward)])
             cases = choose(space, every, judged, drivers, settings.choice, found, references)
             files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
@@ -171,7 +215,13 @@ def generate(
             write_object(summary(scenario, generated, settings), out / summary_file(scenario))
             return generated
 
-        course = _Course(counted(runs, progress), reward, unseen, settings, lambda history: interim(made(history, False)))
+        course = _Course(
+            counted(runs, progress),
+            reward,
+            unseen,
+            settings,
+            lambda history: interim(made(history, False)),
+        )
         problem = SearchProblem(space, course, reward, real.theta, found, prior, screen)
         try:
             return made(search(problem, settings.budget - len(unguided), settings.seed))
@@ -187,7 +237,8 @@ class _Course:
     """Runs of a search: ends it when its time is over, and hands over what it has found after each so many runs.
 
     Args:
-        evaluate: runs points. reward: of the problem. before: runs that the budget was spent on before.
+        evaluate: runs points. reward: of the problem. before: runs that the budget was spent on
+            before.
         interim: called with the history so far.
     """
 
@@ -199,9 +250,20 @@ class _Course:
         settings: SearchSettings,
         interim: Callable[[History], object],
     ) -> None:
-        self._evaluate, self._reward, self._interim, self._every = evaluate, reward, interim, settings.every
-        self._end = math.inf if settings.minutes is None else time.monotonic() + _MINUTE * settings.minutes
-        self._runs, self._budget, self._parts = len(before.theta), settings.budget, [before.first(0)]
+        self._evaluate, self._reward, self._interim, self._every = (
+            evaluate,
+            reward,
+            interim,
+            settings.every,
+        )
+        self._end = (
+            math.inf if settings.minutes is None else time.monotonic() + _MINUTE * settings.minutes
+        )
+        self._runs, self._budget, self._parts = (
+            len(before.theta),
+            settings.budget,
+            [before.first(0)],
+        )
 
     def __call__(self, theta: FloatArray) -> Outcomes:
         """Outcomes of points (n, d).
@@ -214,7 +276,11 @@ class _Course:
         outcomes, before = self._evaluate(theta), self._runs
         self._runs += len(theta)
         self._parts.append(Episodes(theta, outcomes, self._reward(theta, outcomes)))
-        if self._every is not None and self._runs < self._budget and self._runs // self._every > before // self._every:
+        if (
+            self._every is not None
+            and self._runs < self._budget
+            and self._runs // self._every > before // self._every
+        ):
             self._interim(self.history)
         return outcomes
 
@@ -243,10 +309,18 @@ def drawn_of(budget: int) -> int:
     return min(max(least, int(share * budget)), budget // 2)
 
 
-def _gate(scenario: Path, space: Space, recorded: Recorded, unseen: Episodes, out: Path, settings: SearchSettings) -> Gate:
+def _gate(
+    scenario: Path,
+    space: Space,
+    recorded: Recorded,
+    unseen: Episodes,
+    out: Path,
+    settings: SearchSettings,
+) -> Gate:
     """Measure a density: on the twin where that has the verdicts of all unguided draws, else by these draws and by runs.
 
-    Recorded units have their own values of what is pinned, and so have the draws that the twin plays.
+    Recorded units have their own values of what is pinned, and so have the draws that the twin
+    plays.
     """
     drawn, replays = Share.of(unseen.outcomes), recorded.replays(space)
     if replays is None:
@@ -255,7 +329,11 @@ def _gate(scenario: Path, space: Space, recorded: Recorded, unseen: Episodes, ou
     units = units[generator.permutation(len(units))]
     twin, replaying = _twin(scenario, space, settings), _twin(scenario, own, settings)
     ran = unseen.outcomes.executed
-    if twin is not None and replaying is not None and agrees(twin(unseen.theta[ran]), unseen.outcomes.take(ran)):
+    if (
+        twin is not None
+        and replaying is not None
+        and agrees(twin(unseen.theta[ran]), unseen.outcomes.take(ran))
+    ):
         number = min(_PLAYED * settings.budget, _MOST_PLAYED)
         replayed, unprevented = replay_shares(units[:number], replaying, replaying)
         draws = recorded.prior(own, settings.density).sample(number, generator)
@@ -294,7 +372,10 @@ def summary(scenario: Path, made: Generated, settings: SearchSettings) -> dict[s
         "seed": settings.seed,
         "budget": settings.budget,
         "draws": {"runs": drawn.draws, "failures": drawn.failing},
-        "sought": {"runs": int(sought.executed.sum()), "failures": int((sought.executed & sought.collision).sum())},
+        "sought": {
+            "runs": int(sought.executed.sum()),
+            "failures": int((sought.executed & sought.collision).sum()),
+        },
         "plays_on_twin": made.plays,
         "edge_cases": len(made.cases),
         "statement": made.statement.as_json(),
@@ -312,7 +393,12 @@ def system_digest(scenario: Path, run: RunSettings) -> str:
 
 
 def _estimate(
-    problem: SearchProblem, recorded: Recorded, run: Evaluate, drivers: Drivers, episodes: Episodes, settings: SearchSettings
+    problem: SearchProblem,
+    recorded: Recorded,
+    run: Evaluate,
+    drivers: Drivers,
+    episodes: Episodes,
+    settings: SearchSettings,
 ) -> Estimate:
     """Estimate the failure rate of the system."""
     assert problem.prior is not None
@@ -337,9 +423,11 @@ def _reward(real: Recorded, settings: SearchSettings, scenario: Path) -> Reward:
     return Reward(realism) if settings.weight is None else Reward(realism, settings.weight)
 
 
-def _runs_file(scenario: Path, space: Space, out: Path, settings: SearchSettings, kind: str) -> Path:
+def _runs_file(
+    scenario: Path, space: Space, out: Path, settings: SearchSettings, kind: str
+) -> Path:
     """The file of the runs of a kind, another one for everything that decides what a run gives."""
-    given = inputs(scenario, settings.run, space.pinned, (*OURS, "generation.outcomes"))
+    given = inputs(scenario, settings.run, space.pinned, (*OURS, "generation.search.outcomes"))
     deciding = (given, settings.rss, space.names, sorted(space.pinned.items()))
     return out / f"{scenario.stem}_{kind}_{digest(repr(deciding).encode())}.jsonl"
 
@@ -358,7 +446,13 @@ def space_of(scenario: Path, settings: SearchSettings) -> Space:
     Raises:
         UsageError, Unsupported: the scenario can't be searched. InvalidFile: it is malformed.
     """
-    return Space.of(scenario, settings.pinned, settings.free, ranges=settings.marginals, default=settings.default)
+    return Space.of(
+        scenario,
+        settings.pinned,
+        settings.free,
+        ranges=settings.marginals,
+        default=settings.default,
+    )
 
 
 def evaluator_of(scenario: Path, space: Space, settings: SearchSettings) -> Evaluator:
@@ -367,13 +461,27 @@ def evaluator_of(scenario: Path, space: Space, settings: SearchSettings) -> Eval
     Raises:
         UsageError: a setting is wrong, or there is no such cluster.
     """
-    return Evaluator(scenario, space, run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray)
+    return Evaluator(
+        scenario,
+        space,
+        run=settings.run,
+        rss=settings.rss,
+        processes=settings.processes,
+        ray=settings.ray,
+    )
 
 
 def evidence(settings: SearchSettings) -> Evidence:
     """Return the evidence for all files of a search."""
     run = settings.run
-    return Evidence(system_name(run.sut), settings.method, settings.rss, settings.seed, settings.budget, run.timestep)
+    return Evidence(
+        system_name(run.sut),
+        settings.method,
+        settings.rss,
+        settings.seed,
+        settings.budget,
+        run.timestep,
+    )
 
 
 def _write(
@@ -393,7 +501,10 @@ def _write(
     written.withdraw(settings.overwrite)
     files: list[Path] = []
     if len(cases):
-        of_all, writer = evidence(settings), Writer(scenario, space, out, settings.run, settings.overwrite)
+        of_all, writer = (
+            evidence(settings),
+            Writer(scenario, space, out, settings.run, settings.overwrite),
+        )
         files = [writer.cases(cases, of_all), writer.density(density, settings.seed)]
         files += writer.concrete(cases, of_all) if settings.concrete else []
     written.note()

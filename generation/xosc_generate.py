@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from generation.options import FailIf, budget_within_limits, fates
-from generation.settings import Ask, SearchSettings
-from schemas.common.command_line import (
+from generation.report.options import FailIf, budget_within_limits, fates
+from generation.search.settings import Ask, SearchSettings
+from schemas.common.errors import ExitCode, InvalidFile, NotWritten, UsageError, exit_codes, gravest
+from schemas.common.terminal.command_line import (
     Quiet,
     Verbose,
     Version,
@@ -25,15 +26,14 @@ from schemas.common.command_line import (
     protected,
     say,
 )
-from schemas.common.errors import ExitCode, InvalidFile, NotWritten, UsageError, exit_codes, gravest
-from schemas.common.options import with_settings
-from schemas.common.text import many
+from schemas.common.terminal.options import with_settings
+from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
     from generation.pipeline import Generated
-    from generation.recorded import Recorded as Units
     from generation.report.regression import Fate
-    from generation.search.space import Space
+    from generation.space.recorded import Recorded as Units
+    from generation.space.space import Space
 
 NAME = "xosc-generate"
 _LISTED = 3
@@ -65,14 +65,25 @@ class Search(NamedTuple):
 def xosc_generate(
     source: Annotated[
         Path,
-        typer.Argument(metavar="SCENARIO_OR_CATALOGUE", help="A scenario, a variation file, or a catalogue's folder."),
+        typer.Argument(
+            metavar="SCENARIO_OR_CATALOGUE",
+            help="A scenario, a variation file, or a catalogue's folder.",
+        ),
     ],
-    out: Annotated[Path, out_folder("Folder for the files; those of an earlier call are replaced unless they were edited.")],
+    out: Annotated[
+        Path,
+        out_folder(
+            "Folder for the files; those of an earlier call are replaced unless they were edited."
+        ),
+    ],
     settings: SearchSettings,
     ask: Ask,
     against: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Replay the failures in the folder of a search of another version of the system."),
+        typer.Option(
+            metavar="DIR",
+            help="Replay the failures in the folder of a search of another version of the system.",
+        ),
     ] = None,
     fail_if: FailIf = None,
     _verbose: Verbose = False,
@@ -81,14 +92,16 @@ def xosc_generate(
 ) -> None:
     """Search for edge cases of a logical scenario: collisions that traffic may cause and a careful driver prevents.
 
-    Writes a variation file with the values of each case and OpenLABEL tags that tell the evidence, the density of recorded
-    parameters as a stochastic variation file, copies of all that they need to run, and report.html, a page about all of it.
+    Writes a variation file with the values of each case and OpenLABEL tags that tell the evidence,
+    the density of recorded parameters as a stochastic variation file, copies of all that they need
+    to run, and report.html, a page about all of it.
 
-    A quarter of the budget are unguided draws of the density. They bound the probability of failures that the search did not
-    find, so that a search without a finding is a result too.
+    A quarter of the budget are unguided draws of the density. They bound the probability of
+    failures that the search did not find, so that a search without a finding is a result too.
 
-    --against compares with a search of another version of the system: its failures are replayed, and are fixed or still there;
-    failures found now that are unlike them are played with the former version, and are new where it survives.
+    --against compares with a search of another version of the system: its failures are replayed,
+    and are fixed or still there; failures found now that are unlike them are played with the former
+    version, and are new where it survives.
     """
     from generation.estimation.estimate import RUNS
     from generation.search.problem import method as search_of
@@ -98,30 +111,52 @@ def xosc_generate(
     settings = replace(settings, budget=budget, density=ask.density)
     wanted = fates(fail_if, against)
     with interruptible(NAME, f"the same command goes on with the runs in {out}"):
-        found = [_found(each, wanted, quiet, source.is_dir()) for each in _searches(source, ask, out, settings, against)]
-    raise typer.Exit(gravest(found) if against is not None or ExitCode.PASSED not in found else ExitCode.PASSED)
+        found = [
+            _found(each, wanted, quiet, source.is_dir())
+            for each in _searches(source, ask, out, settings, against)
+        ]
+    raise typer.Exit(
+        gravest(found) if against is not None or ExitCode.PASSED not in found else ExitCode.PASSED
+    )
 
 
-def _searches(source: Path, ask: Ask, out: Path, settings: SearchSettings, against: Path | None) -> Iterator[Search]:
-    from generation.recorded import of_catalogue
-    from generation.variations import asked_of, with_literals
+def _searches(
+    source: Path, ask: Ask, out: Path, settings: SearchSettings, against: Path | None
+) -> Iterator[Search]:
+    from generation.search.variations import asked_of, with_literals
+    from generation.space.recorded import of_catalogue
 
     if not source.exists():
         raise InvalidFile("no such file or folder", path=source)
     if not source.is_dir():
         ask, scenario = with_literals(ask, source, out / "source", settings.overwrite)
         asked = asked_of(ask, scenario)
-        what = replace(settings, pinned=asked.pinned, free=asked.free, marginals=asked.marginals, default=asked.default)
+        what = replace(
+            settings,
+            pinned=asked.pinned,
+            free=asked.free,
+            marginals=asked.marginals,
+            default=asked.default,
+        )
         yield Search(asked.scenario, asked.recorded, out, what, against)
         return
     if ask.recordings is not None or ask.kind is not None or ask.maps:
-        raise UsageError("a catalogue brings its recorded parameters along: --recorded, --kind, --map are for single scenarios")
+        raise UsageError(
+            "a catalogue brings its recorded parameters along: --recorded, --kind, --map are for single scenarios"
+        )
     catalogue = list(of_catalogue(source))
     if not catalogue:
-        raise UsageError("no scenario with parameters to search is in this folder or those in it", path=source)
+        raise UsageError(
+            "no scenario with parameters to search is in this folder or those in it", path=source
+        )
     for each in catalogue:
-        what, name = replace(settings, pinned=ask.pinned, free=tuple(ask.free)), each.path.parent.name
-        yield Search(each.path, each.on, out / name, what, against / name if against is not None else None)
+        what, name = (
+            replace(settings, pinned=ask.pinned, free=tuple(ask.free)),
+            each.path.parent.name,
+        )
+        yield Search(
+            each.path, each.on, out / name, what, against / name if against is not None else None
+        )
 
 
 def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool) -> ExitCode:
@@ -162,7 +197,10 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
         several = f"{many(len(untested), 'run')} inconclusive, the first"
         say(f"{NAME}: {scenario.name}: {several}: {untested[0]}", to=sys.stderr)
     if lost and len(errors):
-        say(f"{NAME}: {scenario.name}: no run succeeded, the first error: {errors[0]}", to=sys.stderr)
+        say(
+            f"{NAME}: {scenario.name}: no run succeeded, the first error: {errors[0]}",
+            to=sys.stderr,
+        )
         return ExitCode.INTERNAL
     if lost:
         return ExitCode.INCONCLUSIVE
@@ -172,8 +210,8 @@ def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool)
 
 def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> Iterator[str]:
     """Yield the results as lines."""
-    from generation.outcomes import JUDGES
     from generation.pipeline import drawn_of
+    from generation.search.outcomes import JUDGES
 
     outcomes, cases = generated.history.outcomes, generated.cases
     pinned = ", ".join(f"{name}={value}" for name, value in generated.space.pinned.items())
@@ -203,10 +241,14 @@ def _report(scenario: Path, generated: Generated, settings: SearchSettings) -> I
     yield f"  operational domain: {generated.domain}"
     collision = cases.outcomes.collision
     worth = (
-        f", {int(collision.sum())} of them foreseeable and preventable collisions" if len(cases) else f": {_nothing(generated)}"
+        f", {int(collision.sum())} of them foreseeable and preventable collisions"
+        if len(cases)
+        else f": {_nothing(generated)}"
     )
     yield f"  {many(len(cases), 'edge case')}{worth}"
-    survived = ", ".join(f"{name} {int((collision & each.survived).sum())}" for name, each in cases.drivers.items())
+    survived = ", ".join(
+        f"{name} {int((collision & each.survived).sum())}" for name, each in cases.drivers.items()
+    )
     if collision.any():
         yield f"  of these, reference drivers survive: {survived}"
     if cases.agreed:
@@ -227,9 +269,13 @@ def _nothing(generated: Generated) -> str:
     if not near.size:
         return "nothing was run"
     if not colliding.any():
-        return f"no run collides; the least distance of the ego to another one is {near.min():.2f} m"
+        return (
+            f"no run collides; the least distance of the ego to another one is {near.min():.2f} m"
+        )
     judged = generated.gate.refusal is None
-    foreseeable = generated.prior.foreseeable(generated.history.theta[colliding]).sum() if judged else 0
+    foreseeable = (
+        generated.prior.foreseeable(generated.history.theta[colliding]).sum() if judged else 0
+    )
     return f"collisions: {colliding.sum()}, foreseeable: {foreseeable}, of these prevented by a careful driver: 0"
 
 

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from typer.core import TyperGroup
 
-from recognition.training.command import train
+from recognition.trfe.training.command import train
 from schemas.common import packages
-from schemas.common.command_line import (
+from schemas.common.errors import UsageError, exit_codes
+from schemas.common.terminal.command_line import (
     Jobs,
     Quiet,
     Verbose,
@@ -29,12 +30,11 @@ from schemas.common.command_line import (
     say,
     writable_folder,
 )
-from schemas.common.errors import UsageError, exit_codes
-from schemas.common.options import option, with_settings
+from schemas.common.terminal.options import option, with_settings
 
 if TYPE_CHECKING:
     from recognition.catalogue.pipeline import Recogniser, Summary
-    from xosc.versions import Version as Standard
+    from xosc.writing.versions import Version as Standard
 
 
 NAME = "xosc-recognize"
@@ -56,8 +56,12 @@ class Sorting:
         " theirs (auto); the model in any case; or the rules, without a model.",
         type=Literal["auto", "model", "rules"],
     )
-    model: Path | None = option(None, "Model to label by.  [default: the one shipped]", metavar="DIR")
-    signalised: bool = option(False, "Let the rules count junctions with traffic lights as well.", "--signalised")
+    model: Path | None = option(
+        None, "Model to label by.  [default: the one shipped]", metavar="DIR"
+    )
+    signalised: bool = option(
+        False, "Let the rules count junctions with traffic lights as well.", "--signalised"
+    )
 
 
 @dataclass(frozen=True)
@@ -70,9 +74,13 @@ class ScenarioFormat:
     """
 
     road: Path | None = option(
-        None, "The OpenDRIVE file of all recordings.  [default: what each has, names, or has beside it]", metavar="FILE"
+        None,
+        "The OpenDRIVE file of all recordings.  [default: what each has, names, or has beside it]",
+        metavar="FILE",
     )
-    standard: str = option("1.3", "Version of OpenSCENARIO.", type=Literal["1.0", "1.1", "1.2", "1.3"])
+    standard: str = option(
+        "1.3", "Version of OpenSCENARIO.", type=Literal["1.0", "1.1", "1.2", "1.3"]
+    )
 
     @property
     def version(self) -> Standard:
@@ -84,37 +92,55 @@ class ScenarioFormat:
 @protected("max_runs")
 @with_settings
 def catalogue(
-    paths: Annotated[list[Path], typer.Argument(metavar="PATH...", help="Recordings: files, or folders with all below them.")],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PATH...", help="Recordings: files, or folders with all below them."
+        ),
+    ],
     out: Annotated[Path, out_folder("Folder of the catalogue.")],
     form: ScenarioFormat,
     sorting: Sorting,
-    scenes: Annotated[Literal["events", "vehicles"], typer.Option(help="What a scenario is made for.")] = "events",
+    scenes: Annotated[
+        Literal["events", "vehicles"], typer.Option(help="What a scenario is made for.")
+    ] = "events",
     keep_model: Annotated[
-        Path | None, out_folder("Folder for the model as it is afterwards, to label more recordings by.")
+        Path | None,
+        out_folder("Folder for the model as it is afterwards, to label more recordings by."),
     ] = None,
     discover: Annotated[
         bool,
-        typer.Option("--discover", help="Also write scenarios that the model does not know, or of discovered classes."),
+        typer.Option(
+            "--discover",
+            help="Also write scenarios that the model does not know, or of discovered classes.",
+        ),
     ] = False,
     jobs: Jobs = 1,
     ray: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Read and write on this Ray cluster; 'local' starts one of --jobs processes here."),
+        typer.Option(
+            metavar="ADDRESS",
+            help="Read and write on this Ray cluster; 'local' starts one of --jobs processes here.",
+        ),
     ] = None,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Print more, and tracebacks of errors.")
+    ] = False,
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
     """Recognise scenarios in recordings and write a catalogue of them.
 
-    A folder for each class: scenarios that replay what was recorded, the same as parametrised manoeuvres, the OpenSCENARIO
-    catalogues that they use, and OpenLABEL tags; beside them the roads and an index. Files that a person has edited stay.
-    A model that is kept knows the classes that it discovered, by the names that they have in the catalogue. Bytes are the same
-    for any number of processes, and after an interruption the same command reads only recordings that were not read yet.
+    A folder for each class: scenarios that replay what was recorded, the same as parametrised
+    manoeuvres, the OpenSCENARIO catalogues that they use, and OpenLABEL tags; beside them the roads
+    and an index. Files that a person has edited stay. A model that is kept knows the classes that
+    it discovered, by the names that they have in the catalogue. Bytes are the same for any number
+    of processes, and after an interruption the same command reads only recordings that were not
+    read yet.
     """
     from recognition.catalogue.pipeline import ByRules, Workers, build
     from recognition.catalogue.recordings import CatalogueSettings
-    from recognition.catalogue.write import CatalogueConfig
+    from recognition.catalogue.writing.write import CatalogueConfig
     from recognition.labels import Rules
 
     config, rules = CatalogueConfig(version=form.version), Rules(signalised=sorting.signalised)
@@ -125,7 +151,9 @@ def catalogue(
     if keep_model and made is ByRules:
         raise UsageError("--keep-model is for a model that labels; rules learn nothing")
     recogniser = cache(made)
-    summary = build(paths, out, settings, recogniser, partial(progress_bar, quiet=quiet), Workers(jobs, ray))
+    summary = build(
+        paths, out, settings, recogniser, partial(progress_bar, quiet=quiet), Workers(jobs, ray)
+    )
     if keep_model:
         from recognition.catalogue.model import ByModel
 
@@ -142,13 +170,19 @@ def catalogue(
 @protected("max_runs")
 @with_settings
 def replay(
-    path: Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording: a file, or a folder with one.")],
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Scenario to write, .xosc; its road goes beside it.")],
+    path: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="A recording: a file, or a folder with one.")
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(metavar="FILE", help="Scenario to write, .xosc; its road goes beside it."),
+    ],
     form: ScenarioFormat,
     ego: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Participant that becomes the ego.  [default: the recording's, or the one there for longest]"
+            metavar="NAME",
+            help="Participant that becomes the ego.  [default: the recording's, or the one there for longest]",
         ),
     ] = None,
     _verbose: Verbose = False,
@@ -157,7 +191,8 @@ def replay(
 ) -> None:
     """Write one scenario that replays a whole recording, without recognising anything in it.
 
-    What was assumed, derived or left out is printed. A recording without roads is replayed on a plane.
+    What was assumed, derived or left out is printed. A recording without roads is replayed on a
+    plane.
     """
     from recognition.catalogue.whole import write_replay
 
@@ -176,21 +211,29 @@ def replay(
 def label(
     folder: Annotated[Path, typer.Argument(metavar="RUN_DIR", help="Results of xosc-run --out.")],
     sorting: Sorting,
-    in_place: Annotated[bool, typer.Option("--in-place", help="Write the tags into the scenarios themselves.")] = False,
+    in_place: Annotated[
+        bool, typer.Option("--in-place", help="Write the tags into the scenarios themselves.")
+    ] = False,
     _verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
 ) -> None:
     """Label the results of runs, and annotate the scenarios that they are of.
 
-    Beside each scenario come an annotated copy and OpenLABEL tags; labels.json beside the results lists what was found when.
+    Beside each scenario come an annotated copy and OpenLABEL tags; labels.json beside the results
+    lists what was found when.
     """
     from recognition.catalogue.pipeline import label_runs
     from recognition.catalogue.recordings import CatalogueSettings
     from recognition.labels import Rules
 
-    settings, (recogniser, note) = CatalogueSettings(rules=Rules(signalised=sorting.signalised)), _recogniser(sorting)
-    labelled = label_runs(folder, settings, recogniser(), partial(progress_bar, quiet=quiet), in_place=in_place)
+    settings, (recogniser, note) = (
+        CatalogueSettings(rules=Rules(signalised=sorting.signalised)),
+        _recogniser(sorting),
+    )
+    labelled = label_runs(
+        folder, settings, recogniser(), partial(progress_bar, quiet=quiet), in_place=in_place
+    )
     _print_note(note, quiet)
     if not quiet:
         for name, found in labelled.findings.items():
@@ -217,7 +260,10 @@ def _recogniser(sorting: Sorting, discover: bool = False) -> tuple[Callable[[], 
         return ByRules, "no model is shipped: the rules label alone"
     if not folder.is_dir():
         raise UsageError("there is no model in this folder; --labels rules needs none", path=folder)
-    from recognition.catalogue.model import objection, unseen_sites  # needs the extra, which rules do not
+    from recognition.catalogue.model import (  # needs the extra, which rules do not
+        objection,
+        unseen_sites,
+    )
 
     why = objection(unseen_sites(folder))
     sorts = sorting.labels == "model" or why is None
@@ -241,20 +287,33 @@ def _print_note(note: str, quiet: bool) -> None:
 def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
     """Print what was made; the exit code."""
     if not quiet:
-        unread = f": {len(summary.failures)} recordings could not be read" if summary.failures else ""
-        print(f"{'scenarios':>9}  class" if summary.classes else f"no scenario was recognised{unread}")
+        unread = (
+            f": {len(summary.failures)} recordings could not be read" if summary.failures else ""
+        )
+        print(
+            f"{'scenarios':>9}  class" if summary.classes else f"no scenario was recognised{unread}"
+        )
         for name, count in sorted(summary.classes.items(), key=lambda item: (-item[1], item[0])):
             say(f"{count:9}  {name}")
         if summary.passages:
-            say("passages: " + ", ".join(f"{count} {name}" for name, count in sorted(summary.passages.items())))
+            say(
+                "passages: "
+                + ", ".join(f"{count} {name}" for name, count in sorted(summary.passages.items()))
+            )
         if summary.exclusions:
-            print(f"{len(summary.exclusions)} vehicles are no ego of a scene" + ("" if verbose else "; -v or index.json say why"))
+            print(
+                f"{len(summary.exclusions)} vehicles are no ego of a scene"
+                + ("" if verbose else "; -v or index.json say why")
+            )
         for exclusion in summary.exclusions if verbose else []:
             say(f"  {exclusion['recording']}: vehicle {exclusion['what']}: {exclusion['reason']}")
         if summary.removed:
             print(f"{len(summary.removed)} files of an earlier run were removed")
     for name in summary.colliding:
-        say(f"{NAME}: {name}: the ego touches another one from the start, as it was recorded", to=sys.stderr)
+        say(
+            f"{NAME}: {name}: the ego touches another one from the start, as it was recorded",
+            to=sys.stderr,
+        )
     for name in summary.edited:
         say(f"{NAME}: {name} was edited since it was written, it is left as it is", to=sys.stderr)
     for error in summary.failures.values():
@@ -271,18 +330,32 @@ def record(
     out: Annotated[
         Path,
         typer.Argument(
-            metavar="OUT", callback=writable_folder, help="Folder for the recordings, one folder in it for each site."
+            metavar="OUT",
+            callback=writable_folder,
+            help="Folder for the recordings, one folder in it for each site.",
         ),
     ],
-    scale: Annotated[float, typer.Option(metavar="FACTOR", help="How much: 1 gives about 2,600 events of each class.")] = 1.0,
+    scale: Annotated[
+        float,
+        typer.Option(metavar="FACTOR", help="How much: 1 gives about 2,600 events of each class."),
+    ] = 1.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
-    site: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this site (repeatable).")] = None,
+    site: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only this site (repeatable).")
+    ] = None,
     families: Annotated[
-        int, typer.Option(min=0, metavar="N", help="So many sites drawn from the seed instead, with a minute of traffic each.")
+        int,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="So many sites drawn from the seed instead, with a minute of traffic each.",
+        ),
     ] = 0,
     jobs: Jobs = 1,
     _verbose: Verbose = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="No progress bar and no summary.")
+    ] = False,
     _version: Version = False,
 ) -> None:
     """Record SUMO's traffic on maps of our own, in the formats of highD (motorways) and INTERACTION (all else)."""
@@ -291,7 +364,9 @@ def record(
 
     from recognition.recorder import record as record_traffic
 
-    with Progress(console=Console(stderr=True), disable=quiet or not sys.stderr.isatty(), transient=True) as bar:
+    with Progress(
+        console=Console(stderr=True), disable=quiet or not sys.stderr.isatty(), transient=True
+    ) as bar:
         task = bar.add_task("Recording", total=None)
         found = record_traffic(
             out, scale=scale, seed=seed, sites=site, jobs=jobs, families=families,
@@ -306,7 +381,7 @@ _EPILOG = (
     f"{NAME} PATH... --out DIR is short for {NAME} {_DEFAULT} PATH... --out DIR; a folder with the name of a command is given as "
     f"./NAME, or after {_DEFAULT}. Experiments: python -m studies.recognition. "
 ) + exit_codes("all recordings are in the catalogue", "")
-_FORMATS = ", ".join(packages.described("recognition.datasets.formats", "TITLE").values())
+_FORMATS = ", ".join(packages.described("recognition.recordings.formats", "TITLE").values())
 _CATALOGUE = f"{cleandoc(catalogue.__doc__ or '')}\n\nFormats of recordings: {_FORMATS}."
 
 

@@ -1,6 +1,7 @@
 """Execute OpenSCENARIO files: `runner.run(path)` runs one scenario and returns what happened.
 
-`runner.prepare(path)` compiles one that is to be run several times; `runner.Session(path)` runs one step by step.
+`runner.prepare(path)` compiles one that is to be run several times; `runner.Session(path)` runs one
+step by step.
 """
 
 from __future__ import annotations
@@ -10,24 +11,24 @@ from typing import TYPE_CHECKING
 from schemas.common.packages import public
 
 if TYPE_CHECKING:
-    from runner.interpreter.execution import Prepared as Prepared
-    from runner.interpreter.execution import Session as Session
-    from runner.interpreter.execution import prepare as prepare
-    from runner.interpreter.execution import run as run
-    from runner.interpreter.result import RunResult as RunResult
-    from runner.settings import RunSettings as RunSettings
+    from runner.judging.execution import Prepared as Prepared
+    from runner.judging.execution import Session as Session
+    from runner.judging.execution import prepare as prepare
+    from runner.judging.execution import run as run
+    from runner.judging.result import RunResult as RunResult
+    from runner.judging.settings import RunSettings as RunSettings
 
     __version__: str
 else:
     __getattr__, __dir__ = public(
         __name__,
         {
-            "Prepared": "runner.interpreter.execution",
-            "RunResult": "runner.interpreter.result",
-            "RunSettings": "runner.settings",
-            "Session": "runner.interpreter.execution",
-            "prepare": "runner.interpreter.execution",
-            "run": "runner.interpreter.execution",
+            "Prepared": "runner.judging.execution",
+            "RunResult": "runner.judging.result",
+            "RunSettings": "runner.judging.settings",
+            "Session": "runner.judging.execution",
+            "prepare": "runner.judging.execution",
+            "run": "runner.judging.execution",
         },
     )
 

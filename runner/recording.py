@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     import numpy as np
     import pyarrow as pa
 
-    from runner.participants.declaration import BoundingBox, Declaration
-    from runner.participants.entity import Entities, Entity
+    from runner.engine.participants.declaration import BoundingBox, Declaration
+    from runner.engine.participants.entity import Entities, Entity
+    from xodr.graph.network import RoadNetwork
     from xodr.model import RoadPoint
-    from xodr.network import RoadNetwork
 
 COLUMNS = (
     "time",
@@ -34,7 +34,8 @@ COLUMNS = (
     "lane_offset",
 )
 """Columns of a track: s; m in the world frame of the road network (reference point); rad, mathematical; m/s and m/s²
-along the heading; OpenDRIVE road coordinates (lane_offset is t minus the t of the lane's centre)."""
+along the heading; OpenDRIVE road coordinates (lane_offset is t minus the t of the lane's
+centre)."""
 
 _PLACE = ("road_id", "lane_id", "s", "t", "lane_offset")
 
@@ -48,7 +49,8 @@ class Track:
         kind: vehicle, pedestrian or miscellaneous.
         category: e.g. car, truck, bicycle.
         box: its bounding box about the reference point, m.
-        read: gives one array for each of `COLUMNS`, in ascending time; called once, when they are asked for.
+        read: gives one array for each of `COLUMNS`, in ascending time; called once, when they are
+            asked for.
         mass: kg; 0 where it is not known.
         role: e.g. ambulance, civil; empty where it is not known.
         front_axle: x of the front axle in the own frame, m; 0 where it is not known.
@@ -118,11 +120,17 @@ class Recording:
         self.locate()
         tracks = list(self.tracks.values())
         if not tracks:
-            return pa.table({name: pa.array([], arrow_type(name)) for name in ("time", "entity", *COLUMNS[1:])})
+            return pa.table(
+                {name: pa.array([], arrow_type(name)) for name in ("time", "entity", *COLUMNS[1:])}
+            )
         time = np.concatenate([track.columns["time"] for track in tracks])
         order = np.argsort(time, kind="stable")
-        names = np.repeat(np.arange(len(tracks)), [len(track.columns["time"]) for track in tracks])[order]
-        entity = pa.DictionaryArray.from_arrays(names.astype(np.int32), [track.name for track in tracks]).cast(pa.string())
+        names = np.repeat(np.arange(len(tracks)), [len(track.columns["time"]) for track in tracks])[
+            order
+        ]
+        entity = pa.DictionaryArray.from_arrays(
+            names.astype(np.int32), [track.name for track in tracks]
+        ).cast(pa.string())
         table = {"time": pa.array(time[order]), "entity": entity}
         for name in COLUMNS[1:]:
             joined = np.concatenate([track.columns[name] for track in tracks])[order]
@@ -134,10 +142,14 @@ def arrow_type(name: str) -> pa.DataType:
     """The type of a column of the long form."""
     import pyarrow as pa
 
-    return {"entity": pa.string(), "road_id": pa.string(), "lane_id": pa.int64()}.get(name, pa.float64())
+    return {"entity": pa.string(), "road_id": pa.string(), "lane_id": pa.int64()}.get(
+        name, pa.float64()
+    )
 
 
-_FIELDS = [(name, "int64" if name == "lane_id" else "float64") for name in COLUMNS if name != "road_id"]
+_FIELDS = [
+    (name, "int64" if name == "lane_id" else "float64") for name in COLUMNS if name != "road_id"
+]
 _pack = Struct("=" + "".join("q" if type_ == "int64" else "d" for _, type_ in _FIELDS)).pack
 """The numbers of `COLUMNS` at one instant as bytes: objects for each row would keep Python's garbage collector busy."""
 
@@ -156,7 +168,10 @@ class _Rows:
         import numpy as np
 
         rows = np.frombuffer(bytes(self.numbers), dtype=_FIELDS)
-        return {name: rows[name].copy() if name != "road_id" else np.array(self.roads, dtype=object) for name in COLUMNS}
+        return {
+            name: rows[name].copy() if name != "road_id" else np.array(self.roads, dtype=object)
+            for name in COLUMNS
+        }
 
 
 def _track(declared: Declaration, rows: _Rows) -> Track:
@@ -191,11 +206,37 @@ class Recorder:
                 lane, offset = e.lane_below()
                 written.roads.append(road.id)
                 written.numbers += pack(
-                    time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, lane, e.s, e.t, offset
+                    time,
+                    e.x,
+                    e.y,
+                    e.z,
+                    e.h,
+                    e.pitch,
+                    e.roll,
+                    e.speed,
+                    e.acceleration,
+                    lane,
+                    e.s,
+                    e.t,
+                    offset,
                 )
             else:
                 written.roads.append(None)
-                written.numbers += pack(time, e.x, e.y, e.z, e.h, e.pitch, e.roll, e.speed, e.acceleration, 0, 0.0, 0.0, 0.0)
+                written.numbers += pack(
+                    time,
+                    e.x,
+                    e.y,
+                    e.z,
+                    e.h,
+                    e.pitch,
+                    e.roll,
+                    e.speed,
+                    e.acceleration,
+                    0,
+                    0.0,
+                    0.0,
+                    0.0,
+                )
 
     def recording(self) -> Recording:
         """Return the recording so far."""
@@ -230,7 +271,9 @@ def light_states(events: Iterable[LogEntry]) -> dict[str, list[tuple[float, tupl
 _State = TypeVar("_State")
 
 
-def _changes(events: Iterable[LogEntry], kind: str, state: Callable[[str], _State]) -> dict[str, list[tuple[float, _State]]]:
+def _changes(
+    events: Iterable[LogEntry], kind: str, state: Callable[[str], _State]
+) -> dict[str, list[tuple[float, _State]]]:
     changes: dict[str, list[tuple[float, _State]]] = {}
     for entry in events:
         if entry.kind == kind:

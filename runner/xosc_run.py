@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from runner.measures.measure import NEW_FAILURE
-from runner.run_options import FailIf, Only, Param, Sample, selection_of
-from runner.settings import RunSettings
-from schemas.common.command_line import (
+from runner.batch.options import FailIf, Only, Param, Sample, selection_of
+from runner.judging.measures.measure import NEW_FAILURE
+from runner.judging.settings import RunSettings
+from schemas.common.errors import ExitCode, UsageError, exit_codes, gravest
+from schemas.common.storage import writing
+from schemas.common.terminal.command_line import (
     AllowInconclusive,
     Jobs,
     Overwrite,
@@ -28,14 +30,12 @@ from schemas.common.command_line import (
     out_folder,
     protected,
 )
-from schemas.common.errors import ExitCode, UsageError, exit_codes, gravest
-from schemas.common.options import explain, parameters_of, with_settings
-from schemas.common.storage import writing
+from schemas.common.terminal.options import explain, parameters_of, with_settings
 
 if TYPE_CHECKING:
     from runner.batch.batch import Also, BatchComparison
     from runner.batch.jobs import Job, Outcome
-    from runner.outputs.terminal import OutcomeTable
+    from runner.batch.outputs.terminal import OutcomeTable
 
 _EXAMPLES = (
     "xosc-run xosc/library/simple_cut_in.xosc",
@@ -43,35 +43,61 @@ _EXAMPLES = (
     'xosc-run -p CutIn_Gap_m=8 --fail-if "min_ttc<1" xosc/library/simple_cut_in.xosc',
     "xosc-run --sut adas --assess euro-ncap-2026 OSC-NCAP-scenarios/OpenSCENARIO --out assessed",
 )
-_EPILOG = exit_codes("passed", "a verdict is a failure (collision of the ego)", "a run did not test what its file describes")
+_EPILOG = exit_codes(
+    "passed",
+    "a verdict is a failure (collision of the ego)",
+    "a run did not test what its file describes",
+)
 
 app = new_app()
 
 
 Files = Annotated[
     list[str],
-    typer.Argument(metavar="PATH...", help="Scenarios, and distributions: every parameter set is run; folders, globs."),
+    typer.Argument(
+        metavar="PATH...",
+        help="Scenarios, and distributions: every parameter set is run; folders, globs.",
+    ),
 ]
 Repeat = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="Run everything N times, with seeds that count up from --seed.")
+    int | None,
+    typer.Option(
+        min=1, metavar="N", help="Run everything N times, with seeds that count up from --seed."
+    ),
 ]
 Osi = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap.")
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap."
+    ),
 ]
 Replay = Annotated[
     bool,
-    typer.Option("--replay", help="Write an HTML page that plays each run, to --out with a report, else to this folder."),
+    typer.Option(
+        "--replay",
+        help="Write an HTML page that plays each run, to --out with a report, else to this folder.",
+    ),
 ]
 Against = Annotated[
-    Path | None, typer.Option(metavar="BATCH", help="Folder of an earlier batch to compare with; --fail-if new-failure needs it.")
+    Path | None,
+    typer.Option(
+        metavar="BATCH",
+        help="Folder of an earlier batch to compare with; --fail-if new-failure needs it.",
+    ),
 ]
 Assess = Annotated[
     str | None,
-    typer.Option(metavar="PROTOCOL", help="Write the runs as the table of a test protocol to --out: assessment.html and .csv."),
+    typer.Option(
+        metavar="PROTOCOL",
+        help="Write the runs as the table of a test protocol to --out: assessment.html and .csv.",
+    ),
 ]
 Ray = Annotated[
     str | None,
-    typer.Option(metavar="ADDRESS", help="Run on this Ray cluster; 'local' starts one of --jobs processes on this machine."),
+    typer.Option(
+        metavar="ADDRESS",
+        help="Run on this Ray cluster; 'local' starts one of --jobs processes on this machine.",
+    ),
 ]
 
 
@@ -86,42 +112,64 @@ def xosc_run(
     sample: Sample = None,
     repeat: Repeat = None,
     fail_if: FailIf = None,
-    out: Annotated[Path | None, out_folder("Folder for trajectories, event log and result of each run.")] = None,
+    out: Annotated[
+        Path | None, out_folder("Folder for trajectories, event log and result of each run.")
+    ] = None,
     osi: Osi = None,
-    plot: Annotated[bool, typer.Option("--plot", help="Add a picture of each run to --out.")] = False,
+    plot: Annotated[
+        bool, typer.Option("--plot", help="Add a picture of each run to --out.")
+    ] = False,
     replay: Replay = False,
     against: Against = None,
     assess: Assess = None,
     gui: Annotated[bool, typer.Option("--gui", help="Play each run in SUMO's own window.")] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the batch that --out holds.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the batch that --out holds.")
+    ] = False,
     overwrite: Overwrite = False,
-    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")] = None,
+    junit: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")
+    ] = None,
     junit_inconclusive: Annotated[
-        Literal["skipped", "error"], typer.Option(help="What an inconclusive run is in the JUnit report.")
+        Literal["skipped", "error"],
+        typer.Option(help="What an inconclusive run is in the JUnit report."),
     ] = "skipped",
     allow_inconclusive: AllowInconclusive = False,
     jobs: Jobs = 1,
     ray: Ray = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Load, compile and begin everything, run nothing.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Load, compile and begin everything, run nothing.")
+    ] = False,
     verbose: Verbose = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failures, inconclusive runs and errors only.")] = False,
+    quiet: Annotated[
+        bool,
+        typer.Option("--quiet", "-q", help="Print failures, inconclusive runs and errors only."),
+    ] = False,
     _version: Version = False,
 ) -> None:
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
     from runner.batch.batch import BatchComparison, run_batch, runnable
     from runner.batch.jobs import jobs_of
-    from runner.batch.rehearsal import rehearse_batch
-    from runner.outputs.terminal import OutcomeTable
+    from runner.batch.outputs.terminal import OutcomeTable
+    from runner.view.rehearsal import rehearse_batch
 
     if out is None and (resume or plot):
         raise UsageError("--resume and --plot need the --out folder of the results")
     if assess is not None:
         _check_assessment(assess, out, dry_run)
     if resume and (osi is not None or gui):
-        option, instead = ("--gui", "xosc-replay shows them") if gui else ("--osi", "xosc-export --to osi writes their traces")
-        raise UsageError(f"{option} is of runs that are played, and --resume leaves out finished ones: {instead}")
+        option, instead = (
+            ("--gui", "xosc-replay shows them")
+            if gui
+            else ("--osi", "xosc-export --to osi writes their traces")
+        )
+        raise UsageError(
+            f"{option} is of runs that are played, and --resume leaves out finished ones: {instead}"
+        )
     if overwrite and (out is None or resume or dry_run):
-        raise UsageError("--overwrite replaces the batch of --out by one that is run: without --resume and --dry-run")
+        raise UsageError(
+            "--overwrite replaces the batch of --out by one that is run: without --resume and --dry-run"
+        )
     if against is not None:
         _need_runs(dry_run)
         if overwrite and out is not None and against.resolve() == out.resolve():
@@ -134,13 +182,17 @@ def xosc_run(
     earlier = BatchComparison.with_batch(against) if against is not None else None
     paths, times = runnable(files), None if dry_run else repeat
     selection = selection_of(only, sample, settings.seed, paths)
-    source = jobs_of(paths, parameters_of(param or []), settings.enforce_constraints, selection, times)
+    source = jobs_of(
+        paths, parameters_of(param or []), settings.enforce_constraints, selection, times
+    )
     table = OutcomeTable(
-        verbose=verbose, quiet=quiet, total=source.total if sys.stderr.isatty() and not (quiet or dry_run) else 0
+        verbose=verbose,
+        quiet=quiet,
+        total=source.total if sys.stderr.isatty() and not (quiet or dry_run) else 0,
     )
     chosen: Iterable[Job | Outcome] = source
     if osi is not None:
-        from runner.exports.osi import alone
+        from runner.exchange.exports.osi import alone
 
         chosen = alone(source, osi)
     also = list(_also(osi, replay, gui, out))
@@ -152,18 +204,24 @@ def xosc_run(
         if dry_run:
             outcomes = rehearse_batch(chosen, settings, jobs)
         else:
-            how: dict[str, Any] = {"plot": plot, "processes": jobs, "resume": resume, "also": also, "ray": ray}
+            how: dict[str, Any] = {
+                "plot": plot,
+                "processes": jobs,
+                "resume": resume,
+                "also": also,
+                "ray": ray,
+            }
             outcomes = run_batch(chosen, settings, out=out, needs=_needed(replay), **how)
         code = _follow(outcomes, table, kept, allow_inconclusive, source.left_out, earlier, by_new)
     report = None
     if replay and out is not None and not dry_run:
-        from runner.replay.report import write_report
+        from runner.view.report import write_report
 
         report = write_report(out, against)
     if earlier is not None:
         table.compare(earlier, out if replay else None)
     if replay and not dry_run:
-        from runner.replay.player import kept_replay
+        from runner.view.replay.player import kept_replay
 
         if table.only is not None:
             table.tell(f"replay: {kept_replay(table.only, out)}")
@@ -175,7 +233,7 @@ def xosc_run(
         if path is not None and path.exists():
             table.tell(f"{what}: {path}")
     if assess is not None and out is not None:
-        from runner.assessment.table import write_assessment
+        from runner.view.assessment import write_assessment
 
         for path in write_assessment(out, assess, settings):
             table.tell(f"assessment: {path}")
@@ -183,7 +241,7 @@ def xosc_run(
 
 
 def _assessments() -> tuple[str, list[tuple[str, str]]]:
-    from runner.assessment.profiles import profiles
+    from runner.judging.assessment.profiles import profiles
 
     return "Protocols of --assess", list(profiles().items())
 
@@ -193,11 +251,13 @@ explain("assess", _assessments)
 
 def _check_assessment(name: str, out: Path | None, dry_run: bool) -> None:
     """Refuse an unknown protocol, and an assessment of runs that are not kept, before anything runs."""
-    from runner.assessment.profiles import profile
+    from runner.judging.assessment.profiles import profile
 
     profile(name)
     if out is None or dry_run:
-        raise UsageError("--assess reads the results of runs: it needs --out DIR" + " and no --dry-run" * dry_run)
+        raise UsageError(
+            "--assess reads the results of runs: it needs --out DIR" + " and no --dry-run" * dry_run
+        )
 
 
 def _need_runs(dry_run: bool) -> None:
@@ -212,12 +272,14 @@ def _reporting(junit: Path | None, inconclusive: str) -> Iterator[list[Outcome] 
     if junit is None:
         yield None
         return
-    from runner.outputs.report import write_junit
+    from runner.batch.outputs.report import write_junit
 
     with writing("the report", junit):
         junit.parent.mkdir(parents=True, exist_ok=True)
         is_new = not junit.exists()
-        junit.open("a").close()  # what can't be written is better known before the runs than after them
+        junit.open(
+            "a"
+        ).close()  # what can't be written is better known before the runs than after them
         if is_new:
             junit.unlink()
     outcomes: list[Outcome] = []
@@ -230,15 +292,15 @@ def _reporting(junit: Path | None, inconclusive: str) -> Iterator[list[Outcome] 
 def _also(osi: Path | None, replay: bool, gui: bool, out: Path | None) -> Iterator[Also]:
     """Yield the further uses of each result besides writing it; options as in `xosc_run`."""
     if osi is not None:
-        from runner.exports.osi import write_trace
+        from runner.exchange.exports.osi import write_trace
 
         yield partial(write_trace, path=osi)
     if replay:
-        from runner.replay.player import keep_replay
+        from runner.view.replay.player import keep_replay
 
         yield partial(keep_replay, out=out)
     if gui:
-        from runner.replay.sumo_gui import need_display, show
+        from runner.view.replay.sumo_gui import need_display, show
 
         need_display()
         yield show
@@ -248,7 +310,7 @@ def _needed(replay: bool) -> list[str]:
     """Names of files, besides results, that a finished run in an output folder has."""
     if not replay:
         return []
-    from runner.replay.player import REPLAY
+    from runner.view.replay.player import REPLAY
 
     return [REPLAY]
 
@@ -273,7 +335,12 @@ def _follow(
                 if earlier is not None:
                     earlier.add(outcome)
                 code = ExitCode(outcome.exit_code)
-                if not (only_new and code == ExitCode.FINDING and earlier is not None and earlier.failed(outcome)):
+                if not (
+                    only_new
+                    and code == ExitCode.FINDING
+                    and earlier is not None
+                    and earlier.failed(outcome)
+                ):
                     codes.add(code)
                 table.show(outcome)
         table.close(left_out)

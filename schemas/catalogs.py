@@ -1,8 +1,9 @@
 """Catalogues: finding the entry that a CatalogReference names; the one look-up of checks and of runs.
 
-Source: OpenSCENARIO XML 1.3.1, sections 9.4 to 9.6: in the directories that CatalogLocations gives for the kind of element,
-every catalogue file counts; a catalogue is known by its name. Only where none has that name, the one whose file is called
-so is taken: some public libraries rely on it. Directories that are not there are looked for in folders that were asked for.
+Source: OpenSCENARIO XML 1.3.1, sections 9.4 to 9.6: in the directories that CatalogLocations gives
+for the kind of element, every catalogue file counts; a catalogue is known by its name. Only where
+none has that name, the one whose file is called so is taken: some public libraries rely on it.
+Directories that are not there are looked for in folders that were asked for.
 """
 
 from __future__ import annotations
@@ -23,10 +24,18 @@ from schemas.common.errors import InvalidFile, ToolchainError, nearest
 from schemas.common.policy import current
 from schemas.common.remarks import Remark, Remarks
 from schemas.common.storage import Stamp, above, in_any_case, search_path, stamp
-from schemas.values import quoted
+from schemas.expressions.values import quoted
 
 ENTITIES = ("Vehicle", "Pedestrian", "MiscObject")
-KINDS = (*ENTITIES, "Controller", "Environment", "Maneuver", "Trajectory", "Route", "TrafficDistributionEntry")
+KINDS = (
+    *ENTITIES,
+    "Controller",
+    "Environment",
+    "Maneuver",
+    "Trajectory",
+    "Route",
+    "TrafficDistributionEntry",
+)
 """The kinds of entries; each has its directory in CatalogLocations, VehicleCatalog and so on."""
 
 EXPECTED: dict[str, tuple[str, ...]] = {
@@ -95,12 +104,17 @@ class CatalogEntry:
     def plain(self) -> bool:
         """Whether it says the same wherever it is referred to: it has no parameters, expressions and references."""
         tags = any(True for _ in self.element.iter("ParameterDeclarations", *REFERENCES))
-        return not tags and not any("$" in text for each in self.element.iter("*") for text in each.attrib.values())
+        return not tags and not any(
+            "$" in text for each in self.element.iter("*") for text in each.attrib.values()
+        )
 
     @property
     def parameters(self) -> set[str]:
         """Names of the parameters that it declares."""
-        return {each.get("name") or "" for each in self.element.iterfind("ParameterDeclarations/ParameterDeclaration")}
+        return {
+            each.get("name") or ""
+            for each in self.element.iterfind("ParameterDeclarations/ParameterDeclaration")
+        }
 
 
 DIRECTORIES = "asam.net:xosc:1.0.0:reference_control.catalogs_referenced_by_directory"
@@ -147,7 +161,8 @@ class Catalogs:
 
     Args:
         scenario: the scenario's file.
-        location: the directory that a location, named like VehicleCatalog, gives; None where the scenario has none.
+        location: the directory that a location, named like VehicleCatalog, gives; None where the
+            scenario has none.
         load: reads a catalogue's file.
         remarks: where remarks are added on directories that are found elsewhere.
         folders: where to look for directories that are not there.
@@ -203,7 +218,9 @@ class Catalogs:
 
     def _read(self, kinds: Iterable[str]) -> _Found:
         names = [f"{kind}Catalog" for kind in kinds]
-        directories = [directory for name in names if (directory := self._location(name)) is not None]
+        directories = [
+            directory for name in names if (directory := self._location(name)) is not None
+        ]
         problems = [] if directories else [f"CatalogLocations has no {' or '.join(names)}"]
         files: dict[str, int] = {}
         incomplete = False
@@ -220,14 +237,20 @@ class Catalogs:
                 continue
             files |= {file: number for file in located.files if file not in files}
             if located.assumed:
-                self._remarks.add(Remark(DIRECTORIES, located.assumed, str(directory.file), directory.line))
-        results = [(_catalog(self._load, file, stamp(file)), number) for file, number in files.items()]
+                self._remarks.add(
+                    Remark(DIRECTORIES, located.assumed, str(directory.file), directory.line)
+                )
+        results = [
+            (_catalog(self._load, file, stamp(file)), number) for file, number in files.items()
+        ]
         problems += [f"not readable: {result}" for result, _ in results if isinstance(result, str)]
         found = [(result, number) for result, number in results if isinstance(result, _Catalog)]
         first: dict[tuple[int, str], str] = {}
         for catalog, number in found:
             first.setdefault((number, catalog.name), os.path.dirname(catalog.path))
-        catalogs = [each for each, number in found if first[number, each.name] == os.path.dirname(each.path)]
+        catalogs = [
+            each for each, number in found if first[number, each.name] == os.path.dirname(each.path)
+        ]
         return _Found(catalogs, problems, incomplete)
 
 
@@ -244,7 +267,8 @@ _URI = re.compile(r"file:(//[^/]*)?(/(?=[A-Za-z]:))?", re.IGNORECASE)
 class Located(NamedTuple):
     """The files of a catalogue directory, sorted, and what was assumed to find them; empty where it is as it says.
 
-    Where the directory is missing these are the files of all folders that were asked for, in the order of the folders.
+    Where the directory is missing these are the files of all folders that were asked for, in the
+    order of the folders.
     """
 
     files: list[str]
@@ -262,9 +286,10 @@ def missing(directory: Path, place: str = "") -> str:
 def locate(path: Path, scenario: Path, folders: Folders = ()) -> Located:
     """Find the files of a catalogue directory.
 
-    A path that is a file itself, as some scenarios have it, gives that file. Libraries get moved about: what does not exist is
-    looked for by its name in the folders that were asked for, which may be the directory themselves, in other case, by its name
-    in the scenario's folder and in the folders in that, then by its relative path in the folders above.
+    A path that is a file itself, as some scenarios have it, gives that file. Libraries get moved
+    about: what does not exist is looked for by its name in the folders that were asked for, which
+    may be the directory themselves, in other case, by its name in the scenario's folder and in the
+    folders in that, then by its relative path in the folders above.
 
     Args:
         folders: where to look first, before those in XOSC_CATALOG_PATH.
@@ -279,10 +304,21 @@ def locate(path: Path, scenario: Path, folders: Folders = ()) -> Located:
         asked_for = _asked_for(path, folders)
         if asked_for:
             return Located([file for each in asked_for for file in _files(each)], "")
-        found = next((each for each in _elsewhere(path, scenario) if current().allows(each) and each.exists()), None)
+        found = next(
+            (
+                each
+                for each in _elsewhere(path, scenario)
+                if current().allows(each) and each.exists()
+            ),
+            None,
+        )
         if found is not None:
             path, assumed = found, f"there is no folder {path}: {found} is taken, by its name"
-    alone = f"{path} is a file, a folder is expected: that file alone is taken" if path.is_file() else ""
+    alone = (
+        f"{path} is a file, a folder is expected: that file alone is taken"
+        if path.is_file()
+        else ""
+    )
     return Located(_files(path), assumed or alone)
 
 
@@ -290,7 +326,11 @@ def _files(path: Path) -> list[str]:
     """The files of a directory of catalogues, sorted; the file alone where it is one."""
     if path.is_file():
         return [os.path.normpath(path)]
-    return sorted(os.path.normpath(entry.path) for entry in os.scandir(path) if entry.name.lower().endswith(".xosc"))
+    return sorted(
+        os.path.normpath(entry.path)
+        for entry in os.scandir(path)
+        if entry.name.lower().endswith(".xosc")
+    )
 
 
 def _asked_for(path: Path, folders: Folders) -> list[Path]:
@@ -323,7 +363,15 @@ def _catalog(load: Load, path: str, _: Stamp) -> _Catalog | str | None:
         return None
     name = catalog.get("name", "")
     entries = tuple(
-        CatalogEntry(str(child.tag), child.get("name", ""), child, name, path, document.version, sum(1 for _ in child.iter()))
+        CatalogEntry(
+            str(child.tag),
+            child.get("name", ""),
+            child,
+            name,
+            path,
+            document.version,
+            sum(1 for _ in child.iter()),
+        )
         for child in catalog.iterchildren(*KINDS)
     )
     return _Catalog(name, path, entries)

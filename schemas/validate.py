@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from lxml import etree
 
 from schemas.common.errors import InvalidFile, UsageError
-from schemas.registry import Schema
-from schemas.xml import local_name
+from schemas.common.xml import local_name
+from schemas.versions.registry import Schema
 
 _MOST_EXPLAINED = 20_000
 """Elements up to which xmlschema explains. Its time grows with their square; larger documents get libxml2's messages."""
@@ -116,14 +116,24 @@ def _explained(tree: etree._ElementTree, schema: Schema) -> Iterator[Violation]:
         element = error.elem if error.elem is not None else tree.getroot()
         index = getattr(error, "index", None)
         children = [child for child in element if local_name(child)]
-        if getattr(error, "expected", None) is not None and index is not None and index < len(children):
+        if (
+            getattr(error, "expected", None) is not None
+            and index is not None
+            and index < len(children)
+        ):
             yield Violation(children[index], _unexpected(children[index], error))
         else:
             yield Violation(element, _expected_value(explainer, error) or str(error.reason))
 
 
 def _unexpected(child: etree._Element, error: Any) -> str:
-    names = sorted({str(particle.local_name) for particle in error.expected if getattr(particle, "local_name", None)})
+    names = sorted(
+        {
+            str(particle.local_name)
+            for particle in error.expected
+            if getattr(particle, "local_name", None)
+        }
+    )
     expected = f"; expected is {' or '.join(names)}" if names else ""
     return f"the element {local_name(child)} is not expected here{expected}"
 
@@ -139,7 +149,10 @@ def _expected_value(explainer: Any, error: Any) -> str | None:
     members = getattr(kind, "member_types", None)
     if kind is None or not members:
         return None
-    forms = [_MEANINGS.get(member.local_name or "", member.local_name or "another value") for member in reversed(members)]
+    forms = [
+        _MEANINGS.get(member.local_name or "", member.local_name or "another value")
+        for member in reversed(members)
+    ]
     return f"the attribute {name}={error.obj!r} does not fit its type {kind.local_name}: {' or '.join(forms)} is expected"
 
 
@@ -154,4 +167,8 @@ def _at(tree: etree._ElementTree, path: str | None) -> etree._Element:
         found = tree.xpath(path) if path else None
     except etree.XPathError:  # names of elements may be no names in XPath
         found = None
-    return found[0] if isinstance(found, list) and found and isinstance(found[0], etree._Element) else tree.getroot()
+    return (
+        found[0]
+        if isinstance(found, list) and found and isinstance(found[0], etree._Element)
+        else tree.getroot()
+    )

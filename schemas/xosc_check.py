@@ -12,7 +12,8 @@ from typing import Annotated, Literal
 import typer
 
 from schemas.checks import LEVELS, Problem
-from schemas.common.command_line import (
+from schemas.common.errors import ExitCode, UsageError, exit_codes
+from schemas.common.terminal.command_line import (
     CatalogPath,
     RoadPath,
     Version,
@@ -24,8 +25,7 @@ from schemas.common.command_line import (
     protected,
     say,
 )
-from schemas.common.errors import ExitCode, UsageError, exit_codes
-from schemas.common.text import one_line
+from schemas.common.terminal.text import one_line
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
 _EXAMPLES = (
@@ -33,9 +33,11 @@ _EXAMPLES = (
     "xosc-check --format sarif --output check.sarif xosc/library",
     "xosc-check --triage --format html --output triage.html scenarios",
 )
-_EPILOG = exit_codes("all files are accepted (no error; with --strict no warning either)", "some are not")
+_EPILOG = exit_codes(
+    "all files are accepted (no error; with --strict no warning either)", "some are not"
+)
 
-_TRIAGE = "runner.batch.rehearsal"
+_TRIAGE = "runner.view.rehearsal"
 """Module of --triage, loaded by its name: it plays files, which is a floor above"""
 _TRIAGED = ("text", "json", "html")
 """Formats of --triage"""
@@ -47,7 +49,7 @@ def _print_rules(requested: bool) -> None:
     if requested:
         from schemas.checks.registry import all_rules
         from schemas.checks.report import listing
-        from schemas.osi_rules import all_osi_rules
+        from schemas.osi.rules import all_osi_rules
 
         print(listing([*all_rules(), *all_osi_rules()]), end="")
         raise typer.Exit
@@ -56,25 +58,46 @@ def _print_rules(requested: bool) -> None:
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
 @protected("max_runs")
 def xosc_check(
-    paths: Annotated[list[str], typer.Argument(metavar="PATH...", help="Files, folders (with all below them) and globs.")],
+    paths: Annotated[
+        list[str],
+        typer.Argument(metavar="PATH...", help="Files, folders (with all below them) and globs."),
+    ],
     format: Annotated[
-        Literal["text", "json", "junit", "xqar", "sarif", "html"], typer.Option(help="Format of the report; html of --triage.")
+        Literal["text", "json", "junit", "xqar", "sarif", "html"],
+        typer.Option(help="Format of the report; html of --triage."),
     ] = "text",
-    output: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the report to a file.")] = None,
-    severity: Annotated[Literal["error", "warning", "info"], typer.Option(help="Least severe level that is reported.")] = "info",
-    strict: Annotated[bool, typer.Option("--strict", help="Do not accept files with warnings.")] = False,
+    output: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the report to a file.")
+    ] = None,
+    severity: Annotated[
+        Literal["error", "warning", "info"],
+        typer.Option(help="Least severe level that is reported."),
+    ] = "info",
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Do not accept files with warnings.")
+    ] = False,
     triage: Annotated[
-        bool, typer.Option("--triage", help="Load the files too, and group them: fine, plays with repairs, refused by cause.")
+        bool,
+        typer.Option(
+            "--triage",
+            help="Load the files too, and group them: fine, plays with repairs, refused by cause.",
+        ),
     ] = False,
     road_path: RoadPath = None,
     catalog_path: CatalogPath = None,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Name the sound files as well.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
-    _rules: Annotated[bool, typer.Option("--rules", callback=_print_rules, is_eager=True, help="List all rules.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Name the sound files as well.")
+    ] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="No summary and no progress.")
+    ] = False,
+    _rules: Annotated[
+        bool, typer.Option("--rules", callback=_print_rules, is_eager=True, help="List all rules.")
+    ] = False,
     _version: Version = False,
 ) -> None:
     """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules, OSI traces against OSI's rules."""
-    from schemas.common.command_line import expand
+    from schemas.common.terminal.command_line import expand
 
     files = expand(paths)
     missing = any(not os.path.lexists(path) for path in files)
@@ -82,21 +105,35 @@ def xosc_check(
         raise UsageError(f"--format {format} is {'not ' * triage}of --triage")
     if triage:
         some = _triaged(files, catalog_path or (), road_path or (), format, output, quiet)
-        raise typer.Exit(ExitCode.INVALID if missing else ExitCode.FINDING if some else ExitCode.PASSED)
-    results = _check(files, catalog_path or (), road_path or (), progress=not quiet and sys.stderr.isatty())
+        raise typer.Exit(
+            ExitCode.INVALID if missing else ExitCode.FINDING if some else ExitCode.PASSED
+        )
+    results = _check(
+        files, catalog_path or (), road_path or (), progress=not quiet and sys.stderr.isatty()
+    )
     refused = {"error", "warning"} if strict else {"error"}
     failed = any(problem.level in refused for _, problems in results for problem in problems)
     reported = LEVELS[: LEVELS.index(severity) + 1]
-    results = [(path, [problem for problem in problems if problem.level in reported]) for path, problems in results]
+    results = [
+        (path, [problem for problem in problems if problem.level in reported])
+        for path, problems in results
+    ]
     if format == "text" and output is None:
         _print(results, verbose=verbose, quiet=quiet)
     else:
         _write(results, format, output, quiet)
-    raise typer.Exit(ExitCode.INVALID if missing else ExitCode.FINDING if failed else ExitCode.PASSED)
+    raise typer.Exit(
+        ExitCode.INVALID if missing else ExitCode.FINDING if failed else ExitCode.PASSED
+    )
 
 
 def _triaged(
-    paths: Sequence[Path], catalog_path: Sequence[str], road_path: Sequence[str], format: str, output: Path | None, quiet: bool
+    paths: Sequence[Path],
+    catalog_path: Sequence[str],
+    road_path: Sequence[str],
+    format: str,
+    output: Path | None,
+    quiet: bool,
 ) -> bool:
     """Write the triage of files; whether one is refused."""
     module = import_module(_TRIAGE)
@@ -122,7 +159,9 @@ def _check(
         from rich.console import Console
         from rich.progress import track
 
-        checked = track(checked, "checking", total=len(paths), console=Console(stderr=True), transient=True)
+        checked = track(
+            checked, "checking", total=len(paths), console=Console(stderr=True), transient=True
+        )
     return list(checked)
 
 
@@ -131,9 +170,13 @@ def _print(results: Sequence[tuple[Path, list[Problem]]], verbose: bool, quiet: 
     from schemas.checks import report
 
     if not sys.stdout.isatty():
-        sound = (one_line(f"{path}: accepted") for path, problems in results if verbose and not problems)
+        sound = (
+            one_line(f"{path}: accepted") for path, problems in results if verbose and not problems
+        )
         lines = [*sound, *report.text(results).splitlines()]
-        print("\n".join(lines[:-1] if quiet else lines), end="\n" if not quiet or lines[:-1] else "")
+        print(
+            "\n".join(lines[:-1] if quiet else lines), end="\n" if not quiet or lines[:-1] else ""
+        )
         return
     from rich.console import Console
     from rich.text import Text
@@ -146,13 +189,21 @@ def _print(results: Sequence[tuple[Path, list[Problem]]], verbose: bool, quiet: 
             place = one_line(str(path) if problem.line is None else f"{path}:{problem.line}")
             level = (problem.level, _STYLES[problem.level])
             console.print(
-                Text.assemble((place, "bold"), ": ", level, f": {one_line(problem.message)} ", (f"[{problem.rule}]", "dim"))
+                Text.assemble(
+                    (place, "bold"),
+                    ": ",
+                    level,
+                    f": {one_line(problem.message)} ",
+                    (f"[{problem.rule}]", "dim"),
+                )
             )
     if not quiet:
         console.print(Text(report.summary(results)))
 
 
-def _write(results: Sequence[tuple[Path, list[Problem]]], format: str, output: Path | None, quiet: bool) -> None:
+def _write(
+    results: Sequence[tuple[Path, list[Problem]]], format: str, output: Path | None, quiet: bool
+) -> None:
     from schemas.checks import report
 
     deliver(report.FORMATS[format](results), "the report", output)

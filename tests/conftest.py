@@ -36,7 +36,9 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.collect()
         gc.freeze()
         gc.enable()
-        gc.set_threshold(50_000, 20, 20)  # what tests leave is little beside what searching for it takes: a tenth of all time
+        gc.set_threshold(
+            50_000, 20, 20
+        )  # what tests leave is little beside what searching for it takes: a tenth of all time
 
 
 _LEFT_OUT = pytest.StashKey[int]()

@@ -24,15 +24,20 @@ OPERATIONS = ("fsync", "write", "sendfile", "rename", "replace", "mkdir", "unlin
 
 @contextmanager
 def watched(
-    root: Path, before: Callable[[str], None], after: Callable[[str, Any], None] = lambda name, file: None
+    root: Path,
+    before: Callable[[str], None],
+    after: Callable[[str, Any], None] = lambda name, file: None,
 ) -> Iterator[None]:
     """Call `before` and `after` around each operation by which something below a folder is written.
 
-    What `before` raises stands for the failure of the operation. A file that could not be written to is left empty, as a full
-    disk leaves it. Operations of other processes, and of libraries that open files by themselves, are not seen.
+    What `before` raises stands for the failure of the operation. A file that could not be written
+    to is left empty, as a full disk leaves it. Operations of other processes, and of libraries that
+    open files by themselves, are not seen.
     """
 
-    def wrapped(name: str, real: Callable[..., Any], concerns: Callable[..., bool]) -> Callable[..., Any]:
+    def wrapped(
+        name: str, real: Callable[..., Any], concerns: Callable[..., bool]
+    ) -> Callable[..., Any]:
         def operation(*arguments: Any, **options: Any) -> Any:
             if os.getpid() != process or not concerns(*arguments, **options):
                 return real(*arguments, **options)
@@ -70,8 +75,14 @@ def watched(
         opening = wrapped("open", real_open, written)
         patch.setattr(io, "open", opening)
         patch.setattr(builtins, "open", opening)
-        patch.setattr(pq, "write_table", wrapped("table", pq.write_table, lambda table, path, **_: inside(path)))
-        patch.setattr("schemas.common.storage._SYNCED", 1)  # one after the other, so that operations have numbers
+        patch.setattr(
+            pq,
+            "write_table",
+            wrapped("table", pq.write_table, lambda table, path, **_: inside(path)),
+        )
+        patch.setattr(
+            "schemas.common.storage._SYNCED", 1
+        )  # one after the other, so that operations have numbers
         yield
 
 
@@ -135,7 +146,9 @@ class Disk:
 
     def _note(self, path: Path) -> None:
         if path.is_dir():
-            self._folders[path.stat().st_ino] = {each.name: (each.stat().st_ino, each.is_dir()) for each in path.iterdir()}
+            self._folders[path.stat().st_ino] = {
+                each.name: (each.stat().st_ino, each.is_dir()) for each in path.iterdir()
+            }
         else:
             self._files[path.stat().st_ino] = path.read_bytes()
 
@@ -154,7 +167,9 @@ class Disk:
             if path.is_dir():
                 copy.mkdir()
             else:
-                copy.write_bytes(path.read_bytes() if everything else self._files.get(path.stat().st_ino, b""))
+                copy.write_bytes(
+                    path.read_bytes() if everything else self._files.get(path.stat().st_ino, b"")
+                )
 
 
 def files(folder: Path) -> dict[str, bytes]:

@@ -1,7 +1,7 @@
 """A seeded mutator of scenario files: what a careless or hostile author might write, in the scenario or in what it refers to.
 
-The same source, seed and number give the same mutant. A mutant is written with everything that its scenario refers to, in
-the same arrangement, so that its references lead where they led.
+The same source, seed and number give the same mutant. A mutant is written with everything that its
+scenario refers to, in the same arrangement, so that its references lead where they led.
 """
 
 from __future__ import annotations
@@ -18,14 +18,50 @@ from lxml import etree
 from tests.fuzz import standard
 
 REPOSITORY = Path(__file__).parents[1]
-OWN_SCENARIOS = (REPOSITORY / "xosc" / "library", REPOSITORY / "tests" / "conformance" / "scenarios")
+OWN_SCENARIOS = (
+    REPOSITORY / "xosc" / "library",
+    REPOSITORY / "tests" / "conformance" / "scenarios",
+)
 
-NUMBERS = ("-1", "0", "1", "1e308", "-1e308", "1e-320", "1e9", "-1e18", "0.5", "3.14159", "2147483648", "255")
+NUMBERS = (
+    "-1",
+    "0",
+    "1",
+    "1e308",
+    "-1e308",
+    "1e-320",
+    "1e9",
+    "-1e18",
+    "0.5",
+    "3.14159",
+    "2147483648",
+    "255",
+)
 VALUES = (
     *NUMBERS,
     *("NaN", "INF", "-INF", "9" * 400, "0x10", "1,5", "٣"),
-    *("", " ", "x" * 20000, "noSuchWord", "true", "$Nothing", "$", "${", "${1/0}", "${10**10**10}", "${$Nothing + 1}"),
-    *("../../../../../../etc/passwd", "/dev/zero", "file:///etc/passwd", ".", "a\n\tb", "\x7f\u202e\ufffd", "%s%n{0}"),
+    *(
+        "",
+        " ",
+        "x" * 20000,
+        "noSuchWord",
+        "true",
+        "$Nothing",
+        "$",
+        "${",
+        "${1/0}",
+        "${10**10**10}",
+        "${$Nothing + 1}",
+    ),
+    *(
+        "../../../../../../etc/passwd",
+        "/dev/zero",
+        "file:///etc/passwd",
+        ".",
+        "a\n\tb",
+        "\x7f\u202e\ufffd",
+        "%s%n{0}",
+    ),
 )
 BOMB = '<!DOCTYPE a [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;">]>'
 EXTERNAL = '<!DOCTYPE a [<!ENTITY c SYSTEM "file:///etc/passwd">]>'
@@ -51,7 +87,11 @@ class Mutant(NamedTuple):
 def sources(folders: Iterable[Path]) -> list[Source]:
     """All scenarios and distributions below folders; catalogues are mutated with the scenarios that use them."""
     paths = [path for folder in folders for path in sorted(folder.rglob("*.xosc"))]
-    return [Source(path, tuple(_closure(path))) for path in paths if etree.parse(path).find("Catalog") is None]
+    return [
+        Source(path, tuple(_closure(path)))
+        for path in paths
+        if etree.parse(path).find("Catalog") is None
+    ]
 
 
 def _closure(path: Path) -> Iterator[Path]:
@@ -66,7 +106,11 @@ def _closure(path: Path) -> Iterator[Path]:
 
 def _references(path: Path) -> Iterator[Path]:
     """Files that any attribute names, and the catalogues in directories that one names."""
-    for value in {str(value) for element in etree.parse(path).iter(etree.Element) for value in element.attrib.values()}:
+    for value in {
+        str(value)
+        for element in etree.parse(path).iter(etree.Element)
+        for value in element.attrib.values()
+    }:
         if "/" in value or "." in value:
             target = (path.parent / value).resolve()
             if target.suffix in (".xosc", ".xodr") and target.is_file():
@@ -95,7 +139,9 @@ def mutate(path: Path, random: Random) -> Iterator[str]:
     """Change an XML file, up to three times; in words, how."""
     families = (_NUMBER_CHANGES, _TREE_CHANGES, _STANDARD_CHANGES, _TEXT_CHANGES, _FILE_CHANGES)
     family = random.choices(families, (20, 25, 35, 15, 5))[0]
-    for _ in range(random.choice((1, 1, 2, 3)) if family not in (_TEXT_CHANGES, _FILE_CHANGES) else 1):
+    for _ in range(
+        random.choice((1, 1, 2, 3)) if family not in (_TEXT_CHANGES, _FILE_CHANGES) else 1
+    ):
         change = random.choice(family)
         yield f"{change.__name__.strip('_')} {change(path, random)}"
 
@@ -154,8 +200,14 @@ def _graft(root: etree._Element, random: Random) -> str:
 
 def _swap(root: etree._Element, random: Random) -> str:
     first, others = random.choice(_elements(root)), _elements(root)
-    second = random.choice([other for other in others if other.tag == first.tag] if random.random() < 0.7 else others)
-    if first in list(second.iterancestors()) or second in list(first.iterancestors()) or first is second:
+    second = random.choice(
+        [other for other in others if other.tag == first.tag] if random.random() < 0.7 else others
+    )
+    if (
+        first in list(second.iterancestors())
+        or second in list(first.iterancestors())
+        or first is second
+    ):
         return "nothing"
     holder = etree.Element("holder")
     for old, new in ((first, holder), (second, first), (holder, second)):
@@ -242,7 +294,13 @@ def _parameter_cycle(root: etree._Element, random: Random) -> str:
     if place is None:
         place = etree.SubElement(root, "ParameterDeclarations")
     for name, other in ((first, second), (second, first)):
-        etree.SubElement(place, "ParameterDeclaration", name=name, parameterType="double", value=f"${{2 * ${other}}}")
+        etree.SubElement(
+            place,
+            "ParameterDeclaration",
+            name=name,
+            parameterType="double",
+            value=f"${{2 * ${other}}}",
+        )
     element, name = _attribute(root, random)
     element.set(name, f"${first}")
     return f"in {element.tag}/@{name}"
@@ -324,7 +382,13 @@ def _nest_deeply(path: Path, random: Random) -> str:
     inner = b"".join(etree.tostring(child) for child in root)
     tag = random.choice(_elements(root)).tag.encode()
     open_tag = etree.tostring(root).partition(b">")[0] + b">"
-    path.write_bytes(open_tag + b"<%s>" % tag * depth + inner + b"</%s>" % tag * depth + f"</{root.tag}>".encode())
+    path.write_bytes(
+        open_tag
+        + b"<%s>" % tag * depth
+        + inner
+        + b"</%s>" % tag * depth
+        + f"</{root.tag}>".encode()
+    )
     return f"{depth} times"
 
 
@@ -349,7 +413,9 @@ def _clear(path: Path, random: Random) -> str:
 
 def _exchange_file(path: Path, random: Random) -> str:
     """Put a file of another kind in the place of one."""
-    other = random.choice(sorted(p for p in path.parent.parent.rglob("*.xo*") if p.is_file()) or [path])
+    other = random.choice(
+        sorted(p for p in path.parent.parent.rglob("*.xo*") if p.is_file()) or [path]
+    )
     if other != path:
         shutil.copyfile(other, path)
     return f"for {other.name}"
@@ -357,13 +423,37 @@ def _exchange_file(path: Path, random: Random) -> str:
 
 _Changes = tuple[Callable[[Path, Random], str], ...]
 
-_VALUE_CHANGES = (_drop_attribute, _set_attribute, _set_attribute, _exchange_values, _refer_to_nothing)
-_STRUCTURE_CHANGES = (_delete, _duplicate, _graft, _swap, _empty, _rename, _parameter_cycle, _catalogue_cycle)
+_VALUE_CHANGES = (
+    _drop_attribute,
+    _set_attribute,
+    _set_attribute,
+    _exchange_values,
+    _refer_to_nothing,
+)
+_STRUCTURE_CHANGES = (
+    _delete,
+    _duplicate,
+    _graft,
+    _swap,
+    _empty,
+    _rename,
+    _parameter_cycle,
+    _catalogue_cycle,
+)
 _NUMBER_CHANGES: _Changes = tuple(_on_tree(change) for change in (_set_number, _set_number, _scale))
-_TREE_CHANGES: _Changes = tuple(_on_tree(change) for change in (*_VALUE_CHANGES, *_STRUCTURE_CHANGES))
+_TREE_CHANGES: _Changes = tuple(
+    _on_tree(change) for change in (*_VALUE_CHANGES, *_STRUCTURE_CHANGES)
+)
 _STANDARD_CHANGES: _Changes = tuple(_on_tree(change) for change in standard.CHANGES)
 _TEXT_CHANGES: _Changes = (
-    *(_truncate, _flip_bytes, _repeat_text, _lie_about_encoding, _attack_with_entities, _nest_deeply),
+    *(
+        _truncate,
+        _flip_bytes,
+        _repeat_text,
+        _lie_about_encoding,
+        _attack_with_entities,
+        _nest_deeply,
+    ),
     *(_on_text(change) for change in standard.TEXT_CHANGES),
 )
 _FILE_CHANGES: _Changes = (_remove, _make_folder, _clear, _exchange_file)

@@ -13,7 +13,16 @@ from statistics import median
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FLOORS = {"schemas": 0, "xosc": 1, "xodr": 1, "runner": 2, "recognition": 3, "generation": 4, "studies": 5, "xosc_toolchain": 5}
+FLOORS = {
+    "schemas": 0,
+    "xosc": 1,
+    "xodr": 1,
+    "runner": 2,
+    "recognition": 3,
+    "generation": 4,
+    "studies": 5,
+    "xosc_toolchain": 5,
+}
 """The packages; one imports those of lower floors only."""
 MOST_FLAT = 12
 """Modules of a package's top folder."""
@@ -23,7 +32,9 @@ MEDIAN = (120, 250)
 """Lines of the median product file"""
 FRAGMENT = 60
 """Lines below which a file with a single importer belongs into that"""
-KEPT_FRAGMENTS = {"xosc_toolchain.start": "entry points of all commands: it answers signals before anything else is imported"}
+KEPT_FRAGMENTS = {
+    "xosc_toolchain.start": "entry points of all commands: it answers signals before anything else is imported"
+}
 """Fragments with a single importer, each with the reason"""
 MOST_OF_A_NAME = 4
 """Modules of one name"""
@@ -34,7 +45,9 @@ ENTRY_POINTS = ("__init__", "__main__")
 @cache
 def imports() -> dict[str, frozenset[str]]:
     """The modules of all packages, each with those that it imports anywhere, for types too."""
-    files = {_name(path): path for package in FLOORS for path in sorted((ROOT / package).rglob("*.py"))}
+    files = {
+        _name(path): path for package in FLOORS for path in sorted((ROOT / package).rglob("*.py"))
+    }
     return {name: frozenset(_imported(path, files.keys()) - {name}) for name, path in files.items()}
 
 
@@ -91,8 +104,19 @@ def circles(graph: dict[str, frozenset[str]]) -> list[list[str]]:
 
 
 def test_circles_are_found() -> None:
-    graph = {"a": {"b"}, "b": {"c"}, "c": {"a", "d"}, "d": {"e"}, "e": set(), "f": {"g"}, "g": {"f"}}
-    assert circles({name: frozenset(links) for name, links in graph.items()}) == [["a", "b", "c"], ["f", "g"]]
+    graph = {
+        "a": {"b"},
+        "b": {"c"},
+        "c": {"a", "d"},
+        "d": {"e"},
+        "e": set(),
+        "f": {"g"},
+        "g": {"f"},
+    }
+    assert circles({name: frozenset(links) for name, links in graph.items()}) == [
+        ["a", "b", "c"],
+        ["f", "g"],
+    ]
 
 
 def test_no_module_imports_itself_over_others() -> None:
@@ -104,15 +128,21 @@ def test_products_import_no_study() -> None:
     def of_study(name: str) -> bool:
         return name.startswith("studies.")
 
-    links = [(name, other) for name, others in imports().items() for other in others if of_study(other)]
+    links = [
+        (name, other) for name, others in imports().items() for other in others if of_study(other)
+    ]
     assert any(of_study(name) for name, _ in links), "studies import each other"
     assert [link for link in links if not of_study(link[0])] == []
 
 
 def test_floors_import_only_lower_floors() -> None:
     links = [(name, other) for name, others in imports().items() for other in others]
-    packages = [(name.partition(".")[0], other.partition(".")[0], name, other) for name, other in links]
-    assert [link for (*link,) in packages if link[0] != link[1] and FLOORS[link[1]] >= FLOORS[link[0]]] == []
+    packages = [
+        (name.partition(".")[0], other.partition(".")[0], name, other) for name, other in links
+    ]
+    assert [
+        link for (*link,) in packages if link[0] != link[1] and FLOORS[link[1]] >= FLOORS[link[0]]
+    ] == []
 
 
 @pytest.mark.parametrize("package", FLOORS)
@@ -125,7 +155,10 @@ def product_files() -> dict[str, Path]:
     """The files of the product by module name."""
     modules = [name for name in imports() if not name.startswith("studies")]
     files = {name: ROOT / name.replace(".", "/") for name in modules}
-    return {name: file if (file := path.with_suffix(".py")).exists() else path / "__init__.py" for name, path in files.items()}
+    return {
+        name: file if (file := path.with_suffix(".py")).exists() else path / "__init__.py"
+        for name, path in files.items()
+    }
 
 
 def lines_of(path: Path) -> int:
@@ -148,17 +181,27 @@ def fragments() -> Iterator[str]:
 
 
 def test_no_fragment_has_a_file_of_its_own() -> None:
-    assert set(fragments()) == KEPT_FRAGMENTS.keys(), "merge it with the module that imports it, or say why not"
+    assert set(fragments()) == KEPT_FRAGMENTS.keys(), (
+        "merge it with the module that imports it, or say why not"
+    )
 
 
 def test_module_names_say_what_they_are() -> None:
     names = Counter(path.stem for path in product_files().values())
-    assert {name: count for name, count in names.items() if count > MOST_OF_A_NAME and name not in ENTRY_POINTS} == {}
+    assert {
+        name: count
+        for name, count in names.items()
+        if count > MOST_OF_A_NAME and name not in ENTRY_POINTS
+    } == {}
 
 
 def test_public_classes_get_names_of_their_own() -> None:
     homes: dict[str, set[str]] = {}
     for name, path in product_files().items():
-        for public in re.findall(r"^class ([A-Za-z]\w*)", path.read_text(encoding="utf-8"), re.MULTILINE):
+        for public in re.findall(
+            r"^class ([A-Za-z]\w*)", path.read_text(encoding="utf-8"), re.MULTILINE
+        ):
             homes.setdefault(public, set()).add(name)
-    assert {name: sorted(modules) for name, modules in homes.items() if len(modules) > 1} == {}, "give one of them another name"
+    assert {name: sorted(modules) for name, modules in homes.items() if len(modules) > 1} == {}, (
+        "give one of them another name"
+    )

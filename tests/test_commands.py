@@ -17,7 +17,10 @@ from tests.commands import SCRIPTS, Command
 from tests.runner.files import scenario
 from xosc.listing import LIBRARY
 
-NAMES = [*([name] for name in SCRIPTS), *(["xosc-recognize", each] for each in ("catalogue", "label", "record", "train"))]
+NAMES = [
+    *([name] for name in SCRIPTS),
+    *(["xosc-recognize", each] for each in ("catalogue", "label", "record", "train")),
+]
 
 
 @pytest.mark.parametrize("name", NAMES, ids=" ".join)
@@ -27,7 +30,9 @@ def test_every_command_tells_its_version(command: Command, name: list[str]) -> N
 
 @pytest.mark.parametrize("verbose", ["-v", "--verbose"])
 @pytest.mark.parametrize("name", NAMES, ids=" ".join)
-def test_every_command_has_help_and_can_be_verbose(command: Command, name: list[str], verbose: str) -> None:
+def test_every_command_has_help_and_can_be_verbose(
+    command: Command, name: list[str], verbose: str
+) -> None:
     answer = command(*name, verbose, "--help")
     assert (answer.code, answer.err) == (0, "")
     assert all(option in answer.out for option in ("-v, --verbose", "--version", "--help"))
@@ -41,8 +46,15 @@ def test_every_command_refuses_what_it_does_not_know(command: Command, name: lis
 
 
 @pytest.mark.parametrize("further", ["train", "label"])
-def test_verbose_adds_the_traceback_of_an_error(command: Command, tmp_path: Path, further: str) -> None:
-    call = ["xosc-recognize", further, f"{tmp_path}/absent", *(["--out", f"{tmp_path}/out"] if further == "train" else [])]
+def test_verbose_adds_the_traceback_of_an_error(
+    command: Command, tmp_path: Path, further: str
+) -> None:
+    call = [
+        "xosc-recognize",
+        further,
+        f"{tmp_path}/absent",
+        *(["--out", f"{tmp_path}/out"] if further == "train" else []),
+    ]
     bare, more = command(*call), command(*call, "-v")
     assert bare.code == more.code != 0
     assert bare.err.count("\n") == 1
@@ -69,7 +81,11 @@ def test_a_file_in_the_way_of_an_output_folder_is_named_in_one_line(
 ) -> None:
     (tmp_path / "file").write_text("mine")
     answer = command(*call, f"{tmp_path}/file{inside}")
-    assert answer == (2, "", f"{call[0]}: {tmp_path}/file: a folder to write into is expected, this is a file\n")
+    assert answer == (
+        2,
+        "",
+        f"{call[0]}: {tmp_path}/file: a folder to write into is expected, this is a file\n",
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
@@ -94,7 +110,9 @@ def test_all_commands_are_asked_for_a_missing_file() -> None:
 
 
 @pytest.mark.parametrize("call", ABSENT, ids=" ".join)
-def test_a_missing_file_has_one_exit_code(command: Command, call: list[str], tmp_path: Path, monkeypatch: Any) -> None:
+def test_a_missing_file_has_one_exit_code(
+    command: Command, call: list[str], tmp_path: Path, monkeypatch: Any
+) -> None:
     monkeypatch.chdir(tmp_path)
     answer = command(*call)
     assert answer.code == 3 and "absent" in answer.out + answer.err
@@ -105,14 +123,19 @@ class Broken:
     def reset(self, ego, timestep, seed): pass
     def control(self, observation, dt): raise ValueError("broken")
 """
-RUNS = [["xosc-run", "--world", "kinematic"], ["xosc-export", "--world", "kinematic", "--to", "parquet", "--out", "out"]]
+RUNS = [
+    ["xosc-run", "--world", "kinematic"],
+    ["xosc-export", "--world", "kinematic", "--to", "parquet", "--out", "out"],
+]
 SEARCHES = [
     ["xosc-generate", "--budget", "2", "--free", "Gap=40..60", "--method", "draws", "--out", "out"],
     ["xosc-loop", "--labels", "rules", "--out", "out"],
 ]
 
 
-@pytest.mark.parametrize(("sut", "code"), [("broken_system:Broken", 5), ("bridge:wait=0.1", 5), ("unheard-of", 2)])
+@pytest.mark.parametrize(
+    ("sut", "code"), [("broken_system:Broken", 5), ("bridge:wait=0.1", 5), ("unheard-of", 2)]
+)
 @pytest.mark.parametrize("call", RUNS, ids=" ".join)
 def test_a_system_that_fails_has_one_exit_code(
     command: Command, call: list[str], sut: str, code: int, tmp_path: Path, monkeypatch: Any
@@ -130,7 +153,9 @@ def test_a_system_that_fails_in_every_run_of_a_search_has_the_same_exit_code(
     (tmp_path / "broken_system.py").write_text(BROKEN)
     path = scenario(tmp_path / "mine", stop=1.0)
     monkeypatch.chdir(tmp_path)
-    answer = command(*call, path if call[0] == "xosc-generate" else path.parent, "--sut", sut, "--quiet")
+    answer = command(
+        *call, path if call[0] == "xosc-generate" else path.parent, "--sut", sut, "--quiet"
+    )
     assert answer.code == code
     assert code == 2 or "broken_system.py:4" in answer.err
 
@@ -160,11 +185,19 @@ CALLS: dict[str, tuple[list[str], int]] = {
 assert CALLS.keys() == SCRIPTS.keys()
 
 
-def in_shell(name: str, arguments: list[str], streams: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def in_shell(
+    name: str, arguments: list[str], streams: str, folder: Path
+) -> subprocess.CompletedProcess[str]:
     """Run a command in a process of its own, with its streams as a shell redirects them."""
     program = Path(sys.executable).with_name(name)
     script = f'"$0" "$@" {streams}'
-    return subprocess.run(["bash", "-c", script, program, *arguments], cwd=folder, capture_output=True, text=True, timeout=120)
+    return subprocess.run(
+        ["bash", "-c", script, program, *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
 
 
 @pytest.mark.slow
@@ -182,7 +215,9 @@ def test_a_message_that_cannot_be_written_changes_no_exit_code(name: str, tmp_pa
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_output_that_cannot_be_written_is_one_line_and_exit_code_2(name: str, tmp_path: Path) -> None:
+def test_output_that_cannot_be_written_is_one_line_and_exit_code_2(
+    name: str, tmp_path: Path
+) -> None:
     answer = in_shell(name, ["--help"], ">/dev/full", tmp_path)
     assert (answer.returncode, answer.stderr) == (2, f"{name}: No space left on device\n")
 
@@ -192,12 +227,16 @@ def test_output_that_is_no_longer_read_is_exit_code_141(name: str, tmp_path: Pat
     reading, writing = os.pipe()
     os.close(reading)
     program = Path(sys.executable).with_name(name)
-    answer = subprocess.run([program, "--help"], cwd=tmp_path, stdout=writing, stderr=subprocess.PIPE, timeout=120)
+    answer = subprocess.run(
+        [program, "--help"], cwd=tmp_path, stdout=writing, stderr=subprocess.PIPE, timeout=120
+    )
     os.close(writing)
     assert (answer.returncode, answer.stderr) == (141, b"")
 
 
-def test_a_draft_that_a_killed_command_has_left_is_no_scenario(command: Command, tmp_path: Path) -> None:
+def test_a_draft_that_a_killed_command_has_left_is_no_scenario(
+    command: Command, tmp_path: Path
+) -> None:
     path = scenario(tmp_path, stop=0.1)
     path.with_name(f"{DRAFT}0123abcd.xosc").write_text("<OpenSCE")
     answer = command("xosc-check", tmp_path)

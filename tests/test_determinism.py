@@ -9,8 +9,8 @@ import pytest
 import runner
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
-from runner.outputs.tables import write_parquet
-from runner.settings import RunSettings
+from runner.batch.outputs.tables import write_parquet
+from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError
 from tests.conformance.support import SCENARIOS
 from tests.mutation import REPOSITORY
@@ -24,13 +24,22 @@ STOCHASTIC = SCENARIOS / "NormalDistribution.xosc"
 def tables(folder: Path, seed: int, processes: int) -> dict[str, bytes]:
     """What each run of a batch writes, by name; two files of traffic first and last, so that something ran before."""
     files = [TRAFFIC, CUT_IN, RANDOM_ROUTE, STOCHASTIC, TRAFFIC]
-    outcomes = list(run_batch(jobs_of(files, {}, True), RunSettings(seed=seed, max_time=4.0), out=folder, processes=processes))
+    outcomes = list(
+        run_batch(
+            jobs_of(files, {}, True),
+            RunSettings(seed=seed, max_time=4.0),
+            out=folder,
+            processes=processes,
+        )
+    )
     assert {outcome.state for outcome in outcomes} <= {"passed", "failed", "inconclusive"}
     return {path.parent.name: path.read_bytes() for path in folder.glob("*/trajectories.parquet")}
 
 
 @pytest.mark.slow
-def test_batches_with_sumo_traffic_are_the_same_bytes_in_one_process_and_in_two(tmp_path: Path) -> None:
+def test_batches_with_sumo_traffic_are_the_same_bytes_in_one_process_and_in_two(
+    tmp_path: Path,
+) -> None:
     serial, parallel = tables(tmp_path / "serial", 3, 1), tables(tmp_path / "parallel", 3, 2)
     assert len(serial) > 5
     assert parallel == serial
@@ -76,7 +85,11 @@ def test_a_prepared_scenario_runs_again_as_if_for_the_first_time(name: str) -> N
 
 def test_a_prepared_scenario_runs_with_other_settings() -> None:
     prepared = runner.prepare(CUT_IN)
-    for settings in (RunSettings(sut="aeb"), RunSettings(sut=None, timestep=0.1, world="kinematic"), RunSettings(sut="sumo")):
+    for settings in (
+        RunSettings(sut="aeb"),
+        RunSettings(sut=None, timestep=0.1, world="kinematic"),
+        RunSettings(sut="sumo"),
+    ):
         assert prepared.run(settings).trajectories.equals(runner.run(CUT_IN, settings).trajectories)
 
 

@@ -18,11 +18,11 @@ import runner
 import schemas
 import xosc
 from runner.batch.jobs import Job, jobs_of
-from runner.exports import TARGETS, ExportTarget
-from runner.exports.exporting import export_documents, export_runs
-from runner.interpreter import execution
-from runner.interpreter.result import RunResult
-from runner.settings import RunSettings
+from runner.exchange.exports import TARGETS, ExportTarget
+from runner.exchange.exports.exporting import export_documents, export_runs
+from runner.judging import execution
+from runner.judging.result import RunResult
+from runner.judging.settings import RunSettings
 from schemas.common.errors import ExitCode, ToolchainError
 from xosc.exports.draft import Folder
 
@@ -39,9 +39,19 @@ QUICK = RunSettings(timestep=0.2, sut="none", world="kinematic", max_time=8.0)
 
 def motion(job: Job) -> dict[str, np.ndarray]:
     """Place, heading and speed of everyone at every step, without a simulator."""
-    result = runner.run(job.scenario, parameters=job.parameters, world="kinematic", sut="none", timestep=0.2, max_time=30)
+    result = runner.run(
+        job.scenario,
+        parameters=job.parameters,
+        world="kinematic",
+        sut="none",
+        timestep=0.2,
+        max_time=30,
+    )
     columns = ("time", "x", "y", "z", "h", "speed")
-    return {name: np.column_stack([track.columns[c] for c in columns]) for name, track in result.recording.tracks.items()}
+    return {
+        name: np.column_stack([track.columns[c] for c in columns])
+        for name, track in result.recording.tracks.items()
+    }
 
 
 @cache
@@ -51,8 +61,12 @@ def original_motion(path: Path, number: int) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("target", ["1.0", "carla"])
-@pytest.mark.parametrize("name", ["AcquirePositionAction", "LongitudinalDistanceAction", "TeleportAction"])
-def test_an_action_among_conditions_is_left_out_by_name(name: str, target: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "name", ["AcquirePositionAction", "LongitudinalDistanceAction", "TeleportAction"]
+)
+def test_an_action_among_conditions_is_left_out_by_name(
+    name: str, target: str, tmp_path: Path
+) -> None:
     scenarios = ROOT / "tests" / "conformance" / "scenarios"
     tree = etree.parse(scenarios / f"{name}.xosc")
     next(tree.iter("ConditionGroup")).append(next(tree.iter(name)))
@@ -66,7 +80,9 @@ def test_an_action_among_conditions_is_left_out_by_name(name: str, target: str, 
     assert done.exit_code == 0, done
     assert any(f"{name}: outside an action it does nothing" in remark for remark in done.remarks)
     (written,) = (tmp_path / "out").rglob(path.name)
-    assert not [each for each in etree.parse(written).iter("ConditionGroup") if each.find(name) is not None]
+    assert not [
+        each for each in etree.parse(written).iter("ConditionGroup") if each.find(name) is not None
+    ]
 
 
 def jobs(path: Path) -> list[Job]:
@@ -84,14 +100,18 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Exported:
     @cache
     def export(target: str) -> tuple[Path, dict[Path, Any]]:
         folder = tmp_path_factory.mktemp(target)
-        return folder, dict(zip(LIBRARY, export_documents(LIBRARY, TARGETS[target], Folder(folder)), strict=True))
+        return folder, dict(
+            zip(LIBRARY, export_documents(LIBRARY, TARGETS[target], Folder(folder)), strict=True)
+        )
 
     return export
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
-def test_the_library_moves_as_before_in_every_version_that_can_say_it(version: str, exported: Exported) -> None:
+def test_the_library_moves_as_before_in_every_version_that_can_say_it(
+    version: str, exported: Exported
+) -> None:
     folder, done = exported(version)
     assert [problem for file in folder.rglob("*.xosc") for problem in schemas.check(file)] == []
     refused = {path for path, each in done.items() if each.exit_code}
@@ -100,7 +120,9 @@ def test_the_library_moves_as_before_in_every_version_that_can_say_it(version: s
     for path in moved:
         whole = folder / path.name
         files = [whole] if whole.exists() else sorted(folder.glob(f"{path.stem}~*.xosc"))
-        assert all(f"{xosc.load(file).version}" == f"({version.replace('.', ', ')})" for file in files)
+        assert all(
+            f"{xosc.load(file).version}" == f"({version.replace('.', ', ')})" for file in files
+        )
         originals, copies = jobs(path), [job for file in files for job in jobs(file)]
         assert len(originals) == len(copies)
         for number, job in enumerate(copies):
@@ -112,12 +134,20 @@ def test_the_library_moves_as_before_in_every_version_that_can_say_it(version: s
 
 
 @pytest.mark.parametrize("target", ["1.3", "esmini", "carla"])
-def test_lane_layers_are_lost_with_a_word_on_the_action_and_on_the_road(target: str, tmp_path: Path) -> None:
+def test_lane_layers_are_lost_with_a_word_on_the_action_and_on_the_road(
+    target: str, tmp_path: Path
+) -> None:
     closure = ROOT / "xosc" / "library" / "lane_closure_highway.xosc"
     (done,) = export_documents([closure], TARGETS[target], Folder(tmp_path))
     assert done.exit_code == 0
-    for element, reason in (("highway_works.xodr:", "temporary lanes"), ("PreferredLaneLayerAction", "lane layers")):
-        assert any(element in each and reason in each for each in done.remarks), (element, done.remarks)
+    for element, reason in (
+        ("highway_works.xodr:", "temporary lanes"),
+        ("PreferredLaneLayerAction", "lane layers"),
+    ):
+        assert any(element in each and reason in each for each in done.remarks), (
+            element,
+            done.remarks,
+        )
 
 
 @pytest.mark.study
@@ -135,14 +165,22 @@ def test_public_scenarios_move_as_before(target: str, corpora: Path, tmp_path: P
         (done,) = export_documents([path], TARGETS[target], folder)
         if done.exit_code == 0:
             got = motion(Job(path.stem, path, folder.path / path.name))
-            assert all(np.allclose(rows, got[name], rtol=0.0, atol=1e-6) for name, rows in expected.items()), path
+            assert all(
+                np.allclose(rows, got[name], rtol=0.0, atol=1e-6) for name, rows in expected.items()
+            ), path
             same += 1
     assert same >= 10
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", [target for target in TARGETS.values() if not target.of_run], ids=lambda target: target.name)
-def test_a_document_is_exported_or_refused_with_file_line_and_reason(target: ExportTarget, exported: Exported) -> None:
+@pytest.mark.parametrize(
+    "target",
+    [target for target in TARGETS.values() if not target.of_run],
+    ids=lambda target: target.name,
+)
+def test_a_document_is_exported_or_refused_with_file_line_and_reason(
+    target: ExportTarget, exported: Exported
+) -> None:
     _, done = exported(target.name)
     check(list(done.values()))
     assert list(done) == LIBRARY
@@ -155,7 +193,7 @@ def played(scenario: Path, parameters: tuple[tuple[str, str], ...]) -> RunResult
 
 
 class Executed:
-    """`runner.interpreter.execution` as exports use it: each job is run once."""
+    """`runner.judging.execution` as exports use it: each job is run once."""
 
     @staticmethod
     def run(scenario: Path, settings: RunSettings, parameters: dict[str, str]) -> RunResult:
@@ -164,17 +202,29 @@ class Executed:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", [target for target in TARGETS.values() if target.of_run], ids=lambda target: target.name)
+@pytest.mark.parametrize(
+    "target",
+    [target for target in TARGETS.values() if target.of_run],
+    ids=lambda target: target.name,
+)
 def test_a_run_is_exported_or_refused_with_file_and_reason(
     target: ExportTarget, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "runner.interpreter.execution", Executed)
+    monkeypatch.setitem(sys.modules, "runner.judging.execution", Executed)
     done = list(export_runs(PLAYED, target, Folder(tmp_path), QUICK, {}))
-    check([each for each in done if each.exit_code != ExitCode.INCONCLUSIVE])  # the short time limit comes before the first event
+    check(
+        [each for each in done if each.exit_code != ExitCode.INCONCLUSIVE]
+    )  # the short time limit comes before the first event
     assert len(done) == sum(len(jobs(path)) for path in PLAYED)
 
 
 def check(done: list) -> None:
-    assert {each.exit_code for each in done} <= {0, 4}, [each for each in done if each.exit_code not in (0, 4)]
-    assert all(".xosc:" in each.remarks[0] or ".xodr:" in each.remarks[0] for each in done if each.exit_code)
+    assert {each.exit_code for each in done} <= {0, 4}, [
+        each for each in done if each.exit_code not in (0, 4)
+    ]
+    assert all(
+        ".xosc:" in each.remarks[0] or ".xodr:" in each.remarks[0]
+        for each in done
+        if each.exit_code
+    )
     assert any(each.exit_code == 0 for each in done)

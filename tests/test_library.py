@@ -11,7 +11,7 @@ import xodr
 import xosc
 from runner.batch.batch import execute
 from runner.batch.jobs import Job, jobs_of
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 
 ROOT = Path(__file__).parents[1]
 SCENARIOS = sorted((ROOT / "xosc" / "library").rglob("*.xosc"))

@@ -11,13 +11,26 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "studies")
-CALLS = {"invalid", "unsupported", "remark", "UsageError", "InvalidFile", "Unsupported", "Finding", "Rule", "Omission"}
+CALLS = {
+    "invalid",
+    "unsupported",
+    "remark",
+    "UsageError",
+    "InvalidFile",
+    "Unsupported",
+    "Finding",
+    "Rule",
+    "Omission",
+}
 """What makes a message, or is given one."""
 VALUE = "…"
 """Stands for a value in a text."""
 NAMES = re.compile(r"([A-Z][a-z]*[A-Z]\w*|[A-Z]{3,}\w*)('s)?\b|No-Maneuver")
 """Names of others, of elements and of files that a message may begin with."""
-BANNED = re.compile(r"\b(told|wish|nobody|somebody|anybody|furniture|for want of|can not|cannot|please|sorry|oops)\b|!$", re.I)
+BANNED = re.compile(
+    r"\b(told|wish|nobody|somebody|anybody|furniture|for want of|can not|cannot|please|sorry|oops)\b|!$",
+    re.I,
+)
 
 
 def _text(node: ast.expr) -> str:
@@ -25,7 +38,9 @@ def _text(node: ast.expr) -> str:
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return node.value
     if isinstance(node, ast.JoinedStr):
-        return "".join(str(each.value) if isinstance(each, ast.Constant) else VALUE for each in node.values)
+        return "".join(
+            str(each.value) if isinstance(each, ast.Constant) else VALUE for each in node.values
+        )
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
         return (_text(node.left) or VALUE) + (_text(node.right) or VALUE)
     return ""
@@ -36,7 +51,10 @@ def messages(module: Path) -> Iterator[tuple[int, str]]:
     source = module.read_text("utf-8")
     for node in ast.walk(ast.parse(source)) if any(each in source for each in CALLS) else ():
         called = node.func if isinstance(node, ast.Call) else None
-        if isinstance(called, ast.Name | ast.Attribute) and (called.id if isinstance(called, ast.Name) else called.attr) in CALLS:
+        if (
+            isinstance(called, ast.Name | ast.Attribute)
+            and (called.id if isinstance(called, ast.Name) else called.attr) in CALLS
+        ):
             assert isinstance(node, ast.Call)
             for given in [*node.args, *(keyword.value for keyword in node.keywords)]:
                 text = _text(given)
@@ -64,20 +82,31 @@ OPENING = re.compile(
     r"(What|Who|Whom|Whose|How|Where|Of which|Those|That of|The one|One that|One who|Whoever|Nobody|Somebody|Everybody|As many)\b"
 )
 """Beginnings of docstrings that make a reader work out the noun that is meant."""
-PEOPLE = re.compile(r"\b(nobody|somebody|everybody|anybody|whoever|whom|one who|those who|in vain|for ever|is told)\b", re.I)
+PEOPLE = re.compile(
+    r"\b(nobody|somebody|everybody|anybody|whoever|whom|one who|those who|in vain|for ever|is told)\b",
+    re.I,
+)
 """Words for persons, where the field has a noun: entity, vehicle, ego, actor, partner, follower."""
 
 
 def docstrings(module: Path) -> Iterator[tuple[int, str]]:
     """Line and text of the docstrings of a module, of its classes and functions, and of its constants and attributes."""
     for node in ast.walk(ast.parse(module.read_text("utf-8"))):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+        if (
+            isinstance(node, ast.Expr)
+            and isinstance(node.value, ast.Constant)
+            and isinstance(node.value.value, str)
+        ):
             yield node.lineno, node.value.value
 
 
 def unclear(text: str) -> list[str]:
     """Return the faults of a docstring."""
-    opening = [f"begins with {OPENING.match(text.strip()).group()!r}"] if OPENING.match(text.strip()) else []  # type: ignore[union-attr]
+    opening = (
+        [f"begins with {OPENING.match(text.strip()).group()!r}"]
+        if OPENING.match(text.strip())
+        else []
+    )  # type: ignore[union-attr]
     return opening + [f"says {word.group()!r}" for word in PEOPLE.finditer(text)]
 
 
@@ -85,14 +114,22 @@ def test_docstrings_begin_with_a_verb_or_a_noun_and_name_things() -> None:
     modules = [module for package in WRITTEN for module in sorted((ROOT / package).rglob("*.py"))]
     written = [(module, line, text) for module in modules for line, text in docstrings(module)]
     assert len(written) > 5000
-    wrong = [f"{module.relative_to(ROOT)}:{line}: {fault}" for module, line, text in written for fault in unclear(text)]
+    wrong = [
+        f"{module.relative_to(ROOT)}:{line}: {fault}"
+        for module, line, text in written
+        for fault in unclear(text)
+    ]
     assert wrong == []
 
 
 def test_documents_name_things_not_people() -> None:
     pages = [
         *ROOT.glob("*.md"),
-        *(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name not in ("reference", "verdicts")),
+        *(
+            page
+            for page in (ROOT / "docs").rglob("*.md")
+            if page.parent.name not in ("reference", "verdicts")
+        ),
     ]
     assert len(pages) > 40
     wrong = [
@@ -104,7 +141,15 @@ def test_documents_name_things_not_people() -> None:
     assert wrong == []
 
 
-@pytest.mark.parametrize("text", ["What a file holds.", "Those that are left.", "Wait until somebody comes.", "Where it is now."])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "What a file holds.",
+        "Those that are left.",
+        "Wait until somebody comes.",
+        "Where it is now.",
+    ],
+)
 def test_unclear_docstrings_are_found(text: str) -> None:
     assert unclear(text)
 
@@ -112,15 +157,31 @@ def test_unclear_docstrings_are_found(text: str) -> None:
 def test_messages_are_in_one_style() -> None:
     said = [(module, line, text) for module in MODULES for line, text in messages(module)]
     assert len(said) > 500
-    wrong = [f"{module.relative_to(ROOT)}:{line}: {fault}: {text}" for module, line, text in said for fault in faults(text)]
+    wrong = [
+        f"{module.relative_to(ROOT)}:{line}: {fault}: {text}"
+        for module, line, text in said
+        for fault in faults(text)
+    ]
     assert wrong == []
 
 
-@pytest.mark.parametrize("text", ["The file is empty", "the file is empty.", "nobody drives", "it cannot be read", "two  spaces"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "The file is empty",
+        "the file is empty.",
+        "nobody drives",
+        "it cannot be read",
+        "two  spaces",
+    ],
+)
 def test_other_styles_are_found(text: str) -> None:
     assert faults(text)
 
 
-@pytest.mark.parametrize("text", ["CARLA has no trailers", "SUMO's drivers drive cars", "EntityRef or ByType is expected"])
+@pytest.mark.parametrize(
+    "text",
+    ["CARLA has no trailers", "SUMO's drivers drive cars", "EntityRef or ByType is expected"],
+)
 def test_names_of_others_keep_their_case(text: str) -> None:
     assert not faults(text)

@@ -12,15 +12,17 @@ import pytest
 
 from generation.loop import page as loop_page
 from generation.report import report as report_module
-from recognition.catalogue import page as catalogue_page
-from runner.replay import page as replay_page
+from recognition.catalogue.writing import page as catalogue_page
+from runner.view import page as replay_page
 from tests.runner.chromium import Browser
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = [Path(str(each.__file__)).parent for each in (replay_page, loop_page, catalogue_page)] + [
     Path(str(report_module.__file__)).parent / "page"
 ]
-SOURCES = sorted(path for folder in FOLDERS for path in folder.rglob("*.*") if path.suffix in (".js", ".css"))
+SOURCES = sorted(
+    path for folder in FOLDERS for path in folder.rglob("*.*") if path.suffix in (".js", ".css")
+)
 SCRIPTS = [path for path in SOURCES if path.suffix == ".js"]
 _LONGEST = 130
 _AVOIDED = {
@@ -37,7 +39,9 @@ def named(path: Path) -> str:
 
 def code(path: Path) -> str:
     """A script without comments."""
-    return re.sub(r"^\s*//.*$|/\*[\s\S]*?\*/", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return re.sub(
+        r"^\s*//.*$|/\*[\s\S]*?\*/", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE
+    )
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=named)
@@ -72,11 +76,18 @@ def test_scripts_parse(tmp_path: Path) -> None:
     node = shutil.which("node")
     if node is not None:
         for path in SCRIPTS:
-            done = subprocess.run([node, "--check", str(path)], capture_output=True, text=True, check=False)
+            done = subprocess.run(
+                [node, "--check", str(path)], capture_output=True, text=True, check=False
+            )
             assert done.returncode == 0, done.stderr
         return
     with Browser(tmp_path) as browser:
         for path in SCRIPTS:
             source = path.read_text(encoding="utf-8")
-            answer = browser.call("Runtime.compileScript", expression=source, sourceURL=path.as_uri(), persistScript=False)
+            answer = browser.call(
+                "Runtime.compileScript",
+                expression=source,
+                sourceURL=path.as_uri(),
+                persistScript=False,
+            )
             assert "exceptionDetails" not in answer, (path, answer)

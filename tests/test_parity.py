@@ -33,17 +33,25 @@ SAMPLE = [
 ]
 
 
-@pytest.mark.parametrize(("group", "name", "permutation"), SAMPLE, ids=lambda value: value.removesuffix(".xosc"))
+@pytest.mark.parametrize(
+    ("group", "name", "permutation"), SAMPLE, ids=lambda value: value.removesuffix(".xosc")
+)
 def test_everyone_is_where_the_reference_has_them(
     corpora: Path, reference: Path, group: str, name: str, permutation: str
 ) -> None:
     row = reference_run(reference / f"{group}.runs.csv", name, permutation)
     path, parameters = corpora / row["file"], dict[str, str]()
     if permutation:
-        path, parameters = next(islice(xosc.variations(path, enforce_constraints=False), int(permutation), None))
+        path, parameters = next(
+            islice(xosc.variations(path, enforce_constraints=False), int(permutation), None)
+        )
     end = float(row["end_time"])
-    result = runner.run(path, parameters=parameters, timestep=0.01, sut=None, world="kinematic", max_time=end + 1.0)
-    expected = pq.read_table(reference / f"{group}.parquet", filters=[("run", "==", int(row["run"]))])
+    result = runner.run(
+        path, parameters=parameters, timestep=0.01, sut=None, world="kinematic", max_time=end + 1.0
+    )
+    expected = pq.read_table(
+        reference / f"{group}.parquet", filters=[("run", "==", int(row["run"]))]
+    )
     assert abs(result.end_time - end) <= SECONDS
     entities = pc.unique(expected["entity"]).to_pylist()
     assert set(entities) == set(result.recording.tracks)
@@ -51,8 +59,13 @@ def test_everyone_is_where_the_reference_has_them(
         there = expected.filter(pc.equal(expected["entity"], entity))
         times, track = there["time"].to_numpy(), result.recording.tracks[entity].columns
         both = times <= min(end, result.end_time)
-        x, y = (np.interp(times, track["time"], track[axis]) - there[axis].to_numpy() for axis in ("x", "y"))
-        assert np.hypot(x, y)[both].max() <= METRES, f"{entity} at {times[np.hypot(x, y).argmax()]:.1f} s"
+        x, y = (
+            np.interp(times, track["time"], track[axis]) - there[axis].to_numpy()
+            for axis in ("x", "y")
+        )
+        assert np.hypot(x, y)[both].max() <= METRES, (
+            f"{entity} at {times[np.hypot(x, y).argmax()]:.1f} s"
+        )
 
 
 def reference_run(runs: Path, name: str, permutation: str) -> dict[str, str]:
@@ -61,5 +74,7 @@ def reference_run(runs: Path, name: str, permutation: str) -> dict[str, str]:
         return next(
             row
             for row in csv.DictReader(lines)
-            if Path(row["file"]).name == name and row["permutation"] == permutation and row["end"] == "end"
+            if Path(row["file"]).name == name
+            and row["permutation"] == permutation
+            and row["end"] == "end"
         )

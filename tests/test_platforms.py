@@ -16,7 +16,7 @@ import runner
 import schemas
 from runner.batch.jobs import Job, Outcome
 from runner.batch.journal import Journal
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from schemas.catalogs import locate, referred
 from schemas.common import policy
 from schemas.common.errors import InvalidFile, UsageError
@@ -29,7 +29,18 @@ PACKAGES = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "s
 MODULES = [module for package in PACKAGES for module in sorted((ROOT / package).rglob("*.py"))]
 SETTINGS = RunSettings(world="kinematic", sut="none", max_time=0.5)
 NOT_ON_WINDOWS = {"fcntl", "grp", "posix", "pwd", "resource", "termios", "tty", "syslog"}
-NOT_OF_OS = {"fork", "forkpty", "getuid", "geteuid", "getpgid", "killpg", "mkfifo", "setsid", "sched_getaffinity", "uname"}
+NOT_OF_OS = {
+    "fork",
+    "forkpty",
+    "getuid",
+    "geteuid",
+    "getpgid",
+    "killpg",
+    "mkfifo",
+    "setsid",
+    "sched_getaffinity",
+    "uname",
+}
 TEXTS = {"open": 1, "read_text": 0, "write_text": 1}
 """What reads and writes texts, by the place of the argument before or at which the encoding is looked for."""
 
@@ -58,7 +69,11 @@ def _called(function: ast.expr) -> str:
 
 def is_binary(call: ast.Call) -> bool:
     """Whether a call opens a file for bytes."""
-    modes = [each.value for each in call.args if isinstance(each, ast.Constant) and isinstance(each.value, str)]
+    modes = [
+        each.value
+        for each in call.args
+        if isinstance(each, ast.Constant) and isinstance(each.value, str)
+    ]
     return any("b" in mode for mode in modes)
 
 
@@ -74,7 +89,9 @@ def test_texts_have_an_encoding() -> None:
     opened = [
         place
         for place, called, call in calls()
-        if called == "open" and not is_binary(call) and not any(keyword.arg == "encoding" for keyword in call.keywords)
+        if called == "open"
+        and not is_binary(call)
+        and not any(keyword.arg == "encoding" for keyword in call.keywords)
     ]
     assert found + opened == []
 
@@ -83,12 +100,15 @@ def test_texts_have_the_same_ends_of_lines_everywhere() -> None:
     found = [
         place
         for place, called, call in calls()
-        if called == "write_text" and not any(keyword.arg in ("newline", None) for keyword in call.keywords)
+        if called == "write_text"
+        and not any(keyword.arg in ("newline", None) for keyword in call.keywords)
     ]
     assert found == []
 
 
-def test_a_file_that_is_read_while_another_writes_the_same_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_is_read_while_another_writes_the_same_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "cached"
 
     def replace(draft: Path, target: Path) -> Path:
@@ -105,13 +125,21 @@ def test_a_file_that_is_read_while_another_writes_the_same_is_left(tmp_path: Pat
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_the_journal_of_a_batch_is_written_as_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_journal_of_a_batch_is_written_as_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     flags: list[int] = []
     real = os.open
     monkeypatch.setattr(os, "O_BINARY", 0x8000, raising=False)
-    monkeypatch.setattr(os, "open", lambda path, flag, mode=0o777: (flags.append(flag), real(path, flag & ~0x8000, mode))[1])
+    monkeypatch.setattr(
+        os,
+        "open",
+        lambda path, flag, mode=0o777: (flags.append(flag), real(path, flag & ~0x8000, mode))[1],
+    )
     Journal(tmp_path, {}).enter(Outcome(Job("a", Path("a.xosc"), Path("a.xosc")), "passed", 0))
-    assert [flag for flag in flags if flag & os.O_APPEND] and all(flag & 0x8000 for flag in flags if flag & os.O_APPEND)
+    assert [flag for flag in flags if flag & os.O_APPEND] and all(
+        flag & 0x8000 for flag in flags if flag & os.O_APPEND
+    )
 
 
 def test_nothing_needs_what_windows_lacks() -> None:
@@ -122,7 +150,13 @@ def test_nothing_needs_what_windows_lacks() -> None:
         if not any(each in source for each in NOT_ON_WINDOWS | NOT_OF_OS):
             continue
         tree = ast.parse(source)
-        caught = {each for node in ast.walk(tree) if isinstance(node, ast.Try) for part in node.body for each in ast.walk(part)}
+        caught = {
+            each
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Try)
+            for part in node.body
+            for each in ast.walk(part)
+        }
         for node in ast.walk(tree):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
@@ -153,10 +187,16 @@ def test_paths_as_other_systems_write_them(written: str, meant: str) -> None:
     assert referred(Path("/project/scenarios/a.xosc"), written) == Path(meant)
 
 
-@pytest.mark.parametrize("written", [r".\Straight.XODR", r"C:\Users\me\maps\straight.xodr", "file:///C:/maps/straight.xodr"])
+@pytest.mark.parametrize(
+    "written",
+    [r".\Straight.XODR", r"C:\Users\me\maps\straight.xodr", "file:///C:/maps/straight.xodr"],
+)
 def test_a_road_of_another_system_is_found_and_said(written: str, tmp_path: Path) -> None:
     path = scenario(tmp_path)
-    path.write_text(path.read_text("utf-8").replace('filepath="straight.xodr"', f'filepath="{written}"'), "utf-8")
+    path.write_text(
+        path.read_text("utf-8").replace('filepath="straight.xodr"', f'filepath="{written}"'),
+        "utf-8",
+    )
     (remark,) = runner.run(path, SETTINGS).remarks
     assert str(tmp_path / "straight.xodr") in remark and "is taken" in remark
 
@@ -173,7 +213,9 @@ def test_letters_of_windows_are_read(tmp_path: Path) -> None:
     """Editors there write windows-1252 into files that say UTF-8, or nothing."""
     path = scenario(tmp_path)
     sound = path.read_text("utf-8")
-    path.write_bytes(sound.replace("<RoadNetwork", "<!-- Über – 1 € --><RoadNetwork").encode("windows-1252"))
+    path.write_bytes(
+        sound.replace("<RoadNetwork", "<!-- Über – 1 € --><RoadNetwork").encode("windows-1252")
+    )
     (remark,) = runner.run(path, SETTINGS).remarks
     line = sound[: sound.index("<RoadNetwork")].count("\n") + 1
     assert remark.startswith(f"{path}:{line}: this is not UTF-8; the file is read as windows-1252")
@@ -194,9 +236,15 @@ def test_a_catalogue_folder_in_other_case_is_found_and_said(tmp_path: Path) -> N
 
 def test_checks_name_a_file_that_differs_in_case(tmp_path: Path) -> None:
     path = scenario(tmp_path)
-    path.write_text(path.read_text("utf-8").replace('filepath="straight.xodr"', 'filepath="Straight.xodr"'), "utf-8")
+    path.write_text(
+        path.read_text("utf-8").replace('filepath="straight.xodr"', 'filepath="Straight.xodr"'),
+        "utf-8",
+    )
     (problem,) = [each for each in schemas.check(path) if "Straight.xodr" in each.message]
-    assert problem.level == "error" and f"{tmp_path / 'straight.xodr'} differs in upper and lower case" in problem.message
+    assert (
+        problem.level == "error"
+        and f"{tmp_path / 'straight.xodr'} differs in upper and lower case" in problem.message
+    )
 
 
 def test_two_names_that_differ_in_case_are_no_answer(tmp_path: Path) -> None:
@@ -207,9 +255,14 @@ def test_two_names_that_differ_in_case_are_no_answer(tmp_path: Path) -> None:
     assert in_any_case(tmp_path / "nothing" / "x") is None
 
 
-def test_without_the_module_that_limits_memory_the_option_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_module_that_limits_memory_the_option_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(policy, "resource", None)
-    with pytest.raises(UsageError, match="leave --max-memory and --max-seconds out"), in_force(CommandPolicy(max_memory=1.0)):
+    with (
+        pytest.raises(UsageError, match="leave --max-memory and --max-seconds out"),
+        in_force(CommandPolicy(max_memory=1.0)),
+    ):
         pass
 
 
@@ -231,10 +284,31 @@ def test_spawned_processes_give_the_same_bytes(tmp_path: Path) -> None:
     script = tmp_path / "spawned.py"
     script.write_text(SPAWNED, "utf-8")
     for name, jobs in (("one", "1"), ("two", "2")):
-        arguments = [str(path), "--out", str(tmp_path / name), "--jobs", jobs, "--world", "kinematic", "--sut", "none", "--quiet"]
+        arguments = [
+            str(path),
+            "--out",
+            str(tmp_path / name),
+            "--jobs",
+            jobs,
+            "--world",
+            "kinematic",
+            "--sut",
+            "none",
+            "--quiet",
+        ]
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-        done = subprocess.run([sys.executable, str(script), *arguments], capture_output=True, text=True, env=environment)
+        done = subprocess.run(
+            [sys.executable, str(script), *arguments],
+            capture_output=True,
+            text=True,
+            env=environment,
+        )
         assert done.returncode == 0, done.stderr
-    files = sorted(file.relative_to(tmp_path / "one") for file in (tmp_path / "one").rglob("*.parquet"))
+    files = sorted(
+        file.relative_to(tmp_path / "one") for file in (tmp_path / "one").rglob("*.parquet")
+    )
     assert len(files) > 3
-    assert all((tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes() for file in files)
+    assert all(
+        (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
+        for file in files
+    )

@@ -42,21 +42,36 @@ def test_each_package_has_digests_and_names_no_index() -> None:
     entries = re.split(r"\n(?=\S)", LOCK.split("\n", 1)[1].strip())
     assert len(entries) == len(versions(LOCK)) > len(CONSTRAINTS)
     for entry in entries:
-        assert re.fullmatch(r"[\w.-]+==[\w.]+( \\\n {4}--hash=sha256:[0-9a-f]{64})+", entry), entry[:120]
+        assert re.fullmatch(r"[\w.-]+==[\w.]+( \\\n {4}--hash=sha256:[0-9a-f]{64})+", entry), entry[
+            :120
+        ]
 
 
 def test_every_direct_dependency_is_locked() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     named = [*project["build-system"]["requires"], *project["project"]["dependencies"]]
-    for more in [*project["project"]["optional-dependencies"].values(), *project["dependency-groups"].values()]:
+    for more in [
+        *project["project"]["optional-dependencies"].values(),
+        *project["dependency-groups"].values(),
+    ]:
         named += more
-    wanted = {name_of(re.split(r"[\[<>=!~]", one)[0]) for one in named} - {"xosc-toolchain"} - WITHOUT_DIGEST
+    wanted = (
+        {name_of(re.split(r"[\[<>=!~]", one)[0]) for one in named}
+        - {"xosc-toolchain"}
+        - WITHOUT_DIGEST
+    )
     assert not wanted - versions(LOCK).keys()
 
 
 def test_the_release_installs_only_files_whose_digest_is_locked() -> None:
-    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8"))
-    commands = [line.strip() for step in workflow["jobs"]["release"]["steps"] for line in step.get("run", "").splitlines()]
+    workflow = yaml.safe_load(
+        (ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8")
+    )
+    commands = [
+        line.strip()
+        for step in workflow["jobs"]["release"]["steps"]
+        for line in step.get("run", "").splitlines()
+    ]
     (download,) = (command for command in commands if " pip download " in command)
     assert {"--require-hashes", "--only-binary", "requirements.lock"} <= set(download.split())
     installs = [command for command in commands if " pip install " in command]

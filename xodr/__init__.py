@@ -6,14 +6,25 @@
 from typing import TYPE_CHECKING
 
 from schemas.common.packages import public
+from xodr.graph.network import RoadNetwork
 from xodr.graph.routes import Relative, RoadPath
 from xodr.graph.travel import Travel
 from xodr.model import LaneLink, RoadError, RoadPoint, WorldPose
-from xodr.network import RoadNetwork
+from xodr.model.road import Road
 from xodr.reader import load
-from xodr.road import Road
 
-__all__ = ["LaneLink", "Relative", "Road", "RoadError", "RoadNetwork", "RoadPath", "RoadPoint", "Travel", "WorldPose", "load"]
+__all__ = [
+    "LaneLink",
+    "Relative",
+    "Road",
+    "RoadError",
+    "RoadNetwork",
+    "RoadPath",
+    "RoadPoint",
+    "Travel",
+    "WorldPose",
+    "load",
+]
 
 if TYPE_CHECKING:
     __version__: str

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from schemas.common.packages import public
 from xosc.document import Document, load, write
-from xosc.node import Node
+from xosc.document.node import Node
 from xosc.resolve import Resolved, resolve
 
 __all__ = [
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from xosc.distributions import sample as sample
     from xosc.distributions import variations as variations
     from xosc.distributions import write_distribution as write_distribution
-    from xosc.versions import convert as convert
+    from xosc.writing.versions import convert as convert
 
     __version__: str
 else:
@@ -34,7 +34,7 @@ else:
         __name__,
         {
             "ParameterSpace": "xosc.distributions",
-            "convert": "xosc.versions",
+            "convert": "xosc.writing.versions",
             "sample": "xosc.distributions",
             "variations": "xosc.distributions",
             "write_distribution": "xosc.distributions",

@@ -1,7 +1,7 @@
 """Everything public under one import: `import xosc_toolchain as xt`.
 
-The names of the packages are general (`xosc`, `runner`, …) and may be those of your own modules; this one is not. A name is
-loaded when it is first used, so that the import itself takes no time:
+The names of the packages are general (`xosc`, `runner`, …) and may be those of your own modules;
+this one is not. A name is loaded when it is first used, so that the import itself takes no time:
 
     import xosc_toolchain as xt
 
@@ -15,27 +15,27 @@ TYPE_CHECKING = False  # but for type checkers; to import `typing` takes time, i
 
 if TYPE_CHECKING:
     from generation.pipeline import generate as search
-    from generation.settings import SearchSettings as SearchSettings
+    from generation.search.settings import SearchSettings as SearchSettings
     from recognition.catalogue.pipeline import build as recognise
     from recognition.trfe.trfe import TRFE as TRFE
-    from runner.interpreter.execution import Prepared as Prepared
-    from runner.interpreter.execution import Session as Session
-    from runner.interpreter.execution import prepare as prepare
-    from runner.interpreter.execution import run as run
-    from runner.interpreter.result import RunResult as RunResult
-    from runner.measures.criticality import Criticality as Criticality
-    from runner.measures.measure import measures as measures
-    from runner.replay.notebook import show as show
-    from runner.replay.player import write_replay as replay
-    from runner.replay.report import write_report as report
-    from runner.settings import RunSettings as RunSettings
-    from runner.sut import Control as Control
-    from runner.sut import Observation as Observation
-    from runner.sut import Participant as Participant
-    from runner.sut import Pose as Pose
-    from runner.sut import SystemUnderTest as SystemUnderTest
-    from runner.sut import load_system as load_system
-    from runner.sut import systems as systems
+    from runner.judging.execution import Prepared as Prepared
+    from runner.judging.execution import Session as Session
+    from runner.judging.execution import prepare as prepare
+    from runner.judging.execution import run as run
+    from runner.judging.measures.criticality import Criticality as Criticality
+    from runner.judging.measures.measure import measures as measures
+    from runner.judging.result import RunResult as RunResult
+    from runner.judging.settings import RunSettings as RunSettings
+    from runner.systems import Control as Control
+    from runner.systems import Observation as Observation
+    from runner.systems import Participant as Participant
+    from runner.systems import Pose as Pose
+    from runner.systems import SystemUnderTest as SystemUnderTest
+    from runner.systems import load_system as load_system
+    from runner.systems import systems as systems
+    from runner.view.replay.notebook import show as show
+    from runner.view.replay.player import write_replay as replay
+    from runner.view.report import write_report as report
     from schemas import Problem as Problem
     from schemas import check as check
     from schemas import check_many as check_many
@@ -52,20 +52,20 @@ if TYPE_CHECKING:
     __version__: str
 else:
     _HOMES = {
-        "Control": "runner.sut",
-        "Criticality": "runner.measures.criticality",
+        "Control": "runner.systems",
+        "Criticality": "runner.judging.measures.criticality",
         "Document": "xosc",
-        "Observation": "runner.sut",
-        "Participant": "runner.sut",
-        "Pose": "runner.sut",
-        "Prepared": "runner.interpreter.execution",
+        "Observation": "runner.systems",
+        "Participant": "runner.systems",
+        "Pose": "runner.systems",
+        "Prepared": "runner.judging.execution",
         "Problem": "schemas",
         "RoadNetwork": "xodr",
-        "RunResult": "runner.interpreter.result",
-        "RunSettings": "runner.settings",
-        "SearchSettings": "generation.settings",
-        "Session": "runner.interpreter.execution",
-        "SystemUnderTest": "runner.sut",
+        "RunResult": "runner.judging.result",
+        "RunSettings": "runner.judging.settings",
+        "SearchSettings": "generation.search.settings",
+        "Session": "runner.judging.execution",
+        "SystemUnderTest": "runner.systems",
         "TRFE": "recognition.trfe.trfe",
         "ToolchainError": "schemas.common.errors",
         "check": "schemas",
@@ -73,17 +73,17 @@ else:
         "convert": "xosc",
         "load": "xosc",
         "load_road": "xodr:load",
-        "load_system": "runner.sut",
-        "measures": "runner.measures.measure",
-        "prepare": "runner.interpreter.execution",
+        "load_system": "runner.systems",
+        "measures": "runner.judging.measures.measure",
+        "prepare": "runner.judging.execution",
         "recognise": "recognition.catalogue.pipeline:build",
-        "replay": "runner.replay.player:write_replay",
-        "report": "runner.replay.report:write_report",
+        "replay": "runner.view.replay.player:write_replay",
+        "report": "runner.view.report:write_report",
         "resolve": "xosc",
-        "run": "runner.interpreter.execution",
+        "run": "runner.judging.execution",
         "search": "generation.pipeline:generate",
-        "show": "runner.replay.notebook",
-        "systems": "runner.sut",
+        "show": "runner.view.replay.notebook",
+        "systems": "runner.systems",
         "variations": "xosc",
         "write": "xosc",
     }

@@ -6,6 +6,6 @@ Example:
 
 from __future__ import annotations
 
-from runner.outside import register
+from runner.view.gym import register
 
 register()

@@ -1,7 +1,8 @@
 """Entry points of all commands, which answer signals from their first moment on.
 
-Imports take a part of a second, and several on a busy machine; a signal during them ends the command as a later one does: one
-line, and 128 plus its number as exit code. Nothing has been written by then.
+Imports take a part of a second, and several on a busy machine; a signal during them ends the
+command as a later one does: one line, and 128 plus its number as exit code. Nothing has been
+written by then.
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ from importlib import import_module
 
 MODULES = {
     "xosc": "xosc_toolchain.xosc",
-    "xosc-list": "xosc.xosc_list",
+    "xosc-list": "xosc.listing.xosc_list",
     "xosc-run": "runner.xosc_run",
-    "xosc-replay": "runner.replay.xosc_replay",
+    "xosc-replay": "runner.view.xosc_replay",
     "xosc-check": "schemas.xosc_check",
     "xosc-recognize": "recognition.xosc_recognize",
     "xosc-generate": "generation.xosc_generate",
     "xosc-loop": "generation.loop.xosc_loop",
-    "xosc-export": "runner.exports.xosc_export",
+    "xosc-export": "runner.exchange.xosc_export",
 }
 """The module with the function `main` of each command"""
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -31,7 +32,10 @@ _STANDARD_ERROR = 2
 def start(name: str) -> None:
     """Import a command and run it."""
     for number in (getattr(signal, each) for each in _ENDING if hasattr(signal, each)):
-        if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):  # nohup ignores it
+        if signal.getsignal(number) in (
+            signal.SIG_DFL,
+            signal.default_int_handler,
+        ):  # nohup ignores it
             signal.signal(number, partial(_end, name))
     main = import_module(MODULES[name]).main
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from schemas.common.command_line import Verbose, Version, guarded, new_app
 from schemas.common.errors import UsageError, exit_codes
+from schemas.common.terminal.command_line import Verbose, Version, guarded, new_app
 from xosc_toolchain.start import MODULES
 
 NAME = "xosc"
@@ -53,7 +53,9 @@ class _Commands(TyperGroup):
 app = new_app(NAME, _Commands)
 
 
-_EPILOG = "xosc COMMAND --help explains a command; xosc-COMMAND is the same. " + exit_codes("done", "a finding")
+_EPILOG = "xosc COMMAND --help explains a command; xosc-COMMAND is the same. " + exit_codes(
+    "done", "a finding"
+)
 
 
 @app.callback(epilog=_EPILOG)

@@ -14,20 +14,20 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.judging.kinematics import REASONS, Instant, instants
-from recognition import datasets
+from recognition import recordings as datasets
 from recognition.catalogue import detect
 from recognition.catalogue.detect import KNOWN, Detection, joined
 from recognition.catalogue.pipeline import Recogniser
 from recognition.catalogue.recordings import CatalogueSettings, looked
-from recognition.datasets import Source, cache_roads
 from recognition.labels import Label, Rules
 from recognition.labels.scene import EGOS
-from recognition.sites import site_of
-from recognition.sites.lanes import place
+from recognition.recordings import Source, cache_roads
+from recognition.scenes import site_of
+from recognition.scenes.lanes import place
 from runner.recording import Recording, Track
 from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.common.storage import read_object
-from xodr.network import RoadNetwork
+from xodr.graph.network import RoadNetwork
 
 RULES, MODEL, BOTH, BASELINE = "rules", "model", "both", "baseline"
 CLASSES = tuple(label.title for label in Label if label is not Label.UNKNOWN)
@@ -106,12 +106,20 @@ def find(recordings: Sequence[Path], model: Recogniser) -> list[Finding]:
     found: list[Finding] = []
     for source in sources:
         by_rules = joined(map(detect.by_rules, events[source.name]), gap)
-        labelled = (moment for moment in model.moments(source.name) if moment.state == KNOWN and moment.title in CLASSES)
+        labelled = (
+            moment
+            for moment in model.moments(source.name)
+            if moment.state == KNOWN and moment.title in CLASSES
+        )
         found += merged(source.name, source.site, by_rules, joined(labelled, gap))
-    return sorted(found, key=lambda one: (one.recording, one.vehicle, one.time, one.title, one.source))
+    return sorted(
+        found, key=lambda one: (one.recording, one.vehicle, one.time, one.title, one.source)
+    )
 
 
-def merged(recording: str, site: str, by_rules: Sequence[Detection], by_model: Sequence[Detection]) -> Iterator[Finding]:
+def merged(
+    recording: str, site: str, by_rules: Sequence[Detection], by_model: Sequence[Detection]
+) -> Iterator[Finding]:
     """Yield the findings in a recording: of the rules, by both if the model has the same, and the others of the model."""
     for own, others, source in (by_rules, by_model, RULES), (by_model, by_rules, MODEL):
         for one in own:
@@ -119,7 +127,17 @@ def merged(recording: str, site: str, by_rules: Sequence[Detection], by_model: S
             if source == RULES or not shared:
                 by = BOTH if shared else source
                 partner = moment.partner if source == RULES else None
-                yield Finding(recording, site, moment.ego, partner, moment.title, moment.time, one.start, one.end, by)
+                yield Finding(
+                    recording,
+                    site,
+                    moment.ego,
+                    partner,
+                    moment.title,
+                    moment.time,
+                    one.start,
+                    one.end,
+                    by,
+                )
 
 
 def _same(one: Detection, other: Detection) -> bool:
@@ -131,7 +149,9 @@ def _same(one: Detection, other: Detection) -> bool:
 def write_findings(found: Sequence[Finding], path: Path) -> None:
     """Write findings as JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"findings": [asdict(one) for one in found]}, indent=1) + "\n", encoding="utf-8")
+    path.write_text(
+        json.dumps({"findings": [asdict(one) for one in found]}, indent=1) + "\n", encoding="utf-8"
+    )
 
 
 def read_findings(path: Path) -> list[Finding]:
@@ -149,13 +169,19 @@ def read_findings(path: Path) -> list[Finding]:
 def draw_findings(everything: Sequence[Finding], number: int, seed: int) -> list[Item]:
     """Draw findings: as many of each source, and within a source by the root of the number of each class."""
     generator = np.random.default_rng(seed)
-    sources = [source for source in (RULES, MODEL, BOTH) if any(one.source == source for one in everything)]
+    sources = [
+        source for source in (RULES, MODEL, BOTH) if any(one.source == source for one in everything)
+    ]
     items = []
     for source in sources:
         strata = _by_class(one for one in everything if one.source == source)
-        for stratum, count in zip(strata, _shares([len(each) for each in strata], number // len(sources)), strict=True):
+        for stratum, count in zip(
+            strata, _shares([len(each) for each in strata], number // len(sources)), strict=True
+        ):
             chosen = generator.choice(len(stratum), count, replace=False)
-            items += [_item(stratum[index], len(stratum) / count) for index in sorted(chosen.tolist())]
+            items += [
+                _item(stratum[index], len(stratum) / count) for index in sorted(chosen.tolist())
+            ]
     return [items[index] for index in generator.permutation(len(items)).tolist()]
 
 
@@ -174,25 +200,35 @@ def _shares(sizes: Sequence[int], number: int) -> list[int]:
     """Numbers to draw from strata: one from each, the others by the root of their sizes."""
     counts = [1] * len(sizes)
     while sum(counts) < min(number, sum(sizes)):
-        wanting = [math.sqrt(size) / count if count < size else 0.0 for size, count in zip(sizes, counts, strict=True)]
+        wanting = [
+            math.sqrt(size) / count if count < size else 0.0
+            for size, count in zip(sizes, counts, strict=True)
+        ]
         counts[int(np.argmax(wanting))] += 1
     return counts
 
 
 def draw_vehicles(
-    everything: Sequence[Finding], library: Library, number: int, seed: int, singled_out: bool = False
+    everything: Sequence[Finding],
+    library: Library,
+    number: int,
+    seed: int,
+    singled_out: bool = False,
 ) -> list[Item]:
     """Draw vehicles that drive, in turn from each set of recordings, and a stretch of each track.
 
     Args:
-        singled_out: draw only stretches around moments that plain kinematics single out (`kinematics.instants`), as many of
-            each reason as there are.
+        singled_out: draw only stretches around moments that plain kinematics single out
+            (`kinematics.instants`), as many of each reason as there are.
     """
     generator = np.random.default_rng(seed)
     sets: dict[str, list[Source]] = {}
     for name, source in library.sources:
         sets.setdefault(name, []).append(source)
-    waiting = {name: [of[index] for index in generator.permutation(len(of)).tolist()] for name, of in sorted(sets.items())}
+    waiting = {
+        name: [of[index] for index in generator.permutation(len(of)).tolist()]
+        for name, of in sorted(sets.items())
+    }
     items: list[Item] = []
     used: Counter[str] = Counter()
     while len(items) < number and any(waiting.values()):
@@ -207,34 +243,64 @@ def draw_vehicles(
                 if (one.recording, one.vehicle) not in taken
             ]
             if stretches and len(items) < number:
-                rarest = min((one.reason for one in stretches), key=lambda reason: (used[reason], REASONS.index(reason)))
+                rarest = min(
+                    (one.reason for one in stretches),
+                    key=lambda reason: (used[reason], REASONS.index(reason)),
+                )
                 stretches = [one for one in stretches if one.reason == rarest]
-                recording, vehicle, start, end, _ = stretches[int(generator.integers(len(stretches)))]
+                recording, vehicle, start, end, _ = stretches[
+                    int(generator.integers(len(stretches)))
+                ]
                 used[rarest] += 1
-                own = (one for one in everything if (one.recording, one.vehicle) == (recording, vehicle))
+                own = (
+                    one
+                    for one in everything
+                    if (one.recording, one.vehicle) == (recording, vehicle)
+                )
                 inside = tuple(one for one in own if one.end > start and one.start < end)
                 plain = baseline(library, recording, source.site, vehicle, start, end)
-                items.append(Item(recording, source.site, vehicle, start, end, found=(*inside, *plain)))
+                items.append(
+                    Item(recording, source.site, vehicle, start, end, found=(*inside, *plain))
+                )
                 of.append(source)
     return items
 
 
-def baseline(library: Library, recording: str, site: str, vehicle: str, start: float, end: float) -> list[Finding]:
+def baseline(
+    library: Library, recording: str, site: str, vehicle: str, start: float, end: float
+) -> list[Finding]:
     """Return the findings of a plain baseline in a stretch: what the lane number and the heading alone tell.
 
-    Another lane of the same road, held for a second after one that was held as long, is a lane change. A change of the heading by
-    45 to 135 degrees within 6 s is a turn.
+    Another lane of the same road, held for a second after one that was held as long, is a lane
+    change. A change of the heading by 45 to 135 degrees within 6 s is a turn.
     """
     track = library.recording(recording).tracks[vehicle]
     place(library.recording(recording), library.network(recording))
     columns = track.columns
     rows = np.flatnonzero((columns["time"] >= start) & (columns["time"] <= end))
-    time, lane, road = columns["time"][rows], columns["lane_id"][rows].astype(int), columns["road_id"][rows]
+    time, lane, road = (
+        columns["time"][rows],
+        columns["lane_id"][rows].astype(int),
+        columns["road_id"][rows],
+    )
     found = []
-    for row in (np.flatnonzero((lane[1:] != lane[:-1]) & (road[1:] == road[:-1]) & (lane[1:] * lane[:-1] > 0)) + 1).tolist():
-        before, after = (time < time[row]) & (time >= time[row] - _HELD), (time >= time[row]) & (time <= time[row] + _HELD)
+    for row in (
+        np.flatnonzero(
+            (lane[1:] != lane[:-1]) & (road[1:] == road[:-1]) & (lane[1:] * lane[:-1] > 0)
+        )
+        + 1
+    ).tolist():
+        before, after = (
+            (time < time[row]) & (time >= time[row] - _HELD),
+            (time >= time[row]) & (time <= time[row] + _HELD),
+        )
         if (lane[before] == lane[row - 1]).all() and (lane[after] == lane[row]).all():
-            forward = library.network(recording).roads[road[row]].direction(int(lane[row]), float(columns["s"][rows][row])) > 0
+            forward = (
+                library.network(recording)
+                .roads[road[row]]
+                .direction(int(lane[row]), float(columns["s"][rows][row]))
+                > 0
+            )
             left = (lane[row] > lane[row - 1]) == forward
             found.append(("left lane change" if left else "right lane change", float(time[row])))
     heading, last = np.degrees(np.unwrap(columns["h"][rows])), -np.inf
@@ -243,9 +309,14 @@ def baseline(library: Library, recording: str, site: str, vehicle: str, start: f
         turned = heading[min(row + step, len(rows) - 1)] - heading[row]
         if 45.0 <= abs(turned) <= 135.0 and time[row] > last:
             middle = float(time[row]) + 0.5 * _TURN_TIME
-            found.append(("unsignalised left turn" if turned > 0.0 else "unsignalised right turn", middle))
+            found.append(
+                ("unsignalised left turn" if turned > 0.0 else "unsignalised right turn", middle)
+            )
             last = time[row] + 2.0 * _TURN_TIME
-    return [Finding(recording, site, vehicle, None, title, at, at - 0.75, at + 0.75, BASELINE) for title, at in found]
+    return [
+        Finding(recording, site, vehicle, None, title, at, at - 0.75, at + 0.75, BASELINE)
+        for title, at in found
+    ]
 
 
 class _Stretch(NamedTuple):
@@ -258,7 +329,9 @@ class _Stretch(NamedTuple):
     reason: str
 
 
-def _stretches(name: str, library: Library, generator: np.random.Generator, singled_out: bool) -> list[_Stretch]:
+def _stretches(
+    name: str, library: Library, generator: np.random.Generator, singled_out: bool
+) -> list[_Stretch]:
     """Stretches of the tracks of vehicles that drive: one of each at random, or one around each moment singled out."""
     recording, chosen = library.recording(name), list[_Stretch]()
     drivers = [track for track in recording.tracks.values() if track.category in EGOS]
@@ -266,10 +339,18 @@ def _stretches(name: str, library: Library, generator: np.random.Generator, sing
     for track in drivers:
         first, last = float(track.columns["time"][0]), float(track.columns["time"][-1])
         if singled_out:
-            starts = [(max(one.time - 0.5 * AROUND, first), AROUND, one.reason) for one in found[track.name]]
+            starts = [
+                (max(one.time - 0.5 * AROUND, first), AROUND, one.reason)
+                for one in found[track.name]
+            ]
         else:
-            starts = [(float(generator.uniform(first, max(last - STRETCH, first))), STRETCH, REASONS[0])]
-        chosen += [_Stretch(name, track.name, start, min(start + long, last), why) for start, long, why in starts]
+            starts = [
+                (float(generator.uniform(first, max(last - STRETCH, first))), STRETCH, REASONS[0])
+            ]
+        chosen += [
+            _Stretch(name, track.name, start, min(start + long, last), why)
+            for start, long, why in starts
+        ]
     return [one for one in chosen if _drives(recording.tracks[one.vehicle], one)]
 
 
@@ -318,7 +399,9 @@ class Library:
     def network(self, name: str) -> RoadNetwork:
         """Return the roads of a recording by its name."""
         if name not in self._networks:
-            self._networks[name] = site_of(self._of[name], self.recording(name), cache_roads()).network
+            self._networks[name] = site_of(
+                self._of[name], self.recording(name), cache_roads()
+            ).network
         return self._networks[name]
 
 

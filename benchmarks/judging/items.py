@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.judging.draws import CLASSES, Item, Library
-from recognition.catalogue.cut import SceneCutter, Scope
-from recognition.catalogue.page import FILM_STEP, film, lanes
-from runner.replay.page import page
-from schemas.common.text import csv_text
+from recognition.catalogue.writing.page import FILM_STEP, film, lanes
+from recognition.scenes.cut import SceneCutter, Scope
+from runner.view.page import page
+from schemas.common.terminal.text import csv_text
 from xodr.lookup.arrays import sample, stations
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from runner.recording import Recording, Track
     from schemas.common.array_types import FloatArray
-    from xodr.network import RoadNetwork
+    from xodr.graph.network import RoadNetwork
 
 COLUMNS = ("item", "answer", "class", "time", "reason")
 """Columns of a table of answers"""
@@ -70,23 +70,34 @@ def write_items(items: Sequence[Item], library: Library, out: Path, key: Path) -
         "coded": {"road": [listed.index(item.recording) for item in items]},
         "step": FILM_STEP,
         "times": [item.finding.time if item.finding else item.start for item in items],
-        "items": [{"title": item.finding.title if item.finding else None, "text": texts[n]} for n, item in enumerate(items)],
+        "items": [
+            {"title": item.finding.title if item.finding else None, "text": texts[n]}
+            for n, item in enumerate(items)
+        ],
         "classes": list(CLASSES),
         "columns": list(COLUMNS),
     }
     styles = ("base.css", "report.css", str(_FOLDER / "judging.css"))
-    films_script = _FOLDER.parents[1] / "recognition" / "catalogue" / "page" / "film.js"
+    films_script = _FOLDER.parents[1] / "recognition" / "catalogue" / "writing" / "page" / "film.js"
     scripts = ("dom.js", "axes.js", str(films_script), str(_FOLDER / "judging.js"))
     (out / "ITEMS.md").write_bytes((_FOLDER / "ITEMS.md").read_bytes())
-    (out / "index.html").write_text(page("Label recorded manoeuvres", styles, scripts, data), encoding="utf-8")
+    (out / "index.html").write_text(
+        page("Label recorded manoeuvres", styles, scripts, data), encoding="utf-8"
+    )
     told = [{**asdict(item), "set": library.sets[item.recording]} for item in items]
     key.parent.mkdir(parents=True, exist_ok=True)
-    key.write_text(json.dumps({"items": told}, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    key.write_text(
+        json.dumps({"items": told}, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
 
 
 def _shown(item: Item) -> tuple[float, float]:
     """Stretch of the recording that is shown, s."""
-    return (item.start, item.end) if item.finding is None else (item.start - _AROUND, item.end + _AROUND)
+    return (
+        (item.start, item.end)
+        if item.finding is None
+        else (item.start - _AROUND, item.end + _AROUND)
+    )
 
 
 # numbers ------------------------------------------------------------------------------------
@@ -103,7 +114,10 @@ def _text(number: int, item: Item, recording: Recording, network: RoadNetwork) -
     else:
         head = f"item {number}: is this {finding.title}? ego {ego.name} ({size}), at {finding.time:.1f} s"
         head += f", partner {finding.partner}" if finding.partner else ""
-        times, partner = np.arange(-5.0, 5.1, 1.0) + finding.time, recording.tracks.get(finding.partner or "")
+        times, partner = (
+            np.arange(-5.0, 5.1, 1.0) + finding.time,
+            recording.tracks.get(finding.partner or ""),
+        )
     kinds = {each.category for each in recording.tracks.values()}
     start = min(float(each.columns["time"][0]) for each in recording.tracks.values())
     end = max(float(each.columns["time"][-1]) for each in recording.tracks.values())
@@ -145,8 +159,14 @@ def _place(network: RoadNetwork, at: dict[str, float]) -> str:
     road = network.roads[point.road_id]
     left = road.direction(point.lane_id, point.s) * point.offset if point.lane_id else point.offset
     limit = road.speed_limit(point.s, point.lane_id)
-    of_map = ("junction", road.junction_id), ("", road.road_type(point.s)), ("limit", limit and f"{limit:.0f}")
-    said = " ".join(f"{name} {value}".strip() for name, value in of_map if value not in (None, "unknown"))
+    of_map = (
+        ("junction", road.junction_id),
+        ("", road.road_type(point.s)),
+        ("limit", limit and f"{limit:.0f}"),
+    )
+    said = " ".join(
+        f"{name} {value}".strip() for name, value in of_map if value not in (None, "unknown")
+    )
     width, heading = road.lane_width(point.s, point.lane_id), np.degrees(at["h"]) % 360.0
     lane = f"road {road.id} lane {point.lane_id} ({said}) s {point.s:.0f} of {road.length:.0f}"
     return f"{lane} left {left:+.1f} of width {width:.1f} heading {heading:.0f}°"
@@ -168,17 +188,29 @@ def _seen(network: RoadNetwork, ego: Track, at: dict[str, float], other: Track, 
 
 def _nearest(at: dict[str, float], others: Iterable[Track], time: float) -> list[Track]:
     there = [(each, place) for each in others if (place := _at(each, time)) is not None]
-    return [each for each, place in sorted(there, key=lambda one: float(np.hypot(*_from(at, one[1]))))[:_OTHERS]]
+    return [
+        each
+        for each, place in sorted(there, key=lambda one: float(np.hypot(*_from(at, one[1]))))[
+            :_OTHERS
+        ]
+    ]
 
 
-def _leader(network: RoadNetwork, at: dict[str, float], others: Iterable[Track], time: float) -> Track | None:
+def _leader(
+    network: RoadNetwork, at: dict[str, float], others: Iterable[Track], time: float
+) -> Track | None:
     """The next participant ahead on the ego's lane, or straight ahead of it within half a lane."""
     mine = network.locate(at["x"], at["y"], None, at["h"])
     found = []
     for each in others:
         there = _at(each, time)
         ahead, left = _from(at, there) if there is not None else (0.0, 0.0)
-        if there is None or not 0.0 < ahead < _SIGHT or abs(left) > 0.5 * ahead + 4.0 or np.cos(there["h"] - at["h"]) < 0.0:
+        if (
+            there is None
+            or not 0.0 < ahead < _SIGHT
+            or abs(left) > 0.5 * ahead + 4.0
+            or np.cos(there["h"] - at["h"]) < 0.0
+        ):
             continue
         point = network.locate(there["x"], there["y"], None, there["h"])
         if (point.road_id, point.lane_id) == (mine.road_id, mine.lane_id) or abs(left) < 1.5:
@@ -195,7 +227,9 @@ def _from(at: dict[str, float], there: dict[str, float]) -> tuple[float, float]:
 # pictures -----------------------------------------------------------------------------------
 
 
-def _picture(path: Path, number: int, item: Item, recording: Recording, network: RoadNetwork) -> None:
+def _picture(
+    path: Path, number: int, item: Item, recording: Recording, network: RoadNetwork
+) -> None:
     """Draw paths in the first panel and moments in the others; the ego is blue, its partner red."""
     from matplotlib.figure import Figure
 
@@ -226,12 +260,28 @@ def _borders(network: RoadNetwork) -> list[FloatArray]:
     for road in network.roads.values():
         everywhere = stations(road)
         for section in road.sections:
-            s = np.array([section.s, *everywhere[(everywhere > section.s) & (everywhere < section.end)], section.end - 1e-6])
-            found += [sample(road, s, [lane.outer(one) for one in s.tolist()])[:, :2] for lane in section.lanes.values()]
+            s = np.array(
+                [
+                    section.s,
+                    *everywhere[(everywhere > section.s) & (everywhere < section.end)],
+                    section.end - 1e-6,
+                ]
+            )
+            found += [
+                sample(road, s, [lane.outer(one) for one in s.tolist()])[:, :2]
+                for lane in section.lanes.values()
+            ]
     return found
 
 
-def _paths(axes: Axes, item: Item, recording: Recording, borders: list[FloatArray], start: float, end: float) -> None:
+def _paths(
+    axes: Axes,
+    item: Item,
+    recording: Recording,
+    borders: list[FloatArray],
+    start: float,
+    end: float,
+) -> None:
     """Draw the ways of all participants in a stretch, with times along that of the ego."""
     columns = recording.tracks[item.vehicle].columns
     rows = (columns["time"] >= start) & (columns["time"] <= end)
@@ -254,7 +304,9 @@ def _paths(axes: Axes, item: Item, recording: Recording, borders: list[FloatArra
     axes.set_title(f"paths {start:.1f} to {end:.1f} s", fontsize=9)
 
 
-def _moment(axes: Axes, item: Item, recording: Recording, borders: list[FloatArray], time: float) -> None:
+def _moment(
+    axes: Axes, item: Item, recording: Recording, borders: list[FloatArray], time: float
+) -> None:
     """Draw all participants around the ego at a time, with their names and speeds."""
     from matplotlib.patches import Polygon
 
@@ -273,13 +325,22 @@ def _moment(axes: Axes, item: Item, recording: Recording, borders: list[FloatArr
         if there is None or np.hypot(there["x"] - ego["x"], there["y"] - ego["y"]) > 1.4 * reach:
             continue
         color, _ = _colour(item, track)
-        ahead, left = (np.array([np.cos(there["h"]), np.sin(there["h"])]), np.array([-np.sin(there["h"]), np.cos(there["h"])]))
+        ahead, left = (
+            np.array([np.cos(there["h"]), np.sin(there["h"])]),
+            np.array([-np.sin(there["h"]), np.cos(there["h"])]),
+        )
         middle = np.array([there["x"], there["y"]]) + track.box.x * ahead
         long, wide = 0.5 * track.box.length * ahead, 0.5 * track.box.width * left
         nose = middle + 1.3 * long
         axes.add_patch(
             Polygon(
-                [middle - long - wide, middle + long - wide, nose, middle + long + wide, middle - long + wide],
+                [
+                    middle - long - wide,
+                    middle + long - wide,
+                    nose,
+                    middle + long + wide,
+                    middle - long + wide,
+                ],
                 color=color,
                 alpha=0.7,
             )
@@ -292,7 +353,9 @@ def _moment(axes: Axes, item: Item, recording: Recording, borders: list[FloatArr
 def _colour(item: Item, track: Track) -> tuple[str, float]:
     if track.name == item.vehicle:
         return "tab:blue", 2.5
-    return ("tab:red", 2.0) if item.finding and track.name == item.finding.partner else ("0.55", 0.8)
+    return (
+        ("tab:red", 2.0) if item.finding and track.name == item.finding.partner else ("0.55", 0.8)
+    )
 
 
 def _draw(axes: Axes, borders: list[FloatArray], x: float, y: float, reach: float) -> None:
@@ -300,11 +363,23 @@ def _draw(axes: Axes, borders: list[FloatArray], x: float, y: float, reach: floa
     from matplotlib.collections import LineCollection
 
     low, high = np.array([x - reach, y - reach]), np.array([x + reach, y + reach])
-    near = [line for line in borders if (line.max(axis=0) >= low).all() and (line.min(axis=0) <= high).all()]
+    near = [
+        line
+        for line in borders
+        if (line.max(axis=0) >= low).all() and (line.min(axis=0) <= high).all()
+    ]
     axes.add_collection(LineCollection(near, colors="0.75", linewidths=0.7), autolim=False)
 
 
 def _view(axes: Axes, x: float, y: float, reach: float) -> None:
-    axes.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach), aspect="equal", xticks=[], yticks=[])
-    axes.plot([x - 0.95 * reach, x - 0.95 * reach + 10.0], [y - 0.95 * reach] * 2, "k-", linewidth=2)
+    axes.set(
+        xlim=(x - reach, x + reach),
+        ylim=(y - reach, y + reach),
+        aspect="equal",
+        xticks=[],
+        yticks=[],
+    )
+    axes.plot(
+        [x - 0.95 * reach, x - 0.95 * reach + 10.0], [y - 0.95 * reach] * 2, "k-", linewidth=2
+    )
     axes.annotate("10 m", (x - 0.95 * reach, y - 0.93 * reach), fontsize=7)

@@ -1,7 +1,8 @@
 """Moments of a vehicle that plain kinematics single out: a criterion for draws in which no rule, model or lane has a part.
 
-It singles out far more than the events of the 17 classes, and nothing says which of them, if any: it raises the share of
-stretches in which something happens, so that reviewers label events instead of waiting for them.
+It singles out far more than the events of the 17 classes, and nothing says which of them, if any:
+it raises the share of stretches in which something happens, so that reviewers label events instead
+of waiting for them.
 """
 
 from __future__ import annotations
@@ -54,13 +55,20 @@ def instants(recording: Recording) -> dict[str, list[Instant]]:
     """Return the moments of each vehicle by name: at most one of each reason, the strongest or first one.
 
     - *turns*: the heading changes by 30 degrees or more within 5 s.
-    - *shifts*: 2 m or more to the side of its mean heading within 5 s, at a heading that changes by less than 10 degrees.
+    - *shifts*: 2 m or more to the side of its mean heading within 5 s, at a heading that changes by
+      less than 10 degrees.
     - *brakes*: 2.5 m/s² or more.
-    - *meets*, *parts*: another vehicle comes from the side to within 30 m ahead, or leaves sideways, at a steady heading.
-    - *crosses*: another vehicle passes a place of its way within 4 s, at an angle of 30 to 150 degrees.
+    - *meets*, *parts*: another vehicle comes from the side to within 30 m ahead, or leaves
+      sideways, at a steady heading.
+    - *crosses*: another vehicle passes a place of its way within 4 s, at an angle of 30 to 150
+      degrees.
     """
     step = recording.timestep
-    ways = {name: _way(track, step) for name, track in recording.tracks.items() if track.kind == "vehicle"}
+    ways = {
+        name: _way(track, step)
+        for name, track in recording.tracks.items()
+        if track.kind == "vehicle"
+    }
     return {name: [*_own(way, step), *_with_others(name, ways, step)] for name, way in ways.items()}
 
 
@@ -81,7 +89,9 @@ def _own(way: _Way, step: float) -> Iterator[Instant]:
     if turned.max() >= _TURN:
         yield Instant("turns", float(middle[int(turned.argmax())] * step))
     normal = np.column_stack((-np.sin(0.5 * (start + end)), np.cos(0.5 * (start + end))))
-    shifted = np.abs(((way.place[frames:] - way.place[:-frames]) * normal).sum(axis=1)) * (turned < _STEADY)
+    shifted = np.abs(((way.place[frames:] - way.place[:-frames]) * normal).sum(axis=1)) * (
+        turned < _STEADY
+    )
     if shifted.max() >= _SHIFT:
         yield Instant("shifts", float(middle[int(shifted.argmax())] * step))
     if way.acceleration.min() <= _BRAKING:
@@ -93,17 +103,24 @@ def _with_others(name: str, ways: dict[str, _Way], step: float) -> Iterator[Inst
     around = max(round(_AROUND / step), 1)
     steady = _steady(own, around) & (own.speed >= _MOVING)
     for other in (way for each, way in ways.items() if each != name):
-        _, mine, theirs = np.intersect1d(own.frame, other.frame, assume_unique=True, return_indices=True)
+        _, mine, theirs = np.intersect1d(
+            own.frame, other.frame, assume_unique=True, return_indices=True
+        )
         if len(mine) > 1:
             offset, heading = other.place[theirs] - own.place[mine], own.heading[mine]
             ahead = offset[:, 0] * np.cos(heading) + offset[:, 1] * np.sin(heading)
             side = np.abs(offset[:, 1] * np.cos(heading) - offset[:, 0] * np.sin(heading))
             inside = side <= _BESIDE
             possible = steady[mine][1:] & (ahead[1:] > 0.0) & (ahead[1:] <= _AHEAD)
-            for reason, changed in ("meets", inside[1:] & ~inside[:-1]), ("parts", inside[:-1] & ~inside[1:]):
+            for reason, changed in (
+                ("meets", inside[1:] & ~inside[:-1]),
+                ("parts", inside[:-1] & ~inside[1:]),
+            ):
                 found[reason] += own.frame[mine[1:][changed & possible]].tolist()
         found["crosses"] += _crossings(own, other, step).tolist()
-    yield from (Instant(reason, float(min(frames) * step)) for reason, frames in found.items() if frames)
+    yield from (
+        Instant(reason, float(min(frames) * step)) for reason, frames in found.items() if frames
+    )
 
 
 def _steady(way: _Way, around: int) -> BoolArray:
@@ -120,5 +137,7 @@ def _crossings(own: _Way, other: _Way, step: float) -> IntArray:
         return np.empty(0, dtype=int)
     apart = np.hypot(*(own.place[mine][:, None] - other.place[theirs][None]).transpose(2, 0, 1))
     between = np.abs(own.frame[mine][:, None] - other.frame[theirs][None]) * step
-    across = np.abs(np.sin(own.heading[mine][:, None] - other.heading[theirs][None])) > np.sin(_TURN)
+    across = np.abs(np.sin(own.heading[mine][:, None] - other.heading[theirs][None])) > np.sin(
+        _TURN
+    )
     return own.frame[mine[((apart < _NEAR) & (between <= _APART) & across).any(axis=1)]]

@@ -70,7 +70,9 @@ def report(key: Path, answers: Sequence[Path]) -> str:
         what = "precision" if of_findings else "recall"
         parts.append(f"## {what}, {path.stem}\n\n{_tables(cases)}")
         if not of_findings:
-            parts.append(f"### findings in the stretches that the reviewer listed\n\n{_tables(extra_cases(items, one))}")
+            parts.append(
+                f"### findings in the stretches that the reviewer listed\n\n{_tables(extra_cases(items, one))}"
+            )
     if len(read) == 2 and of_findings:
         parts.append(_agreement(read))
     return "\n".join(parts)
@@ -91,7 +93,9 @@ def read_answers(path: Path, count: int, of_findings: bool) -> Answers:
     events: dict[int, list[Event]] = defaultdict(list)
     allowed = _VERDICTS if of_findings else (_DONE, "unclear")
     for line, row in enumerate(rows, 2):
-        item, answer, title, time = ((row.get(name) or "").strip() for name in ("item", "answer", "class", "time"))
+        item, answer, title, time = (
+            (row.get(name) or "").strip() for name in ("item", "answer", "class", "time")
+        )
         if not answer:
             continue
         if not item.isdecimal() or int(item) >= count:
@@ -101,7 +105,11 @@ def read_answers(path: Path, count: int, of_findings: bool) -> Answers:
         elif answer in allowed:
             verdicts[int(item)] = answer
         else:
-            raise InvalidFile(f"answer {answer!r} is none of {', '.join((*allowed, _EVENT))}", path=path, line=line)
+            raise InvalidFile(
+                f"answer {answer!r} is none of {', '.join((*allowed, _EVENT))}",
+                path=path,
+                line=line,
+            )
     if not verdicts:
         raise InvalidFile("there is no answer", path=path)
     return Answers(verdicts, dict(events))
@@ -122,7 +130,10 @@ def precision_cases(items: Sequence[Mapping[str, Any]], answers: Answers) -> lis
     for number, verdict in sorted(answers.verdicts.items()):
         item, finding = items[number], items[number]["finding"]
         where = item["set"], item["site"], item["weight"]
-        cases += [Case(name, finding["title"], *where, verdict == "right") for name in _names(finding["source"])]
+        cases += [
+            Case(name, finding["title"], *where, verdict == "right")
+            for name in _names(finding["source"])
+        ]
     return cases
 
 
@@ -134,7 +145,9 @@ def recall_cases(items: Sequence[Mapping[str, Any]], answers: Answers) -> list[C
         for event in answers.events.get(number, []):
             near = {one["source"] for one in item["found"] if matches(event, one)}
             for name, of in SOURCES.items():
-                cases.append(Case(name, event.title, item["set"], item["site"], 1.0, bool(near & set(of))))
+                cases.append(
+                    Case(name, event.title, item["set"], item["site"], 1.0, bool(near & set(of)))
+                )
     return cases
 
 
@@ -146,7 +159,10 @@ def extra_cases(items: Sequence[Mapping[str, Any]], answers: Answers) -> list[Ca
         for one in item["found"]:
             right = any(matches(event, one) for event in answers.events.get(number, []))
             if item["start"] <= one["time"] <= item["end"]:
-                cases += [Case(name, one["title"], item["set"], item["site"], 1.0, right) for name in _names(one["source"])]
+                cases += [
+                    Case(name, one["title"], item["set"], item["site"], 1.0, right)
+                    for name in _names(one["source"])
+                ]
     return cases
 
 
@@ -165,13 +181,19 @@ def _names(source: str) -> list[str]:
 
 
 def _tables(cases: Sequence[Case]) -> str:
-    lines = ["| source | yes | share, 95 % (Wilson) | weighted, 95 % (sites) |", "|---|---|---|---|"]
+    lines = [
+        "| source | yes | share, 95 % (Wilson) | weighted, 95 % (sites) |",
+        "|---|---|---|---|",
+    ]
     lines += [_row(name, [case for case in cases if case.source == name]) for name in SOURCES]
     headline = [case for case in cases if case.source in ("rules", "model")]
     for title, kind in ("class", "title"), ("set", "set"):
         lines += ["", f"| {title} | rules | model |", "|---|---|---|"]
         for value in sorted({getattr(case, kind) for case in headline}):
-            pair = [[c for c in headline if getattr(c, kind) == value and c.source == name] for name in ("rules", "model")]
+            pair = [
+                [c for c in headline if getattr(c, kind) == value and c.source == name]
+                for name in ("rules", "model")
+            ]
             lines.append(f"| {value} | " + " | ".join(_short(each) for each in pair) + " |")
     return "\n".join(lines) + "\n"
 
@@ -183,7 +205,10 @@ def _short(cases: Sequence[Case]) -> str:
 def _row(name: str, cases: Sequence[Case]) -> str:
     if not cases:
         return f"| {name} | – | – | – |"
-    yes, (low, high) = sum(case.yes for case in cases), interval(sum(case.yes for case in cases), len(cases))
+    yes, (low, high) = (
+        sum(case.yes for case in cases),
+        interval(sum(case.yes for case in cases), len(cases)),
+    )
     share = f"{yes / len(cases):.0%} ({low:.0%} to {high:.0%})"
     low, high = bootstrap(cases)
     return f"| {name} | {yes} of {len(cases)} | {share} | {weighted(cases):.0%} ({low:.0%} to {high:.0%}) |"
@@ -218,5 +243,8 @@ def _agreement(read: Sequence[Answers]) -> str:
 def interval(yes: int, number: int) -> tuple[float, float]:
     """Return Wilson's 95 % interval of a share."""
     share, spread = yes / number, _Z**2 / number
-    middle, half = share + 0.5 * spread, _Z * np.sqrt(share * (1.0 - share) / number + 0.25 * spread / number)
+    middle, half = (
+        share + 0.5 * spread,
+        _Z * np.sqrt(share * (1.0 - share) / number + 0.25 * spread / number),
+    )
     return float((middle - half) / (1.0 + spread)), float((middle + half) / (1.0 + spread))

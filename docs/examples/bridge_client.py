@@ -45,8 +45,15 @@ print(json.loads(receive(connection)))
 while True:
     step, truth = json.loads(receive(connection)), GroundTruth.FromString(receive(connection))
     ego = next(each for each in truth.moving_object if each.id == truth.host_vehicle_id).base
-    speed, c, s = math.hypot(ego.velocity.x, ego.velocity.y), math.cos(ego.orientation.yaw), math.sin(ego.orientation.yaw)
-    answer = {"acceleration": min(max(step["target_speed"] - speed, -2.0), 2.0), "reason": "to the target speed"}
+    speed, c, s = (
+        math.hypot(ego.velocity.x, ego.velocity.y),
+        math.cos(ego.orientation.yaw),
+        math.sin(ego.orientation.yaw),
+    )
+    answer = {
+        "acceleration": min(max(step["target_speed"] - speed, -2.0), 2.0),
+        "reason": "to the target speed",
+    }
     for each in truth.moving_object:
         dx, dy = each.base.position.x - ego.position.x, each.base.position.y - ego.position.y
         ahead, aside = dx * c + dy * s, dy * c - dx * s

@@ -9,15 +9,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.density.models.kernels import KDE, scott
-from generation.density.prior import Prior, until_possible
-from generation.estimation.probability import ControlVariate, Driving, Probability, Rate, probability
-from generation.outcomes import Drivers, Evaluate, Outcomes, joined, survivors
+from generation.estimation.probability import (
+    ControlVariate,
+    Driving,
+    Probability,
+    Rate,
+    probability,
+)
 from generation.search.methods.cover import differences
+from generation.search.outcomes import Drivers, Evaluate, Outcomes, joined, survivors
 from generation.search.problem import Plays
+from generation.space.density.models.kernels import KDE, scott
+from generation.space.density.prior import Prior, until_possible
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.packages import optional
-from schemas.common.text import many
+from schemas.common.terminal.text import many
 
 _TREES = 100
 
@@ -62,22 +68,27 @@ _UNSURE = 0.3
 class Proposal:
     """q = a·p + (1 − a)·k: a prior p, and kernels k around known failures, cut where the prior ends.
 
-    The defensive share a bounds the weights p/q by 1/a, and with them the error from failures far from the known ones.
-    Kernels as narrow as the likelihood of the known failures wants them leave others just outside to that share, and one of them
-    among the draws weighs as much as all the rest: so there are two around each failure, a narrow and a wide one.
-    T. Hesterberg, Weighted average importance sampling and defensive mixture distributions, Technometrics 37, 1995.
+    The defensive share a bounds the weights p/q by 1/a, and with them the error from failures far
+    from the known ones. Kernels as narrow as the likelihood of the known failures wants them leave
+    others just outside to that share, and one of them among the draws weighs as much as all the
+    rest: so there are two around each failure, a narrow and a wide one. T. Hesterberg, Weighted
+    average importance sampling and defensive mixture distributions, Technometrics 37, 1995.
 
     Args:
         prior: p.
         defensive: a.
-        failures: points (n, d) at which the system fails, n above the number of parameters that are no nuisances.
-        others: points (m, d) at which it may fail, fewer than these numbers where there are none; they have `_UNSURE` of k.
+        failures: points (n, d) at which the system fails, n above the number of parameters that are
+            no nuisances.
+        others: points (m, d) at which it may fail, fewer than these numbers where there are none;
+            they have `_UNSURE` of k.
 
     Raises:
         UsageError: the failures are too few for a density, or all the same in a parameter.
     """
 
-    def __init__(self, prior: Prior, defensive: float, failures: FloatArray, others: FloatArray | None = None) -> None:
+    def __init__(
+        self, prior: Prior, defensive: float, failures: FloatArray, others: FloatArray | None = None
+    ) -> None:
         self._prior, self.defensive = prior, defensive
         self._columns = prior.columns(prior.searched)
         unsure = 0.0 if others is None else _UNSURE
@@ -93,9 +104,14 @@ class Proposal:
 
     def _around(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d) of the kernels, with nuisances as recorded; some are not possible."""
-        theta = np.broadcast_to((self._prior.low + self._prior.high) / 2, (n, len(self._prior.names))).copy()
+        theta = np.broadcast_to(
+            (self._prior.low + self._prior.high) / 2, (n, len(self._prior.names))
+        ).copy()
         counts = generator.multinomial(n, [share for share, _ in self._kernels])
-        drawn = [kernel.sample(count, generator) for count, (_, kernel) in zip(counts, self._kernels, strict=True)]
+        drawn = [
+            kernel.sample(count, generator)
+            for count, (_, kernel) in zip(counts, self._kernels, strict=True)
+        ]
         theta[:, self._columns] = generator.permutation(np.concatenate(drawn))
         inside = self._prior.inside(theta)
         theta[inside] = self._prior.with_nuisances(theta[inside])
@@ -104,7 +120,9 @@ class Proposal:
     @cached_property
     def _log_share(self) -> float:
         """log of the share of the kernels that is possible."""
-        return float(np.log(self._prior.possible(self._around(_COUNTED, np.random.default_rng(0))).mean()))
+        return float(
+            np.log(self._prior.possible(self._around(_COUNTED, np.random.default_rng(0))).mean())
+        )
 
     def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
         """Draws (n, d), all possible, as many of the prior as its share says, in random order.
@@ -114,7 +132,9 @@ class Proposal:
         """
         common = round(self.defensive * n)
         around = until_possible(self._around, self._prior.possible, n - common, generator)
-        return generator.permutation(np.concatenate([self._prior.sample(common, generator), around]))
+        return generator.permutation(
+            np.concatenate([self._prior.sample(common, generator), around])
+        )
 
     def weights(self, theta: FloatArray) -> FloatArray:
         """p/q of possible points (n, d): (n,)."""
@@ -137,9 +157,9 @@ class Stage(NamedTuple):
 class Stages:
     """Mixture of the proposals of several stages, q = Σ n_t/n q_t: each draw counts as one of the mixture.
 
-    A stage that looked where hardly anything fails then spoils nothing. As later proposals follow earlier draws, the estimate is
-    consistent, and not exactly unbiased.
-    E. Veach, L. J. Guibas, Optimally combining sampling techniques for Monte Carlo rendering, 1995; J.-M. Cornuet et al.,
+    A stage that looked where hardly anything fails then spoils nothing. As later proposals follow
+    earlier draws, the estimate is consistent, and not exactly unbiased. E. Veach, L. J. Guibas,
+    Optimally combining sampling techniques for Monte Carlo rendering, 1995; J.-M. Cornuet et al.,
     Adaptive multiple importance sampling, Scandinavian Journal of Statistics 39, 2012.
     """
 
@@ -157,7 +177,9 @@ class Stages:
     @property
     def greatest(self) -> float:
         """Weight that none exceeds."""
-        defensive = sum(share if each is None else share * each.defensive for share, each in self._shares)
+        defensive = sum(
+            share if each is None else share * each.defensive for share, each in self._shares
+        )
         return 1.0 / defensive if defensive else 1.0
 
 
@@ -201,9 +223,11 @@ class Estimate(NamedTuple):
     """Result of an estimate.
 
     Attributes:
-        probabilities: by event: collisions, those that a careful driver prevents, and bands of impact speed.
+        probabilities: by event: collisions, those that a careful driver prevents, and bands of
+            impact speed.
         runs: how many were executed. failed: how many more were not: they count for nothing.
-        known: failures that the last proposal was made of; 0 where there were too few, and the runs are draws of the prior.
+        known: failures that the last proposal was made of; 0 where there were too few, and the runs
+            are draws of the prior.
         driving: how often recordings have the manoeuvre, for rates; or why there are none.
     """
 
@@ -216,7 +240,9 @@ class Estimate(NamedTuple):
     def lines(self) -> Iterator[str]:
         """For people."""
         origin = (
-            f"draws around {many(self.known, 'failure')}" if self.known else "draws of the prior, as too few failures are known"
+            f"draws around {many(self.known, 'failure')}"
+            if self.known
+            else "draws of the prior, as too few failures are known"
         )
         yield f"P(failure | manoeuvre), 95 % intervals, {many(self.runs, 'run')}: {origin}"
         if self.failed:
@@ -225,21 +251,41 @@ class Estimate(NamedTuple):
         for name in told:
             yield f"  {name}: {self.probabilities[name]}"
             yield from (f"    {unit}: {rate}" for unit, rate in self.rates(name).items())
-        yield f"  rates of {self.driving}" if isinstance(self.driving, Driving) else f"  no rates: {self.driving}"
+        yield (
+            f"  rates of {self.driving}"
+            if isinstance(self.driving, Driving)
+            else f"  no rates: {self.driving}"
+        )
 
     def rates(self, event: str) -> dict[str, Rate]:
         """Return the rates of an event per hour and per 1,000 km of driving; empty if unknown."""
-        return self.driving.rates(self.probabilities[event]) if isinstance(self.driving, Driving) else {}
+        return (
+            self.driving.rates(self.probabilities[event])
+            if isinstance(self.driving, Driving)
+            else {}
+        )
 
     def as_json(self) -> dict[str, Any]:
         """For files: the interval is of 95 %."""
         listed: dict[str, dict[str, Any]] = {
-            name: {"value": each.value, "interval": each.interval, "effective_failures": each.effective, "stable": each.stable}
+            name: {
+                "value": each.value,
+                "interval": each.interval,
+                "effective_failures": each.effective,
+                "stable": each.stable,
+            }
             for name, each in self.probabilities.items()
         }
         for name, each in listed.items():
-            each["rates"] = {unit: {"value": rate.value, "interval": rate.interval} for unit, rate in self.rates(name).items()}
-        driving = self.driving.as_json() if isinstance(self.driving, Driving) else {"unknown": self.driving}
+            each["rates"] = {
+                unit: {"value": rate.value, "interval": rate.interval}
+                for unit, rate in self.rates(name).items()
+            }
+        driving = (
+            self.driving.as_json()
+            if isinstance(self.driving, Driving)
+            else {"unknown": self.driving}
+        )
         ran = {"runs": self.runs, "failed_runs": self.failed, "known_failures": self.known}
         return {**ran, "probabilities": listed, "driving": driving}
 
@@ -290,7 +336,11 @@ def estimate(
     generator = np.random.default_rng(settings.seed)
     stages, thetas, parts, looked = list[Stage](), list[FloatArray](), list[Outcomes](), 0
     for runs in _shared(settings.runs, _STAGES if twin is None else 1):
-        proposal, failures = _failures_on(prior, twin, generator) if twin is not None else _learnt(prior, known, generator)
+        proposal, failures = (
+            _failures_on(prior, twin, generator)
+            if twin is not None
+            else _learnt(prior, known, generator)
+        )
         looked = failures if proposal is not None else looked
         theta = (prior if proposal is None else proposal).sample(runs, generator)
         outcomes = evaluate(theta)
@@ -298,7 +348,10 @@ def estimate(
         stages.append(Stage(len(theta), proposal))
         thetas.append(theta)
         parts.append(outcomes)
-        known = Known(np.concatenate([known.theta, theta]), np.concatenate([known.failing, outcomes.collision]))
+        known = Known(
+            np.concatenate([known.theta, theta]),
+            np.concatenate([known.failing, outcomes.collision]),
+        )
     drawn, theta = Stages(stages), np.concatenate(thetas)
     real = _judged(theta, joined(parts), drawn, drivers)
     controls: tuple[_Played, _Played] | None = None
@@ -314,15 +367,25 @@ def estimate(
             same, more = (_events(each)[name] for each in controls)
             control = ControlVariate(same, more, controls[1].weights)
         found = probability(failing, real.weights, drawn.greatest, control)
-        probabilities[name] = found._replace(density=_spread(ratios[:, failing], real.weights[failing]))
-    probabilities = {name: each.within(probabilities[FAILURE]) for name, each in probabilities.items()}
+        probabilities[name] = found._replace(
+            density=_spread(ratios[:, failing], real.weights[failing])
+        )
+    probabilities = {
+        name: each.within(probabilities[FAILURE]) for name, each in probabilities.items()
+    }
     return Estimate(probabilities, len(theta), settings.runs - len(theta), looked)
 
 
-def _ratios(prior: Prior, theta: FloatArray, settings: EstimateSettings, generator: np.random.Generator) -> FloatArray:
+def _ratios(
+    prior: Prior, theta: FloatArray, settings: EstimateSettings, generator: np.random.Generator
+) -> FloatArray:
     """Logarithms (k, n) of p'/p of points (n, d) for densities of resampled recordings; 0 where none can be resampled."""
     none = np.zeros((settings.resampled, len(theta)))
-    found = prior.log_ratios(theta, settings.resampled, generator) if len(theta) and settings.resampled else none
+    found = (
+        prior.log_ratios(theta, settings.resampled, generator)
+        if len(theta) and settings.resampled
+        else none
+    )
     return found if len(found) else none
 
 
@@ -339,20 +402,27 @@ _GREATEST = 5.0
 
 def _shared(runs: int, stages: int) -> list[int]:
     """Runs of each stage."""
-    return [runs * (each + 1) // stages - runs * each // stages for each in range(min(stages, runs))]
+    return [
+        runs * (each + 1) // stages - runs * each // stages for each in range(min(stages, runs))
+    ]
 
 
-def _failures_on(prior: Prior, twin: Plays, generator: np.random.Generator) -> tuple[Proposal | None, int]:
+def _failures_on(
+    prior: Prior, twin: Plays, generator: np.random.Generator
+) -> tuple[Proposal | None, int]:
     """The proposal of draws of the prior that fail on the twin, and how many there are; None where they are too few."""
     failures = _draws(prior, lambda theta: twin(theta).collision.astype(np.float64), generator)[0]
     return Proposal(prior, _DEFENSIVE, failures) if len(failures) >= _LEAST else None, len(failures)
 
 
-def _learnt(prior: Prior, known: Known, generator: np.random.Generator) -> tuple[Proposal | None, int]:
+def _learnt(
+    prior: Prior, known: Known, generator: np.random.Generator
+) -> tuple[Proposal | None, int]:
     """The proposal of what a forest takes for failures, and how many it has learnt from; None where they are too few.
 
-    Failures that a search has found are spread over all that fails: draws of the prior among them are where traffic fails. What
-    the forest is unsure of has a share of its own: a failure there would else weigh more than all others.
+    Failures that a search has found are spread over all that fails: draws of the prior among them
+    are where traffic fails. What the forest is unsure of has a share of its own: a failure there
+    would else weigh more than all others.
     """
     failures = known.theta[known.failing]
     if len(failures) < _LEAST:
@@ -361,7 +431,9 @@ def _learnt(prior: Prior, known: Known, generator: np.random.Generator) -> tuple
         return Proposal(prior, _LEARNT, failures), len(failures)
     sure, unsure = _draws(prior, Learned(prior, known.theta, known.failing).failing, generator)
     centres = sure if len(sure) >= _LEAST else failures
-    return Proposal(prior, _LEARNT, centres, unsure[:_MOST] if len(unsure) >= _LEAST else None), len(failures)
+    return Proposal(
+        prior, _LEARNT, centres, unsure[:_MOST] if len(unsure) >= _LEAST else None
+    ), len(failures)
 
 
 def _draws(
@@ -394,6 +466,10 @@ def _events(played: _Played) -> dict[str, BoolArray]:
     collision, speed = played.outcomes.collision, played.outcomes.impact_speed
     found = {FAILURE: collision, PREVENTABLE: played.preventable}
     for low, high in zip(BANDS, (*BANDS[1:], np.inf), strict=True):
-        name = f"impact at {low:g} to {high:g} m/s" if np.isfinite(high) else f"impact at {low:g} m/s or more"
+        name = (
+            f"impact at {low:g} to {high:g} m/s"
+            if np.isfinite(high)
+            else f"impact at {low:g} m/s or more"
+        )
         found[name] = collision & (speed >= low) & (speed < high)
     return found

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.density.prior import Prior
-from generation.density.roles import NUISANCES
-from generation.recorded import Recorded
-from generation.search.space import Space
-from recognition.maneuvers.units import Exposure
+from generation.space.density.prior import Prior
+from generation.space.density.roles import NUISANCES
+from generation.space.recorded import Recorded
+from generation.space.space import Space
+from recognition.labels.maneuvers.units import Exposure
 from schemas.common.array_types import BoolArray, FloatArray
-from schemas.common.text import many
+from schemas.common.terminal.text import many
 
 LEAST_EFFECTIVE = 50.0
 """Effective number of failures below which an interval is not to be trusted"""
@@ -29,9 +29,11 @@ class Probability(NamedTuple):
 
     Attributes:
         value: estimate. deviation: its standard deviation.
-        effective: effective number of failures among the draws, (Σw)²/Σw² of their weights w (L. Kish, 1965).
+        effective: effective number of failures among the draws, (Σw)²/Σw² of their weights w (L.
+            Kish, 1965).
         bound: upper limit where no draw fails.
-        density: standard deviation of the logarithm that refitted densities of resampled recordings add; 0 where there are none.
+        density: standard deviation of the logarithm that refitted densities of resampled recordings
+            add; 0 where there are none.
     """
 
     value: float
@@ -85,7 +87,8 @@ class ControlVariate(NamedTuple):
 
     Attributes:
         same: whether it happens there at the draws (n,).
-        failing: whether it happens there at many more draws (m,) of the proposal. weights: theirs (m,).
+        failing: whether it happens there at many more draws (m,) of the proposal. weights: theirs
+            (m,).
     """
 
     same: BoolArray
@@ -93,12 +96,14 @@ class ControlVariate(NamedTuple):
     weights: FloatArray
 
 
-def probability(failing: BoolArray, weights: FloatArray, greatest: float, control: ControlVariate | None = None) -> Probability:
+def probability(
+    failing: BoolArray, weights: FloatArray, greatest: float, control: ControlVariate | None = None
+) -> Probability:
     """Of an event, by importance sampling with the twin as control variate.
 
-    P = mean(w·f) − β (mean(w·g) − G), f the event, g that on the twin, G its mean over many draws, β the regression of the first
-    on the second: only what the twin gets wrong is left to chance.
-    A. B. Owen, Monte Carlo theory, methods and examples, 2013, §8.9 and §9.
+    P = mean(w·f) − β (mean(w·g) − G), f the event, g that on the twin, G its mean over many draws,
+    β the regression of the first on the second: only what the twin gets wrong is left to chance. A.
+    B. Owen, Monte Carlo theory, methods and examples, 2013, §8.9 and §9.
 
     Args:
         failing: whether it happens at draws (n,) of the proposal. weights: p/q of these (n,).
@@ -143,7 +148,9 @@ class Rate(NamedTuple):
 
     def __str__(self) -> str:
         low, high = self.interval
-        return f"{self.value:.1e} [{low:.1e}, {high:.1e}]" if self.value > 0.0 else f"below {high:.1e}"
+        return (
+            f"{self.value:.1e} [{low:.1e}, {high:.1e}]" if self.value > 0.0 else f"below {high:.1e}"
+        )
 
 
 @dataclass(frozen=True)
@@ -154,8 +161,10 @@ class Driving:
         exposure: of all recordings.
         kind: of the units, or pairs.
         recordings: how many there are.
-        units: how many of the units have parameters. possible: how many of these are within the density's limits.
-        parts: exposure of each recording by name, `SITE/RECORDING`; none where only the total is known.
+        units: how many of the units have parameters. possible: how many of these are within the
+            density's limits.
+        parts: exposure of each recording by name, `SITE/RECORDING`; none where only the total is
+            known.
         simulated: whether the recorded traffic is simulated.
     """
 
@@ -176,9 +185,14 @@ class Driving:
         """Failures per hour of driving and per 1,000 km, by these names."""
         generator = np.random.default_rng(0)
         chances, chance = _chances(probability, generator)
-        met = self._counts * generator.beta(self.possible + _HALF, self.units - self.possible + _HALF, _DRAWS)
+        met = self._counts * generator.beta(
+            self.possible + _HALF, self.units - self.possible + _HALF, _DRAWS
+        )
         found = {}
-        for name, driven in ((PER_HOUR, self.exposure.hours), (PER_DISTANCE, self.exposure.kilometres / _DISTANCE)):
+        for name, driven in (
+            (PER_HOUR, self.exposure.hours),
+            (PER_DISTANCE, self.exposure.kilometres / _DISTANCE),
+        ):
             low, high = np.quantile(chances * met / driven, (0.025, 0.975))
             if not chance:
                 low, high = 0.0, np.quantile(chances * met / driven, 0.95)
@@ -196,8 +210,8 @@ class Driving:
     def _counts(self) -> FloatArray:
         """Draws of the number of manoeuvres (n,) in as much driving.
 
-        Counts of one recording are over-dispersed: recordings are drawn with replacement, within sites. Where there are few, or
-        none is known, counts are Poisson's.
+        Counts of one recording are over-dispersed: recordings are drawn with replacement, within
+        sites. Where there are few, or none is known, counts are Poisson's.
         """
         generator = np.random.default_rng(1)
         if len(self.parts) < _RESAMPLED:
@@ -239,7 +253,12 @@ class Driving:
             "kilometres": self.exposure.kilometres,
             "recordings": self.recordings,
         }
-        of = {"kind": self.kind, "manoeuvres": self.count, "within_limits": self.possible, "of_units": self.units}
+        of = {
+            "kind": self.kind,
+            "manoeuvres": self.count,
+            "within_limits": self.possible,
+            "of_units": self.units,
+        }
         return {**driven, **of, "simulated": self.simulated, "sites": self.by_site()}
 
     def __str__(self) -> str:
@@ -256,7 +275,11 @@ def driving(recorded: Recorded, space: Space, prior: Prior) -> Driving | str:
     pairs = recorded.pairs
     if pairs is None and len({role.actor for role in recorded.roles.values()}) > 1:
         return "it combines units of several actors, and nothing is recorded of how often they come together"
-    pinned = [name for name, role in recorded.roles.items() if name in space.pinned and role.role not in NUISANCES]
+    pinned = [
+        name
+        for name, role in recorded.roles.items()
+        if name in space.pinned and role.role not in NUISANCES
+    ]
     if pinned:
         return f"{pinned[0]} is pinned, and manoeuvres were counted at all its values"
     units, possible = len(recorded.theta), int(prior.possible(recorded.theta).sum())
@@ -264,11 +287,15 @@ def driving(recorded: Recorded, space: Space, prior: Prior) -> Driving | str:
         units = len(pairs.recordings)
         total = replace(total, counts={pairs.kind: round(units / pairs.known)})
     parts = {} if pairs is not None else recorded.exposure
-    return Driving(total, recorded.kind, len(recorded.exposure), units, possible, parts, recorded.simulated)
+    return Driving(
+        total, recorded.kind, len(recorded.exposure), units, possible, parts, recorded.simulated
+    )
 
 
 def _chances(probability: Probability, generator: np.random.Generator) -> tuple[FloatArray, float]:
     """Draws of a probability, and its value; where no draw failed, exponential with 95 % below the bound."""
     if probability.value <= 0.0:
         return generator.exponential(-probability.bound / math.log(0.05), _DRAWS), 0.0
-    return np.minimum(probability.value * np.exp(probability.spread * generator.standard_normal(_DRAWS)), 1.0), probability.value
+    return np.minimum(
+        probability.value * np.exp(probability.spread * generator.standard_normal(_DRAWS)), 1.0
+    ), probability.value

@@ -9,7 +9,7 @@ from functools import singledispatch
 from typing import NamedTuple
 
 from generation.report.regression import Fate, Fates
-from schemas.common.text import many
+from schemas.common.terminal.text import many
 
 
 class LoopStage(NamedTuple):
@@ -34,7 +34,7 @@ class CaseVerdict(StrEnum):
 
 
 class CarefulDriver(StrEnum):
-    """Verdict on careful drivers (`generation.outcomes.JUDGES`): one avoids it, all collide, or a run failed."""
+    """Verdict on careful drivers (`generation.search.outcomes.JUDGES`): one avoids it, all collide, or a run failed."""
 
     AVOIDS = "avoids"
     COLLIDES = "collides"
@@ -90,7 +90,8 @@ class EdgeCase:
     """An edge case that was written.
 
     Args:
-        file, road: its scenario and road, relative to the output folder; no road where it is not there.
+        file, road: its scenario and road, relative to the output folder; no road where it is not
+            there.
         theta: values of the parameters.
         likelihood: log-density of recorded parameters there.
         risk: R_risk.
@@ -119,7 +120,8 @@ class SearchedRegion:
     Args:
         rule: in words. precision, recall: of the rule, among the runs.
         failures: number of failing runs in it.
-        draws, drawn: unguided draws, and those that fail in it. low, high: 95 % interval of its probability.
+        draws, drawn: unguided draws, and those that fail in it. low, high: 95 % interval of its
+            probability.
         severity: mean impact speed, m/s.
         cases: files of its edge cases, the likelier first.
     """
@@ -141,13 +143,16 @@ class Searched(StageFinding):
     """A search of one class or scenario in one round.
 
     Args:
-        target, title, scenario: its folder, the class or scenario, and the name of the logical scenario.
+        target, title, scenario: its folder, the class or scenario, and the name of the logical
+            scenario.
         error: why nothing was searched; empty where it was.
         pinned: values of parameters that are not searched.
-        calls, failed_runs: runs, and those that ended with an error or inconclusive, of which nothing is known.
+        calls, failed_runs: runs, and those that ended with an error or inconclusive, of which
+            nothing is known.
         errors: those that ended with an error.
         run_error: what most of these say.
-        collisions, distinct, new: collisions, those unlike each other, and those unlike the ones of earlier rounds as well.
+        collisions, distinct, new: collisions, those unlike each other, and those unlike the ones of
+            earlier rounds as well.
         regions: groups of the failures, the most important first.
         failed: parameters of the failures, one a row, no two alike.
         real, tried: recorded parameters and those of the runs, thinned out for a plot.
@@ -183,7 +188,8 @@ class Searched(StageFinding):
 @dataclass(frozen=True)
 class ShownRun:
     """A run: its name, state, status, message and end (s) as in the table of a batch, criticality measures by name, and its
-    replay, relative to the output folder, with the moment to begin at; none where there is no replay."""
+    replay, relative to the output folder, with the moment to begin at; none where there is no
+    replay."""
 
     name: str
     state: str
@@ -267,7 +273,8 @@ class Compared:
         before: failures of the earlier loop.
         new: files of the failures that are unlike all of those and that the former system survives.
         others: fates of the failures that are unlike all of those and are not new, by file.
-        blind: whether this loop can't say of any failure that it is not there: no run of its searches succeeded.
+        blind: whether this loop can't say of any failure that it is not there: no run of its
+            searches succeeded.
     """
 
     target: str
@@ -281,7 +288,13 @@ class Compared:
     @property
     def counts(self) -> Fates:
         """Number of failures of each fate."""
-        return Fates([*(each.fate for each in self.before), *(Fate.NEW for _ in self.new), *self.others.values()])
+        return Fates(
+            [
+                *(each.fate for each in self.before),
+                *(Fate.NEW for _ in self.new),
+                *self.others.values(),
+            ]
+        )
 
 
 @dataclass(frozen=True)
@@ -328,14 +341,26 @@ class LoopResult:
     @property
     def inconclusive(self) -> list[ShownRun]:
         """The runs that did not test what their file describes."""
-        return [run for each in self._ran for runs in each.files.values() for run in runs if run.state == "inconclusive"]
+        return [
+            run
+            for each in self._ran
+            for runs in each.files.values()
+            for run in runs
+            if run.state == "inconclusive"
+        ]
 
     @property
     def crashed(self) -> bool:
         """Whether every run, those of searches among them, ended with an error, as where the system under test raises."""
         searched = [search for each in self.rounds for search in each.searches]
-        total = sum(len(runs) for each in self._ran for runs in each.files.values()) + sum(each.calls for each in searched)
-        return 0 < total == sum(each.crashed for each in self._ran) + sum(each.errors for each in searched)
+        total = sum(len(runs) for each in self._ran for runs in each.files.values()) + sum(
+            each.calls for each in searched
+        )
+        return (
+            0
+            < total
+            == sum(each.crashed for each in self._ran) + sum(each.errors for each in searched)
+        )
 
     @property
     def _ran(self) -> tuple[Ran, ...]:
@@ -349,11 +374,19 @@ class LoopResult:
         """
         rounds = [stage for each in self.rounds for stage in (*each.searches, each.runs)]
         return not (
-            self.checked.problems or any(each.failures for each in (self.recognised, self.played, self.scenarios, *rounds))
+            self.checked.problems
+            or any(
+                each.failures for each in (self.recognised, self.played, self.scenarios, *rounds)
+            )
         )
 
 
-_STATES = {"passed": "passed", "failed": "failed", "inconclusive": "inconclusive", "error": "with errors"}
+_STATES = {
+    "passed": "passed",
+    "failed": "failed",
+    "inconclusive": "inconclusive",
+    "error": "with errors",
+}
 
 
 def summary(stage: LoopStage, found: StageFinding) -> str:
@@ -411,14 +444,20 @@ def _recognised(found: Recognised) -> str:
 
 @_line.register
 def _measured(found: Measured) -> str:
-    return "manoeuvres measured: " + (", ".join(f"{count} {kind}" for kind, count in found.kinds.items()) or "none")
+    return "manoeuvres measured: " + (
+        ", ".join(f"{count} {kind}" for kind, count in found.kinds.items()) or "none"
+    )
 
 
 @_line.register
 def _searched(found: Searched) -> str:
     if found.error:
         return f"{found.title} was not searched: {found.error}"
-    failed = f" ({found.failed_runs} with errors or inconclusive, mostly: {found.run_error})" if found.failed_runs else ""
+    failed = (
+        f" ({found.failed_runs} with errors or inconclusive, mostly: {found.run_error})"
+        if found.failed_runs
+        else ""
+    )
     return (
         f"{found.title}: {many(found.calls, 'run')}{failed}, {many(found.collisions, 'collision')}, {found.distinct} of them "
         f"unlike each other ({found.new} new), {many(len(found.cases), 'edge case')} written; density of {prior(found.prior)}"
@@ -428,7 +467,9 @@ def _searched(found: Searched) -> str:
 @_line.register
 def _ran(found: Ran) -> str:
     states = [run.state for runs in found.files.values() for run in runs]
-    told = f"{many(len(states), 'run')}: " + ", ".join(f"{states.count(state)} {word}" for state, word in _STATES.items())
+    told = f"{many(len(states), 'run')}: " + ", ".join(
+        f"{states.count(state)} {word}" for state, word in _STATES.items()
+    )
     left = sum(size - len(found.files.get(name, ())) for name, size in found.sampled.items())
     return (
         f"{told}; {many(left, 'parameter set')} of {many(len(found.sampled), 'variation file')} left out (--sample)"
@@ -440,10 +481,16 @@ def _ran(found: Ran) -> str:
 @_line.register
 def _labelled(found: RecognisedRun) -> str:
     labels, runs = sum(map(len, found.runs.values())), len(found.runs)
-    return f"{many(labels, 'scenario')} recognised about the ego in {many(runs, 'run')} of edge cases"
+    return (
+        f"{many(labels, 'scenario')} recognised about the ego in {many(runs, 'run')} of edge cases"
+    )
 
 
 @_line.register
 def _checked(found: Checked) -> str:
-    problems = f"{many(len(found.problems), 'problem')}, the first: {found.problems[0]}" if found.problems else "all valid"
+    problems = (
+        f"{many(len(found.problems), 'problem')}, the first: {found.problems[0]}"
+        if found.problems
+        else "all valid"
+    )
     return f"{many(found.files, 'file')} checked, {problems}"

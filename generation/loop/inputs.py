@@ -11,19 +11,19 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import xosc
-from generation.logical.library import SCENARIOS
 from generation.loop.findings import DensitySource, Refused
 from generation.pipeline import LEAST
-from generation.recorded import Recorded, RecordedScenario, kind_of, of_catalogue, of_samples
-from generation.search.space import Space
-from generation.settings import Ask
-from generation.variations import Asked, NothingToVary, asked_of, scenario_of
-from recognition import datasets
-from recognition.datasets import Source
+from generation.search.settings import Ask
+from generation.search.variations import Asked, NothingToVary, asked_of, scenario_of
+from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import Recorded, RecordedScenario, kind_of, of_catalogue, of_samples
+from generation.space.space import Space
+from recognition import recordings as datasets
 from recognition.labels.classes import Label
-from recognition.maneuvers.units import OWN, Samples
+from recognition.labels.maneuvers.units import OWN, Samples
+from recognition.recordings import Source
 from runner.batch.inputs import files
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from schemas.common.storage import digest
 
@@ -34,7 +34,8 @@ class Inputs(NamedTuple):
     Attributes:
         folder: the folder.
         recordings: of the formats that recognition reads.
-        scenarios: OpenSCENARIO files but catalogues: scenarios and variation files, those that can't be read among them.
+        scenarios: OpenSCENARIO files but catalogues: scenarios and variation files, those that
+            can't be read among them.
     """
 
     folder: Path
@@ -50,17 +51,25 @@ class Inputs(NamedTuple):
             InvalidFile: it does not exist, or holds neither recordings nor scenarios.
         """
         if folder.is_file():
-            raise UsageError("a folder is expected, with recordings or scenarios in it", path=folder)
+            raise UsageError(
+                "a folder is expected, with recordings or scenarios in it", path=folder
+            )
         if not folder.exists():
             raise InvalidFile("no such folder", path=folder)
-        scenarios = [path for path in sorted(folder.rglob("*.xosc")) if not path.is_dir() and not _is_catalog(path)]
+        scenarios = [
+            path
+            for path in sorted(folder.rglob("*.xosc"))
+            if not path.is_dir() and not _is_catalog(path)
+        ]
         try:
             recordings = datasets.open(folder).sources
         except InvalidFile as error:
             if error.path != str(folder):  # a recording whose name no scenario can have
                 raise
             if not scenarios:
-                raise InvalidFile(f"{error.message}, and no scenario (.xosc)", path=folder) from None
+                raise InvalidFile(
+                    f"{error.message}, and no scenario (.xosc)", path=folder
+                ) from None
             recordings = []
         return cls(folder, recordings, scenarios)
 
@@ -69,7 +78,10 @@ class Inputs(NamedTuple):
         """A name for each scenario, no two the same: its file's, with the folders below ours where others have that too."""
         stems = [path.stem for path in self.scenarios]
         inside = {path: path.relative_to(self.folder).with_suffix("") for path in self.scenarios}
-        return {path: path.stem if stems.count(path.stem) == 1 else "_".join(inside[path].parts) for path in self.scenarios}
+        return {
+            path: path.stem if stems.count(path.stem) == 1 else "_".join(inside[path].parts)
+            for path in self.scenarios
+        }
 
     @property
     def recorded(self) -> str:
@@ -80,8 +92,14 @@ class Inputs(NamedTuple):
         """
         if not self.recordings:
             return ""
-        found = sorted(path for path in self.folder.rglob("*") if path.is_file() and path.suffix != ".xosc")
-        return digest(repr([(path.relative_to(self.folder).as_posix(), _content(path)) for path in found]).encode())
+        found = sorted(
+            path for path in self.folder.rglob("*") if path.is_file() and path.suffix != ".xosc"
+        )
+        return digest(
+            repr(
+                [(path.relative_to(self.folder).as_posix(), _content(path)) for path in found]
+            ).encode()
+        )
 
     def played(self, run: RunSettings) -> str:
         """A short name for the scenarios, with the roads and catalogues that they refer to, by their content."""
@@ -150,10 +168,13 @@ class SearchTarget(NamedTuple):
     asked: Asked | None = None
 
 
-def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | None) -> Iterator[SearchTarget | Refused]:
+def of_classes(
+    rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | None
+) -> Iterator[SearchTarget | Refused]:
     """Yield the search of each class of a catalogue, in the order of the classes.
 
-    Its own manoeuvres are varied where there are enough of them for a density; else the library's scenario of the class.
+    Its own manoeuvres are varied where there are enough of them for a density; else the library's
+    scenario of the class.
 
     Args:
         rows: of the catalogue's index.
@@ -173,13 +194,19 @@ def of_classes(rows: Iterable[dict[str, Any]], catalogue: Path, own: Samples | N
             yield Refused(title, _why_not(found.get(folder)))
 
 
-def _of_catalogue(folder: str, title: str, scenario: RecordedScenario | None) -> SearchTarget | None:
+def _of_catalogue(
+    folder: str, title: str, scenario: RecordedScenario | None
+) -> SearchTarget | None:
     """The catalogue's own scenario; None where there are too few of its like."""
     if scenario is None:
         return None
     space = Space.of(scenario.path)
     count = len(scenario.on(space).within(space).theta)
-    return SearchTarget(folder, title, scenario.path, scenario.on, DensitySource(count, own=True)) if count >= LEAST else None
+    return (
+        SearchTarget(folder, title, scenario.path, scenario.on, DensitySource(count, own=True))
+        if count >= LEAST
+        else None
+    )
 
 
 def _why_not(scenario: RecordedScenario | None) -> str:
@@ -188,7 +215,9 @@ def _why_not(scenario: RecordedScenario | None) -> str:
     return f"{len(scenario.recorded.theta)} manoeuvres with another participant are recorded, {LEAST} make a density"
 
 
-def of_scenario(path: Path, own: Samples | None, name: str | None = None, title: str | None = None) -> SearchTarget | Refused:
+def of_scenario(
+    path: Path, own: Samples | None, name: str | None = None, title: str | None = None
+) -> SearchTarget | Refused:
     """A logical scenario, with the parameters of these recordings where there are enough, else of the units that are shipped.
 
     Args:
@@ -204,7 +233,9 @@ def of_scenario(path: Path, own: Samples | None, name: str | None = None, title:
     return SearchTarget(name, title, path, recorded, prior)
 
 
-def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Iterator[SearchTarget | Refused]:
+def of_inputs(
+    names: Mapping[Path, str], own: Samples | None, ask: Ask
+) -> Iterator[SearchTarget | Refused]:
     """The scenarios and variation files of the user; one that is not searched is reported with its replacements.
 
     Args:
@@ -221,9 +252,14 @@ def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Itera
         if isinstance(each, NothingToVary):
             of = each.scenario.resolve()
             if of in searched:
-                yield Refused(names[path], f"{each.reason}; in its place: {', '.join(searched[of])}")
+                yield Refused(
+                    names[path], f"{each.reason}; in its place: {', '.join(searched[of])}"
+                )
             elif of in beside:  # which says what can be done
-                yield Refused(names[path], f"{each.reason}, and its scenario {beside[of]} is not searched either")
+                yield Refused(
+                    names[path],
+                    f"{each.reason}, and its scenario {beside[of]} is not searched either",
+                )
             else:
                 yield Refused(names[path], each.message)
         elif isinstance(each, Refused) and path.resolve() in searched:
@@ -234,7 +270,9 @@ def of_inputs(names: Mapping[Path, str], own: Samples | None, ask: Ask) -> Itera
             yield each
 
 
-def _of_input(path: Path, own: Samples | None, ask: Ask, name: str) -> SearchTarget | Refused | NothingToVary:
+def _of_input(
+    path: Path, own: Samples | None, ask: Ask, name: str
+) -> SearchTarget | Refused | NothingToVary:
     """A scenario or a variation file of the user: as the options say, else by its name.
 
     Options count for those scenarios that declare the parameters that they name.
@@ -248,7 +286,9 @@ def _of_input(path: Path, own: Samples | None, ask: Ask, name: str) -> SearchTar
         if asking == Ask() and xosc.load(path).kind == "scenario":
             return of_scenario(path, own, name, name)
         asked = asked_of(asking, path)
-        space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+        space = Space.of(
+            asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
+        )
         found = asked.recorded(space)
         count = len(found.within(space).theta)
         if count < LEAST:
@@ -258,7 +298,14 @@ def _of_input(path: Path, own: Samples | None, ask: Ask, name: str) -> SearchTar
     except (UsageError, Unsupported, InvalidFile) as error:
         return Refused(name, _with_place(error, path))
     stated = len(found.marginals) == len(space.names)
-    return SearchTarget(name, name, asked.scenario, asked.recorded, DensitySource(0 if stated else count, own=False), asked)
+    return SearchTarget(
+        name,
+        name,
+        asked.scenario,
+        asked.recorded,
+        DensitySource(0 if stated else count, own=False),
+        asked,
+    )
 
 
 def _with_place(error: ToolchainError, path: Path) -> str:
@@ -271,13 +318,22 @@ def _with_place(error: ToolchainError, path: Path) -> str:
 def _concerning(ask: Ask, path: Path) -> Ask:
     """Return the options that concern the parameters a scenario declares."""
     declared = xosc.load(scenario_of(path)).node.find("ParameterDeclarations")
-    names = {each.get("name") for each in declared.children("ParameterDeclaration")} if declared is not None else set()
+    names = (
+        {each.get("name") for each in declared.children("ParameterDeclaration")}
+        if declared is not None
+        else set()
+    )
     pinned = {name: value for name, value in ask.pinned.items() if name in names}
-    free, maps = (tuple(text for text in texts if text.partition("=")[0] in names) for texts in (ask.free, ask.maps))
+    free, maps = (
+        tuple(text for text in texts if text.partition("=")[0] in names)
+        for texts in (ask.free, ask.maps)
+    )
     return replace(ask, pinned=pinned, free=free, maps=maps)
 
 
-def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[Space], Recorded], DensitySource]:
+def _recorded(
+    space: Space, kind: str, own: Samples | None
+) -> tuple[Callable[[Space], Recorded], DensitySource]:
     """Return the function for the recorded parameters of a space, and their source."""
     for samples in (own, Samples.read(OWN)):
         if samples is not None:
@@ -291,4 +347,6 @@ def _recorded(space: Space, kind: str, own: Samples | None) -> tuple[Callable[[S
 def split(found: Iterable[SearchTarget | Refused]) -> tuple[list[SearchTarget], list[Refused]]:
     """Split into searches and refusals."""
     listed: Sequence[SearchTarget | Refused] = list(found)
-    return [each for each in listed if isinstance(each, SearchTarget)], [each for each in listed if isinstance(each, Refused)]
+    return [each for each in listed if isinstance(each, SearchTarget)], [
+        each for each in listed if isinstance(each, Refused)
+    ]

@@ -27,18 +27,18 @@ from generation.loop.findings import (
 from generation.loop.inputs import Inputs, SearchTarget, of_classes, of_inputs, played, split
 from generation.loop.runs import FinishedStages, Report, run_all, sampled
 from generation.loop.searches import Earlier, Searchers, compare, found_by, search
-from generation.settings import LoopSettings
+from generation.search.settings import LoopSettings
 from recognition.catalogue.detect import plain
-from recognition.catalogue.index import rows_of
-from recognition.maneuvers.units import Samples
+from recognition.catalogue.writing.index import rows_of
+from recognition.labels.maneuvers.units import Samples
 from runner.batch.inputs import plugged_in
 from runner.batch.jobs import Job, Outcome, jobs_of
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from schemas import check_many
 from schemas.common.array_types import FloatArray
-from schemas.common.command_line import Bar, files_in
 from schemas.common.errors import UsageError
 from schemas.common.storage import alone, digest
+from schemas.common.terminal.command_line import Bar, files_in
 from xosc.distributions.space import Selection
 
 CATALOGUE = "catalogue"
@@ -47,7 +47,9 @@ RUNS, RECOGNISED = "runs", "recognised"
 """Folders of a round: runs of its edge cases, and the catalogue of what is recognised in these runs"""
 
 
-def run_loop(folder: Path, out: Path, settings: LoopSettings, bar: Bar, report: Report) -> LoopResult:
+def run_loop(
+    folder: Path, out: Path, settings: LoopSettings, bar: Bar, report: Report
+) -> LoopResult:
     """Go through the loop, or on with it where it was interrupted.
 
     Args:
@@ -70,12 +72,25 @@ def run_loop(folder: Path, out: Path, settings: LoopSettings, bar: Bar, report: 
         return _looped(inputs, out, settings, bar, report, earlier)
 
 
-def _looped(inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, report: Report, earlier: Earlier | None) -> LoopResult:
-    stages = FinishedStages(out, settings.deciding() | {"code of the system": plugged_in(settings.run)}, report)
+def _looped(
+    inputs: Inputs,
+    out: Path,
+    settings: LoopSettings,
+    bar: Bar,
+    report: Report,
+    earlier: Earlier | None,
+) -> LoopResult:
+    stages = FinishedStages(
+        out, settings.deciding() | {"code of the system": plugged_in(settings.run)}, report
+    )
     work = _Loop(inputs, out, settings, bar, stages)
     recognised, targets, refused = work.recognise()
     with Searchers(out, settings) as searchers:
-        rounds = [work.round(number, targets, searchers) for number in range(1, settings.rounds + 1)] if targets else []
+        rounds = (
+            [work.round(number, targets, searchers) for number in range(1, settings.rounds + 1)]
+            if targets
+            else []
+        )
     return LoopResult(
         settings=settings.deciding(),
         recordings=len(inputs.recordings),
@@ -91,7 +106,10 @@ def _looped(inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, report:
 
 def _inputs(folder: Path, out: Path) -> Inputs:
     if out.resolve().is_relative_to(folder.resolve()):
-        raise UsageError("the output folder is inside the folder of the recordings, where it would be taken for one", path=out)
+        raise UsageError(
+            "the output folder is inside the folder of the recordings, where it would be taken for one",
+            path=out,
+        )
     return Inputs.of(folder)
 
 
@@ -100,14 +118,18 @@ def _earlier(folder: Path | None, out: Path) -> Earlier | None:
     if folder is None:
         return None
     if folder.resolve() == out.resolve():
-        raise UsageError("--against: this is the output folder itself, not that of an earlier loop", path=folder)
+        raise UsageError(
+            "--against: this is the output folder itself, not that of an earlier loop", path=folder
+        )
     return Earlier.of(folder)
 
 
 class _Loop:
     """Stages of the loop."""
 
-    def __init__(self, inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, stages: FinishedStages) -> None:
+    def __init__(
+        self, inputs: Inputs, out: Path, settings: LoopSettings, bar: Bar, stages: FinishedStages
+    ) -> None:
         self._inputs, self._out, self._settings, self._bar = inputs, out, settings, bar
         self._stages, self._once = stages, stages.once
         self._earlier: dict[str, list[Searched]] = {}
@@ -120,8 +142,22 @@ class _Loop:
         listed: Iterable[SearchTarget | Refused] = []
         if self._inputs.recordings:
             catalogue, model = self._out / CATALOGUE, self._out / loop_runs.MODEL
-            make = partial(loop_runs.catalogue, [self._inputs.folder], catalogue, self._settings.model, self._bar, model)
-            found = self._once(LoopStage("recognise"), Recognised, make, self._recorded, (catalogue, model), editable=True)
+            make = partial(
+                loop_runs.catalogue,
+                [self._inputs.folder],
+                catalogue,
+                self._settings.model,
+                self._bar,
+                model,
+            )
+            found = self._once(
+                LoopStage("recognise"),
+                Recognised,
+                make,
+                self._recorded,
+                (catalogue, model),
+                editable=True,
+            )
             table = self._out / UNITS
             read = [each for each in self._inputs.recordings if each.name not in found.failures]
             measure = partial(loop_runs.units, read, table, self._bar)
@@ -129,7 +165,9 @@ class _Loop:
             found = replace(found, failures=found.failures | measured.failures)
             own = Samples.read(table) if table.is_file() else None
             listed = of_classes(rows_of(catalogue), catalogue, own)
-        targets, refused = split(chain(listed, of_inputs(self._inputs.names, own, self._settings.ask)))
+        targets, refused = split(
+            chain(listed, of_inputs(self._inputs.names, own, self._settings.ask))
+        )
         return found, targets, refused
 
     def round(self, number: int, targets: Sequence[SearchTarget], searchers: Searchers) -> Round:
@@ -145,7 +183,14 @@ class _Loop:
         of = self._all(targets)
         runs = self._once(LoopStage("run", number), Ran, run, of, (folder / RUNS,))
         label = partial(self._label, folder)
-        labelled = self._once(LoopStage("label", number), RecognisedRun, label, of, (folder / RECOGNISED,), editable=True)
+        labelled = self._once(
+            LoopStage("label", number),
+            RecognisedRun,
+            label,
+            of,
+            (folder / RECOGNISED,),
+            editable=True,
+        )
         return Round(number, searched, runs, labelled)
 
     def play(self) -> Ran:
@@ -157,18 +202,28 @@ class _Loop:
         ]
         as_recorded = replace(self._settings.run, sut=None)
         folder = self._out / "played"
-        return self._once(LoopStage("play"), Ran, partial(self._run, jobs, as_recorded, folder), self._recorded, (folder,))
+        return self._once(
+            LoopStage("play"),
+            Ran,
+            partial(self._run, jobs, as_recorded, folder),
+            self._recorded,
+            (folder,),
+        )
 
     def run_scenarios(self) -> Ran:
         """Run the user's own scenarios against the system under test."""
         folder = self._out / "scenarios"
-        return self._once(LoopStage("run_scenarios"), Ran, partial(self._run_own, folder), self._played, (folder,))
+        return self._once(
+            LoopStage("run_scenarios"), Ran, partial(self._run_own, folder), self._played, (folder,)
+        )
 
     def _run_own(self, folder: Path) -> Ran:
         own, sample = self._inputs.scenarios, self._settings.sample
         jobs = list(jobs_of(own, {}, True, Selection(sample=sample, seed=self._settings.seed)))
         named = partial(_below, self._inputs.folder)
-        return replace(self._run(jobs, self._settings.run, folder, named), sampled=sampled(own, sample, named))
+        return replace(
+            self._run(jobs, self._settings.run, folder, named), sampled=sampled(own, sample, named)
+        )
 
     def check(self, targets: Sequence[SearchTarget]) -> Checked:
         """Check everything that was written, and the user's scenarios."""
@@ -183,35 +238,60 @@ class _Loop:
                 advance(1)
         return Checked(files=len(files), problems=problems)
 
-    def compare(self, earlier: Earlier, targets: Sequence[SearchTarget], rounds: Iterable[Round]) -> Against:
+    def compare(
+        self, earlier: Earlier, targets: Sequence[SearchTarget], rounds: Iterable[Round]
+    ) -> Against:
         """Return the fates of an earlier loop's failures."""
         found = [search for each in rounds for search in each.searches]
         with self._bar(f"comparing with {earlier.folder}", len(targets)) as advance:
             return compare(earlier, targets, found, self._settings, advance)
 
-    def _searched(self, number: int, targets: Sequence[SearchTarget], searchers: Searchers) -> list[Searched]:
+    def _searched(
+        self, number: int, targets: Sequence[SearchTarget], searchers: Searchers
+    ) -> list[Searched]:
         """The searches of a round, several at a time where that many processes are wanted."""
         stages = {target.name: LoopStage("search", number, target.name) for target in targets}
         of = {target.name: self._of(target) for target in targets}
-        left = [target for target in targets if not self._stages.has(stages[target.name], of[target.name])]
-        works: dict[str, Callable[[], Searched]] = {each.name: partial(self._search, number, each) for each in targets}
+        left = [
+            target
+            for target in targets
+            if not self._stages.has(stages[target.name], of[target.name])
+        ]
+        works: dict[str, Callable[[], Searched]] = {
+            each.name: partial(self._search, number, each) for each in targets
+        }
         if self._settings.processes > 1 and len(left) > 1:
             begun = {each.name: searchers.begin(each, number, self._known(each)) for each in left}
             works |= {each.name: partial(self._await, each, begun[each.name]) for each in left}
         return [
-            self._once(stages[name], Searched, works[name], of[name], (self._out / f"round_{number}" / name,)) for name in stages
+            self._once(
+                stages[name],
+                Searched,
+                works[name],
+                of[name],
+                (self._out / f"round_{number}" / name,),
+            )
+            for name in stages
         ]
 
     def _of(self, target: SearchTarget) -> str:
         """The content of all that a search of a target depends on."""
         asked = target.asked
-        scenario = played(target.scenario, self._settings.run, asked.pinned if asked is not None else {})
-        own = [digest(path.read_bytes()) for path, name in self._inputs.names.items() if name == target.name]
+        scenario = played(
+            target.scenario, self._settings.run, asked.pinned if asked is not None else {}
+        )
+        own = [
+            digest(path.read_bytes())
+            for path, name in self._inputs.names.items()
+            if name == target.name
+        ]
         return digest(repr((self._recorded, scenario, own)).encode())
 
     def _all(self, targets: Sequence[SearchTarget]) -> str:
         """The content of all targets and inputs."""
-        return digest(repr((self._recorded, self._played, [self._of(target) for target in targets])).encode())
+        return digest(
+            repr((self._recorded, self._played, [self._of(target) for target in targets])).encode()
+        )
 
     def _search(self, number: int, target: SearchTarget) -> Searched:
         with self._bar(f"searching {target.title}", self._settings.budget) as advance:
@@ -227,11 +307,17 @@ class _Loop:
         return found_by(self._earlier.get(target.name, []))
 
     def _run(
-        self, jobs: Sequence[Job | Outcome], settings: RunSettings, folder: Path, named: Callable[[Path], str] | None = None
+        self,
+        jobs: Sequence[Job | Outcome],
+        settings: RunSettings,
+        folder: Path,
+        named: Callable[[Path], str] | None = None,
     ) -> Ran:
         with self._bar("running", len(jobs)) as advance:
             named = named or partial(_below, self._out)
-            return run_all(jobs, settings, folder, self._out, self._settings.processes, advance, named)
+            return run_all(
+                jobs, settings, folder, self._out, self._settings.processes, advance, named
+            )
 
     def _label(self, folder: Path) -> RecognisedRun:
         """The classes that are recognised about the ego in each run; by the run's name."""
@@ -241,7 +327,9 @@ class _Loop:
         found = RecognisedRun()
         for row in rows_of(folder / RECOGNISED):
             if row["vehicle"] == "Ego":
-                found.runs.setdefault(row["recording"], []).append(LabelledScenario(row["class"], row["file"]))
+                found.runs.setdefault(row["recording"], []).append(
+                    LabelledScenario(row["class"], row["file"])
+                )
         return found
 
 
@@ -254,7 +342,9 @@ def chosen(rows: Iterable[dict[str, Any]], most: int) -> list[dict[str, Any]]:
     for title in sorted(classes):
         listed = sorted(classes[title], key=lambda row: (-(row["confidence"] or 0.0), row["file"]))
         count = min(most, len(listed))
-        found += [listed[round(index * (len(listed) - 1) / max(count - 1, 1))] for index in range(count)]
+        found += [
+            listed[round(index * (len(listed) - 1) / max(count - 1, 1))] for index in range(count)
+        ]
     return found
 
 

@@ -14,28 +14,47 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
-from generation.loop.findings import LoopStage, Measured, Ran, Recognised, Searched, ShownRun, StageFinding
-from recognition.catalogue.index import rows_of
+from generation.loop.findings import (
+    LoopStage,
+    Measured,
+    Ran,
+    Recognised,
+    Searched,
+    ShownRun,
+    StageFinding,
+)
 from recognition.catalogue.pipeline import ByRules, build
 from recognition.catalogue.recordings import CatalogueSettings
-from recognition.datasets import Source, cache_roads
-from recognition.maneuvers.units import Samples, extract_from
+from recognition.catalogue.writing.index import rows_of
+from recognition.labels.maneuvers.units import Samples, extract_from
+from recognition.recordings import Source, cache_roads
 from runner.batch.batch import print_line, run_batch
 from runner.batch.jobs import Job, Outcome
-from runner.replay.player import REPLAY, keep_replay
-from runner.replay.report import report, write_report
-from runner.settings import RunSettings
-from schemas.common.command_line import Bar
+from runner.judging.settings import RunSettings
+from runner.view.replay.player import REPLAY, keep_replay
+from runner.view.report import report, write_report
 from schemas.common.errors import ExitCode, InvalidFile, ToolchainError, UsageError
-from schemas.common.storage import LOCK, Records, check_settings, digest, read_bytes, read_object, write_object, writing
-from schemas.common.text import many, one_line
+from schemas.common.storage import (
+    LOCK,
+    Records,
+    check_settings,
+    digest,
+    read_bytes,
+    read_object,
+    write_object,
+    writing,
+)
+from schemas.common.terminal.command_line import Bar
+from schemas.common.terminal.text import many, one_line
 from xosc.distributions import ParameterSpace
 
 MODEL = "model"
 """Folder in the output folder with the model as it is after the recordings: the classes discovered in them are known to it"""
 
 
-def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar, keep: Path | None = None) -> Recognised:
+def catalogue(
+    paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar, keep: Path | None = None
+) -> Recognised:
     """Make a catalogue of recordings.
 
     Args:
@@ -52,7 +71,9 @@ def catalogue(paths: Sequence[Path], folder: Path, model: Path | None, bar: Bar,
         recogniser = load(model)
         summary = build(paths, folder, CatalogueSettings(), lambda: recogniser, bar)
         if keep is not None:
-            recogniser.keep(keep, waiting=False)  # so that what runs show is not clustered with the unknown of these recordings
+            recogniser.keep(
+                keep, waiting=False
+            )  # so that what runs show is not clustered with the unknown of these recordings
     return Recognised(
         classes=dict(sorted(summary.classes.items())),
         states=dict(sorted(Counter(row["state"] for row in rows_of(folder)).items())),
@@ -96,10 +117,12 @@ def run_all(
         named: what a file is called in the result, no two the same.
 
     Returns:
-        What `runner.replay.report` gives for each run.
+        What `runner.view.report` gives for each run.
     """
     keep = partial(keep_replay, out=folder)
-    outcomes = run_batch(jobs, settings, out=folder, processes=processes, resume=True, also=[keep], needs=[REPLAY])
+    outcomes = run_batch(
+        jobs, settings, out=folder, processes=processes, resume=True, also=[keep], needs=[REPLAY]
+    )
     files, crashed = {}, 0
     for outcome in outcomes:
         files[outcome.job.name] = outcome.job.source
@@ -110,8 +133,12 @@ def run_all(
     found = Ran(crashed=crashed)
     for run in report(folder)["runs"]:
         replay = f"{place}/{run['replay']}#t={run['moment']}" if run["replay"] else None
-        copied = {name: run[name] for name in ("name", "state", "status", "message", "end", "measures")}
-        found.files.setdefault(named(files[run["name"]]), []).append(ShownRun(**copied, replay=replay))
+        copied = {
+            name: run[name] for name in ("name", "state", "status", "message", "end", "measures")
+        }
+        found.files.setdefault(named(files[run["name"]]), []).append(
+            ShownRun(**copied, replay=replay)
+        )
     return replace(found, failures=dict(_failures(found)))
 
 
@@ -120,7 +147,11 @@ def _failures(found: Ran) -> Iterator[tuple[str, str]]:
     for name, runs in found.files.items():
         messages = [run.message for run in runs if run.state == "error"]
         if messages:
-            more = f" (and {many(len(messages) - 1, 'more run')} with errors)" if len(messages) > 1 else ""
+            more = (
+                f" (and {many(len(messages) - 1, 'more run')} with errors)"
+                if len(messages) > 1
+                else ""
+            )
             yield name, messages[0] + more
 
 
@@ -154,8 +185,9 @@ Report = Callable[[LoopStage, StageFinding, float | None], None]
 class FinishedStages:
     """The stages of one loop.
 
-    A stage that is finished leaves a record (see `schemas.common.storage.Records`) with the digests of the files that it made.
-    Where a record or a file is damaged or missing, the stage is done again.
+    A stage that is finished leaves a record (see `schemas.common.storage.Records`) with the digests
+    of the files that it made. Where a record or a file is damaged or missing, the stage is done
+    again.
 
     Args:
         out: the output folder; made where it does not exist.
@@ -164,15 +196,24 @@ class FinishedStages:
         tell: called with a line about a finished stage that is done again.
 
     Raises:
-        UsageError: the folder holds a loop with other settings, or something else, or can't be made.
+        UsageError: the folder holds a loop with other settings, or something else, or can't be
+            made.
     """
 
-    def __init__(self, out: Path, settings: Mapping[str, Any], report: Report, tell: Callable[[str], None] = print_line) -> None:
+    def __init__(
+        self,
+        out: Path,
+        settings: Mapping[str, Any],
+        report: Report,
+        tell: Callable[[str], None] = print_line,
+    ) -> None:
         self._out, self._folder, self._report, self._tell = out, out / _FOLDER, report, tell
         path = out / _SETTINGS
         check_settings(path, settings, "a loop")
         if not path.exists() and out.is_dir() and any(each.name != LOCK for each in out.iterdir()):
-            raise UsageError("there is something else in this folder: a loop needs one of its own", path=out)
+            raise UsageError(
+                "there is something else in this folder: a loop needs one of its own", path=out
+            )
         write_object(settings, path)
 
     def has(self, stage: LoopStage, of: str = "") -> bool:
@@ -193,9 +234,11 @@ class FinishedStages:
 
         Args:
             work: what it does; it goes on with what an interruption has left of it.
-            of: the content of its inputs. Where it has changed, what was made of the old one is removed, and the work done again.
+            of: the content of its inputs. Where it has changed, what was made of the old one is
+                removed, and the work done again.
             made: files and folders that it writes.
-            editable: what it made may be edited; only a file that is missing has the stage done again.
+            editable: what it made may be edited; only a file that is missing has the stage done
+                again.
 
         Raises:
             UsageError: what it has left can't be removed.
@@ -218,7 +261,11 @@ class FinishedStages:
         return found
 
     def _left(
-        self, stage: LoopStage, of: str, kind: type[StageFinding] | None = None, editable: bool = False
+        self,
+        stage: LoopStage,
+        of: str,
+        kind: type[StageFinding] | None = None,
+        editable: bool = False,
     ) -> tuple[dict[str, Any], str]:
         """Return the results that a stage has left, and why they are stale; empty if they are valid or absent."""
         path = self._path(stage)
@@ -232,18 +279,36 @@ class FinishedStages:
             return _unfinished(of), f"{error.path}: damaged"
         names = self._changed(record["files"], editable) if _is_done(record, of) else []
         more = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
-        return record, f"{self._out / names[0]}{more}: {'missing' if editable else 'changed or missing'}" if names else ""
+        return (
+            record,
+            f"{self._out / names[0]}{more}: {'missing' if editable else 'changed or missing'}"
+            if names
+            else "",
+        )
 
     def _changed(self, files: Mapping[str, str], editable: bool) -> list[str]:
         """Names of the files that are not as they were made."""
         found = ((name, _digest(self._out / name)) for name in files)
-        return [name for name, digest in found if (digest is None if editable else digest != files[name])]
+        return [
+            name
+            for name, digest in found
+            if (digest is None if editable else digest != files[name])
+        ]
 
     def _files(self, made: Sequence[Path]) -> dict[str, str | None]:
         """Digests of what was made, by name below the output folder; what is hidden is of no result."""
-        paths = sorted(path for each in made for path in ([each] if each.is_file() else each.rglob("*")) if path.is_file())
+        paths = sorted(
+            path
+            for each in made
+            for path in ([each] if each.is_file() else each.rglob("*"))
+            if path.is_file()
+        )
         names = {path: path.relative_to(self._out) for path in paths}
-        return {name.as_posix(): _digest(path) for path, name in names.items() if not any(part[0] == "." for part in name.parts)}
+        return {
+            name.as_posix(): _digest(path)
+            for path, name in names.items()
+            if not any(part[0] == "." for part in name.parts)
+        }
 
     def _path(self, stage: LoopStage) -> Path:
         return self._folder / f"{stage.name}.json"
@@ -259,7 +324,9 @@ def searches(out: Path) -> tuple[str, list[Searched]]:
     if not path.is_file():
         raise UsageError("no loop is in this folder", path=out)
     left = ((each, _read(each)) for each in sorted((out / _FOLDER).glob("round_*_search_*.json")))
-    found = [_finding(path, Searched, record) for path, record in left if record["found"] is not None]
+    found = [
+        _finding(path, Searched, record) for path, record in left if record["found"] is not None
+    ]
     return str(read_object(path).get("sut", "")), sorted(found, key=lambda each: each.round)
 
 
@@ -267,7 +334,9 @@ def _unfinished(of: str) -> dict[str, Any]:
     return {"of": of, "found": None, "files": {}}
 
 
-def _write(path: Path, of: str, found: dict[str, Any] | None, files: Mapping[str, str | None]) -> None:
+def _write(
+    path: Path, of: str, found: dict[str, Any] | None, files: Mapping[str, str | None]
+) -> None:
     with writing("this", path):
         Records(path).replace([{"of": of, "found": found, "files": dict(files)}])
 
@@ -302,7 +371,9 @@ def _finding(path: Path, kind: type[F], record: Mapping[str, Any]) -> F:
     try:
         return from_json(kind, record["found"])
     except (TypeError, ValueError) as error:
-        raise InvalidFile(f"this is not what the stage finds: {error}; {_REMEDY}", path=path) from None
+        raise InvalidFile(
+            f"this is not what the stage finds: {error}; {_REMEDY}", path=path
+        ) from None
 
 
 def _remove(made: Sequence[Path]) -> None:
@@ -318,7 +389,8 @@ def from_json(kind: type[T], value: Any) -> T:
     """The value of a type, from what JSON has of it.
 
     Args:
-        kind: a dataclass, an enumeration of texts, `list[…]`, `dict[str, …]`, a union with None, or a type of JSON.
+        kind: a dataclass, an enumeration of texts, `list[…]`, `dict[str, …]`, a union with None, or
+            a type of JSON.
 
     Raises:
         TypeError, ValueError: the value is none of that type.
@@ -329,12 +401,21 @@ def from_json(kind: type[T], value: Any) -> T:
 def _value(kind: Any, value: Any) -> Any:
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is UnionType:
-        return None if value is None else _value(next(each for each in arguments if each is not type(None)), value)
+        return (
+            None
+            if value is None
+            else _value(next(each for each in arguments if each is not type(None)), value)
+        )
     if is_dataclass(kind) and isinstance(kind, type):
         hints = get_type_hints(kind)
         given = _expect(dict, value)
         known = {field.name for field in fields(kind)}
-        return kind(**{name: _value(hints[name], each) if name in known else each for name, each in given.items()})
+        return kind(
+            **{
+                name: _value(hints[name], each) if name in known else each
+                for name, each in given.items()
+            }
+        )
     if origin is list:
         return [_value(arguments[0], each) for each in _expect(list, value)]
     if origin is dict:

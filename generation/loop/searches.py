@@ -26,12 +26,12 @@ from generation.loop.findings import (
 )
 from generation.loop.inputs import SearchTarget
 from generation.loop.runs import searches
-from generation.outcomes import JUDGES, Episodes
 from generation.pipeline import Generated, generate, space_of
 from generation.report.counterexamples import regions, varying
 from generation.report.regression import Before, Fate, Tried, regression
-from generation.search.space import Space, apart, diverse
-from generation.settings import Choice, LoopSettings, SearchSettings
+from generation.search.outcomes import JUDGES, Episodes
+from generation.search.settings import Choice, LoopSettings, SearchSettings
+from generation.space.space import Space, apart, diverse
 from runner.batch.pool import executor
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import ToolchainError, UsageError
@@ -98,9 +98,22 @@ def search(
         What was found, files relative to `out`; with `error` where nothing was searched.
     """
     folder = out / f"round_{number}" / target.name
-    of = Searched(round=number, target=target.name, title=target.title, scenario=target.scenario.stem, prior=target.prior)
+    of = Searched(
+        round=number,
+        target=target.name,
+        title=target.title,
+        scenario=target.scenario.stem,
+        prior=target.prior,
+    )
     try:
-        made = generate(target.scenario, target.recorded, folder, settings_of(target, settings.search(number)), progress, known)
+        made = generate(
+            target.scenario,
+            target.recorded,
+            folder,
+            settings_of(target, settings.search(number)),
+            progress,
+            known,
+        )
     except ToolchainError as error:
         return replace(of, error=str(error), failures={of.title: f"not searched: {error}"})
     found, cases = failures(made.space, made.history, known), list(_cases(made, out))
@@ -110,7 +123,9 @@ def search(
     mostly = max(sorted(errors), key=errors.__getitem__, default="")
     return replace(
         of,
-        failures={} if outcomes.executed.any() else {of.title: f"no run succeeded, mostly: {mostly}"},
+        failures={}
+        if outcomes.executed.any()
+        else {of.title: f"no run succeeded, mostly: {mostly}"},
         parameters=[SearchRange(each.name, each.low, each.high) for each in made.space.parameters],
         pinned=dict(made.space.pinned),
         calls=len(outcomes),
@@ -122,7 +137,9 @@ def search(
         new=found.new,
         cases=cases,
         regions=list(regions_of(made, cases)),
-        failed=failures(made.space, made.episodes, known).theta.tolist(),  # cases may be draws of the density as well
+        failed=failures(
+            made.space, made.episodes, known
+        ).theta.tolist(),  # cases may be draws of the density as well
         real=_thinned(real).tolist(),
         tried=_thinned(made.history.theta).tolist(),
     )
@@ -133,7 +150,13 @@ def settings_of(target: SearchTarget, settings: SearchSettings) -> SearchSetting
     asked = target.asked
     if asked is None:
         return settings
-    return replace(settings, pinned=asked.pinned, free=asked.free, marginals=asked.marginals, default=asked.default)
+    return replace(
+        settings,
+        pinned=asked.pinned,
+        free=asked.free,
+        marginals=asked.marginals,
+        default=asked.default,
+    )
 
 
 def found_by(rounds: Iterable[Searched]) -> FloatArray | None:
@@ -154,7 +177,9 @@ def _cases(made: Generated, out: Path) -> Iterator[EdgeCase]:
             file=file.relative_to(out).as_posix(),
             road=road_of(file, out),
             theta=dict(zip(made.space.names, theta, strict=True)),
-            verdict=CaseVerdict.COLLISION if cases.outcomes.collision[row] else CaseVerdict.VIOLATION,
+            verdict=CaseVerdict.COLLISION
+            if cases.outcomes.collision[row]
+            else CaseVerdict.VIOLATION,
             careful=CarefulDriver.AVOIDS if survivors else careful,
             likelihood=round(float(cases.log_likelihood[row]), _DIGITS),
             risk=round(float(cases.outcomes.r_risk[row]), _DIGITS),
@@ -187,7 +212,9 @@ def road_of(scenario: Path, out: Path) -> str | None:
     if logic is None:
         return None
     path = (scenario.parent / logic.get("filepath")).resolve()
-    return path.relative_to(out.resolve()).as_posix() if path.is_relative_to(out.resolve()) else None
+    return (
+        path.relative_to(out.resolve()).as_posix() if path.is_relative_to(out.resolve()) else None
+    )
 
 
 def _thinned(theta: FloatArray) -> FloatArray:
@@ -199,7 +226,8 @@ def _thinned(theta: FloatArray) -> FloatArray:
 class Searchers:
     """Processes that search. A context manager; they last as long as it does.
 
-    A target is searched by the same process in each round: it remembers the densities that it has fitted.
+    A target is searched by the same process in each round: it remembers the densities that it has
+    fitted.
 
     Args:
         out: output folder of the loop.
@@ -207,7 +235,11 @@ class Searchers:
     """
 
     def __init__(self, out: Path, settings: LoopSettings) -> None:
-        self._out, self._count, self._settings = out, settings.processes, replace(settings, processes=1)
+        self._out, self._count, self._settings = (
+            out,
+            settings.processes,
+            replace(settings, processes=1),
+        )
         self._processes: list[ProcessPoolExecutor] = []
         self._numbers: dict[str, int] = {}
 
@@ -218,19 +250,25 @@ class Searchers:
         for process in self._processes:
             process.shutdown(wait=True, cancel_futures=True)
 
-    def begin(self, target: SearchTarget, number: int, known: FloatArray | None) -> Callable[[], Searched]:
+    def begin(
+        self, target: SearchTarget, number: int, known: FloatArray | None
+    ) -> Callable[[], Searched]:
         """Begin to search, see `search`; what waits for the result.
 
         That raises ToolchainError where the process has died.
         """
         if not self._processes:
             self._processes = [executor(1, anew=True) for _ in range(self._count)]
-        process = self._processes[self._numbers.setdefault(target.name, len(self._numbers) % self._count)]
+        process = self._processes[
+            self._numbers.setdefault(target.name, len(self._numbers) % self._count)
+        ]
         found = process.submit(_searched, target, number, self._out, self._settings, known)
         return lambda: _result(found)
 
 
-def _searched(target: SearchTarget, number: int, out: Path, settings: LoopSettings, known: FloatArray | None) -> Searched:
+def _searched(
+    target: SearchTarget, number: int, out: Path, settings: LoopSettings, known: FloatArray | None
+) -> Searched:
     return search(target, number, out, settings, known, lambda _: None)
 
 
@@ -238,7 +276,9 @@ def _result(search: Future[Searched]) -> Searched:
     try:
         return search.result()
     except BrokenProcessPool:
-        raise ToolchainError("a process died, perhaps because memory ran out; go on with --jobs 1") from None
+        raise ToolchainError(
+            "a process died, perhaps because memory ran out; go on with --jobs 1"
+        ) from None
 
 
 _NOTHING_BEFORE = "no run of the earlier loop succeeded: what is new here may be older"
@@ -274,12 +314,16 @@ class Earlier(NamedTuple):
             UsageError, InvalidFile: its edge cases are gone, or were changed.
         """
         rounds = [
-            Before.of(self.folder / f"round_{search.round}" / target, Path(f"{search.scenario}.xosc"))
+            Before.of(
+                self.folder / f"round_{search.round}" / target, Path(f"{search.scenario}.xosc")
+            )
             for search in self.searches.get(target, ())
         ]
         systems = {each.system for each in rounds}
         values = [value for each in rounds for value in each.values]
-        return Before(self.folder, self.sut, values, system=systems.pop() if len(systems) == 1 else "")
+        return Before(
+            self.folder, self.sut, values, system=systems.pop() if len(systems) == 1 else ""
+        )
 
 
 def compare(
@@ -291,7 +335,8 @@ def compare(
 ) -> Against:
     """Replay the failures of an earlier loop, and say which failures are new.
 
-    Targets that only one of the loops has searched are compared too: their failures are new or unknown.
+    Targets that only one of the loops has searched are compared too: their failures are new or
+    unknown.
 
     Args:
         targets: of this loop. found: their searches.
@@ -311,35 +356,60 @@ def compare(
     return Against(earlier.folder.resolve().name, earlier.sut, list(along()))
 
 
-def _compared(earlier: Earlier, target: SearchTarget, now: Sequence[Searched], settings: LoopSettings) -> Compared:
+def _compared(
+    earlier: Earlier, target: SearchTarget, now: Sequence[Searched], settings: LoopSettings
+) -> Compared:
     then = earlier.searches.get(target.name, ())
     if not now:
-        return _unknown(earlier, target.name, target.title, "this loop could not search it", blind=True)
+        return _unknown(
+            earlier, target.name, target.title, "this loop could not search it", blind=True
+        )
     if all(search.in_vain for search in now):
-        return _unknown(earlier, target.name, target.title, f"no run succeeded: {now[0].run_error}", blind=True)
+        return _unknown(
+            earlier, target.name, target.title, f"no run succeeded: {now[0].run_error}", blind=True
+        )
     if then and then[0].scenario != now[0].scenario:
-        return _unknown(earlier, target.name, target.title, f"it was {then[0].scenario} that was searched")
-    failures = [case for search in now for case in search.cases if case.verdict is CaseVerdict.COLLISION]
+        return _unknown(
+            earlier, target.name, target.title, f"it was {then[0].scenario} that was searched"
+        )
+    failures = [
+        case for search in now for case in search.cases if case.verdict is CaseVerdict.COLLISION
+    ]
     search = settings_of(target, settings.search(now[0].round))
     try:
         space, before = space_of(target.scenario, search), earlier.before(target.name)
-        theta = np.array([[case.theta[name] for name in space.names] for case in failures]).reshape(-1, len(space.names))
+        theta = np.array([[case.theta[name] for name in space.names] for case in failures]).reshape(
+            -1, len(space.names)
+        )
         tried = Tried(space, theta, np.ones(len(theta), bool))
         made = regression(before, target.scenario, tried, search)
     except UsageError as error:
         return _unknown(earlier, target.name, target.title, error.message)
-    known = [KnownFailure(dict(values), fate) for values, fate in zip(before.values, made.fates, strict=True)]
-    found = {case.file: fate for case, fate in zip(failures, made.found, strict=True) if fate is not None}
+    known = [
+        KnownFailure(dict(values), fate)
+        for values, fate in zip(before.values, made.fates, strict=True)
+    ]
+    found = {
+        case.file: fate for case, fate in zip(failures, made.found, strict=True) if fate is not None
+    }
     new = [file for file, fate in found.items() if fate is Fate.NEW]
     others: dict[str, Fate] = {file: fate for file, fate in found.items() if fate is not Fate.NEW}
     reason = _NOTHING_BEFORE if then and all(search.in_vain for search in then) else ""
-    return Compared(target=target.name, title=target.title, reason=reason, before=known, new=new, others=others)
+    return Compared(
+        target=target.name, title=target.title, reason=reason, before=known, new=new, others=others
+    )
 
 
-def _unknown(earlier: Earlier, target: str, title: str, reason: str, blind: bool = False) -> Compared:
+def _unknown(
+    earlier: Earlier, target: str, title: str, reason: str, blind: bool = False
+) -> Compared:
     """A target whose failures of before nothing is known of."""
     found = [case for search in earlier.searches.get(target, ()) for case in search.cases]
-    failures = [KnownFailure(_texts(each), Fate.UNKNOWN) for each in found if each.verdict is CaseVerdict.COLLISION]
+    failures = [
+        KnownFailure(_texts(each), Fate.UNKNOWN)
+        for each in found
+        if each.verdict is CaseVerdict.COLLISION
+    ]
     return Compared(target=target, title=title, reason=reason, before=failures, blind=blind)
 
 

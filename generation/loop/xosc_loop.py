@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from generation.options import FailIf, budget_within_limits, fates
-from generation.settings import LoopSettings
-from schemas.common.command_line import (
+from generation.report.options import FailIf, budget_within_limits, fates
+from generation.search.settings import LoopSettings
+from schemas.common.errors import ExitCode, UsageError, exit_codes
+from schemas.common.terminal.command_line import (
     AllowInconclusive,
     Quiet,
     Verbose,
@@ -26,9 +27,8 @@ from schemas.common.command_line import (
     protected,
     say,
 )
-from schemas.common.errors import ExitCode, UsageError, exit_codes
-from schemas.common.options import with_settings
-from schemas.common.text import many
+from schemas.common.terminal.options import with_settings
+from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
     from generation.loop.findings import LoopStage, StageFinding
@@ -50,12 +50,23 @@ app = new_app()
 @with_settings
 def xosc_loop(
     folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="Recordings (highD, INTERACTION, CommonRoad, NGSIM, runs), .xosc scenarios.")
+        Path,
+        typer.Argument(
+            metavar="FOLDER",
+            help="Recordings (highD, INTERACTION, CommonRoad, NGSIM, runs), .xosc scenarios.",
+        ),
     ],
-    out: Annotated[Path, out_folder("Folder for all that comes of it; index.html in it is the page.")],
+    out: Annotated[
+        Path, out_folder("Folder for all that comes of it; index.html in it is the page.")
+    ],
     settings: LoopSettings,
-    labels: Annotated[Literal["model", "rules"], typer.Option(help="Who labels: a model, or the rules alone.")] = "model",
-    model: Annotated[Path | None, typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]")] = None,
+    labels: Annotated[
+        Literal["model", "rules"], typer.Option(help="Who labels: a model, or the rules alone.")
+    ] = "model",
+    model: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Model to label by.  [default: the one shipped]"),
+    ] = None,
     fail_if: FailIf = None,
     allow_inconclusive: AllowInconclusive = False,
     _verbose: Verbose = False,
@@ -64,26 +75,33 @@ def xosc_loop(
 ) -> None:
     """Recognise scenarios in recordings, vary them into edge cases for a system under test, check, run and show them.
 
-    Edge cases of one round are what the next one starts from. What is done stays: after an interruption the same command goes
-    on. index.html in the output folder shows everything, with replays, scenario and road files and tags to open.
+    Edge cases of one round are what the next one starts from. What is done stays: after an
+    interruption the same command goes on. index.html in the output folder shows everything, with
+    replays, scenario and road files and tags to open.
 
-    --against compares with a loop of another version of the system: the failures of its edge cases are replayed, and are fixed or
-    still there; those found now that are unlike them are new where the former system survives them.
+    --against compares with a loop of another version of the system: the failures of its edge cases
+    are replayed, and are fixed or still there; those found now that are unlike them are new where
+    the former system survives them.
 
-    Recordings that can't be read, and scenarios that can't be read, run or searched are listed with the reason; the others go on.
+    Recordings that can't be read, and scenarios that can't be read, run or searched are listed with
+    the reason; the others go on.
 
-    --recorded, --kind, --pin, --free, --map, --road-path and --catalog-path are about the scenarios in the folder, as in
-    xosc-generate.
+    --recorded, --kind, --pin, --free, --map, --road-path and --catalog-path are about the scenarios
+    in the folder, as in xosc-generate.
     """
     from generation.loop.findings import closing
     from generation.loop.loop import run_loop
     from generation.loop.page import write
 
-    settings = replace(settings, model=_model(labels, model), budget=budget_within_limits(settings.budget, 0, NAME))
+    settings = replace(
+        settings, model=_model(labels, model), budget=budget_within_limits(settings.budget, 0, NAME)
+    )
     _refuse_wrong(settings)
     wanted = fates(fail_if, settings.against)
     with interruptible(NAME, "the same command goes on where it was"):
-        found = run_loop(folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet))
+        found = run_loop(
+            folder, out, settings, partial(progress_bar, quiet=quiet), partial(_told, quiet)
+        )
         page = write(found, out)
         if not quiet:
             say(*closing(found), f"{page} shows all of it")
@@ -95,7 +113,9 @@ def xosc_loop(
         raise typer.Exit(ExitCode.INTERNAL)
     if not found.sound or failing:
         raise typer.Exit(ExitCode.FINDING)
-    raise typer.Exit(ExitCode.INCONCLUSIVE if found.inconclusive and not allow_inconclusive else ExitCode.PASSED)
+    raise typer.Exit(
+        ExitCode.INCONCLUSIVE if found.inconclusive and not allow_inconclusive else ExitCode.PASSED
+    )
 
 
 def _model(labels: str, model: Path | None) -> Path | None:
@@ -113,7 +133,7 @@ def _model(labels: str, model: Path | None) -> Path | None:
 def _refuse_wrong(settings: LoopSettings) -> None:
     """Refuse impossible settings before the recognition starts."""
     from generation.search.problem import method
-    from generation.variations import freed, mapped
+    from generation.search.variations import freed, mapped
 
     method(settings.method)
     freed(settings.ask.free)

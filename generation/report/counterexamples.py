@@ -1,8 +1,9 @@
 """Failures as a tester reads them: measures, counterexamples, the boundary of failures, and regions.
 
-Counterexamples are the likeliest failure and the nearest to a recording. A region is a group of failing runs with a rule, its
-probability, severity and typical member. A rule bounds at most three measures from one side each. It is fitted to the runs of the
-folder, which were sought near failures: its precision and recall are shares of these runs. The probability of a region comes from
+Counterexamples are the likeliest failure and the nearest to a recording. A region is a group of
+failing runs with a rule, its probability, severity and typical member. A rule bounds at most three
+measures from one side each. It is fitted to the runs of the folder, which were sought near
+failures: its precision and recall are shares of these runs. The probability of a region comes from
 unguided draws alone.
 """
 
@@ -16,16 +17,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from generation.density.gate import NEAR, Share
-from generation.density.prior import LEAST, by_actor, reading
-from generation.density.roles import AHEAD, BEGINS, EGO, EGO_SPEED, NUISANCES, Role, roles_of
-from generation.outcomes import JUDGES, Cases, Drivers, matrix
 from generation.pipeline import Generated, evidence
-from generation.search.space import Space, distinctive
-from generation.settings import SearchSettings
-from generation.variations import Writer
+from generation.search.gate import NEAR, Share
+from generation.search.outcomes import JUDGES, Cases, Drivers, matrix
+from generation.search.settings import SearchSettings
+from generation.search.variations import Writer
+from generation.space.density.prior import LEAST, by_actor, reading
+from generation.space.density.roles import AHEAD, BEGINS, EGO, EGO_SPEED, NUISANCES, Role, roles_of
+from generation.space.space import Space, distinctive
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
-from schemas.common.text import many
+from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -47,19 +48,25 @@ def measures(space: Space, roles: Mapping[str, Role], theta: FloatArray) -> list
     """Return the measures of points (n, d): of each actor with recorded parameters, and all other parameters.
 
     Args:
-        roles: of the parameters that are known in recordings, of pinned ones too: these enter into measures, and are none.
+        roles: of the parameters that are known in recordings, of pinned ones too: these enter into
+            measures, and are none.
     """
     values = space.by_name(theta)
     roles = {name: role for name, role in roles.items() if name in values}
     actors = by_actor(values, roles) if roles else {}
     found = [each for actor, of in actors.items() for each in _of_actor(of, actor, len(actors) > 1)]
     nuisances = {name for name, role in roles.items() if role.role in NUISANCES}
-    ego = next((name for name, role in roles.items() if role.role == EGO_SPEED and name in space.names), None)
+    ego = next(
+        (name for name, role in roles.items() if role.role == EGO_SPEED and name in space.names),
+        None,
+    )
     read = set(roles) if found else set(nuisances)
     if ego is not None and found:
         whose = "leader" if EGO in actors else "ego"
         found.append(Measure(f"speed of the {whose}", "m/s", values[ego] / roles[ego].factor))
-    found += [Measure(name, unit_of(name), values[name]) for name in space.names if name not in read]
+    found += [
+        Measure(name, unit_of(name), values[name]) for name in space.names if name not in read
+    ]
     return found
 
 
@@ -85,9 +92,13 @@ def _of_actor(of: Mapping[str, FloatArray], actor: str, several: bool) -> Iterat
     if BEGINS in of:
         yield Measure(f"{before}begins at", "s", of[BEGINS])
     if duration is not None:
-        yield Measure(f"{before}duration" if several else "duration of the manoeuvre", "s", duration)
+        yield Measure(
+            f"{before}duration" if several else "duration of the manoeuvre", "s", duration
+        )
         if start is not None and end is not None:
-            of_whom = f"{before}acceleration" if several else f"acceleration of {actor or 'the actor'}"
+            of_whom = (
+                f"{before}acceleration" if several else f"acceleration of {actor or 'the actor'}"
+            )
             yield Measure(of_whom, "m/s²", (end - start) / np.maximum(duration, LEAST))
     if end is not None and "final_speed" in of:
         yield Measure(f"{before}change of speed afterwards", "m/s", of["final_speed"] - end)
@@ -132,7 +143,8 @@ class Counterexamples:
     """Counterexamples that exist.
 
     Attributes:
-        cases: the failures that they are of, one a row. foreseeable, preventable: which of them (n,) are.
+        cases: the failures that they are of, one a row. foreseeable, preventable: which of them
+            (n,) are.
     """
 
     cases: Cases
@@ -160,7 +172,11 @@ def counterexamples(
     found = []
     for row, (file, each) in enumerate(zip(files, names, strict=True)):
         replay, reproduced = _played(file, settings)
-        found.append(Counterexample(each, row, file, replay, reproduced, nearest(generated, cases.theta[row])))
+        found.append(
+            Counterexample(
+                each, row, file, replay, reproduced, nearest(generated, cases.theta[row])
+            )
+        )
     return Counterexamples(cases, foreseeable, preventable, found)
 
 
@@ -172,12 +188,18 @@ def _chosen(generated: Generated, drivers: Drivers) -> tuple[list[list[str]], Ca
     if not len(cases):
         return [], cases
     rows = {LIKELIEST: int(cases.log_likelihood.argmax())}
-    distances = [each.distance for row in cases.theta if (each := nearest(generated, row)) is not None]
+    distances = [
+        each.distance for row in cases.theta if (each := nearest(generated, row)) is not None
+    ]
     if distances:
         rows[NEAREST] = int(np.argmin(distances))
-    names = [[name for name, row in rows.items() if row == each] for each in dict.fromkeys(rows.values())]
+    names = [
+        [name for name, row in rows.items() if row == each] for each in dict.fromkeys(rows.values())
+    ]
     chosen = cases.take(np.array(list(dict.fromkeys(rows.values()))))
-    return names, chosen if chosen.drivers else replace(chosen, drivers=matrix(chosen.theta, drivers).drivers)
+    return names, chosen if chosen.drivers else replace(
+        chosen, drivers=matrix(chosen.theta, drivers).drivers
+    )
 
 
 def _others(generated: Generated) -> Cases:
@@ -198,14 +220,21 @@ class FailureReplay(NamedTuple):
 
 
 def replays(
-    scenario: Path, generated: Generated, settings: SearchSettings, drivers: Drivers, out: Path, rows: Mapping[str, int]
+    scenario: Path,
+    generated: Generated,
+    settings: SearchSettings,
+    drivers: Drivers,
+    out: Path,
+    rows: Mapping[str, int],
 ) -> dict[str, FailureReplay]:
     """Write and play failures of the executed runs.
 
     Args:
-        drivers: runs points with other systems under test: the tags of the files tell which judges survive.
+        drivers: runs points with other systems under test: the tags of the files tell which judges
+            survive.
         out: folder for the files.
-        rows: of the executed runs, by the names of the files after the scenario's; equal ones share a file.
+        rows: of the executed runs, by the names of the files after the scenario's; equal ones share
+            a file.
     """
     theta, outcomes, rewards = generated.episodes
     chosen = list(dict.fromkeys(rows.values()))
@@ -214,10 +243,19 @@ def replays(
     executed = np.flatnonzero(outcomes.executed)[chosen]
     points, names = theta[executed], {row: name for name, row in reversed(list(rows.items()))}
     judged = {name: drivers(points, name) for name in JUDGES}
-    cases = Cases(points, outcomes.take(executed), rewards[executed], generated.prior.log_density(points), judged)
+    cases = Cases(
+        points,
+        outcomes.take(executed),
+        rewards[executed],
+        generated.prior.log_density(points),
+        judged,
+    )
     writer = Writer(scenario, generated.space, out, settings.run, settings.overwrite)
     files = writer.concrete(cases, evidence(settings), [names[row] for row in chosen])
-    played = {row: FailureReplay(file, *_played(file, settings)) for row, file in zip(chosen, files, strict=True)}
+    played = {
+        row: FailureReplay(file, *_played(file, settings))
+        for row, file in zip(chosen, files, strict=True)
+    }
     return {name: played[row] for name, row in rows.items()}
 
 
@@ -241,8 +279,8 @@ def _distances(space: Space, point: FloatArray, others: FloatArray) -> FloatArra
 
 def _played(file: Path, settings: SearchSettings) -> tuple[Path, bool]:
     """The page that plays a scenario, and whether its run ends in a collision."""
-    from runner.interpreter.execution import run
-    from runner.replay.player import write_replay
+    from runner.judging.execution import run
+    from runner.view.replay.player import write_replay
 
     result = run(file, settings.run)
     result.name = file.stem
@@ -265,7 +303,8 @@ class Slice(NamedTuple):
     Attributes:
         across, up: indices of the measures.
         held: medians (k,) over the failures, of all measures.
-        boundary: lines (n, 2) where as much speaks for a failure as against it, among the runs that there are.
+        boundary: lines (n, 2) where as much speaks for a failure as against it, among the runs that
+            there are.
     """
 
     across: int
@@ -279,10 +318,12 @@ class Region:
     """The boundary.
 
     Attributes:
-        accuracy: balanced, of runs that the model was not fitted on: mean of the shares of failures and of others that it gets
-            right; ½ is chance. spread: its standard deviation over folds.
+        accuracy: balanced, of runs that the model was not fitted on: mean of the shares of failures
+            and of others that it gets right; ½ is chance. spread: its standard deviation over
+            folds.
         area: under the receiver's characteristic, likewise.
-        weights: how much of the accuracy goes when a measure's values are shuffled, by its index, the greatest first.
+        weights: how much of the accuracy goes when a measure's values are shuffled, by its index,
+            the greatest first.
         drawn: indices of the measures that matter most. alone: accuracy of a model of these alone.
         slices: of that model.
     """
@@ -315,7 +356,15 @@ def region(measures: Sequence[Measure], failing: BoolArray) -> Region | str:
         for across, up in combinations(range(len(drawn)), 2)
     ]
     accuracy, area = scores["test_balanced_accuracy"], scores["test_roc_auc"]
-    return Region(float(accuracy.mean()), float(accuracy.std()), float(area.mean()), weights, drawn, float(alone.mean()), slices)
+    return Region(
+        float(accuracy.mean()),
+        float(accuracy.std()),
+        float(area.mean()),
+        weights,
+        drawn,
+        float(alone.mean()),
+        slices,
+    )
 
 
 def _model() -> Pipeline:
@@ -331,19 +380,25 @@ def _scores(rows: FloatArray, failing: BoolArray) -> dict[str, Any]:
     from sklearn.model_selection import StratifiedKFold, cross_validate
 
     folds = StratifiedKFold(_FOLDS, shuffle=True, random_state=0)
-    found: dict[str, Any] = cross_validate(_model(), rows, failing, cv=folds, scoring=("balanced_accuracy", "roc_auc"))
+    found: dict[str, Any] = cross_validate(
+        _model(), rows, failing, cv=folds, scoring=("balanced_accuracy", "roc_auc")
+    )
     return found
 
 
 def _weights(model: Pipeline, rows: FloatArray, failing: BoolArray) -> dict[int, float]:
     from sklearn.inspection import permutation_importance
 
-    found = permutation_importance(model, rows, failing, scoring="balanced_accuracy", n_repeats=5, random_state=0)
+    found = permutation_importance(
+        model, rows, failing, scoring="balanced_accuracy", n_repeats=5, random_state=0
+    )
     means = found["importances_mean"]
     return {int(index): float(means[index]) for index in np.argsort(-means, kind="stable")}
 
 
-def _boundary(model: Pipeline, rows: FloatArray, held: FloatArray, across: int, up: int) -> list[FloatArray]:
+def _boundary(
+    model: Pipeline, rows: FloatArray, held: FloatArray, across: int, up: int
+) -> list[FloatArray]:
     """Return the points where the model is undecided, within the reach of runs."""
     from matplotlib.figure import Figure
     from scipy.spatial import Delaunay
@@ -388,11 +443,14 @@ class FailureRegion(NamedTuple):
     """A region.
 
     Attributes:
-        bounds: its rule. precision: share of the runs within the rule that are failures of the region.
+        bounds: its rule. precision: share of the runs within the rule that are failures of the
+            region.
         recall: share of its failures within the rule.
-        failures: number of failing runs. drawn: unguided draws that fail within `NEAR` of one of them.
+        failures: number of failing runs. drawn: unguided draws that fail within `NEAR` of one of
+            them.
         severity: mean impact speed, m/s. cases: rows of the edge cases in it, the likelier first.
-        typical, likeliest: rows of the executed runs: the failure nearest to the others, and that of the greatest density.
+        typical, likeliest: rows of the executed runs: the failure nearest to the others, and that
+            of the greatest density.
         survived: number of the edge cases that each reference driver survives.
     """
 
@@ -423,9 +481,13 @@ class FailureRegion(NamedTuple):
     @property
     def importance(self) -> tuple[bool, float]:
         """Order: regions with edge cases first, then by probability times severity."""
-        return self.edge_cases > 0, (self.drawn.collisions + 0.5) / (self.drawn.runs + 1.0) * (1.0 + self.severity)
+        return self.edge_cases > 0, (self.drawn.collisions + 0.5) / (self.drawn.runs + 1.0) * (
+            1.0 + self.severity
+        )
 
-    def as_json(self, by: Sequence[Measure], members: Mapping[str, Sequence[float]]) -> dict[str, Any]:
+    def as_json(
+        self, by: Sequence[Measure], members: Mapping[str, Sequence[float]]
+    ) -> dict[str, Any]:
         """For files and the page; `members` has the values of the `typical` and of the `likeliest` member."""
         low, high = self.drawn.interval
         chance = self.drawn.collisions / self.drawn.runs if self.drawn.runs else None
@@ -476,13 +538,28 @@ def regions(generated: Generated, by: Sequence[Measure]) -> list[FailureRegion]:
         of = np.zeros(len(rows), bool)
         of[group] = True
         bounds, precision, recall = _rule(rows, of)
-        typical = group[int(np.argmin(np.square(unit[group] - unit[group].mean(axis=0)).sum(axis=1)))]
+        typical = group[
+            int(np.argmin(np.square(unit[group] - unit[group].mean(axis=0)).sum(axis=1)))
+        ]
         likeliest = group[int(np.argmax(generated.prior.log_density(theta[group])))]
         near = _near(space.unit(cases.theta)[:, columns], unit[group])
         survived = {name: int((each.survived & near).sum()) for name, each in cases.drivers.items()}
-        severity, drawn = float(outcomes.impact_speed[group].mean()), _share(generated, columns, unit[group])
+        severity, drawn = (
+            float(outcomes.impact_speed[group].mean()),
+            _share(generated, columns, unit[group]),
+        )
         of_rule = (bounds, precision, recall, len(group))
-        found.append(FailureRegion(*of_rule, drawn, severity, collided[near].tolist(), int(typical), int(likeliest), survived))
+        found.append(
+            FailureRegion(
+                *of_rule,
+                drawn,
+                severity,
+                collided[near].tolist(),
+                int(typical),
+                int(likeliest),
+                survived,
+            )
+        )
     return sorted(found, key=lambda each: each.importance, reverse=True)[:_MOST]
 
 
@@ -492,7 +569,9 @@ def grouped(unit: FloatArray, linked: float) -> IntArray:
 
     if len(unit) < 2:
         return np.zeros(len(unit), np.int64)
-    return np.asarray(fcluster(linkage(unit, "single"), linked * np.sqrt(unit.shape[1]), "distance"), np.int64)
+    return np.asarray(
+        fcluster(linkage(unit, "single"), linked * np.sqrt(unit.shape[1]), "distance"), np.int64
+    )
 
 
 def _share(generated: Generated, columns: BoolArray, group: FloatArray) -> Share:
@@ -501,7 +580,9 @@ def _share(generated: Generated, columns: BoolArray, group: FloatArray) -> Share
         return Share(0, 0)
     theta, outcomes, _ = generated.draws
     near = _near(generated.space.unit(theta)[:, columns], group)
-    return Share(int((outcomes.executed & outcomes.collision & near).sum()), int(outcomes.executed.sum()))
+    return Share(
+        int((outcomes.executed & outcomes.collision & near).sum()), int(outcomes.executed.sum())
+    )
 
 
 def _near(unit: FloatArray, others: FloatArray) -> BoolArray:

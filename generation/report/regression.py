@@ -11,25 +11,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.density.gate import NEAR
-from generation.outcomes import COLLISION, Outcomes, SimulationJob, Simulator
 from generation.pipeline import Generated, estimate_file, evaluator_of, summary_file, system_digest
 from generation.report.counterexamples import LINKED, grouped
-from generation.search.space import Space, apart, distinctive
-from generation.settings import SearchSettings
-from runner.settings import RunSettings
+from generation.search.gate import NEAR
+from generation.search.outcomes import COLLISION, Outcomes, SimulationJob, Simulator
+from generation.search.settings import SearchSettings
+from generation.space.space import Space, apart, distinctive
+from runner.judging.settings import RunSettings
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import UsageError
 from schemas.common.storage import read_object
 from xosc.distributions import ParameterSpace
-from xosc.tags import tags_of
+from xosc.writing.tags import tags_of
 
 
 class Fate(StrEnum):
     """Fate of a failure; a run with an error decides nothing.
 
-    A failure found now that is unlike all of before is played with the former version: it is new where that one survives, missed
-    where that one fails too, and unlike where that one can't be played.
+    A failure found now that is unlike all of before is played with the former version: it is new
+    where that one survives, missed where that one fails too, and unlike where that one can't be
+    played.
     """
 
     FIXED = "fixed"
@@ -60,9 +61,10 @@ class Before:
     Attributes:
         folder: of the search. sut: its system under test.
         values: of all parameters of each failure that it found, by name.
-        estimate: how often the system failed, as `generation.estimation.estimate.Estimate.as_json` has it; None where nothing is
-            known.
-        system: digest of the system, as `generation.pipeline.system_digest` has it; empty where it is not known.
+        estimate: how often the system failed, as `generation.estimation.estimate.Estimate.as_json`
+            has it; None where nothing is known.
+        system: digest of the system, as `generation.pipeline.system_digest` has it; empty where it
+            is not known.
     """
 
     folder: Path
@@ -79,20 +81,37 @@ class Before:
             UsageError: no search of the scenario is in it.
             InvalidFile: a file is malformed.
         """
-        path, estimated = folder / f"{scenario.stem}_edge_cases.xosc", folder / estimate_file(scenario)
+        path, estimated = (
+            folder / f"{scenario.stem}_edge_cases.xosc",
+            folder / estimate_file(scenario),
+        )
         if not (path.is_file() or any(folder.glob(f"{scenario.stem}_runs_*.jsonl"))):
-            raise UsageError(f"--against: no search of {scenario.name} is in this folder", path=folder)
+            raise UsageError(
+                f"--against: no search of {scenario.name} is in this folder", path=folder
+            )
         estimate = read_object(estimated) if estimated.is_file() else None
         summarised = folder / summary_file(scenario)
         summary = read_object(summarised) if summarised.is_file() else {}
         system = str(summary.get("system", ""))
         if not path.is_file():
-            return cls(folder, str((summary or estimate or {}).get("sut", "")), (), estimate, system)
+            return cls(
+                folder, str((summary or estimate or {}).get("sut", "")), (), estimate, system
+            )
         tags = {tag.type: tag.value for tag in tags_of(path)}
         verdicts, space = tags.get("Verdict"), ParameterSpace(path)
-        if not isinstance(verdicts, Sequence) or isinstance(verdicts, str) or len(verdicts) != space.size:
-            raise UsageError("--against: the tags of these edge cases do not say which are failures", path=path)
-        values = [space.variation(number)[1] for number, verdict in enumerate(verdicts) if verdict == COLLISION]
+        if (
+            not isinstance(verdicts, Sequence)
+            or isinstance(verdicts, str)
+            or len(verdicts) != space.size
+        ):
+            raise UsageError(
+                "--against: the tags of these edge cases do not say which are failures", path=path
+            )
+        values = [
+            space.variation(number)[1]
+            for number, verdict in enumerate(verdicts)
+            if verdict == COLLISION
+        ]
         return cls(folder, str(tags.get("SystemUnderTest", "")), values, estimate, system)
 
 
@@ -128,7 +147,8 @@ class Regression:
     Attributes:
         before: the other version.
         replayed: what came of its failures with this one (n,). fates: what became of them (n,).
-        found: fates of the points (m,) of this version: `NEW`, `MISSED` or `UNLIKE` for failures unlike all of before, else None.
+        found: fates of the points (m,) of this version: `NEW`, `MISSED` or `UNLIKE` for failures
+            unlike all of before, else None.
         regions: number of regions of failures by what became of them.
     """
 
@@ -148,11 +168,14 @@ class Regression:
         return f"against {self.before.sut or 'the system'} in {self.before.folder}: {self.counts}; regions: {regions}"
 
 
-def regression(before: Before, scenario: Path, tried: Tried, settings: SearchSettings) -> Regression:
+def regression(
+    before: Before, scenario: Path, tried: Tried, settings: SearchSettings
+) -> Regression:
     """Replay the failures of another version, and compare what was found.
 
-    A failure is fixed where the system survives it, and nothing that was found now is like it. Failures found now that are unlike
-    all of before are played with the former version, where its name, parameters and code are those of then.
+    A failure is fixed where the system survives it, and nothing that was found now is like it.
+    Failures found now that are unlike all of before are played with the former version, where its
+    name, parameters and code are those of then.
 
     Args:
         tried: edge cases of this version.
@@ -164,15 +187,24 @@ def regression(before: Before, scenario: Path, tried: Tried, settings: SearchSet
     declared = {*space.names, *space.pinned}
     unknown = sorted({name for values in before.values for name in values} - declared)
     if unknown:
-        raise UsageError(f"--against: the scenario has no parameter {unknown[0]} any more", path=before.folder)
-    with Simulator(run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray) as simulator:
-        jobs = (SimulationJob(str(number), scenario, scenario, dict(each)) for number, each in enumerate(before.values))
+        raise UsageError(
+            f"--against: the scenario has no parameter {unknown[0]} any more", path=before.folder
+        )
+    with Simulator(
+        run=settings.run, rss=settings.rss, processes=settings.processes, ray=settings.ray
+    ) as simulator:
+        jobs = (
+            SimulationJob(str(number), scenario, scenario, dict(each))
+            for number, each in enumerate(before.values)
+        )
         replayed = simulator.of(jobs)
     far = _far(tried, before, settings.choice.apart)
     alike = np.array([not row.all() for row in far[:, tried.failing]], bool)
     fates = [
         Fate.UNKNOWN if not executed else Fate.STILL_THERE if collided or near else Fate.FIXED
-        for executed, collided, near in zip(replayed.executed, replayed.collision, alike, strict=True)
+        for executed, collided, near in zip(
+            replayed.executed, replayed.collision, alike, strict=True
+        )
     ]
     found = _found(before, scenario, tried, tried.failing & far.all(axis=0), settings)
     return Regression(before, replayed, fates, found, _regions(before, tried, fates))
@@ -181,12 +213,15 @@ def regression(before: Before, scenario: Path, tried: Tried, settings: SearchSet
 def _regions(before: Before, tried: Tried, fates: Sequence[Fate]) -> Counter[Shift]:
     """Regions of the failures of both versions together: groups by distance, as `generation.report.counterexamples` has them.
 
-    A region is gone where all its failures of before are fixed and none is found now. It has moved where none of them is left as
-    it was, or where the middle of what fails now is `NEAR` or more from the middle of what failed before.
+    A region is gone where all its failures of before are fixed and none is found now. It has moved
+    where none of them is left as it was, or where the middle of what fails now is `NEAR` or more
+    from the middle of what failed before.
     """
     space, columns = tried.space, distinctive(tried.space)
     rows = [row for row, values in enumerate(before.values) if _alike(space, values)]
-    then = np.array([[float(before.values[row][name]) for name in space.names] for row in rows]).reshape(-1, len(space.names))
+    then = np.array(
+        [[float(before.values[row][name]) for name in space.names] for row in rows]
+    ).reshape(-1, len(space.names))
     remains = np.array([fates[row] is not Fate.FIXED for row in rows], bool)
     unit = space.unit(np.concatenate([then, tried.theta[tried.failing]]))[:, columns]
     labels, found = grouped(unit, LINKED), Counter[Shift]()
@@ -211,7 +246,9 @@ def _alike(space: Space, values: Mapping[str, str]) -> bool:
     return all(values.get(name, value) == value for name, value in space.pinned.items())
 
 
-def _found(before: Before, scenario: Path, tried: Tried, unlike: BoolArray, settings: SearchSettings) -> list[Fate | None]:
+def _found(
+    before: Before, scenario: Path, tried: Tried, unlike: BoolArray, settings: SearchSettings
+) -> list[Fate | None]:
     """Fates of points (m,): of those that are unlike all failures of before."""
     fates: list[Fate | None] = [Fate.UNLIKE if each else None for each in unlike]
     rows, run = np.flatnonzero(unlike), replace(settings.run, sut=before.sut)
@@ -239,5 +276,7 @@ def _far(tried: Tried, before: Before, least: float) -> BoolArray:
     for row, values in enumerate(before.values):
         if _alike(space, values):
             point: FloatArray = np.array([[float(values[name]) for name in space.names]])
-            found[row] = apart(space.unit(tried.theta)[:, columns], space.unit(point)[:, columns], least)
+            found[row] = apart(
+                space.unit(tried.theta)[:, columns], space.unit(point)[:, columns], least
+            )
     return found

@@ -9,10 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from generation.density.models import judge
 from generation.estimation.estimate import FAILURE, PREVENTABLE, Estimate
-from generation.estimation.probability import LEAST_EFFECTIVE, PER_DISTANCE, PER_HOUR, Driving, Probability, Rate
-from generation.outcomes import JUDGES, REFERENCES, RISK_WINDOW, Cases, Outcomes
+from generation.estimation.probability import (
+    LEAST_EFFECTIVE,
+    PER_DISTANCE,
+    PER_HOUR,
+    Driving,
+    Probability,
+    Rate,
+)
 from generation.pipeline import Generated, evaluator_of
 from generation.report.counterexamples import (
     Counterexample,
@@ -31,13 +36,15 @@ from generation.report.counterexamples import (
     varying,
 )
 from generation.report.regression import Fate, Regression, Shift
-from generation.settings import SearchSettings
-from generation.variations import Written
-from runner.replay.page import page, write_page
-from runner.sut import system_name
+from generation.search.outcomes import JUDGES, REFERENCES, RISK_WINDOW, Cases, Outcomes
+from generation.search.settings import SearchSettings
+from generation.search.variations import Written
+from generation.space.density.models import judge
+from runner.systems import system_name
+from runner.view.page import page, write_page
 from schemas.common.array_types import FloatArray
 from schemas.common.storage import alone, write_object
-from schemas.common.text import many
+from schemas.common.terminal.text import many
 
 _SMALLEST = 1e-4
 """Numbers below this are written with a power of ten"""
@@ -47,23 +54,40 @@ def headline(title: str, sut: str, generated: Generated) -> list[str]:
     """Sentences about a search of a scenario with that title."""
     found, lost, estimate = _found(title, sut, generated), _lost(generated), generated.estimate
     refusal = generated.gate.refusal
-    refused = [] if refusal is None else [f"The density is no judge of what is foreseeable: {refusal}."]
+    refused = (
+        [] if refusal is None else [f"The density is no judge of what is foreseeable: {refusal}."]
+    )
     stated = f"{str(generated.statement)[:1].upper()}{str(generated.statement)[1:]}."
     if estimate is None:
-        return [found, *lost, *refused, stated, "How often traffic makes it fail was not estimated; --estimate does that."]
+        return [
+            found,
+            *lost,
+            *refused,
+            stated,
+            "How often traffic makes it fail was not estimated; --estimate does that.",
+        ]
     traffic = "simulated traffic" if generated.recorded.simulated else "traffic"
     made = f"When {traffic} makes the manoeuvre of {title}"
-    drawn = made if generated.gate.replayed is not None else f"Where {title} has values as stated (nothing is recorded)"
+    drawn = (
+        made
+        if generated.gate.replayed is not None
+        else f"Where {title} has values as stated (nothing is recorded)"
+    )
     return [*_often(drawn, sut, estimate), *refused, found, *lost, stated]
 
 
 def _found(title: str, sut: str, generated: Generated) -> str:
     outcomes = generated.episodes.outcomes
-    failures, cases = int((outcomes.executed & outcomes.collision).sum()), int(generated.cases.outcomes.collision.sum())
+    failures, cases = (
+        int((outcomes.executed & outcomes.collision).sum()),
+        int(generated.cases.outcomes.collision.sum()),
+    )
     ran = int(outcomes.executed.sum())
     if not failures:
         return f"{sut} has no collision in {many(ran, 'run')} of {title}."
-    judged = f"{cases} failures unlike each other are" if cases > 1 else f"{cases or 'no'} failure is"
+    judged = (
+        f"{cases} failures unlike each other are" if cases > 1 else f"{cases or 'no'} failure is"
+    )
     ran_of = f"{failures:,} of {many(ran, 'sought or drawn run')} of {title}"
     inside = f" within the operational domain ({generated.domain})" if generated.domain else ""
     return f"{sut} collides in {ran_of}; {judged} foreseeable{inside} and prevented by a careful driver."
@@ -72,7 +96,10 @@ def _found(title: str, sut: str, generated: Generated) -> str:
 def _lost(generated: Generated) -> Iterator[str]:
     """Runs that ended with an error or are inconclusive, which nothing else on the page counts."""
     outcomes = generated.episodes.outcomes
-    errors, untested = outcomes.error[outcomes.status == "error"], outcomes.error[outcomes.inconclusive]
+    errors, untested = (
+        outcomes.error[outcomes.status == "error"],
+        outcomes.error[outcomes.inconclusive],
+    )
     if len(errors):
         yield f"{many(len(errors), 'more run')} failed and count for nothing, the first with: {errors[0]}"
     if len(untested):
@@ -88,12 +115,23 @@ def _often(drawn: str, sut: str, estimate: Estimate) -> Iterator[str]:
         return
     yield f"{drawn}, {sut} collides with a probability of {chance(failure)}."
     if rates:
-        of = "simulated driving" if isinstance(estimate.driving, Driving) and estimate.driving.simulated else "driving"
+        of = (
+            "simulated driving"
+            if isinstance(estimate.driving, Driving) and estimate.driving.simulated
+            else "driving"
+        )
         yield f"That is {rate(rates[PER_HOUR])} collisions per hour of {of} and {rate(rates[PER_DISTANCE])} per 1,000 km."
     yield f"Collisions that a careful driver prevents have a probability of {chance(estimate.probabilities[PREVENTABLE])}."
-    bands = {name: each.value for name, each in estimate.probabilities.items() if name not in (FAILURE, PREVENTABLE)}
+    bands = {
+        name: each.value
+        for name, each in estimate.probabilities.items()
+        if name not in (FAILURE, PREVENTABLE)
+    }
     if sum(bands.values()) > 0.0:
-        shares = ((name.removeprefix("impact "), 100.0 * each / sum(bands.values())) for name, each in bands.items())
+        shares = (
+            (name.removeprefix("impact "), 100.0 * each / sum(bands.values()))
+            for name, each in bands.items()
+        )
         yield f"Impacts of the collisions: {', '.join(f'{share:.0f} % {name}' for name, share in shares if share > 0.0)}."
 
 
@@ -102,13 +140,19 @@ def chance(found: Probability) -> str:
     low, high = found.interval
     if found.value <= 0.0:
         return f"at most {percent(high)} (no draw fails)"
-    return f"{percent(found.value)} (95\N{NO-BREAK SPACE}% interval {percent(low)} to {percent(high)})"
+    return (
+        f"{percent(found.value)} (95\N{NO-BREAK SPACE}% interval {percent(low)} to {percent(high)})"
+    )
 
 
 def rate(found: Rate) -> str:
     """A rate with its interval."""
     low, high = found.interval
-    return f"{figure(found.value)} ({figure(low)} to {figure(high)})" if found.value > 0.0 else f"at most {figure(high)}"
+    return (
+        f"{figure(found.value)} ({figure(low)} to {figure(high)})"
+        if found.value > 0.0
+        else f"at most {figure(high)}"
+    )
 
 
 def percent(share: float) -> str:
@@ -137,7 +181,12 @@ _FOLDER = Path(__file__).parent / "page"
 PARTS_JS, PARTS_CSS = (str(_FOLDER / f"parts.{kind}") for kind in ("js", "css"))
 """Files of counts, links, buttons and tables, which the page of a loop has too"""
 _STYLES = "base.css", "report.css", PARTS_CSS, str(_FOLDER / "report.css")
-_SCRIPTS = "dom.js", "axes.js", PARTS_JS, *(str(_FOLDER / f"{part}.js") for part in ("common", "slices", "tables", "main"))
+_SCRIPTS = (
+    "dom.js",
+    "axes.js",
+    PARTS_JS,
+    *(str(_FOLDER / f"{part}.js") for part in ("common", "slices", "tables", "main")),
+)
 _SHOWN = 800
 """Runs that a slice shows at most"""
 _DIGITS = 5
@@ -152,8 +201,9 @@ class SearchReport:
 
     Attributes:
         scenario: the file. region: where the system fails, or why there is no boundary.
-        regions: groups of failures with rules, the most important first. members: replays of their typical and likeliest members,
-            by `_member`. against: the comparison with another version of the system; None where there is none.
+        regions: groups of failures with rules, the most important first. members: replays of their
+            typical and likeliest members, by `_member`. against: the comparison with another
+            version of the system; None where there is none.
     """
 
     scenario: Path
@@ -167,7 +217,11 @@ class SearchReport:
 
 
 def write_report(
-    scenario: Path, generated: Generated, settings: SearchSettings, out: Path, against: Regression | None = None
+    scenario: Path,
+    generated: Generated,
+    settings: SearchSettings,
+    out: Path,
+    against: Regression | None = None,
 ) -> Path:
     """Write the page and its counterexamples into the search's folder; the same search gives the same bytes.
 
@@ -178,16 +232,28 @@ def write_report(
         return render(scenario, generated, settings, out, against)
 
 
-def render(scenario: Path, generated: Generated, settings: SearchSettings, out: Path, against: Regression | None = None) -> Path:
+def render(
+    scenario: Path,
+    generated: Generated,
+    settings: SearchSettings,
+    out: Path,
+    against: Regression | None = None,
+) -> Path:
     """`write_report` for a caller that has the folder for itself."""
     outcomes = generated.episodes.outcomes
     of, failing = varying(generated), outcomes.collision[outcomes.executed]
     found = regions(generated, of)
-    rows = {_member(number, name): row for number, each in enumerate(found, start=1) for name, row in _members(each).items()}
+    rows = {
+        _member(number, name): row
+        for number, each in enumerate(found, start=1)
+        for name, row in _members(each).items()
+    }
     with evaluator_of(scenario, generated.space, settings) as drivers:
         examples = counterexamples(scenario, generated, settings, drivers, out)
         members = replays(scenario, generated, settings, drivers, out, rows)
-    report = SearchReport(scenario, settings, generated, region(of, failing), found, members, examples, against)
+    report = SearchReport(
+        scenario, settings, generated, region(of, failing), found, members, examples, against
+    )
     write_object({"regions": _regions(report, of, out)}, out / f"{scenario.stem}_regions.json")
     title = f"{scenario.stem}: how {system_name(settings.run.sut)} fails"
     write_page(out / REPORT, page(title, _STYLES, _SCRIPTS, _data(report, of, out)))
@@ -207,7 +273,11 @@ def _member(number: int, name: str) -> str:
 
 def _data(report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
     """Return the data of the page."""
-    generated, scenario, sut = report.generated, report.scenario, system_name(report.settings.run.sut)
+    generated, scenario, sut = (
+        report.generated,
+        report.scenario,
+        system_name(report.settings.run.sut),
+    )
     return {
         "scenario": scenario.stem,
         "sut": sut,
@@ -215,11 +285,16 @@ def _data(report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
         "estimate": _estimate(generated.estimate),
         "statement": generated.statement.as_json(),
         "gate": [str(generated.gate), generated.gate.replayed is not None, generated.gate.refusal],
-        "measures": [{"name": each.name, "unit": each.unit, "range": _rounded(limits(each.values))} for each in of],
+        "measures": [
+            {"name": each.name, "unit": each.unit, "range": _rounded(limits(each.values))}
+            for each in of
+        ],
         "region": _region(report.region),
         "regions": _regions(report, of, out),
         "runs": _runs(generated, of),
-        "counterexamples": [_example(each, report, of, out) for each in report.counterexamples.found],
+        "counterexamples": [
+            _example(each, report, of, out) for each in report.counterexamples.found
+        ],
         "drivers": list(REFERENCES),
         "judges": list(JUDGES),
         "agreed": generated.cases.agreed,
@@ -268,8 +343,18 @@ def _region(found: Region | str) -> Json:
         }
         for each in found.slices
     ]
-    scores = {"accuracy": found.accuracy, "spread": found.spread, "area": found.area, "drawn": found.drawn, "alone": found.alone}
-    return {**scores, "weights": [[index, round(weight, 3)] for index, weight in found.weights.items()], "slices": slices}
+    scores = {
+        "accuracy": found.accuracy,
+        "spread": found.spread,
+        "area": found.area,
+        "drawn": found.drawn,
+        "alone": found.alone,
+    }
+    return {
+        **scores,
+        "weights": [[index, round(weight, 3)] for index, weight in found.weights.items()],
+        "slices": slices,
+    }
 
 
 def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Json]:
@@ -279,7 +364,10 @@ def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Jso
     per = driving.per if isinstance(driving, Driving) else {}
     found = []
     for number, each in enumerate(report.regions, start=1):
-        members = {name: _rounded([measure.values[row] for measure in of]) for name, row in _members(each).items()}
+        members = {
+            name: _rounded([measure.values[row] for measure in of])
+            for name, row in _members(each).items()
+        }
         played = {name: report.members[_member(number, name)] for name in members}
         files = {
             name: {
@@ -290,8 +378,19 @@ def _regions(report: SearchReport, of: Sequence[Measure], out: Path) -> list[Jso
             for name, one in played.items()
         }
         chance = [each.drawn.collisions / max(each.drawn.runs, 1), *each.drawn.interval]
-        rates = {name: _rounded([scale * share for share in chance]) for name, scale in per.items()} if each.drawn.runs else {}
-        found.append({**each.as_json(of, members), "rates": rates, "files": files, "name": f"region {number}"})
+        rates = (
+            {name: _rounded([scale * share for share in chance]) for name, scale in per.items()}
+            if each.drawn.runs
+            else {}
+        )
+        found.append(
+            {
+                **each.as_json(of, members),
+                "rates": rates,
+                "files": files,
+                "name": f"region {number}",
+            }
+        )
     return found
 
 
@@ -302,13 +401,20 @@ def _runs(generated: Generated, of: Sequence[Measure]) -> Json:
     rows = np.linspace(0, len(failing) - 1, min(len(failing), _SHOWN)).astype(int)
     spread = [float(each.values.std()) for each in of]
     values = [[_rounded([each.values[row]])[0] for each in of] for row in rows]
-    return {"values": values, "fails": [bool(failing[row]) for row in rows], "total": len(failing), "spread": _rounded(spread)}
+    return {
+        "values": values,
+        "fails": [bool(failing[row]) for row in rows],
+        "total": len(failing),
+        "spread": _rounded(spread),
+    }
 
 
 def _example(each: Counterexample, report: SearchReport, of: Sequence[Measure], out: Path) -> Json:
     found, space = report.counterexamples, report.generated.space
     theta, unit = found.cases.theta[each.row], each.recorded
-    recorded = None if unit is None else {"recording": unit.recording, "distance": round(unit.distance, 3)}
+    recorded = (
+        None if unit is None else {"recording": unit.recording, "distance": round(unit.distance, 3)}
+    )
     values = [
         {
             "name": name,
@@ -342,7 +448,10 @@ def _cases(report: SearchReport, of: Sequence[Measure]) -> Iterator[Json]:
 def _case(report: SearchReport, cases: Cases, row: int, of: Sequence[Measure]) -> Json:
     """Measures, outcome and drivers of a case."""
     outcomes = cases.outcomes
-    by_name = {each.name: float(each.values[0]) for each in measured(report.generated, cases.theta[row : row + 1])}
+    by_name = {
+        each.name: float(each.values[0])
+        for each in measured(report.generated, cases.theta[row : row + 1])
+    }
     return {
         "measures": _rounded([by_name[each.name] for each in of]),
         "collision": bool(outcomes.collision[row]),
@@ -368,7 +477,12 @@ def _against(report: SearchReport, out: Path) -> Json | None:
     before = found.before
     chance = (before.estimate or {}).get("probabilities", {}).get("collision")
     failures = [
-        {"number": number, "fate": fate, "values": dict(values), "impact": _rounded([found.replayed.impact_speed[number]])[0]}
+        {
+            "number": number,
+            "fate": fate,
+            "values": dict(values),
+            "impact": _rounded([found.replayed.impact_speed[number]])[0],
+        }
         for number, (fate, values) in enumerate(zip(found.fates, before.values, strict=True))
     ]
     return {
@@ -391,7 +505,9 @@ def _settings(report: SearchReport) -> dict[str, str]:
         "scenario": report.scenario.name,
         "system under test": system_name(settings.run.sut),
         "search": f"{settings.method}, {_spent(generated)}, seed {settings.seed}",
-        "density": units if generated.gate.replayed is not None else "as stated, in whole or in part",
+        "density": units
+        if generated.gate.replayed is not None
+        else "as stated, in whole or in part",
         "searched": ", ".join(generated.space.names),
         "pinned": pinned or "nothing",
         "operational domain": str(generated.domain),
@@ -402,7 +518,10 @@ def _settings(report: SearchReport) -> dict[str, str]:
 
 def _spent(generated: Generated) -> str:
     """Runs of a search by kind."""
-    sought, drawn = many(len(generated.history.outcomes), "sought run"), many(generated.statement.draws, "unguided draw")
+    sought, drawn = (
+        many(len(generated.history.outcomes), "sought run"),
+        many(generated.statement.draws, "unguided draw"),
+    )
     cut = ", ended by its time" if generated.cut else ""
     return f"{sought}, {drawn}, {many(generated.plays, 'play')} on the twin{cut}"
 

@@ -16,11 +16,13 @@ from generation.search.problem import SearchProblem
 class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """One episode at a time: d edits, one for each parameter, then a run of the scenario and the problem's reward.
 
-    An action is one number: the share of its range, −1 … 1, that the parameter moves by. Observations are those of `Edits`.
-    The last step's `info` holds `theta` and the fields of the outcome.
+    An action is one number: the share of its range, −1 … 1, that the parameter moves by.
+    Observations are those of `Edits`. The last step's `info` holds `theta` and the fields of the
+    outcome.
 
     Args:
-        problem: space, evaluator and reward; episodes start from its real parameters, or from `options["theta"]` of `reset`.
+        problem: space, evaluator and reward; episodes start from its real parameters, or from
+            `options["theta"]` of `reset`.
     """
 
     def __init__(self, problem: SearchProblem) -> None:
@@ -42,7 +44,9 @@ class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._edits = Edits(self._problem.space, theta, self._moves)
         return self._edits.observe()[0], {}
 
-    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Edit the next parameter; after the last, run the scenario."""
         self._edits.edit(np.asarray(action, dtype=np.float64).reshape(1))
         reward, info = 0.0, dict[str, Any]()
@@ -50,5 +54,8 @@ class ScenarioEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             theta = self._edits.theta
             outcomes = self._problem.evaluate(theta)
             reward = float(self._problem.reward(theta, outcomes)[0])
-            info = {"theta": theta[0].copy(), **{name: values[0].item() for name, values in vars(outcomes).items()}}
+            info = {
+                "theta": theta[0].copy(),
+                **{name: values[0].item() for name, values in vars(outcomes).items()},
+            }
         return self._edits.observe()[0], reward, self._edits.done, False, info

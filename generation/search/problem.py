@@ -1,7 +1,8 @@
 """Search problem: its reward, calls of the simulator within a budget, and runs remembered between searches.
 
-A search is deterministic given the answers of the simulator. So its own state (networks, populations, generators) is not stored:
-a resumed search starts anew, is answered from memory up to the point of interruption, and continues.
+A search is deterministic given the answers of the simulator. So its own state (networks,
+populations, generators) is not stored: a resumed search starts anew, is answered from memory up to
+the point of interruption, and continues.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from generation.density.base import Density
-from generation.density.prior import Prior, fitted, held_out
-from generation.outcomes import NOTHING, Episodes, Evaluate, Outcomes, joined
 from generation.search.methods import Method, offered
-from generation.search.space import Space
+from generation.search.outcomes import NOTHING, Episodes, Evaluate, Outcomes, joined
+from generation.space.density.base import Density
+from generation.space.density.prior import Prior, fitted, held_out
+from generation.space.space import Space
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.storage import Records, writing
@@ -44,8 +45,9 @@ def additive(outcomes: Outcomes) -> FloatArray:
 class Realism:
     """Implausibility of parameters, from 0 for common traffic to 1.
 
-    clip((NLL − Q99) / IQR, 0, 1), NLL = −log p(θ). Q99 and IQR are those of the training samples, each by the density of the
-    other recordings: by a density that holds its own kernel a sample seems far more likely than any new one ever can.
+    clip((NLL − Q99) / IQR, 0, 1), NLL = −log p(θ). Q99 and IQR are those of the training samples,
+    each by the density of the other recordings: by a density that holds its own kernel a sample
+    seems far more likely than any new one ever can.
 
     Attributes:
         density: p. limit: Q99. scale: IQR.
@@ -60,7 +62,7 @@ class Realism:
         """By a density that is fitted on recorded parameters (n, d).
 
         Args:
-            name: of the density (`generation.density.models`).
+            name: of the density (`generation.space.density.models`).
             recordings: of each row (n,).
 
         Raises:
@@ -77,7 +79,9 @@ class Realism:
         """
         low, high, limit = np.quantile(-held_out, [0.25, 0.75, 0.99])
         if not high > low:
-            raise UsageError("held-out likelihoods of the samples do not differ: they set no scale for realism")
+            raise UsageError(
+                "held-out likelihoods of the samples do not differ: they set no scale for realism"
+            )
         return cls(density, float(limit), float(high - low))
 
     def judged(self, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -149,7 +153,9 @@ class History(Episodes):
         """Write it whole or not at all."""
         draft = path.with_suffix(".draft")
         with draft.open("wb") as file:
-            np.savez_compressed(file, theta=self.theta, rewards=self.rewards, **asdict(self.outcomes))
+            np.savez_compressed(
+                file, theta=self.theta, rewards=self.rewards, **asdict(self.outcomes)
+            )
         draft.replace(path)
 
     @classmethod
@@ -163,8 +169,19 @@ class History(Episodes):
             with np.load(path, allow_pickle=False) as found:
                 outcomes = Outcomes(**{field.name: found[field.name] for field in fields(Outcomes)})
                 return cls(found["theta"], outcomes, found["rewards"])
-        except (OSError, ValueError, TypeError, KeyError, EOFError, RuntimeError, BadZipFile, zlib.error) as error:
-            raise InvalidFile(f"this is no search's history ({error}); remove it to have it made again", path=path) from None
+        except (
+            OSError,
+            ValueError,
+            TypeError,
+            KeyError,
+            EOFError,
+            RuntimeError,
+            BadZipFile,
+            zlib.error,
+        ) as error:
+            raise InvalidFile(
+                f"this is no search's history ({error}); remove it to have it made again", path=path
+            ) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,9 +193,11 @@ class SearchProblem:
         evaluate: runs scenarios; what it is asked for counts against the budget.
         reward: what MCSG is after; its density says what is plausible.
         real: parameters (n, d) extracted from recordings, within the box.
-        found: critical points (m, d) that earlier searches of the same space have found; None for none.
+        found: critical points (m, d) that earlier searches of the same space have found; None for
+            none.
         prior: what traffic does in this space; None where only the published reward is asked for.
-        twin: plays points without a simulator, with any system under test; None where there is none.
+        twin: plays points without a simulator, with any system under test; None where there is
+            none.
     """
 
     space: Space
@@ -240,7 +259,9 @@ class Calls:
     def history(self) -> History:
         """All episodes so far."""
         if not self._parts:
-            return History(np.empty((0, len(self.problem.space.parameters))), Outcomes.of(0), np.empty(0))
+            return History(
+                np.empty((0, len(self.problem.space.parameters))), Outcomes.of(0), np.empty(0)
+            )
         thetas, outcomes, rewards = zip(*self._parts, strict=True)
         return History(np.concatenate(thetas), joined(outcomes), np.concatenate(rewards))
 
@@ -261,8 +282,8 @@ class Memory:
 
     Args:
         evaluate: answers what was not asked before.
-        path: records of the points (see `schemas.common.storage.Records`), each kept as soon as there is an answer. Damaged ones
-            are removed, and their points are asked again.
+        path: records of the points (see `schemas.common.storage.Records`), each kept as soon as
+            there is an answer. Damaged ones are removed, and their points are asked again.
 
     Attributes:
         reused: how many answers came from memory.
@@ -282,18 +303,26 @@ class Memory:
                 self._records.replace(entries)
         self.damaged = len(damaged)
         if any(entry.keys() != {"theta", *NOTHING} for entry in entries):
-            raise InvalidFile("these are no simulator calls; remove the file to begin anew", path=path)
+            raise InvalidFile(
+                "these are no simulator calls; remove the file to begin anew", path=path
+            )
         self._places: dict[bytes, tuple[int, int]] = {}
         self._blocks: list[tuple[FloatArray, Outcomes]] = []
         entries = list({tuple(entry["theta"]): entry for entry in entries}.values())
         if entries:
-            self._keep(np.array([entry["theta"] for entry in entries], np.float64), _outcomes(entries))
+            self._keep(
+                np.array([entry["theta"] for entry in entries], np.float64), _outcomes(entries)
+            )
 
     def __call__(self, theta: FloatArray) -> Outcomes:
         """Outcomes of points (n, d)."""
         theta = np.ascontiguousarray(theta, np.float64)
         keys = [row.tobytes() for row in theta]
-        missing = {key: number for number, key in reversed(list(enumerate(keys))) if key not in self._places}
+        missing = {
+            key: number
+            for number, key in reversed(list(enumerate(keys)))
+            if key not in self._places
+        }
         self.reused += len(keys) - len(missing)
         if missing:
             self._ask(theta[sorted(missing.values())])
@@ -303,7 +332,9 @@ class Memory:
         found, order = list[Outcomes](), list[int]()
         for block in dict.fromkeys(block for block, _ in places):
             numbers = [number for number, (of, _) in enumerate(places) if of == block]
-            found.append(self._blocks[block][1].take(np.array([places[number][1] for number in numbers])))
+            found.append(
+                self._blocks[block][1].take(np.array([places[number][1] for number in numbers]))
+            )
             order += numbers
         return joined(found).take(np.argsort(order))
 
@@ -325,19 +356,26 @@ class Memory:
         columns = {name: getattr(outcomes, name).tolist() for name in NOTHING}
         with writing("this", self._path):
             self._records.add(
-                {"theta": row, **{name: _finite(values[number]) for name, values in columns.items()}}
+                {
+                    "theta": row,
+                    **{name: _finite(values[number]) for name, values in columns.items()},
+                }
                 for number, row in enumerate(theta.tolist())
             )
         self._keep(theta, Outcomes.of(len(theta), **columns))
 
     def _keep(self, theta: FloatArray, outcomes: Outcomes) -> None:
         """Remember points (n, d) as columns: a hundred thousand of them take some 50 MB."""
-        self._places.update((row.tobytes(), (len(self._blocks), number)) for number, row in enumerate(theta))
+        self._places.update(
+            (row.tobytes(), (len(self._blocks), number)) for number, row in enumerate(theta)
+        )
         self._blocks.append((theta, outcomes))
 
 
 def _outcomes(entries: list[dict[str, Any]]) -> Outcomes:
-    return Outcomes.of(len(entries), **{name: [entry[name] for entry in entries] for name in NOTHING})
+    return Outcomes.of(
+        len(entries), **{name: [entry[name] for entry in entries] for name in NOTHING}
+    )
 
 
 def _finite(value: Any) -> Any:

@@ -1,7 +1,7 @@
-"""A manoeuvre scenario at thousands of points at once: the twin of `generation.outcomes.Evaluator`.
+"""A manoeuvre scenario at thousands of points at once: the twin of `generation.search.outcomes.Evaluator`.
 
-It repeats the steps of `runner.interpreter.simulation` on a straight road without traffic of its own. How often its verdicts are
-SUMO's is measured by `python -m studies.generation twin`.
+It repeats the steps of `runner.engine.storyboard.simulation` on a straight road without traffic of
+its own. How often its verdicts are SUMO's is measured by `python -m studies.generation twin`.
 """
 
 from __future__ import annotations
@@ -13,20 +13,43 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from generation.outcomes import RISK_WINDOW, FullBraking, Outcomes
-from generation.search.space import DIGITS, Space
-from generation.twin.motion import Body, Changing, JerkChanging, Keeping, Script, driven, read, value
-from runner.measures.criticality import lateral_violation, longitudinal_violation
-from runner.measures.relations import MotionRows, Outline, Sight, box_distance, boxes_overlap, in_ego_frame, seen_by
-from runner.measures.rss import RssParameters, longitudinal_distance, parameter_set
-from runner.participants.boxes import Outlook, reach
-from runner.settings import RunSettings
-from runner.sut import System, load_system
-from runner.sut.aeb import EmergencyBraking
-from runner.sut.cas import CollisionAvoidance, safe_sideways
-from runner.sut.encounters import AheadParticipant, encounter
-from runner.sut.idm import IntelligentDriver
-from runner.sut.reference import CarefulCompetent, FuzzySafety, ReferenceDriver, Regulation157, SafeDistance
+from generation.search.outcomes import RISK_WINDOW, FullBraking, Outcomes
+from generation.space.space import DIGITS, Space
+from generation.twin.motion import (
+    Body,
+    Changing,
+    JerkChanging,
+    Keeping,
+    Script,
+    driven,
+    read,
+    value,
+)
+from runner.engine.participants.boxes import Outlook, reach
+from runner.judging.measures.criticality import lateral_violation, longitudinal_violation
+from runner.judging.measures.relations import (
+    MotionRows,
+    Outline,
+    Sight,
+    box_distance,
+    boxes_overlap,
+    in_ego_frame,
+    seen_by,
+)
+from runner.judging.measures.rss import RssParameters, longitudinal_distance, parameter_set
+from runner.judging.settings import RunSettings
+from runner.systems import System, load_system
+from runner.systems.encounters import AheadParticipant, encounter
+from runner.systems.kinds.aeb import EmergencyBraking
+from runner.systems.kinds.cas import CollisionAvoidance, safe_sideways
+from runner.systems.kinds.idm import IntelligentDriver
+from runner.systems.kinds.reference import (
+    CarefulCompetent,
+    FuzzySafety,
+    ReferenceDriver,
+    Regulation157,
+    SafeDistance,
+)
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import Unsupported
 
@@ -47,7 +70,8 @@ class Twin:
     Args:
         scenario: the file.
         space: the parameters that are searched, and the values of the others.
-        run: settings of the runs; those that name another ego, limits of verdicts or another road are refused.
+        run: settings of the runs; those that name another ego, limits of verdicts or another road
+            are refused.
         rss: the RSS parameter set of risk.
 
     Raises:
@@ -55,10 +79,14 @@ class Twin:
         InvalidFile: the scenario is malformed.
     """
 
-    def __init__(self, scenario: Path, space: Space, run: RunSettings | None = None, rss: str = "ad-rss") -> None:
+    def __init__(
+        self, scenario: Path, space: Space, run: RunSettings | None = None, rss: str = "ad-rss"
+    ) -> None:
         self._run, self._rss = run or RunSettings(), parameter_set(rss)
         if self._run.ego or self._run.fail_if or self._run.road:
-            raise Unsupported("the twin plays no other ego, limits of verdicts or road", path=scenario)
+            raise Unsupported(
+                "the twin plays no other ego, limits of verdicts or road", path=scenario
+            )
         self._script, self._space = read(scenario, self._run), space
         driver(self._run.sut, 0)
 
@@ -66,7 +94,8 @@ class Twin:
         """The outcomes at points (n, d), in their order.
 
         Args:
-            sut: name of the system under test, where another one than that of the settings is to drive.
+            sut: name of the system under test, where another one than that of the settings is to
+                drive.
 
         Raises:
             Unsupported: it can't be asked for many points at once.
@@ -74,13 +103,17 @@ class Twin:
         system = self._run.sut if sut is None else sut
         blocks = [theta[start : start + BLOCK] for start in range(0, len(theta), BLOCK)]
         parts = [self._play(block, driver(system, len(block))) for block in blocks]
-        columns = {name: np.concatenate([part[name] for part in parts]) for name in (parts[0] if parts else ())}
+        columns = {
+            name: np.concatenate([part[name] for part in parts])
+            for name in (parts[0] if parts else ())
+        }
         return Outcomes.of(len(theta), **columns)
 
     def together(self, suts: Sequence[str]) -> Callable[[FloatArray, str], Outcomes]:
         """The same, which plays the same few points with all of some systems at once when it is asked for one of them.
 
-        The systems share the steps of everyone else, which are most of the time. The outcomes are those of each alone.
+        The systems share the steps of everyone else, which are most of the time. The outcomes are
+        those of each alone.
         """
         known: dict[str, Outcomes] = {}
         points = np.empty((0, 0))
@@ -91,16 +124,23 @@ class Twin:
                 return self(theta, sut)
             if not np.array_equal(points, theta):
                 n = len(theta)
-                columns = self._play(np.tile(theta, (len(suts), 1)), _Several([driver(each, n) for each in suts], n))
+                columns = self._play(
+                    np.tile(theta, (len(suts), 1)), _Several([driver(each, n) for each in suts], n)
+                )
                 found = Outcomes.of(n * len(suts), **columns)
-                known.update((each, found.take(np.arange(place * n, (place + 1) * n))) for place, each in enumerate(suts))
+                known.update(
+                    (each, found.take(np.arange(place * n, (place + 1) * n)))
+                    for place, each in enumerate(suts)
+                )
                 points = theta.copy()
             return known[sut]
 
         return driving
 
     def _play(self, theta: FloatArray, who: DriverModel) -> dict[str, Any]:
-        parameters: dict[str, FloatArray] = {name: np.full(len(theta), each) for name, each in self._script.literals.items()}
+        parameters: dict[str, FloatArray] = {
+            name: np.full(len(theta), each) for name, each in self._script.literals.items()
+        }
         parameters |= self._space.by_name(np.round(theta, DIGITS))  # as `Space.values` writes them
         return _Episodes(self._script, parameters, who, self._run.timestep, self._rss).play()
 
@@ -117,25 +157,38 @@ class _Episodes:
     """Cases side by side; those that are over are taken out."""
 
     def __init__(
-        self, script: Script, parameters: Mapping[str, FloatArray], who: DriverModel, dt: float, rss: RssParameters
+        self,
+        script: Script,
+        parameters: Mapping[str, FloatArray],
+        who: DriverModel,
+        dt: float,
+        rss: RssParameters,
     ) -> None:
         self._n = n = len(next(iter(parameters.values())))
         self._script, self._driver, self._dt, self._rss = script, who, dt, rss
         self._bodies = {each.name: _placed(each, script, parameters, n) for each in script.actors}
         self._ego = next(iter(self._bodies.values()))
         self._changes = {
-            each.name: (each.change, _changing(each, script, parameters, n)) for each in script.actors if each.change is not None
+            each.name: (each.change, _changing(each, script, parameters, n))
+            for each in script.actors
+            if each.change is not None
         }
         self._terms = {
             name: (value(change.delay, parameters, n), value(change.gap, parameters, n))
             for name, (change, _) in self._changes.items()
         }
         self._followers = {
-            each.name: (each.following.leader, Keeping(value(each.following.gap, parameters, n), each.following.limits))
+            each.name: (
+                each.following.leader,
+                Keeping(value(each.following.gap, parameters, n), each.following.limits),
+            )
             for each in script.actors
             if each.following is not None
         }
-        self._rest, self._longest = value(script.rest, parameters, n), value(script.longest, parameters, n)
+        self._rest, self._longest = (
+            value(script.rest, parameters, n),
+            value(script.longest, parameters, n),
+        )
         self._rows, self._going = np.arange(n), np.ones(n, bool)
         self._returning = np.zeros(n, bool)
         self._found = _Found(n, dt)
@@ -157,7 +210,9 @@ class _Episodes:
             self._changed = np.zeros(self._rows.size, bool)
             for name, (speed, y) in before.items():
                 body = self._bodies[name]
-                self._changed |= (np.abs(body.speed - speed) > _CHANGED) | (np.abs(body.y - y) > _CHANGED)
+                self._changed |= (np.abs(body.speed - speed) > _CHANGED) | (
+                    np.abs(body.y - y) > _CHANGED
+                )
             self._observe(time)
             self._evaluate(time, step)
         found = self._found.columns
@@ -168,12 +223,23 @@ class _Episodes:
         none = np.zeros(self._rows.size)
         speed = self._decided()
         for body in self._bodies.values():
-            body.move(speed if body is self._ego else body.target, aside.get(body.actor.name, none), self._dt)
+            body.move(
+                speed if body is self._ego else body.target,
+                aside.get(body.actor.name, none),
+                self._dt,
+            )
 
     def _decided(self) -> FloatArray:
         """Speed of the ego at the end of the step."""
         ego, dt = self._ego, self._dt
-        seen = Situation(self._motions[0], self._motions[1:], ego.speed, ego.acceleration, ego.target, self._changed)
+        seen = Situation(
+            self._motions[0],
+            self._motions[1:],
+            ego.speed,
+            ego.acceleration,
+            ego.target,
+            self._changed,
+        )
         intervenes, wanted = self._driver.control(seen, dt)
         speed, self._returning = driven(ego, intervenes, wanted, self._returning, dt)
         return speed
@@ -183,20 +249,28 @@ class _Episodes:
         self._motions = [body.motion() for body in self._bodies.values()]
         if time == 0.0:
             self._changed = np.zeros(self._rows.size, bool)
-        self._touching = self._found.add(time, list(self._bodies.values()), self._motions, self._rss)
+        self._touching = self._found.add(
+            time, list(self._bodies.values()), self._motions, self._rss
+        )
 
     def _evaluate(self, time: float, step: int) -> None:
         """Triggers, in the interpreter's order: the end, then the events."""
         over = self._touching | (time > self._longest)
         over |= self._changes[self._script.last][1].done + self._rest <= time + _SOON
-        at_end = reduce(np.maximum, [body.x for body in self._bodies.values()]) > self._script.length
+        at_end = (
+            reduce(np.maximum, [body.x for body in self._bodies.values()]) > self._script.length
+        )
         if ((over | at_end) & self._going).any():
             self._end(over, at_end, time)
         following = round((step + 1) * self._dt, 9)
         for name, (change, state) in self._changes.items():
             body, (delay, gap) = self._bodies[name], self._terms[name]
             state.settle(time, body)
-            state.begin((time >= delay - _SOON) & (self._gap(change.follower, change.leader) <= gap), body, following)
+            state.begin(
+                (time >= delay - _SOON) & (self._gap(change.follower, change.leader) <= gap),
+                body,
+                following,
+            )
 
     def _gap(self, follower: str, leader: str) -> FloatArray:
         """Longitudinal gap of two boxes along the road (n,), m."""
@@ -214,25 +288,50 @@ class _Episodes:
 
     def _take(self, left: BoolArray) -> None:
         """Keep some cases only."""
-        parts: list[_Part] = [*self._bodies.values(), *(state for _, state in self._changes.values()), self._driver, self._found]
+        parts: list[_Part] = [
+            *self._bodies.values(),
+            *(state for _, state in self._changes.values()),
+            self._driver,
+            self._found,
+        ]
         parts += [keeping for _, keeping in self._followers.values()]
         for each in parts:
             each.take(left)
         self._terms = {name: (delay[left], gap[left]) for name, (delay, gap) in self._terms.items()}
-        self._rest, self._longest, self._returning = self._rest[left], self._longest[left], self._returning[left]
-        self._rows, self._changed, self._going = self._rows[left], self._changed[left], self._going[left]
+        self._rest, self._longest, self._returning = (
+            self._rest[left],
+            self._longest[left],
+            self._returning[left],
+        )
+        self._rows, self._changed, self._going = (
+            self._rows[left],
+            self._changed[left],
+            self._going[left],
+        )
         self._motions = [body.motion() for body in self._bodies.values()]
 
 
 def _placed(actor: Any, script: Script, parameters: Mapping[str, FloatArray], n: int) -> Body:
     x = np.sum([value(term, parameters, n) for term in actor.s], axis=0)
     speed = np.array(value(actor.speed, parameters, n))
-    return Body(actor, x, np.full(n, script.lanes[actor.lane]), np.zeros(n), speed, np.zeros(n), speed.copy(), np.zeros(n))
+    return Body(
+        actor,
+        x,
+        np.full(n, script.lanes[actor.lane]),
+        np.zeros(n),
+        speed,
+        np.zeros(n),
+        speed.copy(),
+        np.zeros(n),
+    )
 
 
 def _changing(actor: Any, script: Script, parameters: Mapping[str, FloatArray], n: int) -> Changing:
     change = actor.change
-    terms = (np.array(value(term, parameters, n)) for term in (change.duration, change.speed, change.rest, change.final))
+    terms = (
+        np.array(value(term, parameters, n))
+        for term in (change.duration, change.speed, change.rest, change.final)
+    )
     shift = script.lanes[actor.lane + change.lanes] - script.lanes[actor.lane]
     if change.jerk is None:
         return Changing(n, shift, *terms)
@@ -255,7 +354,9 @@ class _Found:
         self._recent = np.zeros(n)
         """Risky instants of the window"""
 
-    def add(self, time: float, bodies: list[Body], motions: list[MotionRows], rss: RssParameters) -> BoolArray:
+    def add(
+        self, time: float, bodies: list[Body], motions: list[MotionRows], rss: RssParameters
+    ) -> BoolArray:
         """Measure an instant; return the mask of contacts of the ego (n,), the first of the bodies."""
         ego, *others = bodies
         now, count = self.now, len(ego.x)
@@ -267,17 +368,25 @@ class _Found:
             near = np.flatnonzero((np.abs(view.ahead) < _NEAR) & (np.abs(view.aside) < _NEAR))
             if near.size:
                 hit = near[boxes_overlap(motions[0].at(near), motion.at(near))]
-                speeds = np.hypot(view.speed[hit] - view.other_speed[hit], view.sideways[hit] - view.other_sideways[hit])
+                speeds = np.hypot(
+                    view.speed[hit] - view.other_speed[hit],
+                    view.sideways[hit] - view.other_sideways[hit],
+                )
                 now["impact_speed"][hit], apart[hit], touching[hit] = speeds, 0.0, True
             distance = np.minimum(distance, apart)
             beside = lateral_violation(view, rss)
             if beside.any():
                 risky |= longitudinal_violation(view, rss) & beside
             lead = (view.aside == 0.0) & (view.ahead > 0.0) & (view.ahead < gap)
-            gap, closing = np.where(lead, view.ahead, gap), np.where(lead, view.speed - view.other_speed, closing)
+            gap, closing = (
+                np.where(lead, view.ahead, gap),
+                np.where(lead, view.speed - view.other_speed, closing),
+            )
         led = np.flatnonzero(np.isfinite(gap) & (closing > _CHANGED))
         now["min_ttc"][led] = np.minimum(now["min_ttc"][led], gap[led] / closing[led])
-        now["max_drac"][led] = np.maximum(now["max_drac"][led], closing[led] ** 2 / (2.0 * gap[led]))
+        now["max_drac"][led] = np.maximum(
+            now["max_drac"][led], closing[led] ** 2 / (2.0 * gap[led])
+        )
         place = self._instants % self._risky.shape[1]
         self._recent += risky
         self._recent -= self._risky[:, place]
@@ -299,7 +408,8 @@ class _Found:
         """Note what was measured of those that are over at a time.
 
         Args:
-            rows: numbers of the cases (n,). ended: which of them are over. off: which of them are at the road's end.
+            rows: numbers of the cases (n,). ended: which of them are over. off: which of them are
+                at the road's end.
         """
         cases = rows[ended]
         for name, values in self.now.items():
@@ -307,7 +417,9 @@ class _Found:
         self.columns["r_risk"][cases] /= self._instants
         self.columns["end_time"][cases] = time
         self.columns["status"][rows[off]] = "error"
-        self.columns["error"][rows[off]] = "somebody comes to the road's end, which the twin can't play"
+        self.columns["error"][rows[off]] = (
+            "somebody comes to the road's end, which the twin can't play"
+        )
 
 
 class Situation(NamedTuple):
@@ -339,7 +451,19 @@ class Situation(NamedTuple):
             x, y, c, s = seen_by(self.ego, other)
             leftwards = other.speed * s
             boxes = (self.ego.box, other.box)
-            found.append((x > 0.0, encounter(other.name, Outlook(x, y, c, s), boxes, self.speed, other.speed * c, leftwards)))  # type: ignore[arg-type]
+            found.append(
+                (
+                    x > 0.0,
+                    encounter(
+                        other.name,
+                        Outlook(x, y, c, s),
+                        boxes,
+                        self.speed,
+                        other.speed * c,
+                        leftwards,
+                    ),
+                )
+            )  # type: ignore[arg-type]
         return found
 
 
@@ -403,7 +527,9 @@ class _Avoidance(_Memory):
         """Brake fully where RSS distances to vehicles in range are violated."""
         danger = np.zeros(len(seen.speed), bool)
         for other in seen.others:
-            near = np.hypot(other.x - seen.ego.x, other.y - seen.ego.y) <= self._system.sensor_range + _reach(seen.ego, other)
+            near = np.hypot(
+                other.x - seen.ego.x, other.y - seen.ego.y
+            ) <= self._system.sensor_range + _reach(seen.ego, other)
             rows = np.flatnonzero(near & ~danger)
             if rows.size:
                 danger[rows] = self._dangerous(Outline.of(seen.ego, rows), Outline.of(other, rows))
@@ -414,12 +540,18 @@ class _Avoidance(_Memory):
         x, y, _, _ = seen
         view = in_ego_frame(ego, other, seen)
         ahead, aside = np.abs(view.ahead), np.abs(view.aside)
-        found: BoolArray = (ahead == 0.0) | (ahead < longitudinal_distance(view.speed, view.other_speed, self._rss))
-        found &= (x > 0.0) & (aside < safe_sideways(y > 0.0, np.zeros_like(y), -view.other_sideways, self._rss))
+        found: BoolArray = (ahead == 0.0) | (
+            ahead < longitudinal_distance(view.speed, view.other_speed, self._rss)
+        )
+        found &= (x > 0.0) & (
+            aside < safe_sideways(y > 0.0, np.zeros_like(y), -view.other_sideways, self._rss)
+        )
         rows = np.flatnonzero(found)
         if rows.size:
             sight = Sight(*(values[rows] for values in seen))
-            found[rows] = box_distance(ego.at(rows), other.at(rows), sight) <= self._system.sensor_range
+            found[rows] = (
+                box_distance(ego.at(rows), other.at(rows), sight) <= self._system.sensor_range
+            )
         return found
 
 
@@ -446,7 +578,9 @@ class _Following(_Memory):
         gap, wanted = np.full(len(seen.speed), np.inf), np.zeros(len(seen.speed))
         for ahead, found in seen.encounters():
             nearer = ahead & (found.aside < self._system.clearance) & (found.gap < gap)
-            wanted = np.where(nearer, self._system.acceleration(found, seen.speed, seen.target), wanted)  # type: ignore[arg-type]
+            wanted = np.where(
+                nearer, self._system.acceleration(found, seen.speed, seen.target), wanted
+            )  # type: ignore[arg-type]
             gap = np.where(nearer, found.gap, gap)
         return np.isfinite(gap), wanted
 
@@ -463,7 +597,9 @@ class _Reference(_Memory):
         moving: Any = seen
         for ahead, found in seen.encounters():
             dangerous = ahead & self._system.dangerous(found, moving)
-            demand = np.where(dangerous, np.maximum(demand, self._system.demand(found, moving)), demand)
+            demand = np.where(
+                dangerous, np.maximum(demand, self._system.demand(found, moving)), demand
+            )
             danger |= dangerous
         waiting, deceleration = self._system.react(self._waiting, self._deceleration, demand, dt)
         self._waiting = np.where(danger, waiting, self._waiting)
@@ -502,7 +638,9 @@ def driver(system: str | System | None, n: int) -> DriverModel:
     if found is None:
         return _Scripted()
     if type(found) not in _KINDS:
-        raise Unsupported(f"the system under test {system!r} can't be asked for many points at once")
+        raise Unsupported(
+            f"the system under test {system!r} can't be asked for many points at once"
+        )
     return _KINDS[type(found)](found, n)
 
 

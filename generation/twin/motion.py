@@ -1,7 +1,8 @@
 """Script of a manoeuvre scenario as terms of its parameters, and its motion in many cases at once.
 
-The script has initial states and changes of speed and lane, evaluated in arrays. The motion is on a straight road: steps of
-`runner.interpreter` in arrays. All face increasing s; y is t, positive to the left. Arrays have one entry for each case.
+The script has initial states and changes of speed and lane, evaluated in arrays. The motion is on a
+straight road: steps of `runner.engine` in arrays. All face increasing s; y is t, positive to the
+left. Arrays have one entry for each case.
 """
 
 from __future__ import annotations
@@ -18,21 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 import xosc
-from runner.actions.speed import STRETCH, STRETCHES
-from runner.interpreter.compiler import Scenario
-from runner.interpreter.execution import prepare
-from runner.measures.relations import MotionRows, View, interval_gaps
-from runner.motion.dynamics import EPSILON, RESERVE, read_constraints, tighter
-from runner.participants.declaration import BoundingBox, Performance
-from runner.settings import RunSettings
+from runner.engine.actions.speed import STRETCH, STRETCHES
+from runner.engine.compile.compiler import Scenario
+from runner.engine.motion.dynamics import EPSILON, RESERVE, read_constraints, tighter
+from runner.engine.participants.declaration import BoundingBox, Performance
+from runner.judging.execution import prepare
+from runner.judging.measures.relations import MotionRows, View, interval_gaps
+from runner.judging.settings import RunSettings
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.expressions import ExpressionError, is_expression, references
-from xodr.road import Road
-from xosc.node import Node
+from xodr.model.road import Road
+from xosc.document.node import Node
 
 _RETURN, _GRAVITY = 3.5, 9.81
-"""Value of `runner.interpreter.drivers`, m/s²"""
+"""Value of `runner.systems.drivers`, m/s²"""
 _SAME = 1e-9
 
 
@@ -41,7 +42,8 @@ class Body:
     """A participant in all cases.
 
     Attributes:
-        x, y: reference point, m. h: heading, rad. speed, acceleration: along it. drift: speed to the left, m/s.
+        x, y: reference point, m. h: heading, rad. speed, acceleration: along it. drift: speed to
+            the left, m/s.
         target: speed that the scenario asks for at the end of the step, m/s.
     """
 
@@ -64,13 +66,25 @@ class Body:
     def motion(self) -> MotionRows:
         """Rows for the measures, one for each case."""
         zero, one, road = _blank(len(self.x))
-        found = MotionRows(self.actor.name, self.actor.box, zero, self.x, self.y, zero, self.h, self.speed, road, self.x, self.y)
+        found = MotionRows(
+            self.actor.name,
+            self.actor.box,
+            zero,
+            self.x,
+            self.y,
+            zero,
+            self.h,
+            self.speed,
+            road,
+            self.x,
+            self.y,
+        )
         if self.straight:
             found.__dict__["facing"] = one, zero  # need not be worked out
         return found
 
     def view(self, other: Body) -> View:
-        """Return the view of another vehicle along and across the road, as `runner.measures.relations` does on one road."""
+        """Return the view of another vehicle along and across the road, as `runner.judging.measures.relations` does on one road."""
         a, b = self.actor.box, other.actor.box
         x, y, there_x, there_y = self.x + a.x, self.y + a.y, other.x + b.x, other.y + b.y
         return View(
@@ -85,7 +99,9 @@ class Body:
         if aside.any():
             rest = way * way - aside * aside
             slanted = (aside != 0.0) & (way != 0.0)
-            turn = np.arcsin(within(np.divide(aside, way, out=np.zeros_like(way), where=slanted), -1.0, 1.0))
+            turn = np.arcsin(
+                within(np.divide(aside, way, out=np.zeros_like(way), where=slanted), -1.0, 1.0)
+            )
             self.x = self.x + np.sqrt(np.maximum(rest, 0.0))
             self.y = self.y + aside
             self.h, self.straight = np.where(slanted, turn, 0.0), False
@@ -97,18 +113,26 @@ class Body:
         self.speed = speed
 
 
-def driven(ego: Body, intervenes: BoolArray, wanted: FloatArray, returning: BoolArray, dt: float) -> tuple[FloatArray, BoolArray]:
-    """Speed of an ego at the end of a step, as `runner.interpreter.drivers.SystemDriver` has it, and where it goes on returning.
+def driven(
+    ego: Body, intervenes: BoolArray, wanted: FloatArray, returning: BoolArray, dt: float
+) -> tuple[FloatArray, BoolArray]:
+    """Speed of an ego at the end of a step, as `runner.systems.drivers.SystemDriver` has it, and where it goes on returning.
 
     Args:
-        intervenes: where its system does (n,). wanted: accelerations that the system wants there (n,), m/s².
-        returning: where the ego is on its way back to the scripted speed after an intervention (n,).
+        intervenes: where its system does (n,). wanted: accelerations that the system wants there
+            (n,), m/s².
+        returning: where the ego is on its way back to the scripted speed after an intervention
+            (n,).
     """
     limits = ego.actor.performance
-    bounded = within(wanted, -min(limits.max_deceleration, _GRAVITY), min(limits.max_acceleration, _GRAVITY))
+    bounded = within(
+        wanted, -min(limits.max_deceleration, _GRAVITY), min(limits.max_acceleration, _GRAVITY)
+    )
     braked = within(ego.speed + bounded * dt, 0.0, np.maximum(limits.max_speed, ego.speed))
     change = ego.target - ego.speed
-    most = dt * np.where(change * ego.speed >= 0.0, min(_RETURN, limits.max_acceleration), limits.max_deceleration)
+    most = dt * np.where(
+        change * ego.speed >= 0.0, min(_RETURN, limits.max_acceleration), limits.max_deceleration
+    )
     back = ego.speed + within(change, -most, most)
     speed = np.where(intervenes, braked, np.where(returning, back, ego.target))
     return speed, intervenes | (returning & (np.abs(back - ego.target) >= _SAME))
@@ -127,7 +151,7 @@ def _blank(n: int) -> tuple[FloatArray, FloatArray, NDArray[np.object_]]:
 
 
 class Keeping:
-    """A gap that an actor keeps behind another one, in all cases: `runner.motion.dynamics.GapController` in arrays.
+    """A gap that an actor keeps behind another one, in all cases: `runner.engine.motion.dynamics.GapController` in arrays.
 
     Args:
         gap: of the boxes (n,), m.
@@ -150,17 +174,25 @@ class Keeping:
         drive = np.where(error > 0.0, limits.max_acceleration, limits.max_deceleration)
         brake = np.where(error > 0.0, limits.max_deceleration, limits.max_acceleration)
         root = np.minimum(np.sqrt(0.4 * brake), self._jerk / np.maximum(drive, brake))
-        wanted = 2.0 * root * (_safe_closing(error, RESERVE * brake, root / 2.0) - (body.speed - leader.speed))
+        wanted = (
+            2.0
+            * root
+            * (_safe_closing(error, RESERVE * brake, root / 2.0) - (body.speed - leader.speed))
+        )
         wanted = within(wanted, -limits.max_deceleration, limits.max_acceleration)
         wanted = np.maximum(wanted, self._acceleration - limits.max_deceleration_rate * dt)
-        self._acceleration = np.minimum(wanted, self._acceleration + limits.max_acceleration_rate * dt)
+        self._acceleration = np.minimum(
+            wanted, self._acceleration + limits.max_acceleration_rate * dt
+        )
         body.target = within(body.speed + self._acceleration * dt, 0.0, limits.max_speed)
 
 
 def _safe_closing(gap: FloatArray, brake: FloatArray, slope: FloatArray) -> FloatArray:
     far, knee = np.abs(gap), brake / slope
     beyond = np.sqrt(np.maximum(2.0 * brake * far - knee * knee, 0.0))
-    found: FloatArray = np.where(slope * slope * far <= brake, slope * gap, np.copysign(beyond, gap))
+    found: FloatArray = np.where(
+        slope * slope * far <= brake, slope * gap, np.copysign(beyond, gap)
+    )
     return found
 
 
@@ -246,9 +278,13 @@ class Changing:
 
     def _sidestep(self, body: Body, dt: float) -> FloatArray:
         """Way to the left in this step, no longer than the way driven; the lane is reached when all of it is done."""
-        progress = np.divide(self._past, self.duration, out=np.ones_like(self._past), where=self.duration > 0.0)
+        progress = np.divide(
+            self._past, self.duration, out=np.ones_like(self._past), where=self.duration > 0.0
+        )
         over = progress >= 1.0 - EPSILON
-        goal = np.where(over, self.shift, self.shift * 0.5 * (1.0 - np.cos(np.pi * np.minimum(progress, 1.0))))
+        goal = np.where(
+            over, self.shift, self.shift * 0.5 * (1.0 - np.cos(np.pi * np.minimum(progress, 1.0)))
+        )
         reach = np.abs(body.speed) * dt
         offset = within(goal, self._offset - reach, self._offset + reach)
         aside = np.where(self._crossing, offset - self._offset, 0.0)
@@ -292,19 +328,30 @@ class JerkChanging(Changing):
 _COLUMNS = ("start", "slope", "entering", "leaving", "duration")
 
 
-def plan(start: FloatArray, target: FloatArray, duration: FloatArray, jerk: FloatArray, limits: Performance) -> FloatArray:
+def plan(
+    start: FloatArray,
+    target: FloatArray,
+    duration: FloatArray,
+    jerk: FloatArray,
+    limits: Performance,
+) -> FloatArray:
     """The profiles (n, 5) from speeds to speeds (n,), m/s, with the columns of `_COLUMNS`.
 
-    These are: speed at the start, m/s; slope between the corners, m/s²; times that the first and the last corner take,
-    and from the middle of one to that of the other, s.
+    These are: speed at the start, m/s; slope between the corners, m/s²; times that the first and
+    the last corner take, and from the middle of one to that of the other, s.
 
     Args:
         duration: wanted (n,), s. jerk: greatest (n,), m/s³. limits: of the vehicle.
     """
     change = np.minimum(target, limits.max_speed) - start
     gains = change > 0.0
-    lasts = np.maximum(duration, np.abs(change) / np.where(gains, limits.max_acceleration, limits.max_deceleration))
-    up, down = np.minimum(jerk, limits.max_acceleration_rate), np.minimum(jerk, limits.max_deceleration_rate)
+    lasts = np.maximum(
+        duration, np.abs(change) / np.where(gains, limits.max_acceleration, limits.max_deceleration)
+    )
+    up, down = (
+        np.minimum(jerk, limits.max_acceleration_rate),
+        np.minimum(jerk, limits.max_deceleration_rate),
+    )
     entering, leaving = np.where(gains, up, down), np.where(gains, down, up)
     both = 0.5 * (1.0 / entering + 1.0 / leaving)
     for _ in range(STRETCHES):
@@ -313,17 +360,23 @@ def plan(start: FloatArray, target: FloatArray, duration: FloatArray, jerk: Floa
             break
         lasts = np.where(tight, lasts * STRETCH, lasts)
     slope = change / lasts
-    return np.stack([start, slope, np.abs(slope) / entering, np.abs(slope) / leaving, lasts], axis=1)
+    return np.stack(
+        [start, slope, np.abs(slope) / entering, np.abs(slope) / leaving, lasts], axis=1
+    )
 
 
 def speeds(profile: FloatArray, past: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Speeds (n,), m/s, at times since the profiles (n, 5) began (n,), s, and where these have ended (n,)."""
     start, slope, entering, leaving, lasts = profile.T
-    held = lasts - 0.5 * (entering - leaving) - leaving  # from the end of the first corner to the beginning of the last
+    held = (
+        lasts - 0.5 * (entering - leaving) - leaving
+    )  # from the end of the first corner to the beginning of the last
     into, after = within(past, 0.0, entering), within(past - entering - held, 0.0, leaving)
     between = within(past - entering, 0.0, held)
     risen = np.divide(into * into, 2.0 * entering, out=np.zeros_like(into), where=entering > 0.0)
-    fallen = after - np.divide(after * after, 2.0 * leaving, out=np.zeros_like(after), where=leaving > 0.0)
+    fallen = after - np.divide(
+        after * after, 2.0 * leaving, out=np.zeros_like(after), where=leaving > 0.0
+    )
     return start + slope * (risen + between + fallen), past + EPSILON >= entering + held + leaving
 
 
@@ -385,7 +438,8 @@ class Change:
     """A change of speed and lane, and the settling after it; terms of the parameters.
 
     Attributes:
-        delay: time until it may begin, s. gap: from leader to follower at which it begins at the latest, m.
+        delay: time until it may begin, s. gap: from leader to follower at which it begins at the
+            latest, m.
         duration: s. speed: at its end, m/s. lanes: to the left; 0 for none.
         rest: duration of the settling, s. final: speed after it, m/s.
         jerk: at which the acceleration of the change builds up and ends, m/s³; None where it jumps.
@@ -408,7 +462,8 @@ class Following:
     """Constant gap behind another vehicle from the start on.
 
     Attributes:
-        leader: that vehicle. gap: of the boxes, m; a term of the parameters. limits: of what is done for it.
+        leader: that vehicle. gap: of the boxes, m; a term of the parameters. limits: of what is
+            done for it.
     """
 
     leader: str
@@ -423,7 +478,8 @@ class Actor:
     Attributes:
         box, performance: of its vehicle.
         s: terms that add up to where it begins along the road, m. lane: where it begins.
-        speed: at the beginning, m/s. change: None where it keeps its speed and lane. following: None without a leader.
+        speed: at the beginning, m/s. change: None where it keeps its speed and lane. following:
+            None without a leader.
     """
 
     name: str
@@ -443,7 +499,8 @@ class Script:
     Attributes:
         actors: in the order of the file's entities, the ego first.
         lanes: t of the lanes' centres, m, by id.
-        rest, longest: the scene ends this long after the change of `last`, and at this time in any case, s.
+        rest, longest: the scene ends this long after the change of `last`, and at this time in any
+            case, s.
         last: name of the actor whose change ends the scene.
         length: of the road, m.
         literals: values of all declared numbers.
@@ -470,10 +527,15 @@ def read(path: Path, settings: RunSettings | None = None) -> Script:
     try:
         changes = dict(_changes(root))
         last, rest, longest = _ends(root)
-        places = {each.get("entityRef"): each for each in root.need("Storyboard", "Init", "Actions").children("Private")}
+        places = {
+            each.get("entityRef"): each
+            for each in root.need("Storyboard", "Init", "Actions").children("Private")
+        }
         road, actors = _actors(compiled, places, changes)
     except (InvalidFile, KeyError, StopIteration, ValueError):
-        raise Unsupported("this is no manoeuvre scenario that can be played for many points at once", path=path) from None
+        raise Unsupported(
+            "this is no manoeuvre scenario that can be played for many points at once", path=path
+        ) from None
     lanes = {lane: _centre(road, lane) for lane in road.lane_ids(_PROBE) if lane < 0}
     return Script(actors, lanes, last, rest, longest, road.length, _numbers(root))
 
@@ -485,10 +547,16 @@ def _centre(road: Road, lane: int) -> float:
 def _numbers(root: Node) -> dict[str, float]:
     """Values of declared numbers, for parameters that are neither searched nor pinned."""
     declared = root.need("ParameterDeclarations").children()
-    return {each.get("name"): float(each.get("value")) for each in declared if each.get("parameterType") == "double"}
+    return {
+        each.get("name"): float(each.get("value"))
+        for each in declared
+        if each.get("parameterType") == "double"
+    }
 
 
-def _actors(compiled: Scenario, places: dict[str, Node], changes: dict[str, Change]) -> tuple[Road, tuple[Actor, ...]]:
+def _actors(
+    compiled: Scenario, places: dict[str, Node], changes: dict[str, Change]
+) -> tuple[Road, tuple[Actor, ...]]:
     network = compiled.network
     if network is None or len(network.roads) != 1:
         raise ValueError("one road is needed")
@@ -498,7 +566,11 @@ def _actors(compiled: Scenario, places: dict[str, Node], changes: dict[str, Chan
     where: dict[str, tuple[tuple[str, ...], int]] = {}
     for name in compiled.entities:
         position = places[name].need("PrivateAction", "TeleportAction", "Position").only()
-        if position.tag == "LanePosition" and int(position.get("laneId")) < 0 and float(position.get("offset", "0")) == 0.0:
+        if (
+            position.tag == "LanePosition"
+            and int(position.get("laneId")) < 0
+            and float(position.get("offset", "0")) == 0.0
+        ):
             where[name] = (position.get("s"),), int(position.get("laneId"))
         elif position.tag == "RelativeLanePosition" and float(position.get("offset", "0")) == 0.0:
             terms, lane = where[position.get("entityRef")]
@@ -516,21 +588,35 @@ def _actors(compiled: Scenario, places: dict[str, Node], changes: dict[str, Chan
 
 def _speed(place: Node) -> str:
     """The initial speed."""
-    action = next(each for each in place.children("PrivateAction") if each.find("LongitudinalAction") is not None)
-    return action.need("LongitudinalAction", "SpeedAction", "SpeedActionTarget", "AbsoluteTargetSpeed").get("value")
+    action = next(
+        each
+        for each in place.children("PrivateAction")
+        if each.find("LongitudinalAction") is not None
+    )
+    return action.need(
+        "LongitudinalAction", "SpeedAction", "SpeedActionTarget", "AbsoluteTargetSpeed"
+    ).get("value")
 
 
 def _following(place: Node, performance: Performance) -> Following | None:
     """The gap that an initial action keeps."""
-    actions = [each.find("LongitudinalAction", "LongitudinalDistanceAction") for each in place.children("PrivateAction")]
+    actions = [
+        each.find("LongitudinalAction", "LongitudinalDistanceAction")
+        for each in place.children("PrivateAction")
+    ]
     for action in actions:
         if action is None:
             continue
         constraints = read_constraints(action.find("DynamicConstraints"))
-        kind = tuple(action.get(each, "") for each in ("coordinateSystem", "displacement", "freespace", "continuous"))
+        kind = tuple(
+            action.get(each, "")
+            for each in ("coordinateSystem", "displacement", "freespace", "continuous")
+        )
         if constraints is None or kind != ("lane", "trailingReferencedEntity", "true", "true"):
             raise ValueError("another way to follow")
-        return Following(action.get("entityRef"), action.get("distance"), tighter(constraints, performance))
+        return Following(
+            action.get("entityRef"), action.get("distance"), tighter(constraints, performance)
+        )
     return None
 
 
@@ -539,7 +625,9 @@ def _changes(root: Node) -> Iterator[tuple[str, Change]]:
     for story in root.need("Storyboard").children("Story"):
         for act in story.children("Act"):
             for group in act.children("ManeuverGroup"):
-                (actor,) = (each.get("entityRef") for each in group.need("Actors").children("EntityRef"))
+                (actor,) = (
+                    each.get("entityRef") for each in group.need("Actors").children("EntityRef")
+                )
                 (maneuver,) = group.children("Maneuver")
                 change, settle = maneuver.children("Event")
                 yield actor, _change(actor, change, settle)
@@ -553,14 +641,23 @@ def _change(actor: str, change: Node, settle: Node) -> Change:
     if aside is not None and target is not None:
         dynamics = aside.need("LaneChangeActionDynamics")
         same = dynamics.get("value") == speed[0] and dynamics.get("dynamicsShape") == "sinusoidal"
-        if not same or target.get("entityRef") != actor or dynamics.get("dynamicsDimension") != "time":
+        if (
+            not same
+            or target.get("entityRef") != actor
+            or dynamics.get("dynamicsDimension") != "time"
+        ):
             raise ValueError("another lane change")
     (group,) = change.need("StartTrigger").children("ConditionGroup")
     time, distance = group.children("Condition")
     condition = distance.need("ByEntityCondition", "EntityCondition", "RelativeDistanceCondition")
-    follower = distance.need("ByEntityCondition", "TriggeringEntities", "EntityRef").get("entityRef")
+    follower = distance.need("ByEntityCondition", "TriggeringEntities", "EntityRef").get(
+        "entityRef"
+    )
     time.need("ByValueCondition", "SimulationTimeCondition")
-    kind = tuple(condition.get(each) for each in ("relativeDistanceType", "coordinateSystem", "freespace", "rule"))
+    kind = tuple(
+        condition.get(each)
+        for each in ("relativeDistanceType", "coordinateSystem", "freespace", "rule")
+    )
     if kind != ("longitudinal", "lane", "true", "lessOrEqual"):
         raise ValueError("another distance")
     rest, sudden = _over_time(settle)
@@ -578,28 +675,50 @@ def _actions(event: Node) -> list[Node]:
 
 def _over_time(event: Node) -> tuple[tuple[str, str], str | None]:
     """Duration and target of an event's change of speed, and its jerk; None where the change is linear."""
-    action = next(each for each in _actions(event) if each.find("LongitudinalAction") is not None).need("LongitudinalAction")
+    action = next(
+        each for each in _actions(event) if each.find("LongitudinalAction") is not None
+    ).need("LongitudinalAction")
     if (profile := action.find("SpeedProfileAction")) is not None:
         (entry,) = profile.children("SpeedProfileEntry")
         limits = profile.need("DynamicConstraints")
         up, down = limits.get("maxAccelerationRate"), limits.get("maxDecelerationRate")
-        others = [limits.get(name, "") for name in ("maxAcceleration", "maxDeceleration", "maxSpeed")]
-        if up != down or any(others) or profile.get("followingMode") != "follow" or profile.has("entityRef"):
+        others = [
+            limits.get(name, "") for name in ("maxAcceleration", "maxDeceleration", "maxSpeed")
+        ]
+        if (
+            up != down
+            or any(others)
+            or profile.get("followingMode") != "follow"
+            or profile.has("entityRef")
+        ):
             raise ValueError("another profile")
         return (entry.get("time"), entry.get("speed")), up
     speed = action.need("SpeedAction")
     dynamics = speed.need("SpeedActionDynamics")
     if (dynamics.get("dynamicsShape"), dynamics.get("dynamicsDimension")) != ("linear", "time"):
         raise ValueError("another change of speed")
-    return (dynamics.get("value"), speed.need("SpeedActionTarget", "AbsoluteTargetSpeed").get("value")), None
+    return (
+        dynamics.get("value"),
+        speed.need("SpeedActionTarget", "AbsoluteTargetSpeed").get("value"),
+    ), None
 
 
 def _ends(root: Node) -> tuple[str, str, str]:
     """The actor whose change ends the scene, how long after it, and the longest time."""
     groups = root.need("Storyboard", "StopTrigger").children("ConditionGroup")
     conditions = [each for group in groups for each in group.children("Condition")]
-    state = next(each for each in conditions if each.find("ByValueCondition", "StoryboardElementStateCondition") is not None)
-    time = next(each for each in conditions if each.find("ByValueCondition", "SimulationTimeCondition") is not None)
-    name = state.need("ByValueCondition", "StoryboardElementStateCondition").get("storyboardElementRef")
+    state = next(
+        each
+        for each in conditions
+        if each.find("ByValueCondition", "StoryboardElementStateCondition") is not None
+    )
+    time = next(
+        each
+        for each in conditions
+        if each.find("ByValueCondition", "SimulationTimeCondition") is not None
+    )
+    name = state.need("ByValueCondition", "StoryboardElementStateCondition").get(
+        "storyboardElementRef"
+    )
     longest = time.need("ByValueCondition", "SimulationTimeCondition").get("value")
     return name.removesuffix(" changes"), state.get("delay"), longest

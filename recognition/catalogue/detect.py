@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.datasets.source import Exclusion
 from recognition.labels.classes import Label, LabelledEvent
+from recognition.recordings.source import Exclusion
 from runner.recording import Recording, Track
+from xodr.graph.network import RoadNetwork
 from xodr.model import RoadPoint
-from xodr.network import RoadNetwork
 
 KNOWN, UNKNOWN, DISCOVERED = "known", "unknown", "discovered"
 RULES, MODEL = "rules", "model"
@@ -30,11 +30,14 @@ class Moment:
     Attributes:
         ego: name of the track.
         time: the middle of the window, s.
-        title: name of the class that it is sorted by: one of the 17, `unknown`, or a discovered class.
+        title: name of the class that it is sorted by: one of the 17, `unknown`, or a discovered
+            class.
         state: known, unknown or discovered.
         rule: what the rules say, UNKNOWN for nothing.
-        model: the model's label: one of the 17, `unknown`, or a discovered class; None without a model.
-        nearest: of the known classes the one that the model takes it for rather than any other; None without a model.
+        model: the model's label: one of the 17, `unknown`, or a discovered class; None without a
+            model.
+        nearest: of the known classes the one that the model takes it for rather than any other;
+            None without a model.
         confidence: of the model in `nearest`, in [0, 1]; None without.
         partner, tags, why: of the rule's event.
     """
@@ -83,7 +86,14 @@ class Detection:
 def by_rules(event: LabelledEvent) -> Moment:
     """The moment of a rule's event, without a model."""
     return Moment(
-        event.ego, event.time, event.label.title, KNOWN, event.label, partner=event.partner, tags=event.tags, why=event.why
+        event.ego,
+        event.time,
+        event.label.title,
+        KNOWN,
+        event.label,
+        partner=event.partner,
+        tags=event.tags,
+        why=event.why,
     )
 
 
@@ -97,7 +107,9 @@ def joined(moments: Iterable[Moment], gap: float) -> list[Detection]:
     for moment in moments:
         groups.setdefault((moment.ego, moment.title), []).append(moment)
     found = [_detection(run) for group in groups.values() for run in _runs(group, gap)]
-    return sorted(found, key=lambda finding: (finding.moment.ego, finding.moment.time, finding.moment.title))
+    return sorted(
+        found, key=lambda finding: (finding.moment.ego, finding.moment.time, finding.moment.title)
+    )
 
 
 def _runs(moments: Iterable[Moment], gap: float) -> list[list[Moment]]:
@@ -113,8 +125,12 @@ def _runs(moments: Iterable[Moment], gap: float) -> list[list[Moment]]:
 
 
 def _detection(moments: Sequence[Moment]) -> Detection:
-    best = max(moments, key=lambda moment: (bool(moment.rule), moment.confidence or 0.0, -moment.time))
-    return Detection(best, moments[0].time - WINDOW / 2, moments[-1].time + WINDOW / 2, len(moments))
+    best = max(
+        moments, key=lambda moment: (bool(moment.rule), moment.confidence or 0.0, -moment.time)
+    )
+    return Detection(
+        best, moments[0].time - WINDOW / 2, moments[-1].time + WINDOW / 2, len(moments)
+    )
 
 
 @dataclass(frozen=True)
@@ -145,7 +161,9 @@ class EgoVehicle(NamedTuple):
     passage: str
 
 
-def vehicles(recording: Recording, network: RoadNetwork, needs: EgoRequirements) -> tuple[list[EgoVehicle], list[Exclusion]]:
+def vehicles(
+    recording: Recording, network: RoadNetwork, needs: EgoRequirements
+) -> tuple[list[EgoVehicle], list[Exclusion]]:
     """The vehicles that are egos, and an exclusion for each other vehicle.
 
     The recording must have its road coordinates.
@@ -194,7 +212,12 @@ def _on_road(track: Track, network: RoadNetwork) -> float:
     columns = track.columns
     names = ("road_id", "s", "t", "lane_id", "lane_offset")
     return float(
-        np.mean([network.on_road(RoadPoint(*place)) for place in zip(*(columns[name].tolist() for name in names), strict=True)])
+        np.mean(
+            [
+                network.on_road(RoadPoint(*place))
+                for place in zip(*(columns[name].tolist() for name in names), strict=True)
+            ]
+        )
     )
 
 
@@ -239,7 +262,8 @@ class Episode:
         title, state: of the class.
         ego: name of the track.
         start, end: of the scene, s.
-        finding: what was recognised; for a vehicle's scene the most telling of all findings, None for nothing.
+        finding: what was recognised; for a vehicle's scene the most telling of all findings, None
+            for nothing.
         passage: how a vehicle passes, where the scene is all that was recorded of it.
     """
 
@@ -266,19 +290,39 @@ def of_findings(recording: str, findings: Iterable[Detection], around: Around) -
         moment = finding.moment
         name = f"{plain(recording)}_{plain(moment.ego)}_{moment.time:07.2f}"
         start, end = finding.start - around.before, finding.end + around.after
-        episodes.append(Episode(plain(moment.title), name, moment.title, moment.state, moment.ego, start, end, finding))
+        episodes.append(
+            Episode(
+                plain(moment.title),
+                name,
+                moment.title,
+                moment.state,
+                moment.ego,
+                start,
+                end,
+                finding,
+            )
+        )
     return _distinct(episodes)
 
 
-def of_vehicles(recording: str, vehicles: Iterable[EgoVehicle], findings: Sequence[Detection]) -> list[Episode]:
+def of_vehicles(
+    recording: str, vehicles: Iterable[EgoVehicle], findings: Sequence[Detection]
+) -> list[Episode]:
     """A scenario for each vehicle, of all that was recorded of it."""
     episodes = []
     for ego, start, end, passage in vehicles:
         own = [finding for finding in findings if finding.moment.ego == ego]
         best = max(
-            own, key=lambda finding: (_LABELS.get(finding.moment.title, Label.UNKNOWN), -finding.moment.time), default=None
+            own,
+            key=lambda finding: (
+                _LABELS.get(finding.moment.title, Label.UNKNOWN),
+                -finding.moment.time,
+            ),
+            default=None,
         )
-        title, state = (best.moment.title, best.moment.state) if best is not None else (UNLABELLED, UNLABELLED)
+        title, state = (
+            (best.moment.title, best.moment.state) if best is not None else (UNLABELLED, UNLABELLED)
+        )
         name = f"{plain(recording)}_{plain(ego)}"
         episodes.append(Episode(VEHICLES, name, title, state, ego, start, end, best, passage))
     return _distinct(episodes)
@@ -296,5 +340,7 @@ def _distinct(episodes: list[Episode]) -> list[Episode]:
     for episode in episodes:
         key = f"{episode.folder}/{episode.name}".casefold()
         seen[key] = seen.get(key, 0) + 1
-        distinct.append(episode if seen[key] == 1 else replace(episode, name=f"{episode.name}_{seen[key]}"))
+        distinct.append(
+            episode if seen[key] == 1 else replace(episode, name=f"{episode.name}_{seen[key]}")
+        )
     return distinct

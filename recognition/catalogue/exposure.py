@@ -34,18 +34,30 @@ class Mileage(NamedTuple):
 
 def exposure_of(recording: Recording, rules: Rules) -> Mileage:
     """Return the exposure of a recording: that of the vehicles that rules may find as egos."""
-    motor = [track for track in recording.tracks.values() if track.kind == "vehicle" and track.category in EGOS]
-    moving = [track.columns for track in motor if len(track.columns["time"]) and not is_parked(track, rules)]
+    motor = [
+        track
+        for track in recording.tracks.values()
+        if track.kind == "vehicle" and track.category in EGOS
+    ]
+    moving = [
+        track.columns
+        for track in motor
+        if len(track.columns["time"]) and not is_parked(track, rules)
+    ]
     time = sum(float(np.ptp(columns["time"])) for columns in moving)
-    distance = sum(float(np.hypot(np.diff(columns["x"]), np.diff(columns["y"])).sum()) for columns in moving)
+    distance = sum(
+        float(np.hypot(np.diff(columns["x"]), np.diff(columns["y"])).sum()) for columns in moving
+    )
     return Mileage(len(moving), time, distance)
 
 
-def rates(rows: Iterable[Mapping[str, Any]], sites: Sequence[tuple[str, Mileage]]) -> list[dict[str, Any]]:
+def rates(
+    rows: Iterable[Mapping[str, Any]], sites: Sequence[tuple[str, Mileage]]
+) -> list[dict[str, Any]]:
     """Return the rates of all classes at all sites and at all sites together.
 
-    A class that occurs at one site has a row for each: its upper limit says what absence shows. Rates are absent without
-    exposure.
+    A class that occurs at one site has a row for each: its upper limit says what absence shows.
+    Rates are absent without exposure.
 
     Args:
         rows: of the index.
@@ -56,7 +68,11 @@ def rates(rows: Iterable[Mapping[str, Any]], sites: Sequence[tuple[str, Mileage]
     for site, one in sites:
         for name in (site, EVERYWHERE):
             before = total.get(name, Mileage(0, 0.0, 0.0))
-            vehicles, time, distance = before.vehicles + one.vehicles, before.time + one.time, before.distance + one.distance
+            vehicles, time, distance = (
+                before.vehicles + one.vehicles,
+                before.time + one.time,
+                before.distance + one.distance,
+            )
             total[name] = Mileage(vehicles, time, distance)
     for (_, title), count in list(events.items()):
         events[EVERYWHERE, title] += count
@@ -75,8 +91,13 @@ def _row(site: str, title: str, count: int, seen: Mileage) -> dict[str, Any]:
     row = {"site": site, "class": title, "events": count, "vehicles": seen.vehicles}
     row |= {"vehicle_hours": round(hours, 4), "vehicle_km": round(km, 3)}
     for name, amount in (("per_hour", hours), ("per_1000_km", km / 1000.0)):
-        values = [each / amount for each in (count, *interval(count))] if amount > 0.0 else [None] * 3
-        row |= {f"{name}{end}": value and round(value, 4) for end, value in zip(("", "_low", "_high"), values, strict=True)}
+        values = (
+            [each / amount for each in (count, *interval(count))] if amount > 0.0 else [None] * 3
+        )
+        row |= {
+            f"{name}{end}": value and round(value, 4)
+            for end, value in zip(("", "_low", "_high"), values, strict=True)
+        }
     return row
 
 

@@ -12,15 +12,24 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from recognition.catalogue.detect import DISCOVERED, KNOWN, MODEL, RULES, UNKNOWN, WINDOW, Moment, by_rules
+from recognition.catalogue.detect import (
+    DISCOVERED,
+    KNOWN,
+    MODEL,
+    RULES,
+    UNKNOWN,
+    WINDOW,
+    Moment,
+    by_rules,
+)
 from recognition.labels.classes import Label, LabelledEvent, Rules
 from recognition.labels.scene import is_parked
-from recognition.sites import Site
-from recognition.sites.lanes import on_lanes
-from recognition.training.windows import STRIDE, drawn_in_parts, regular, visible
+from recognition.scenes import Site
+from recognition.scenes.lanes import on_lanes
 from recognition.trfe import storage
-from recognition.trfe.known import FIRST_DISCOVERED, title_of
-from recognition.trfe.samples import BACKGROUND, Features
+from recognition.trfe.forest.known import FIRST_DISCOVERED, title_of
+from recognition.trfe.inputs.samples import BACKGROUND, Features
+from recognition.trfe.training.windows import STRIDE, drawn_in_parts, regular, visible
 from recognition.trfe.trfe import TRFE
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, UsageError, reason
@@ -34,7 +43,8 @@ _WEIGHTS, _ABOUT, _FIELD = "model.safetensors", "about", "unseen_sites"
 class UnseenSites(NamedTuple):
     """Agreement of a model with rules' events on sites outside its training, for the worst site measured.
 
-    agree: share with the rules' class. wrong: share that is taken for another known class or for nothing; the rest is unknown.
+    agree: share with the rules' class. wrong: share that is taken for another known class or for
+    nothing; the rest is unknown.
     """
 
     agree: float
@@ -65,10 +75,23 @@ def unseen_sites(folder: Path) -> UnseenSites | None:
         if stated is None:
             return None
         found = UnseenSites(float(stated["agree"]), float(stated["wrong"]))
-    except (OSError, SafetensorError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise InvalidFile(f"{_FIELD} can't be read from this model: {reason(error)}", path=path) from None
+    except (
+        OSError,
+        SafetensorError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+    ) as error:
+        raise InvalidFile(
+            f"{_FIELD} can't be read from this model: {reason(error)}", path=path
+        ) from None
     if not all(0.0 <= share <= 1.0 for share in found):
-        raise InvalidFile(f"{_FIELD} of this model holds shares from 0 to 1, not {found.agree:g} and {found.wrong:g}", path=path)
+        raise InvalidFile(
+            f"{_FIELD} of this model holds shares from 0 to 1, not {found.agree:g} and {found.wrong:g}",
+            path=path,
+        )
     return found
 
 
@@ -77,7 +100,11 @@ def objection(stated: UnseenSites | None) -> str | None:
     needed = f"at least {AGREE:.0%} and at most {WRONG:.0%} are required"
     if stated is None:
         return f"the model does not state how many of the rules' events on sites not seen get their class, or another ({needed})"
-    return None if stated.sufficient else f"of the rules' events on sites not seen, {stated} ({needed})"
+    return (
+        None
+        if stated.sufficient
+        else f"of the rules' events on sites not seen, {stated} ({needed})"
+    )
 
 
 _DRAWN = 4096
@@ -92,16 +119,25 @@ class ByModel:
 
     Args:
         model: fitted, with its encoders.
-        sorts: whether moments are sorted by the model's labels. Otherwise rules' events are sorted by the rules, and of the
-            other moments those remain that are unknown to the model or of a class that it discovered.
+        sorts: whether moments are sorted by the model's labels. Otherwise rules' events are sorted
+            by the rules, and of the other moments those remain that are unknown to the model or of
+            a class that it discovered.
         discover: whether moments that are unknown, or of a discovered class, are given as well.
-        stride: time between two moments of one vehicle, s; a rule's event takes the place of the moments about it.
+        stride: time between two moments of one vehicle, s; a rule's event takes the place of the
+            moments about it.
     """
 
-    def __init__(self, model: TRFE, *, sorts: bool, discover: bool = True, stride: float = STRIDE) -> None:
+    def __init__(
+        self, model: TRFE, *, sorts: bool, discover: bool = True, stride: float = STRIDE
+    ) -> None:
         if not model.encoders:
             raise UsageError("this model has no encoder: it can't recognise recordings")
-        self._model, self._view, self._stride, self._sorts = model, model.encoders[0].view, stride, sorts
+        self._model, self._view, self._stride, self._sorts = (
+            model,
+            model.encoders[0].view,
+            stride,
+            sorts,
+        )
         self._hidden = () if discover else (UNKNOWN, DISCOVERED)
         self._first = int(model.buffer.keys.max()) + 1 if len(model.buffer) else 0
         """key of the first moment in the buffer; smaller ones are of what waited there before"""
@@ -118,16 +154,28 @@ class ByModel:
         return MODEL if self._sorts else RULES
 
     def look(
-        self, name: str, recording: Recording, site: Site, events: list[LabelledEvent], advance: Callable[[float], None]
+        self,
+        name: str,
+        recording: Recording,
+        site: Site,
+        events: list[LabelledEvent],
+        advance: Callable[[float], None],
     ) -> None:
         """Recognise the moments of a recording; the unknown ones wait in the model's buffer."""
         candidates = [*map(by_rules, events), *self._regular(recording, site, events)]
-        inside = visible(recording, [(moment.ego, moment.time) for moment in candidates], self._view)
+        inside = visible(
+            recording, [(moment.ego, moment.time) for moment in candidates], self._view
+        )
         moments = [moment for moment, usable in zip(candidates, inside, strict=True) if usable]
         self._ranges[name] = range(len(self._seen), len(self._seen) + len(moments))
         places = [(moment.ego, moment.time) for moment in moments]
-        with threadpool_limits(1, "blas"):  # more threads only wait, for products this small and beside the encoders' threads
-            parts = map(self._model.encode, _ahead(drawn_in_parts(recording, places, self._view, site, _DRAWN)))
+        with threadpool_limits(
+            1, "blas"
+        ):  # more threads only wait, for products this small and beside the encoders' threads
+            parts = map(
+                self._model.encode,
+                _ahead(drawn_in_parts(recording, places, self._view, site, _DRAWN)),
+            )
             for number, features in enumerate(_ahead(parts)):
                 self._take(features, moments[number * _DRAWN :])
                 advance(len(features) / len(moments))
@@ -139,8 +187,14 @@ class ByModel:
         if not self._finished:
             self._discover()
             self._finished = True
-        labelled = [self._labelled(self._seen[index], self._labels[index]) for index in self._ranges[name]]
-        found = [one for one in labelled if one.rule or (one.model != _NOTHING and (self._sorts or one.state != KNOWN))]
+        labelled = [
+            self._labelled(self._seen[index], self._labels[index]) for index in self._ranges[name]
+        ]
+        found = [
+            one
+            for one in labelled
+            if one.rule or (one.model != _NOTHING and (self._sorts or one.state != KNOWN))
+        ]
         return [one for one in found if one.state not in self._hidden]
 
     def keep(self, folder: Path, *, waiting: bool = True) -> None:
@@ -157,7 +211,9 @@ class ByModel:
             self._model.buffer.remove(np.ones(len(self._model.buffer), dtype=bool))
         storage.save(self._model, folder)
 
-    def _regular(self, recording: Recording, site: Site, events: list[LabelledEvent]) -> list[Moment]:
+    def _regular(
+        self, recording: Recording, site: Site, events: list[LabelledEvent]
+    ) -> list[Moment]:
         """Moments on lanes at the stride, away from the events, of vehicles that are not parked."""
         taken: dict[str, list[float]] = {}
         for event in events:
@@ -169,7 +225,10 @@ class ByModel:
                 busy = np.array(taken.get(track.name, []))
                 free = (np.abs(times[:, None] - busy) >= 0.5 * self._stride).all(axis=1)
                 free &= on_lanes(recording, site.network, track.name, times)
-                found += [Moment(track.name, at, Label.UNKNOWN.title, UNKNOWN) for at in times[free].tolist()]
+                found += [
+                    Moment(track.name, at, Label.UNKNOWN.title, UNKNOWN)
+                    for at in times[free].tolist()
+                ]
         return found
 
     def _take(self, features: Features, moments: list[Moment]) -> None:
@@ -180,7 +239,9 @@ class ByModel:
             self._recognise(some, moments[start : start + len(some)])
 
     def _recognise(self, features: Features, moments: list[Moment]) -> None:
-        found = self._model.observe(features, self._first + len(self._seen) + np.arange(len(moments)))
+        found = self._model.observe(
+            features, self._first + len(self._seen) + np.arange(len(moments))
+        )
         names = [title_of(int(label)) for label in found.closed]
         shares = found.confidence.tolist()
         self._seen += (
@@ -208,7 +269,9 @@ class ByModel:
         moment = replace(moment, model=title_of(label))
         if moment.rule and not self._sorts:
             return moment
-        state = UNKNOWN if label == Label.UNKNOWN else KNOWN if label < FIRST_DISCOVERED else DISCOVERED
+        state = (
+            UNKNOWN if label == Label.UNKNOWN else KNOWN if label < FIRST_DISCOVERED else DISCOVERED
+        )
         return replace(moment, title=title_of(label), state=state)
 
 
@@ -235,4 +298,8 @@ def load(folder: Path, *, sorts: bool | None = None, discover: bool = True) -> B
     if not folder.is_dir():
         raise UsageError("there is no model in this folder; --labels rules needs none", path=folder)
     model = storage.load(folder)
-    return ByModel(model, sorts=objection(unseen_sites(folder)) is None if sorts is None else sorts, discover=discover)
+    return ByModel(
+        model,
+        sorts=objection(unseen_sites(folder)) is None if sorts is None else sorts,
+        discover=discover,
+    )

@@ -1,7 +1,7 @@
 """Recordings to a catalogue, and labels for the results of runs.
 
-A catalogue is read, detected, cut and written in parallel, with results kept between runs. What happens in a run is written
-down about the scenario that it is a run of.
+A catalogue is read, detected, cut and written in parallel, with results kept between runs. What
+happens in a run is written down about the scenario that it is a run of.
 """
 
 from __future__ import annotations
@@ -17,28 +17,35 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import xosc
-from recognition import datasets
+from recognition import recordings as datasets
 from recognition.catalogue import detect, recordings
 from recognition.catalogue.detect import Detection, Moment, by_rules
-from recognition.catalogue.index import Catalogue, recordings_of
-from recognition.catalogue.recordings import Block, CatalogueSettings, LabelledRecording, RecordingRef, RecordingStore, looked
-from recognition.catalogue.store import digests, write_unless_edited
-from recognition.catalogue.write import AUTHOR
-from recognition.datasets import Source
-from recognition.datasets.formats import runs
+from recognition.catalogue.recordings import (
+    Block,
+    CatalogueSettings,
+    LabelledRecording,
+    RecordingRef,
+    RecordingStore,
+    looked,
+)
+from recognition.catalogue.writing.index import Catalogue, recordings_of
+from recognition.catalogue.writing.store import digests, write_unless_edited
+from recognition.catalogue.writing.write import AUTHOR
 from recognition.labels import LabelledEvent
-from recognition.sites import Site
+from recognition.recordings import Source
+from recognition.recordings.formats import runs
+from recognition.scenes import Site
 from runner.batch.pool import executor
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from schemas.common.policy import CommandPolicy, current, in_force
 from schemas.common.storage import digest
-from xosc import tags
 from xosc.document import to_bytes
-from xosc.tags import Tag
+from xosc.writing import tags
+from xosc.writing.tags import Tag
 
 if TYPE_CHECKING:
-    from schemas.common.command_line import Bar
+    from schemas.common.terminal.command_line import Bar
 
 
 Task = TypeVar("Task")
@@ -53,11 +60,14 @@ class Workers(NamedTuple):
 
 
 @contextmanager
-def results(work: Callable[[Task], Result], tasks: Sequence[Task], workers: Workers) -> Iterator[Iterator[Result]]:
+def results(
+    work: Callable[[Task], Result], tasks: Sequence[Task], workers: Workers
+) -> Iterator[Iterator[Result]]:
     """Around all that uses the result of each task, in their order; several processes begin at once.
 
     Args:
-        work: does a task; a function of a module, or a `functools.partial` of one, as it goes to other processes.
+        work: does a task; a function of a module, or a `functools.partial` of one, as it goes to
+            other processes.
 
     Raises:
         UsageError: Ray is not installed, or there is no such cluster.
@@ -73,12 +83,16 @@ def results(work: Callable[[Task], Result], tasks: Sequence[Task], workers: Work
             try:
                 yield pool.map(work, tasks)
             except BrokenProcessPool:
-                raise ToolchainError("a process died, perhaps because memory ran out; go on with fewer --jobs") from None
+                raise ToolchainError(
+                    "a process died, perhaps because memory ran out; go on with fewer --jobs"
+                ) from None
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _on_ray(work: Callable[[Task], Result], tasks: Sequence[Task], address: str, jobs: int) -> Generator[Result, None, None]:
+def _on_ray(
+    work: Callable[[Task], Result], tasks: Sequence[Task], address: str, jobs: int
+) -> Generator[Result, None, None]:
     from runner.batch.pool import connect
 
     ray, ours = connect(address, jobs)
@@ -93,7 +107,9 @@ def _on_ray(work: Callable[[Task], Result], tasks: Sequence[Task], address: str,
             ray.shutdown()
 
 
-def _in_folder(folder: str, policy: CommandPolicy, work: Callable[[Task], Result], task: Task) -> Result:
+def _in_folder(
+    folder: str, policy: CommandPolicy, work: Callable[[Task], Result], task: Task
+) -> Result:
     """Do a task where its relative paths lead to the same files, under the same policy."""
     os.chdir(folder)
     with in_force(policy):
@@ -118,7 +134,14 @@ class Recogniser(Protocol):
         """Source of the labels that sort the moments: `RULES` or `MODEL`."""
         ...
 
-    def look(self, name: str, recording: Recording, site: Site, events: list[LabelledEvent], advance: Advance) -> None:
+    def look(
+        self,
+        name: str,
+        recording: Recording,
+        site: Site,
+        events: list[LabelledEvent],
+        advance: Advance,
+    ) -> None:
         """Take in a recording and the events that rules have found in it."""
         ...
 
@@ -135,7 +158,14 @@ class ByRules:
     def __init__(self) -> None:
         self._events: dict[str, list[LabelledEvent]] = {}
 
-    def look(self, name: str, recording: Recording, site: Site, events: list[LabelledEvent], advance: Advance) -> None:
+    def look(
+        self,
+        name: str,
+        recording: Recording,
+        site: Site,
+        events: list[LabelledEvent],
+        advance: Advance,
+    ) -> None:
         """Keep the events."""
         self._events[name] = events
         advance(1.0)
@@ -148,10 +178,11 @@ class ByRules:
 class Summary(NamedTuple):
     """Outcome of the recordings.
 
-    classes: scenarios by title of the class. passages: vehicles' scenes by how they pass. exclusions: vehicles without a scene.
-    colliding: scenarios in which the ego touches another one from the start, as recorded.
-    edited: files that a person has edited, left alone. removed: files of earlier runs that are no longer part of the catalogue.
-    failures: recordings that could not be read, and why.
+    classes: scenarios by title of the class. passages: vehicles' scenes by how they pass.
+    exclusions: vehicles without a scene. colliding: scenarios in which the ego touches another one
+    from the start, as recorded. edited: files that a person has edited, left alone. removed: files
+    of earlier runs that are no longer part of the catalogue. failures: recordings that could not be
+    read, and why.
     """
 
     classes: Counter[str]
@@ -185,8 +216,8 @@ def build(
 ) -> Summary:
     """Make a catalogue of the recordings in files and folders, with the same bytes for any number of workers.
 
-    A recording that can't be read does not keep the others from their place in the catalogue. Recordings that were read before
-    an interruption are not read again by the next call.
+    A recording that can't be read does not keep the others from their place in the catalogue.
+    Recordings that were read before an interruption are not read again by the next call.
 
     Args:
         settings: for recognising and writing; the defaults if None.
@@ -196,12 +227,13 @@ def build(
 
     Raises:
         InvalidFile: there is no recording of a known format in a path.
-        UsageError: the folder can't be written or has the catalogue of other recordings, or two recordings have one name.
+        UsageError: the folder can't be written or has the catalogue of other recordings, or two
+            recordings have one name.
 
     Example:
         >>> from pathlib import Path
         >>> import xosc_toolchain as xt
-        >>> from runner.outputs.folder import write_run
+        >>> from runner.batch.outputs.folder import write_run
         >>> written = write_run(xt.run("xosc/library/cut_in_highway.xosc", world="kinematic"), Path("run"))
         >>> sorted(xt.recognise([Path("run")], Path("catalogue")).classes)
         ['highway car following', 'highway cut in', 'right lane change']
@@ -211,7 +243,9 @@ def build(
     sources = recordings.opened(tuple(paths), settings.road)
     _refuse_twins(sources)
     _refuse_others(out, {source.name for source in sources})
-    places = [RecordingRef(tuple(paths), source.name, out / _SHELF, settings.road) for source in sources]
+    places = [
+        RecordingRef(tuple(paths), source.name, out / _SHELF, settings.road) for source in sources
+    ]
     with results(partial(recordings.read, settings), places, workers) as found:
         work = _Work(out, settings, recogniser(), workers)
         work.take(sources, found, bar)
@@ -235,21 +269,34 @@ def _refuse_others(out: Path, names: set[str]) -> None:
     if others:
         listed = f"{others[0]!r}" + (f" and {len(others) - 1} more" if len(others) > 1 else "")
         raise UsageError(
-            f"this folder has a catalogue of other recordings ({listed}): give them as well, or another folder", path=out
+            f"this folder has a catalogue of other recordings ({listed}): give them as well, or another folder",
+            path=out,
         )
 
 
 class _Work:
     """One catalogue in the making."""
 
-    def __init__(self, out: Path, settings: CatalogueSettings, recogniser: Recogniser, workers: Workers) -> None:
+    def __init__(
+        self, out: Path, settings: CatalogueSettings, recogniser: Recogniser, workers: Workers
+    ) -> None:
         self.seen: dict[str, LabelledRecording] = {}
-        self._out, self._settings, self._recogniser, self._workers = out, settings, recogniser, workers
+        self._out, self._settings, self._recogniser, self._workers = (
+            out,
+            settings,
+            recogniser,
+            workers,
+        )
         self._catalogue = Catalogue(out, settings.config, recogniser.sorted_by)
         self._shelf = RecordingStore(out / _SHELF)
         self._failures: dict[str, ToolchainError] = {}
 
-    def take(self, sources: Sequence[Source], found: Iterator[LabelledRecording | ToolchainError], bar: Bar) -> None:
+    def take(
+        self,
+        sources: Sequence[Source],
+        found: Iterator[LabelledRecording | ToolchainError],
+        bar: Bar,
+    ) -> None:
         """Have the recogniser look at the recordings in their order, as they have been read."""
         with bar("recognising", len(sources)) as advance:
             for source, seen in zip(sources, found, strict=True):
@@ -258,7 +305,10 @@ class _Work:
                     advance(1.0)
                     continue
                 advance(_READ)
-                recording, rest = recordings.recorded(seen.ground.place), _part(advance, 1.0 - _READ)
+                recording, rest = (
+                    recordings.recorded(seen.ground.place),
+                    _part(advance, 1.0 - _READ),
+                )
                 self._recogniser.look(source.name, recording, seen.ground.site, seen.events, rest)
                 self.seen[source.name] = seen
 
@@ -278,7 +328,9 @@ class _Work:
         """Finish the catalogue."""
         catalogue = self._catalogue
         rows = catalogue.rows
-        removed = catalogue.close(failures={name: str(error) for name, error in self._failures.items()})
+        removed = catalogue.close(
+            failures={name: str(error) for name, error in self._failures.items()}
+        )
         self._shelf.clear()
         return Summary(
             Counter(row["class"] for row in rows),
@@ -312,7 +364,8 @@ LABELS = "labels.json"
 class LabelledRuns(NamedTuple):
     """Labelled windows of simulated runs.
 
-    findings: of each run, by its name. written, edited: files written, and those left alone because a person has edited them.
+    findings: of each run, by its name. written, edited: files written, and those left alone because
+    a person has edited them.
     """
 
     findings: dict[str, list[Detection]]
@@ -321,15 +374,22 @@ class LabelledRuns(NamedTuple):
 
 
 def label_runs(
-    folder: Path, settings: CatalogueSettings, recogniser: Recogniser, bar: Bar, *, in_place: bool = False
+    folder: Path,
+    settings: CatalogueSettings,
+    recogniser: Recogniser,
+    bar: Bar,
+    *,
+    in_place: bool = False,
 ) -> LabelledRuns:
     """Label the runs in a folder and annotate their scenarios.
 
-    Beside a scenario come `<name>_labelled.xosc`, a copy whose FileHeader has the tags as properties (from version 1.2 on), and
-    the tags as OpenLABEL. The scenario itself is written only `in_place`. `labels.json` in the folder lists all that was found.
+    Beside a scenario come `<name>_labelled.xosc`, a copy whose FileHeader has the tags as
+    properties (from version 1.2 on), and the tags as OpenLABEL. The scenario itself is written only
+    `in_place`. `labels.json` in the folder lists all that was found.
 
     Raises:
-        InvalidFile: there are no runs, one is malformed, or its scenario or road is not there any more.
+        InvalidFile: there are no runs, one is malformed, or its scenario or road is not there any
+            more.
         UsageError: a file can't be written.
     """
     sources = [source for source in datasets.open(folder).sources if source.format == runs.FORMAT]
@@ -338,18 +398,30 @@ def label_runs(
     with bar("recognising", len(sources)) as advance:
         for source in sources:
             recogniser.look(source.name, *looked(source, settings.rules), advance)
-    found = {source.name: detect.joined(recogniser.moments(source.name), settings.gap) for source in sources}
+    found = {
+        source.name: detect.joined(recogniser.moments(source.name), settings.gap)
+        for source in sources
+    }
     by_scenario: dict[Path, list[Source]] = {}
     for source in sources:
         by_scenario.setdefault(runs.scenario(source.path), []).append(source)
     record = folder / LABELS
     before = digests(record)
     files = {
-        path: content for scenario, of in by_scenario.items() for path, content in _annotations(scenario, of, found, in_place)
+        path: content
+        for scenario, of in by_scenario.items()
+        for path, content in _annotations(scenario, of, found, in_place)
     }
-    edited = [path for path, content in files.items() if not _write(path, content, before, in_place and path in by_scenario)]
+    edited = [
+        path
+        for path, content in files.items()
+        if not _write(path, content, before, in_place and path in by_scenario)
+    ]
     written = {str(path): digest(content) for path, content in files.items() if path not in edited}
-    table = {"files": written, "runs": {name: [_told(each) for each in listed] for name, listed in found.items()}}
+    table = {
+        "files": written,
+        "runs": {name: [_told(each) for each in listed] for name, listed in found.items()},
+    }
     _write(record, (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode(), {}, True)
     return LabelledRuns(found, [Path(name) for name in written], edited)
 
@@ -365,17 +437,34 @@ def _annotations(
         yield target, to_bytes(tags.annotated(document, annotations))
     except Unsupported:
         target = scenario  # of a version without properties: what is tagged is the scenario itself
-    yield scenario.with_name(f"{scenario.stem}_labelled.openlabel.json"), tags.to_bytes(annotations, target.name, AUTHOR)
+    yield (
+        scenario.with_name(f"{scenario.stem}_labelled.openlabel.json"),
+        tags.to_bytes(annotations, target.name, AUTHOR),
+    )
 
 
 def _tags(sources: list[Source], found: dict[str, list[Detection]]) -> list[Tag]:
     """Classes that happen to the ego (to anyone, where there is no ego) in the runs of a scenario, and when."""
-    listed = [(source, finding) for source in sources for finding in found[source.name] if _about_ego(source, finding)]
+    listed = [
+        (source, finding)
+        for source in sources
+        for finding in found[source.name]
+        if _about_ego(source, finding)
+    ]
     classes = sorted({finding.moment.title for _, finding in listed})
-    when = [_sentence(finding, source.name if len(sources) > 1 else None) for source, finding in listed]
-    sure = [finding.moment.confidence for _, finding in listed if finding.moment.confidence is not None]
+    when = [
+        _sentence(finding, source.name if len(sources) > 1 else None) for source, finding in listed
+    ]
+    sure = [
+        finding.moment.confidence for _, finding in listed if finding.moment.confidence is not None
+    ]
     states = sorted({finding.moment.state for _, finding in listed})
-    listed_tags: list[Tag] = [Tag("Classes", classes), Tag("States", states), Tag("Findings", when), Tag("Runs", len(sources))]
+    listed_tags: list[Tag] = [
+        Tag("Classes", classes),
+        Tag("States", states),
+        Tag("Findings", when),
+        Tag("Runs", len(sources)),
+    ]
     return [*listed_tags, *([Tag("Confidence", min(sure))] if sure else [])]
 
 
@@ -386,8 +475,14 @@ def _about_ego(source: Source, finding: Detection) -> bool:
 
 def _sentence(finding: Detection, run: str | None) -> str:
     moment = finding.moment
-    parts = [f"{moment.title} of {moment.ego} at {moment.time:.2f} s", f"with {moment.partner}" if moment.partner else ""]
-    parts += [f"in {run}" if run else "", f"({_labels(moment)})" if moment.labels_agree is False else ""]
+    parts = [
+        f"{moment.title} of {moment.ego} at {moment.time:.2f} s",
+        f"with {moment.partner}" if moment.partner else "",
+    ]
+    parts += [
+        f"in {run}" if run else "",
+        f"({_labels(moment)})" if moment.labels_agree is False else "",
+    ]
     return " ".join(filter(None, parts))
 
 

@@ -15,22 +15,34 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import feather
 
-from recognition import datasets
+from recognition import recordings as datasets
 from recognition.catalogue import detect
-from recognition.catalogue.cut import Scope
-from recognition.catalogue.detect import Around, EgoVehicle, Episode, Moment, of_findings, of_vehicles
+from recognition.catalogue.detect import (
+    Around,
+    EgoVehicle,
+    Episode,
+    Moment,
+    of_findings,
+    of_vehicles,
+)
 from recognition.catalogue.exposure import Mileage, exposure_of
-from recognition.catalogue.write import CatalogueConfig, CatalogWriter, Material, PendingCatalog
-from recognition.datasets import Cut, Exclusion, Gap, Report, Source, cache_roads
+from recognition.catalogue.writing.write import (
+    CatalogueConfig,
+    CatalogWriter,
+    Material,
+    PendingCatalog,
+)
 from recognition.labels import LabelledEvent, Rules, label
-from recognition.sites import Roles, Site, site_of
-from runner.participants.declaration import BoundingBox
+from recognition.recordings import Cut, Exclusion, Gap, Report, Source, cache_roads
+from recognition.scenes import Roles, Site, site_of
+from recognition.scenes.cut import Scope
+from runner.engine.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
 from schemas.common.errors import InvalidFile, NotWritten, ToolchainError, Unsupported, UsageError
 from schemas.common.packages import version
 from schemas.common.policy import limited
 from schemas.common.storage import Records, Stamp, digest, drafted, stamp, writing
-from xodr.network import RoadNetwork
+from xodr.graph.network import RoadNetwork
 from xodr.reader import load
 
 
@@ -69,9 +81,12 @@ class RecordingStore:
         tracks = list(recording.tracks.values())
         sizes = [len(track.columns["time"]) for track in tracks]
         names = tracks[0].columns if tracks else ()
-        table = pa.table({name: np.concatenate([track.columns[name] for track in tracks]) for name in names})
+        table = pa.table(
+            {name: np.concatenate([track.columns[name] for track in tracks]) for name in names}
+        )
         listed = [
-            [track.name, track.kind, track.category, list(track.box), size] for track, size in zip(tracks, sizes, strict=True)
+            [track.name, track.kind, track.category, list(track.box), size]
+            for track, size in zip(tracks, sizes, strict=True)
         ]
         network = str(recording.network.path) if recording.network is not None else None
         about = {"timestep": recording.timestep, "network": network, "tracks": listed}
@@ -80,7 +95,9 @@ class RecordingStore:
             columns = self._path(source, "arrow")
             with drafted(columns) as draft:
                 feather.write_feather(table, str(draft), compression="uncompressed")
-            self._records(source).replace([about | {"report": asdict(report), "columns": _digest(columns)}])
+            self._records(source).replace(
+                [about | {"report": asdict(report), "columns": _digest(columns)}]
+            )
 
     def get(self, source: Source) -> Kept:
         """The recording of a source, whose columns are read when they are asked for."""
@@ -89,7 +106,9 @@ class RecordingStore:
         ends = np.cumsum([0, *(size for *_, size in about["tracks"])]).tolist()
         tracks = [
             Track(name, kind, category, BoundingBox(*box), partial(table.rows, slice(start, end)))
-            for (name, kind, category, box, _), start, end in zip(about["tracks"], ends, ends[1:], strict=False)
+            for (name, kind, category, box, _), start, end in zip(
+                about["tracks"], ends, ends[1:], strict=False
+            )
         ]
         network = loaded(Path(about["network"])) if about["network"] else None
         return Kept(Recording(tracks, about["timestep"], network), _report(about["report"]))
@@ -142,8 +161,18 @@ class _Table:
 
 
 def _report(values: dict[str, Any]) -> Report:
-    gaps, cuts = [Gap(*one) for one in values.pop("gaps")], [Cut(*one) for one in values.pop("cuts")]
-    return Report(**values | {"gaps": gaps, "cuts": cuts, "exclusions": [Exclusion(*one) for one in values.pop("exclusions")]})
+    gaps, cuts = (
+        [Gap(*one) for one in values.pop("gaps")],
+        [Cut(*one) for one in values.pop("cuts")],
+    )
+    return Report(
+        **values
+        | {
+            "gaps": gaps,
+            "cuts": cuts,
+            "exclusions": [Exclusion(*one) for one in values.pop("exclusions")],
+        }
+    )
 
 
 EVENTS, VEHICLES = "events", "vehicles"
@@ -269,8 +298,13 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
                 report = source.report
                 shelf.put(source, recording, report)
             needs = settings.needs if settings.scenes == VEHICLES else None
-            egos, exclusions = detect.vehicles(recording, site.network, needs) if needs is not None else ([], [])
-            ground, exposure = PlacedRecording(place, site.path, site.roles), exposure_of(recording, settings.rules)
+            egos, exclusions = (
+                detect.vehicles(recording, site.network, needs) if needs is not None else ([], [])
+            )
+            ground, exposure = (
+                PlacedRecording(place, site.path, site.roles),
+                exposure_of(recording, settings.rules),
+            )
     except NotWritten:
         raise  # the other recordings can't be either
     except _REFUSALS as error:
@@ -278,10 +312,16 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
     return LabelledRecording(ground, report, exposure, events, egos, exclusions)
 
 
-def episodes(settings: CatalogueSettings, seen: LabelledRecording, moments: Iterable[Moment]) -> list[Episode]:
+def episodes(
+    settings: CatalogueSettings, seen: LabelledRecording, moments: Iterable[Moment]
+) -> list[Episode]:
     """Return the scenarios to be made of a recording."""
     name, found = seen.ground.place.name, detect.joined(moments, settings.gap)
-    return of_findings(name, found, settings.around) if settings.scenes == EVENTS else of_vehicles(name, seen.egos, found)
+    return (
+        of_findings(name, found, settings.around)
+        if settings.scenes == EVENTS
+        else of_vehicles(name, seen.egos, found)
+    )
 
 
 def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) -> Done:

@@ -6,19 +6,19 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-from recognition.catalogue import replay
-from recognition.catalogue.cut import SceneCutter, Scope
 from recognition.catalogue.recordings import opened
-from recognition.catalogue.write import AUTHOR, DATE
-from recognition.datasets import Source, cache_roads
-from recognition.sites import map_of
+from recognition.catalogue.writing import replay
+from recognition.catalogue.writing.write import AUTHOR, DATE
+from recognition.recordings import Source, cache_roads
+from recognition.scenes import map_of
+from recognition.scenes.cut import SceneCutter, Scope
 from runner.recording import Recording, Track
 from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.policy import limited
 from schemas.common.storage import keep, read_bytes, writing
 from xosc.document import to_bytes
-from xosc.files import FileHeader
-from xosc.versions import Version
+from xosc.writing.files import FileHeader
+from xosc.writing.versions import Version
 
 
 class Replay(NamedTuple):
@@ -32,34 +32,54 @@ class Replay(NamedTuple):
 
 
 @limited()
-def write_replay(path: Path, out: Path, *, ego: str | None = None, road: Path | None = None, version: Version = (1, 3)) -> Replay:
+def write_replay(
+    path: Path,
+    out: Path,
+    *,
+    ego: str | None = None,
+    road: Path | None = None,
+    version: Version = (1, 3),
+) -> Replay:
     """Write one scenario that replays a recording from the first to the last row of its ego, and its road beside it.
 
     Args:
         path: the recording.
         out: the scenario, `.xosc`.
-        ego: name of the participant that becomes the ego; by default the recording's own vehicle, else the vehicle that is there
-            for longest.
-        road: the OpenDRIVE file; by default what the recording has. A recording without one is replayed on a plane.
+        ego: name of the participant that becomes the ego; by default the recording's own vehicle,
+            else the vehicle that is there for longest.
+        road: the OpenDRIVE file; by default what the recording has. A recording without one is
+            replayed on a plane.
         version: of the standard.
 
     Raises:
         InvalidFile, Unsupported: the recording can't be read, or has no participants.
-        UsageError: there are several recordings, no such participant, or the files can't be written.
+        UsageError: there are several recordings, no such participant, or the files can't be
+            written.
     """
     source = _only(opened((path,), road), path)
     recording = source.load()
     assert source.report is not None, "the recording has been read"
-    remarks = [*source.report.remarks, *(f"{each.what} is left out: {each.reason}" for each in source.report.exclusions)]
+    remarks = [
+        *source.report.remarks,
+        *(f"{each.what} is left out: {each.reason}" for each in source.report.exclusions),
+    ]
     track = _ego(recording, source, ego, remarks)
     file = _road(source, recording, remarks)
     scene = SceneCutter(recording, Scope(reach=math.inf)).cut(track.name, -math.inf, math.inf)
     absent = len(recording.tracks) - len(scene.parts)
     if absent:
-        remarks.append(f"{absent} participants are not there together with the ego, in two messages or more: left out")
+        remarks.append(
+            f"{absent} participants are not there together with the ego, in two messages or more: left out"
+        )
     beside = out.with_suffix(".xodr") if file is not None else None
-    header = FileHeader(f"replay of {source.name}, {scene.start:.2f} s to {scene.end:.2f} s, ego {track.name}", AUTHOR, DATE)
-    document = replay.whole(out, header, scene, road=beside.name if beside is not None else None, version=version)
+    header = FileHeader(
+        f"replay of {source.name}, {scene.start:.2f} s to {scene.end:.2f} s, ego {track.name}",
+        AUTHOR,
+        DATE,
+    )
+    document = replay.whole(
+        out, header, scene, road=beside.name if beside is not None else None, version=version
+    )
     with writing("the scenario", out):
         out.parent.mkdir(parents=True, exist_ok=True)
         if file is not None and beside is not None:
@@ -71,25 +91,37 @@ def write_replay(path: Path, out: Path, *, ego: str | None = None, road: Path | 
 def _only(sources: list[Source], path: Path) -> Source:
     if len(sources) > 1:
         names = ", ".join(source.name for source in sources[:3])
-        raise UsageError(f"here are {len(sources)} recordings ({names}, …): one replay is of one", path=path)
+        raise UsageError(
+            f"here are {len(sources)} recordings ({names}, …): one replay is of one", path=path
+        )
     return sources[0]
 
 
 def _ego(recording: Recording, source: Source, name: str | None, remarks: list[str]) -> Track:
     """The participant that becomes the ego."""
-    present = {track.name: track for track in recording.tracks.values() if len(track.columns["time"]) > 1}
+    present = {
+        track.name: track for track in recording.tracks.values() if len(track.columns["time"]) > 1
+    }
     if name is not None:
         if name not in present:
-            raise UsageError(f"no participant {name!r} is there for two messages; there are {', '.join(list(present)[:10])}")
+            raise UsageError(
+                f"no participant {name!r} is there for two messages; there are {', '.join(list(present)[:10])}"
+            )
         return present[name]
     own = source.ego()
     if own in present:
         return present[own]
-    vehicles = [track for track in present.values() if track.kind == "vehicle"] or list(present.values())
+    vehicles = [track for track in present.values() if track.kind == "vehicle"] or list(
+        present.values()
+    )
     if not vehicles:
         raise InvalidFile("no participant is there for two messages", path=source.path)
-    longest = max(vehicles, key=lambda track: float(track.columns["time"][-1] - track.columns["time"][0]))
-    remarks.append(f"the recording names no ego: {longest.name} is it, which is there for longest; --ego chooses another one")
+    longest = max(
+        vehicles, key=lambda track: float(track.columns["time"][-1] - track.columns["time"][0])
+    )
+    remarks.append(
+        f"the recording names no ego: {longest.name} is it, which is there for longest; --ego chooses another one"
+    )
     return longest
 
 

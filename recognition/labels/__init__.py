@@ -12,7 +12,7 @@ import numpy as np
 from recognition.labels import rules
 from recognition.labels.classes import Label, LabelledEvent, Rules, counts
 from recognition.labels.scene import events, prepare
-from recognition.sites import Site
+from recognition.scenes import Site
 from runner.recording import Recording
 
 __all__ = ["JunctionWay", "Label", "LabelledEvent", "Rules", "counts", "label", "passing"]
@@ -39,7 +39,9 @@ RULES = (
 """The rules in the order of the classes; each finds the events of one class in a scene."""
 
 
-def label(recording: Recording, site: Site, name: str, config: Rules = Rules()) -> list[LabelledEvent]:  # noqa: B008 - frozen
+def label(
+    recording: Recording, site: Site, name: str, config: Rules = Rules()
+) -> list[LabelledEvent]:  # noqa: B008 - frozen
     """The events of a recording, by ego and time.
 
     The recording gets the road coordinates that it lacks.
@@ -60,19 +62,27 @@ class JunctionWay(NamedTuple):
     uncrossed: bool
 
 
-def passing(recording: Recording, site: Site, config: Rules = Rules()) -> dict[str, list[JunctionWay]]:  # noqa: B008
+def passing(
+    recording: Recording, site: Site, config: Rules = Rules()
+) -> dict[str, list[JunctionWay]]:  # noqa: B008
     """Ways of vehicles through junctions, by their names.
 
-    Where no rule finds anything there, something may happen all the same: a way that bends by 20 to 45 degrees is neither
-    straight nor a turn, and one that is cut off may become either. Nothing happens on a whole straight way that no vehicle of the
-    recording crosses.
+    Where no rule finds anything there, something may happen all the same: a way that bends by 20 to
+    45 degrees is neither straight nor a turn, and one that is cut off may become either. Nothing
+    happens on a whole straight way that no vehicle of the recording crosses.
     """
     scene = prepare(recording, site, config)
     found: dict[str, list[JunctionWay]] = {}
     if len(scene.track):
         ways, time = scene.passages, scene.time
-        uncrossed = ways.arrived & (np.abs(ways.turn) < np.radians(config.straight)) & ~rules.crosses(scene)
-        for first, last, alone in zip(ways.first.tolist(), ways.last.tolist(), uncrossed.tolist(), strict=True):
+        uncrossed = (
+            ways.arrived & (np.abs(ways.turn) < np.radians(config.straight)) & ~rules.crosses(scene)
+        )
+        for first, last, alone in zip(
+            ways.first.tolist(), ways.last.tolist(), uncrossed.tolist(), strict=True
+        ):
             name = scene.names[scene.track[first]]
-            found.setdefault(name, []).append(JunctionWay(float(time[first]), float(time[last]), alone))
+            found.setdefault(name, []).append(
+                JunctionWay(float(time[first]), float(time[last]), alone)
+            )
     return found

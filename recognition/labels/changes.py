@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.labels.classes import Rules
-from recognition.sites import Site
-from recognition.sites.lanes import NOWHERE, LaneGraph
-from recognition.sites.roles import ROLES, LaneRole
+from recognition.scenes import Site
+from recognition.scenes.lanes import NOWHERE, LaneGraph
+from recognition.scenes.roles import ROLES, LaneRole
 from runner.recording import Recording
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
@@ -25,9 +25,10 @@ class SceneRows:
         track: index of each row's track. frame: number of its time step. time: s.
         first, last: first and last row of the part without missing frames that each row is in.
         x, y, h, speed, acceleration: as in the recording; the acceleration is smoothed.
-        strip: index of the lane strip. along: distance from its beginning, m. offset, aside: distance to the left of the
-            lane's centre and of the road's reference line, m.
-        role: index into `ROLES`. front, rear: distance of the box's ends ahead of the reference point, m. width: of the box, m.
+        strip: index of the lane strip. along: distance from its beginning, m. offset, aside:
+            distance to the left of the lane's centre and of the road's reference line, m.
+        role: index into `ROLES`. front, rear: distance of the box's ends ahead of the reference
+            point, m. width: of the box, m.
     """
 
     recording: Recording
@@ -62,7 +63,10 @@ class SceneRows:
     def centred(self, row: IntArray) -> IntArray:
         """The nearest row to each one about which a whole window is there, if its part is as long as that."""
         half = self.rows(0.5 * self.rules.window)
-        return np.maximum(np.minimum(np.maximum(row, self.first[row] + half), self.last[row] - half), self.first[row])
+        return np.maximum(
+            np.minimum(np.maximum(row, self.first[row] + half), self.last[row] - half),
+            self.first[row],
+        )
 
     def has_role(self, *roles: LaneRole) -> BoolArray:
         """Rows on lanes of these roles."""
@@ -102,7 +106,9 @@ def held(values: IntArray, group: IntArray, least: int | IntArray) -> IntArray:
     return np.repeat(values[start[np.where(same, last_long, number)]], size)
 
 
-def totals(values: NDArray, half: int, first: IntArray, last: IntArray) -> tuple[FloatArray, IntArray]:
+def totals(
+    values: NDArray, half: int, first: IntArray, last: IntArray
+) -> tuple[FloatArray, IntArray]:
     """Return sum and number of the values within `half` rows of each row, inside its part."""
     here = np.arange(len(values))
     before, after = np.maximum(here - half, first), np.minimum(here + half, last)
@@ -118,7 +124,9 @@ def smoothed(values: FloatArray, half: int, first: IntArray, last: IntArray) -> 
 
 def deviation(values: FloatArray, half: int, first: IntArray, last: IntArray) -> FloatArray:
     """Standard deviation over `half` rows to either side."""
-    centred = values - (values.mean() if len(values) else 0.0)  # small numbers: their squares lose no digits
+    centred = values - (
+        values.mean() if len(values) else 0.0
+    )  # small numbers: their squares lose no digits
     mean, square = (smoothed(one, half, first, last) for one in (centred, centred**2))
     return np.sqrt(np.maximum(square - mean**2, 0.0))
 
@@ -143,13 +151,18 @@ def constant(values: NDArray, half: int, first: IntArray, last: IntArray) -> Boo
 def along_road(scene: SceneRows, row: IntArray) -> BoolArray:
     """Rows about which a vehicle goes along its road, less than `rules.oblique` to the lane there.
 
-    Within `rules.turning_time` before and after, it turns by no more than `rules.turning` beyond what the road bends.
+    Within `rules.turning_time` before and after, it turns by no more than `rules.turning` beyond
+    what the road bends.
     """
     headings = np.array([_lane_heading(scene, each) for each in row.tolist()], np.float64)
     oblique = np.abs(_wrapped(scene.h[row] - headings))
     reach = scene.rows(scene.rules.turning_time)
-    turns = _turns(scene, np.maximum(row - reach, scene.first[row]), np.minimum(row + reach, scene.last[row]))
-    return (oblique <= np.radians(scene.rules.oblique)) & (np.abs(turns) <= np.radians(scene.rules.turning))
+    turns = _turns(
+        scene, np.maximum(row - reach, scene.first[row]), np.minimum(row + reach, scene.last[row])
+    )
+    return (oblique <= np.radians(scene.rules.oblique)) & (
+        np.abs(turns) <= np.radians(scene.rules.turning)
+    )
 
 
 def _turned(scene: SceneRows) -> FloatArray:
@@ -160,15 +173,17 @@ def _turned(scene: SceneRows) -> FloatArray:
 def _turns(scene: SceneRows, first: IntArray, last: IntArray) -> FloatArray:
     """Change of heading from rows to later ones, less what the roads outside of junctions bend on the way, rad."""
     turned, off_road = _turned(scene), _off_road(scene)
-    bends = [_bend(scene, a, b, off_road) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
+    bends = [
+        _bend(scene, a, b, off_road) for a, b in zip(first.tolist(), last.tolist(), strict=True)
+    ]
     return turned[last] - turned[first] - np.array(bends, np.float64)
 
 
 def _off_road(scene: SceneRows) -> BoolArray:
     """Rows in junctions and roundabouts, or on no lane."""
-    return scene.has_role(LaneRole.INSIDE, LaneRole.SIGNALISED, LaneRole.ENTRY, LaneRole.RING, LaneRole.EXIT) | (
-        scene.strip == NOWHERE
-    )
+    return scene.has_role(
+        LaneRole.INSIDE, LaneRole.SIGNALISED, LaneRole.ENTRY, LaneRole.RING, LaneRole.EXIT
+    ) | (scene.strip == NOWHERE)
 
 
 def _bend(scene: SceneRows, first: int, last: int, off_road: BoolArray) -> float:
@@ -176,7 +191,11 @@ def _bend(scene: SceneRows, first: int, last: int, off_road: BoolArray) -> float
     strips = scene.strip[first : last + 1]
     starts = np.append(0, np.flatnonzero(np.diff(strips)) + 1)
     ends = np.append(starts[1:] - 1, len(strips) - 1)
-    stays = [(first + a, first + b) for a, b in zip(starts.tolist(), ends.tolist(), strict=True) if not off_road[first + a]]
+    stays = [
+        (first + a, first + b)
+        for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
+        if not off_road[first + a]
+    ]
     return sum(float(_wrapped(_lane_heading(scene, b) - _lane_heading(scene, a))) for a, b in stays)
 
 
@@ -192,8 +211,8 @@ def _wrapped(angle: FloatArray | float) -> FloatArray:
 class Exits(NamedTuple):
     """Rows at which vehicles leave their lane obliquely, or come into one so, outside of junctions.
 
-    row: the first one beyond the lane, or on it. leaves: whether it leaves. beside: whether it is on no driving lane within
-    `rules.beside`.
+    row: the first one beyond the lane, or on it. leaves: whether it leaves. beside: whether it is
+    on no driving lane within `rules.beside`.
     """
 
     row: IntArray
@@ -231,9 +250,14 @@ _OPEN = 10.0
 def _at_open_end(scene: SceneRows) -> BoolArray:
     """Rows near an end of their lane that no other lane is linked to."""
     lanes, strip = scene.site.lanes, scene.strip
-    last, first = (np.array([not linked for linked in links], bool) for links in (lanes.following, lanes.preceding))
+    last, first = (
+        np.array([not linked for linked in links], bool)
+        for links in (lanes.following, lanes.preceding)
+    )
     ahead = lanes.length[strip] - scene.along
-    return (strip != NOWHERE) & ((last[strip] & (ahead < _OPEN)) | (first[strip] & (scene.along < _OPEN)))
+    return (strip != NOWHERE) & (
+        (last[strip] & (ahead < _OPEN)) | (first[strip] & (scene.along < _OPEN))
+    )
 
 
 class Changes(NamedTuple):
@@ -249,14 +273,18 @@ class LaneChanges:
     """All changes of lane that are held, and the lanes that they lead through.
 
     Attributes:
-        lane: number of each row's lane within its course, counted to the left, short stays left out.
+        lane: number of each row's lane within its course, counted to the left, short stays left
+            out.
         step: how many lanes to the left each row is of the one before, short stays included.
-        course: number of the course of each row: a part of a track that goes on along connected lanes without missing frames.
+        course: number of the course of each row: a part of a track that goes on along connected
+            lanes without missing frames.
         side: distance of each row to the left of where its course begins, m, following the lanes.
-        row: the first row in the new lane, one for each change; `row - 1` is the last one in the old lane.
+        row: the first row in the new lane, one for each change; `row - 1` is the last one in the
+            old lane.
         left: whether the change is to the left.
         shift: lateral displacement towards the new lane about the change, m.
-        partial: changes of which only a part may have been recorded: the track begins or ends within `rules.shift_time`.
+        partial: changes of which only a part may have been recorded: the track begins or ends
+            within `rules.shift_time`.
     """
 
     lane: IntArray
@@ -288,13 +316,16 @@ def lane_changes(scene: SceneRows) -> LaneChanges:
     kept = _is_held(lane, course, row, hold) & along_road(scene, row)
     row, left = row[kept], left[kept]
     shift = _shifts(scene, lane, course, side, row, left)
-    return LaneChanges(lane, steps, course, side, row, left, shift, _partial(scene, raw, course, side, begins))
+    return LaneChanges(
+        lane, steps, course, side, row, left, shift, _partial(scene, raw, course, side, begins)
+    )
 
 
 def _sideways(scene: SceneRows, lane: IntArray, begins: BoolArray) -> tuple[IntArray, BoolArray]:
     """Rows with which a stay in the lane beside begins, and whether that is the left one.
 
-    Lanes of different roads may overlap, so the vehicle itself has to move aside by half a lane between them.
+    Lanes of different roads may overlap, so the vehicle itself has to move aside by half a lane
+    between them.
     """
     row = np.flatnonzero((np.abs(np.diff(lane)) == 1) & ~begins[1:]) + 1
     left = lane[row] > lane[row - 1]
@@ -307,13 +338,18 @@ def _sideways(scene: SceneRows, lane: IntArray, begins: BoolArray) -> tuple[IntA
 def _aside(scene: SceneRows, row: IntArray) -> FloatArray:
     """Displacement to the left (m) from `rules.shift_time` before to as long after rows, beyond that of an arc."""
     reach = scene.rows(scene.rules.shift_time)
-    first, last = np.maximum(row - reach, scene.first[row]), np.minimum(row + reach, scene.last[row])
+    first, last = (
+        np.maximum(row - reach, scene.first[row]),
+        np.minimum(row + reach, scene.last[row]),
+    )
     x, y, heading = scene.x[last] - scene.x[first], scene.y[last] - scene.y[first], scene.h[first]
     arc = 0.5 * np.hypot(x, y) * _wrapped(scene.h[last] - heading)
     return y * np.cos(heading) - x * np.sin(heading) - arc
 
 
-def _partial(scene: SceneRows, raw: IntArray, course: IntArray, side: FloatArray, begins: BoolArray) -> Changes:
+def _partial(
+    scene: SceneRows, raw: IntArray, course: IntArray, side: FloatArray, begins: BoolArray
+) -> Changes:
     """Changes about which not all is recorded that their displacement is measured in."""
     lane = _held_at_ends(scene, raw, course)
     row, left = _sideways(scene, lane, begins)
@@ -330,7 +366,11 @@ def _held_at_ends(scene: SceneRows, raw: IntArray, course: IntArray) -> IntArray
     start, size = stays(raw, course)
     last = start + size - 1
     at_end = (start == scene.first[start]) | (last == scene.last[last])
-    return held(raw, course, np.where(at_end, scene.rows(scene.rules.partial_hold), scene.rows(scene.rules.hold)))
+    return held(
+        raw,
+        course,
+        np.where(at_end, scene.rows(scene.rules.partial_hold), scene.rows(scene.rules.hold)),
+    )
 
 
 def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
@@ -338,7 +378,9 @@ def _steps(lanes: LaneGraph, strip: IntArray) -> tuple[IntArray, BoolArray]:
     before, after = strip[:-1], strip[1:]
     steps, related = np.zeros(len(before), np.int64), np.ones(len(before), bool)
     moved = np.flatnonzero(before != after)
-    pairs, which = np.unique(np.stack([before[moved], after[moved]], axis=1), axis=0, return_inverse=True)
+    pairs, which = np.unique(
+        np.stack([before[moved], after[moved]], axis=1), axis=0, return_inverse=True
+    )
     found = [lanes.lanes_left(a, b) if NOWHERE not in (a, b) else None for a, b in pairs.tolist()]
     steps[moved] = np.array([step or 0 for step in found], np.int64)[which.reshape(-1)]
     related[moved] = np.array([step is not None for step in found], bool)[which.reshape(-1)]
@@ -351,9 +393,17 @@ _SAME_LANE = 1.0
 
 def _overlapping(scene: SceneRows, changed: BoolArray) -> BoolArray:
     """Which of these steps from a row to the next lead to a lane that overlaps the one before, with nearly its centre and way."""
-    near = changed & (scene.strip[1:] != NOWHERE) & (scene.strip[:-1] != NOWHERE) & (scene.first[1:] == scene.first[:-1])
+    near = (
+        changed
+        & (scene.strip[1:] != NOWHERE)
+        & (scene.strip[:-1] != NOWHERE)
+        & (scene.first[1:] == scene.first[:-1])
+    )
     row = np.flatnonzero(near & (np.abs(np.diff(scene.offset)) < _SAME_LANE))
-    bends = [float(_wrapped(_lane_heading(scene, each + 1) - _lane_heading(scene, each))) for each in row.tolist()]
+    bends = [
+        float(_wrapped(_lane_heading(scene, each + 1) - _lane_heading(scene, each)))
+        for each in row.tolist()
+    ]
     near[:] = False
     near[row[np.abs(np.array(bends, np.float64)) < np.radians(scene.rules.oblique)]] = True
     return near
@@ -381,7 +431,14 @@ def _side(scene: SceneRows, steps: IntArray, begins: BoolArray) -> FloatArray:
     return side - side[_first(begins)]
 
 
-def _shifts(scene: SceneRows, lane: IntArray, course: IntArray, side: FloatArray, rows: IntArray, left: BoolArray) -> FloatArray:
+def _shifts(
+    scene: SceneRows,
+    lane: IntArray,
+    course: IntArray,
+    side: FloatArray,
+    rows: IntArray,
+    left: BoolArray,
+) -> FloatArray:
     """Displacement from the outermost place before to the outermost place after each change, within its two stays."""
     reach = scene.rows(scene.rules.shift_time)
     starts, sizes = stays(lane, course)
@@ -391,7 +448,9 @@ def _shifts(scene: SceneRows, lane: IntArray, course: IntArray, side: FloatArray
     towards = np.where(left, 1.0, -1.0)
     shifts = [
         (sign * side[row:end]).max() - (sign * side[start:row]).min()
-        for row, start, end, sign in zip(rows.tolist(), earliest.tolist(), latest.tolist(), towards.tolist(), strict=True)
+        for row, start, end, sign in zip(
+            rows.tolist(), earliest.tolist(), latest.tolist(), towards.tolist(), strict=True
+        )
     ]
     return np.array(shifts, np.float64)
 
@@ -401,14 +460,18 @@ class Passages:
     """Ways through junctions, in the order of their rows; also of tracks that begin or end inside.
 
     Attributes:
-        first, last: first and last row: those beside the junction, or those inside where the track begins or ends.
+        first, last: first and last row: those beside the junction, or those inside where the track
+            begins or ends.
         arrived: whether the last row is behind the junction.
-        row: the middle: half of the turn is done there, or, of a straight way, half of the way; if the track begins or ends too
-            near to that of a turn for a whole window, the nearest row of the passage that has one.
-        turn: change of heading, rad, positive to the left, see `_heading_changes`; nan where too little of it was recorded.
+        row: the middle: half of the turn is done there, or, of a straight way, half of the way; if
+            the track begins or ends too near to that of a turn for a whole window, the nearest row
+            of the passage that has one.
+        turn: change of heading, rad, positive to the left, see `_heading_changes`; nan where too
+            little of it was recorded.
         junction: number of the junction.
         signalised: whether it has traffic lights.
-        origin, target: strips before and behind the junction, NOWHERE where neither track nor map tell.
+        origin, target: strips before and behind the junction, NOWHERE where neither track nor map
+            tell.
         origin_road: number of the road of the origin, NOWHERE likewise.
     """
 
@@ -442,7 +505,9 @@ def passages(scene: SceneRows) -> Passages:
     inside = np.where(scene.strip != NOWHERE, inside[scene.strip], NOWHERE)
     inside = held(inside, scene.track, scene.rows(scene.rules.flicker))
     start, size = stays(inside, scene.track)
-    way = np.cumsum(np.hypot(np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1])))
+    way = np.cumsum(
+        np.hypot(np.diff(scene.x, prepend=scene.x[:1]), np.diff(scene.y, prepend=scene.y[:1]))
+    )
     length = way[start + size - 1] - way[start]
     chosen = (inside[start] != NOWHERE) & (length >= 0.5 * scene.rules.passage)
     start, end, length = start[chosen], (start + size - 1)[chosen], length[chosen]
@@ -456,42 +521,65 @@ def passages(scene: SceneRows) -> Passages:
     straight = np.abs(turn) < np.radians(scene.rules.turn[0])
     middle = [
         _half(way if goes_straight else turned, a, b)
-        for a, b, goes_straight in zip(first.tolist(), last.tolist(), straight.tolist(), strict=True)
+        for a, b, goes_straight in zip(
+            first.tolist(), last.tolist(), straight.tolist(), strict=True
+        )
     ]
     row = np.array(middle, np.int64)
     row = np.where(straight, row, np.clip(scene.centred(row), first, last))
-    origin = np.where(entered, scene.strip[first], _neighbours(scene.site.lanes.preceding, scene.strip[first]))
-    target = np.where(arrived, scene.strip[last], _neighbours(scene.site.lanes.following, scene.strip[last]))
+    origin = np.where(
+        entered, scene.strip[first], _neighbours(scene.site.lanes.preceding, scene.strip[first])
+    )
+    target = np.where(
+        arrived, scene.strip[last], _neighbours(scene.site.lanes.following, scene.strip[last])
+    )
     lights = np.isin(inside[start], junction_of[scene.strip[scene.has_role(LaneRole.SIGNALISED)]])
     roads = np.where(origin != NOWHERE, road_of[origin], NOWHERE)
     return Passages(first, last, arrived, row, turn, inside[start], lights, origin, target, roads)
 
 
 def _heading_changes(
-    scene: SceneRows, turned: FloatArray, first: IntArray, last: IntArray, entered: BoolArray, arrived: BoolArray
+    scene: SceneRows,
+    turned: FloatArray,
+    first: IntArray,
+    last: IntArray,
+    entered: BoolArray,
+    arrived: BoolArray,
 ) -> FloatArray:
     """Change of heading (rad) in passages, given that in all rows before each row.
 
-    One of less than `rules.turn` counts with what its lane bends where the track begins or ends inside, if it turns by
-    `rules.straight` itself. Vehicles begin turns before junctions and end them behind: what is turned beyond the bends of the
-    roads within `rules.turning_time` before and after, up to other passages, counts if that makes it a turn.
+    One of less than `rules.turn` counts with what its lane bends where the track begins or ends
+    inside, if it turns by `rules.straight` itself. Vehicles begin turns before junctions and end
+    them behind: what is turned beyond the bends of the roads within `rules.turning_time` before and
+    after, up to other passages, counts if that makes it a turn.
     """
     rules, lanes = scene.rules, scene.site.lanes
-    recorded, least, turning = turned[last] - turned[first], np.radians(rules.straight), np.radians(rules.turn[0])
+    recorded, least, turning = (
+        turned[last] - turned[first],
+        np.radians(rules.straight),
+        np.radians(rules.turn[0]),
+    )
     missing = np.zeros(len(first))
     for number in np.flatnonzero(~(entered & arrived) & (np.abs(recorded) < turning)).tolist():
         begin, end = int(first[number]), int(last[number])
         if not entered[number]:
-            missing[number] += _lane_turn(lanes, int(scene.strip[begin]), 0.0, float(scene.along[begin]))
+            missing[number] += _lane_turn(
+                lanes, int(scene.strip[begin]), 0.0, float(scene.along[begin])
+            )
         if not arrived[number]:
             strip = int(scene.strip[end])
-            missing[number] += _lane_turn(lanes, strip, float(scene.along[end]), float(lanes.length[strip]))
+            missing[number] += _lane_turn(
+                lanes, strip, float(scene.along[end]), float(lanes.length[strip])
+            )
     turn = recorded + missing
     turn[(np.abs(turn) >= turning) & (np.abs(recorded) < least)] = np.nan
     reach, off_road = scene.rows(rules.turning_time), _off_road(scene)
     for number in np.flatnonzero((np.abs(recorded) >= least) & (np.abs(turn) < turning)).tolist():
         begin, end = int(first[number]), int(last[number])
-        earliest, latest = max(begin - reach, int(scene.first[begin])), min(end + reach, int(scene.last[end]))
+        earliest, latest = (
+            max(begin - reach, int(scene.first[begin])),
+            min(end + reach, int(scene.last[end])),
+        )
         if number and scene.track[last[number - 1]] == scene.track[begin]:
             earliest = max(earliest, min(int(last[number - 1]), begin))
         if number + 1 < len(first) and scene.track[first[number + 1]] == scene.track[end]:
@@ -518,22 +606,37 @@ def side_turns(scene: SceneRows, crossed: Exits, ways: Passages) -> Turns:
     turned, reach = _turned(scene), scene.rows(scene.rules.shift_time)
     found: list[tuple[int, float]] = []
     for row in np.sort(crossed.row[crossed.beside]).tolist():
-        first, last = max(row - reach, int(scene.first[row])), min(row + reach, int(scene.last[row]))
+        first, last = (
+            max(row - reach, int(scene.first[row])),
+            min(row + reach, int(scene.last[row])),
+        )
         mine = scene.track[ways.first] == scene.track[row]
         if (mine & (ways.first < row) & (row < ways.last)).any():
             continue
         first = max([first, *ways.last[mine & (ways.last <= row)].tolist()])
         last = min([last, *ways.first[mine & (ways.first >= row)].tolist()])
         middle = _half(turned, first, last)
-        if not found or scene.track[found[-1][0]] != scene.track[middle] or middle - found[-1][0] > reach:
+        if (
+            not found
+            or scene.track[found[-1][0]] != scene.track[middle]
+            or middle - found[-1][0] > reach
+        ):
             found.append((middle, float(_turns(scene, np.array([first]), np.array([last]))[0])))
-    rows, angles = (np.array(column) for column in zip(*found, strict=True)) if found else (np.zeros(0, np.int64), np.zeros(0))
+    rows, angles = (
+        (np.array(column) for column in zip(*found, strict=True))
+        if found
+        else (np.zeros(0, np.int64), np.zeros(0))
+    )
     return Turns(scene.centred(rows), angles)
 
 
 def _lane_turn(lanes: LaneGraph, strip: int, start: float, end: float) -> float:
     """Return the change of heading (rad) of a strip's traffic between two distances (m) from its beginning."""
-    return 0.0 if strip == NOWHERE else float(_wrapped(lanes.heading(strip, end) - lanes.heading(strip, start)))
+    return (
+        0.0
+        if strip == NOWHERE
+        else float(_wrapped(lanes.heading(strip, end) - lanes.heading(strip, start)))
+    )
 
 
 def _same_track(scene: SceneRows, row: IntArray, step: int) -> BoolArray:
@@ -553,7 +656,10 @@ def _junctions(scene: SceneRows) -> IntArray:
     """Number of the junction of each strip, NOWHERE for none."""
     network = scene.site.network
     numbers = {name: number for number, name in enumerate(network.junctions)}
-    found = [numbers.get(network.roads[strip.road].junction_id or "", NOWHERE) for strip in scene.site.lanes.strips]
+    found = [
+        numbers.get(network.roads[strip.road].junction_id or "", NOWHERE)
+        for strip in scene.site.lanes.strips
+    ]
     return np.array(found, np.int64)
 
 

@@ -98,39 +98,51 @@ class Rules:
         most_windows: most of each of them of one ego.
         gap: longest time without frames after which a track goes on.
         sight: how far ahead a lead is looked for.
-        parked: least diagonal of the area in which a vehicle that drives moves, over its whole track; jitter has a speed, too.
+        parked: least diagonal of the area in which a vehicle that drives moves, over its whole
+            track; jitter has a speed, too.
         smoothing: time over which accelerations are averaged before they are compared.
-        cruise_acceleration, cruise_speed_deviation: greatest |a| and standard deviation of the speed in free cruise.
+        cruise_acceleration, cruise_speed_deviation: greatest |a| and standard deviation of the
+            speed in free cruise.
         cruise_speed: least speed of free cruise: a vehicle standing in a jam is as steady.
         following_headway: greatest THW of following, and least of free cruise.
         following_ttc: TTC below which following gets the tag `ttc_below_4s`.
         hold: how long a lane is held before and after a change; shorter stays in a lane are none.
-        flicker: stays in a role shorter than this are none: where lanes of a junction overlap, rows jump between them.
+        flicker: stays in a role shorter than this are none: where lanes of a junction overlap, rows
+            jump between them.
         shift: least lateral displacement of a lane change, in lane widths.
         width: widest lane (m) of which shares count: a wider one is no further to cross.
         strict_shift: least lateral displacement in m, instead, where it is given.
-        partial_hold, partial_shift: time for which the first or last lane of a track is held, and least lateral displacement (in
-            lane widths), of a lane change that was recorded in part; it gets the tag `partial`.
-        partial_urban_shift: the same on roads that are no motorways, where vehicles set off and turn at the edges of the view.
-        partial_ramp: least way along a ramp on which the track begins or ends; such an event gets the tag `partial`, too.
-        oblique: greatest angle between vehicle and lane where a lane change crosses the border; at more it leaves the road.
-        turning, turning_time: greatest change of heading, beyond the road's own, so long before and after that; more is a turn.
+        partial_hold, partial_shift: time for which the first or last lane of a track is held, and
+            least lateral displacement (in lane widths), of a lane change that was recorded in part;
+            it gets the tag `partial`.
+        partial_urban_shift: the same on roads that are no motorways, where vehicles set off and
+            turn at the edges of the view.
+        partial_ramp: least way along a ramp on which the track begins or ends; such an event gets
+            the tag `partial`, too.
+        oblique: greatest angle between vehicle and lane where a lane change crosses the border; at
+            more it leaves the road.
+        turning, turning_time: greatest change of heading, beyond the road's own, so long before and
+            after that; more is a turn.
         shift_time: time before and after a change in which the displacement is measured.
-        cut_gap, cut_speed: greatest gap to a vehicle that cuts in or out, and least speed of both: standing vehicles do not.
+        cut_gap, cut_speed: greatest gap to a vehicle that cuts in or out, and least speed of both:
+            standing vehicles do not.
         lateral_gap: lateral gap below which a cut-in gets the tag `lateral_gap_below_2m`.
         braking: acceleration below which a cut-out gets the tag `ego_brakes`.
-        reaction: time after a cut-in or cut-out in which TTC or acceleration are looked at; before and after, ego does not change
-            lane for so long.
+        reaction: time after a cut-in or cut-out in which TTC or acceleration are looked at; before
+            and after, ego does not change lane for so long.
         urban_ttc: TTC below which an urban cut-in has to be.
         urban_speed_limit: greatest speed limit of an urban lane.
         ramp_length: way along the ramp.
         ramp_shift: least lateral shift between ramp and main lane.
-        yield_speed, yield_time: a vehicle that was slower, or has a lower PET, gets the tag `yields`.
+        yield_speed, yield_time: a vehicle that was slower, or has a lower PET, gets the tag
+            `yields`.
         ring_spacing: least time between two events of circulating.
         passage: least way through a junction that counts; half of it for a turn.
         turn: least and greatest change of heading of a turn.
-        beside: time within which a vehicle is on no lane, after it leaves its lane obliquely or before it enters one so.
-        straight: greatest change of heading of a straight cross; less than that of a turn where no other way is straighter.
+        beside: time within which a vehicle is on no lane, after it leaves its lane obliquely or
+            before it enters one so.
+        straight: greatest change of heading of a straight cross; less than that of a turn where no
+            other way is straighter.
         opposing_time: time within which an opposing vehicle passes.
         vru_pet: PET with pedestrians and cyclists below which there is a conflict.
         merging_gap: arrivals in one lane less than this apart are merging.

@@ -9,9 +9,9 @@ import numpy as np
 from recognition.labels.changes import Changes, always, constant, deviation, held, stays
 from recognition.labels.classes import Label
 from recognition.labels.scene import ABSENT, Hits, Scene, ahead_of, alone, near, spaced
-from recognition.sites import LaneRole
-from recognition.sites.lanes import NOWHERE
-from recognition.sites.roles import ROLES
+from recognition.scenes import LaneRole
+from recognition.scenes.lanes import NOWHERE
+from recognition.scenes.roles import ROLES
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -67,8 +67,12 @@ def least_ttc(scene: Scene, cuts: Cuts) -> FloatArray:
     """Least TTC with the other within `rules.reaction` from t*, s; infinite where it is never defined."""
     rows = ahead_of(scene, cuts.ego, scene.rules.reaction)
     leads = scene.leads
-    same = (leads.row[rows] != ABSENT) & (scene.track[leads.row[rows]] == scene.track[cuts.other][:, None])
-    return np.where(same & leads.ttc.valid[rows], leads.ttc.value[rows], np.inf).min(axis=1, initial=np.inf)
+    same = (leads.row[rows] != ABSENT) & (
+        scene.track[leads.row[rows]] == scene.track[cuts.other][:, None]
+    )
+    return np.where(same & leads.ttc.valid[rows], leads.ttc.value[rows], np.inf).min(
+        axis=1, initial=np.inf
+    )
 
 
 def brakes(scene: Scene, cuts: Cuts) -> BoolArray:
@@ -85,7 +89,9 @@ def _lead_track(scene: Scene, row: IntArray) -> IntArray:
 def _concerned(scene: Scene, row: IntArray) -> BoolArray:
     """Rows of driving egos that change lane neither then nor within `rules.reaction`; a standing ego has no headway."""
     own = np.append(scene.changes.row, scene.changes.partial.row)
-    kept = scene.steady(0.5 * scene.rules.window)[row] & ~near(scene, row, own, scene.rules.reaction)
+    kept = scene.steady(0.5 * scene.rules.window)[row] & ~near(
+        scene, row, own, scene.rules.reaction
+    )
     return kept & scene.complete[row] & (scene.speed[row] >= scene.rules.cut_speed)
 
 
@@ -93,10 +99,15 @@ def _movers(scene: Scene) -> tuple[IntArray, BoolArray]:
     """Rows of changes of lane, also of those recorded in part outside of junctions.
 
     Returns:
-        The rows; whether the vehicle drives, with as much of a displacement as changes recorded in part need.
+        The rows; whether the vehicle drives, with as much of a displacement as changes recorded in
+        part need.
     """
     changes, part = scene.changes, scene.changes.partial
-    only = ~np.isin(part.row, changes.row) & _between_through(scene, part.row) & ~scene.in_junction[scene.strip[part.row]]
+    only = (
+        ~np.isin(part.row, changes.row)
+        & _between_through(scene, part.row)
+        & ~scene.in_junction[scene.strip[part.row]]
+    )
     row, shift = np.append(changes.row, part.row[only]), np.append(changes.shift, part.shift[only])
     return row, (shift >= scene.least_shift(row)) & (scene.speed[row] >= scene.rules.cut_speed)
 
@@ -108,7 +119,9 @@ def free_cruise(scene: Scene) -> Hits:
     """
     rules = scene.rules
     far = ~scene.leads.thw.valid | (scene.leads.thw.value > rules.following_headway)
-    calm = (np.abs(scene.acceleration) < rules.cruise_acceleration) & (scene.speed >= rules.cruise_speed)
+    calm = (np.abs(scene.acceleration) < rules.cruise_acceleration) & (
+        scene.speed >= rules.cruise_speed
+    )
     half = scene.rows(0.5 * rules.window + rules.margin)
     flags = _steady_on_main(scene) & always(far & calm, half, scene.first, scene.last)
     flags &= deviation(scene.speed, half, scene.first, scene.last) < rules.cruise_speed_deviation
@@ -122,7 +135,11 @@ def car_following(scene: Scene) -> Hits:
     half = scene.rows(0.5 * rules.window + rules.margin)
     near = leads.thw.valid & (leads.thw.value > 0.0) & (leads.thw.value <= rules.following_headway)
     lead = np.where(leads.row == ABSENT, ABSENT, scene.track[leads.row])
-    flags = _steady_on_main(scene) & always(near, half, scene.first, scene.last) & constant(lead, half, scene.first, scene.last)
+    flags = (
+        _steady_on_main(scene)
+        & always(near, half, scene.first, scene.last)
+        & constant(lead, half, scene.first, scene.last)
+    )
     row = spaced(scene, flags, rules.spacing, rules.most_windows)
     closing = leads.ttc.valid[row] & (leads.ttc.value[row] < rules.following_ttc)
     return Hits(
@@ -137,13 +154,20 @@ def cut_in(scene: Scene) -> Hits:
     """3: another vehicle comes into ego's lane and becomes its lead."""
     found = _on_main(scene, cut_ins(scene))
     near = lateral_gap(scene, found) < scene.rules.lateral_gap
-    return Hits(Label.CUT_IN, found.ego, found.other, {"gap": found.gap, "lateral_gap_below_2m": near})
+    return Hits(
+        Label.CUT_IN, found.ego, found.other, {"gap": found.gap, "lateral_gap_below_2m": near}
+    )
 
 
 def cut_out(scene: Scene) -> Hits:
     """4: ego's lead leaves the lane."""
     found = _on_main(scene, cut_outs(scene))
-    return Hits(Label.CUT_OUT, found.ego, found.other, {"gap": found.gap, "ego_brakes": brakes(scene, found)})
+    return Hits(
+        Label.CUT_OUT,
+        found.ego,
+        found.other,
+        {"gap": found.gap, "ego_brakes": brakes(scene, found)},
+    )
 
 
 def lane_change_left(scene: Scene) -> Hits:
@@ -160,16 +184,27 @@ def _lane_change(scene: Scene, label: Label, *, left: bool) -> Hits:
     """Lane changes to one side; those that were recorded in part have their window where it is complete."""
     changes, rules = scene.changes, scene.rules
     row, shift = changes.row, changes.shift
-    least = rules.shift * scene.lane_width(row) if rules.strict_shift is None else rules.strict_shift
+    least = (
+        rules.shift * scene.lane_width(row) if rules.strict_shift is None else rules.strict_shift
+    )
     whole = _between_through(scene, row) & (shift >= least) & scene.complete[row]
     part = changes.partial
-    enough = _between_through(scene, part.row) & (part.shift >= scene.least_shift(part.row)) & (part.left == left)
+    enough = (
+        _between_through(scene, part.row)
+        & (part.shift >= scene.least_shift(part.row))
+        & (part.left == left)
+    )
     partial = part.row[enough & ~near(scene, part.row, row[whole], rules.hold)]
     centre = scene.centred(partial)
     fits = scene.complete[centre]
     chosen = whole & (changes.left == left)
-    rows, shifts = np.append(row[chosen], centre[fits]), np.append(shift[chosen], _of(part, partial[fits]))
-    return alone(label, rows, shift=shifts, partial=np.arange(len(rows)) >= np.count_nonzero(chosen))
+    rows, shifts = (
+        np.append(row[chosen], centre[fits]),
+        np.append(shift[chosen], _of(part, partial[fits])),
+    )
+    return alone(
+        label, rows, shift=shifts, partial=np.arange(len(rows)) >= np.count_nonzero(chosen)
+    )
 
 
 def _between_through(scene: Scene, row: IntArray) -> BoolArray:
@@ -206,13 +241,23 @@ def urban_cut_in(scene: Scene) -> Hits:
     critical = (ttc > 0.0) & (ttc < scene.rules.urban_ttc)
     found, ttc = found.where(critical), ttc[critical]
     near = lateral_gap(scene, found) < scene.rules.lateral_gap
-    return Hits(Label.URBAN_CUT_IN, found.ego, found.other, {"gap": found.gap, "ttc": ttc, "lateral_gap_below_2m": near})
+    return Hits(
+        Label.URBAN_CUT_IN,
+        found.ego,
+        found.other,
+        {"gap": found.gap, "ttc": ttc, "lateral_gap_below_2m": near},
+    )
 
 
 def urban_cut_out(scene: Scene) -> Hits:
     """10: ego's lead leaves the lane."""
     found = _on_urban(scene, cut_outs(scene))
-    return Hits(Label.URBAN_CUT_OUT, found.ego, found.other, {"gap": found.gap, "ego_brakes": brakes(scene, found)})
+    return Hits(
+        Label.URBAN_CUT_OUT,
+        found.ego,
+        found.other,
+        {"gap": found.gap, "ego_brakes": brakes(scene, found)},
+    )
 
 
 def _on_urban(scene: Scene, found: Cuts) -> Cuts:
@@ -238,11 +283,18 @@ def ramp_exiting(scene: Scene) -> Hits:
     return _hits(scene, Label.RAMP_EXITING, row, way[end] - way[row], shift, cut=ramp[end])
 
 
-def _hits(scene: Scene, label: Label, row: IntArray, length: FloatArray, shift: FloatArray, cut: BoolArray) -> Hits:
+def _hits(
+    scene: Scene, label: Label, row: IntArray, length: FloatArray, shift: FloatArray, cut: BoolArray
+) -> Hits:
     """Transitions with enough way on the ramp, and enough shift; less of both where the recording is cut on the ramp."""
     rules = scene.rules
     whole = (length >= rules.ramp_length) & (shift >= rules.ramp_shift)
-    partial = cut & (length >= rules.partial_ramp) & (shift >= rules.partial_shift * scene.lane_width(row)) & ~whole
+    partial = (
+        cut
+        & (length >= rules.partial_ramp)
+        & (shift >= rules.partial_shift * scene.lane_width(row))
+        & ~whole
+    )
     row = np.where(partial, scene.centred(row), row)
     good = scene.complete[row] & (whole | partial)
     return alone(label, row[good], ramp_way=length[good], partial=partial[good])
@@ -251,7 +303,9 @@ def _hits(scene: Scene, label: Label, row: IntArray, length: FloatArray, shift: 
 def _transitions(scene: Scene, before: BoolArray, after: BoolArray) -> tuple[IntArray, FloatArray]:
     """First rows after each transition, and the lateral shift of those by a change of lane; infinite for the others."""
     changes, part = scene.changes, scene.changes.partial
-    onwards = np.flatnonzero((changes.step[1:] == 0) & (changes.course[1:] == changes.course[:-1])) + 1
+    onwards = (
+        np.flatnonzero((changes.step[1:] == 0) & (changes.course[1:] == changes.course[:-1])) + 1
+    )
     only = ~np.isin(part.row, changes.row)
     rows = np.concatenate([changes.row, part.row[only], onwards])
     shifts = np.concatenate([changes.shift, part.shift[only], np.full(len(onwards), np.inf)])
@@ -270,7 +324,9 @@ def _way_on(scene: Scene, flags: BoolArray) -> FloatArray:
 def _course_ends(scene: Scene) -> tuple[IntArray, IntArray]:
     """First and last row of the course that each row is in."""
     course = scene.changes.course
-    return np.searchsorted(course, course, side="left"), np.searchsorted(course, course, side="right") - 1
+    return np.searchsorted(course, course, side="left"), np.searchsorted(
+        course, course, side="right"
+    ) - 1
 
 
 # junctions and roundabouts ----------------------------------------------------------------------
@@ -281,7 +337,11 @@ REACH = 2.0
 
 
 def time_apart(
-    x: FloatArray, y: FloatArray, time: FloatArray, track: IntArray, others: tuple[FloatArray, FloatArray, FloatArray, IntArray]
+    x: FloatArray,
+    y: FloatArray,
+    time: FloatArray,
+    track: IntArray,
+    others: tuple[FloatArray, FloatArray, FloatArray, IntArray],
 ) -> FloatArray:
     """Least time between each of n visits and one of another track at the same place, s; infinite without such a visit.
 
@@ -325,17 +385,29 @@ def _turning(scene: Scene, label: Label, side: float) -> Hits:
     least, greatest = np.radians(scene.rules.turn)
     turn, beside = side * scene.passages.turn, scene.side_turns
     found = _turn(scene, label, (turn >= least) & (turn <= greatest))
-    off = (side * beside.turn >= least) & (side * beside.turn <= greatest) & scene.complete[beside.row]
+    off = (
+        (side * beside.turn >= least)
+        & (side * beside.turn <= greatest)
+        & scene.complete[beside.row]
+    )
     row, turns = beside.row[off], np.append(found.tags["turn"], np.degrees(beside.turn[off]))
     none = np.zeros(len(row), bool)
     tags = {key: np.append(found.tags[key], none) for key in ("opposing", "vru_conflict")}
-    return alone(label, np.append(found.row, row), turn=turns, **tags, off_road=np.append(np.zeros(len(found.row), bool), ~none))
+    return alone(
+        label,
+        np.append(found.row, row),
+        turn=turns,
+        **tags,
+        off_road=np.append(np.zeros(len(found.row), bool), ~none),
+    )
 
 
 def straight_cross(scene: Scene) -> Hits:
     """16: the heading hardly changes, or as the road does, and the way crosses that of another participant of the recording."""
     turn = np.abs(scene.passages.turn)
-    straight = (turn < np.radians(scene.rules.straight)) | ((turn < np.radians(scene.rules.turn[0])) & _goes_on(scene))
+    straight = (turn < np.radians(scene.rules.straight)) | (
+        (turn < np.radians(scene.rules.turn[0])) & _goes_on(scene)
+    )
     return _turn(scene, Label.STRAIGHT_CROSS, straight & crosses(scene))
 
 
@@ -355,7 +427,12 @@ def merging(scene: Scene) -> Hits:
     passages = scene.passages
     gap, partner = _arrivals(scene)
     chosen = np.flatnonzero(_merges(scene, gap))
-    return Hits(Label.MERGING, passages.last[chosen], passages.last[partner[chosen]], {"arrival_gap": gap[chosen]})
+    return Hits(
+        Label.MERGING,
+        passages.last[chosen],
+        passages.last[partner[chosen]],
+        {"arrival_gap": gap[chosen]},
+    )
 
 
 def _merges(scene: Scene, gap: FloatArray) -> BoolArray:
@@ -367,7 +444,8 @@ def _arrivals(scene: Scene) -> tuple[FloatArray, IntArray]:
     """Return the time to the nearest arrival from another road in the same lane, for each passage, and that passage.
 
     Returns:
-        Least time between the arrivals (n,), s, infinite for none; index of the other passage (n,), ABSENT for none.
+        Least time between the arrivals (n,), s, infinite for none; index of the other passage (n,),
+        ABSENT for none.
     """
     passages, time = scene.passages, scene.time[scene.passages.last]
     gap, partner = np.full(len(passages), np.inf), np.full(len(passages), ABSENT, np.int64)
@@ -420,8 +498,12 @@ def crosses(scene: Scene) -> BoolArray:
     passages = scene.passages
     lines = _lines(scene, np.arange(len(passages)))
     longest: dict[tuple[int, int], int] = {}
-    for index, way in enumerate(zip(passages.origin_road.tolist(), passages.target.tolist(), strict=True)):
-        if NOWHERE not in way and (way not in longest or lines[index].length > lines[longest[way]].length):
+    for index, way in enumerate(
+        zip(passages.origin_road.tolist(), passages.target.tolist(), strict=True)
+    ):
+        if NOWHERE not in way and (
+            way not in longest or lines[index].length > lines[longest[way]].length
+        ):
             longest[way] = index
     found = np.zeros(len(passages), bool)
     if not longest:
@@ -429,8 +511,12 @@ def crosses(scene: Scene) -> BoolArray:
     used = np.array(list(longest.values()), np.int64)
     mine, theirs = STRtree([lines[index] for index in used]).query(lines, predicate="intersects")
     theirs = used[theirs]
-    target_road = np.where(passages.target != NOWHERE, scene.site.lanes.road[passages.target], NOWHERE)
-    other = (passages.origin_road[mine] != passages.origin_road[theirs]) & (target_road[mine] != target_road[theirs])
+    target_road = np.where(
+        passages.target != NOWHERE, scene.site.lanes.road[passages.target], NOWHERE
+    )
+    other = (passages.origin_road[mine] != passages.origin_road[theirs]) & (
+        target_road[mine] != target_road[theirs]
+    )
     found[mine[other & (passages.origin_road[mine] != NOWHERE)]] = True
     return found
 
@@ -443,7 +529,9 @@ def _opposing(scene: Scene) -> BoolArray:
     for junction in np.unique(passages.junction).tolist():
         mine = np.flatnonzero(passages.junction == junction)
         near = np.abs(time[mine][:, None] - time[mine]) <= scene.rules.opposing_time
-        found[mine] = (near & (np.cos(heading[mine][:, None] - heading[mine]) < _OPPOSITE)).any(axis=1)
+        found[mine] = (near & (np.cos(heading[mine][:, None] - heading[mine]) < _OPPOSITE)).any(
+            axis=1
+        )
     return found
 
 
@@ -452,7 +540,9 @@ def _vru_conflict(scene: Scene, found: IntArray) -> BoolArray:
     rows = [scene.passages.rows(index) for index in found.tolist()]
     passage = np.repeat(np.arange(len(rows)), [len(one) for one in rows])
     visit = np.concatenate([np.arange(0), *rows])
-    apart = time_apart(scene.x[visit], scene.y[visit], scene.time[visit], scene.track[visit], scene.vulnerable)
+    apart = time_apart(
+        scene.x[visit], scene.y[visit], scene.time[visit], scene.track[visit], scene.vulnerable
+    )
     least = np.full(len(rows), np.inf)
     np.minimum.at(least, passage, apart)
     return least < scene.rules.vru_pet
@@ -474,7 +564,10 @@ def roundabout_circulating(scene: Scene) -> Hits:
     """13: in the ring for the whole window and half a window before and after, so that it is apart from entering and exiting."""
     rules = scene.rules
     inside = scene.complete & always(
-        _roles(scene) == ROLES.index(LaneRole.RING), scene.rows(rules.window), scene.first, scene.last
+        _roles(scene) == ROLES.index(LaneRole.RING),
+        scene.rows(rules.window),
+        scene.first,
+        scene.last,
     )
     row = spaced(scene, inside, rules.ring_spacing, rules.most_windows)
     return alone(Label.ROUNDABOUT_CIRCULATING, row, speed=scene.speed[row])
@@ -496,7 +589,9 @@ def _passages_between(scene: Scene, before: LaneRole, after: LaneRole) -> IntArr
 def _yields(scene: Scene, row: IntArray) -> BoolArray:
     """Whether ego was slow before it entered, or a vehicle in the ring was soon before or after it at the same place."""
     rules = scene.rules
-    earlier = np.maximum(row[:, None] - np.arange(scene.rows(rules.yield_time) + 1), scene.first[row][:, None])
+    earlier = np.maximum(
+        row[:, None] - np.arange(scene.rows(rules.yield_time) + 1), scene.first[row][:, None]
+    )
     slow = scene.speed[earlier].min(axis=1, initial=np.inf) < rules.yield_speed
     ring = np.flatnonzero(scene.has_role(LaneRole.RING))
     others = scene.x[ring], scene.y[ring], scene.time[ring], scene.track[ring]

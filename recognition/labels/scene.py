@@ -26,11 +26,11 @@ from recognition.labels.changes import (
     smoothed,
 )
 from recognition.labels.classes import CONDITIONS, Label, LabelledEvent, Rules
-from recognition.sites import LaneRole, Site
-from recognition.sites.lanes import NOWHERE, LaneGraph, Poses, Strip, on_driving_lanes, place
-from recognition.sites.roles import ROLES
-from runner.measures.criticality import time_headway, time_to_collision
-from runner.measures.measure import Series
+from recognition.scenes import LaneRole, Site
+from recognition.scenes.lanes import NOWHERE, LaneGraph, Poses, Strip, on_driving_lanes, place
+from recognition.scenes.roles import ROLES
+from runner.judging.measures.criticality import time_headway, time_to_collision
+from runner.judging.measures.measure import Series
 from runner.recording import Recording, Track
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.graph.ways import DRIVABLE
@@ -102,7 +102,9 @@ def _own_next(lanes: LaneGraph, track: IntArray, strip: IntArray) -> IntArray:
     following = lanes.straight[strip]
     following[strip == NOWHERE] = NOWHERE
     leaving = np.flatnonzero((strip[1:] != strip[:-1]) & (track[1:] == track[:-1]))
-    pairs, which = np.unique(np.stack([strip[leaving], strip[leaving + 1]], axis=1), axis=0, return_inverse=True)
+    pairs, which = np.unique(
+        np.stack([strip[leaving], strip[leaving + 1]], axis=1), axis=0, return_inverse=True
+    )
     linked = np.array([a != NOWHERE and b in lanes.following[a] for a, b in pairs.tolist()], bool)
     leaving = leaving[linked[which.reshape(-1)]] if len(pairs) else leaving
     begins = np.ones(len(strip), bool)
@@ -115,7 +117,13 @@ def _own_next(lanes: LaneGraph, track: IntArray, strip: IntArray) -> IntArray:
 
 
 def _measured(
-    row: IntArray, gap: FloatArray, track: IntArray, speed: FloatArray, front: FloatArray, rear: FloatArray, sight: float
+    row: IntArray,
+    gap: FloatArray,
+    track: IntArray,
+    speed: FloatArray,
+    front: FloatArray,
+    rear: FloatArray,
+    sight: float,
 ) -> Leads:
     led = row != ABSENT
     led[led] = track[row[led]] != track[led]  # once round a ring, a vehicle would lead itself
@@ -127,7 +135,9 @@ def _measured(
     follower[row[nearest_last]] = nearest_last
     closing = np.where(led, speed - speed[row], 0.0)
     thw, ttc = time_headway(gap, speed), time_to_collision(gap, closing)
-    return Leads(row, gap, Series(thw.value, thw.valid & led), Series(ttc.value, ttc.valid & led), follower)
+    return Leads(
+        row, gap, Series(thw.value, thw.valid & led), Series(ttc.value, ttc.valid & led), follower
+    )
 
 
 _IN_LANE = 0.2
@@ -160,23 +170,34 @@ class Scene(SceneRows):
     def in_junction(self) -> BoolArray:
         """Strips on roads of junctions."""
         roads = self.site.network.roads
-        return np.array([roads[strip.road].junction_id is not None for strip in self.site.lanes.strips], bool)
+        return np.array(
+            [roads[strip.road].junction_id is not None for strip in self.site.lanes.strips], bool
+        )
 
     @cached_property
     def turning(self) -> BoolArray:
         """Rows of passages in which the vehicle turns by `rules.turn` at least."""
         ways, inside = self.passages, np.zeros(len(self.track), bool)
-        for number in np.flatnonzero(np.abs(ways.turn) >= math.radians(self.rules.turn[0])).tolist():
+        for number in np.flatnonzero(
+            np.abs(ways.turn) >= math.radians(self.rules.turn[0])
+        ).tolist():
             inside[ways.rows(number)] = True
         return inside
 
     @cached_property
     def vulnerable(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """x, y, time and a number of the track for all rows of pedestrians (with numbers below 0) and cyclists."""
-        cyclists = [name for name in self.names if self.recording.tracks[name].category == "bicycle"]
-        walkers = [track.name for track in self.recording.tracks.values() if track.kind == "pedestrian"]
+        cyclists = [
+            name for name in self.names if self.recording.tracks[name].category == "bicycle"
+        ]
+        walkers = [
+            track.name for track in self.recording.tracks.values() if track.kind == "pedestrian"
+        ]
         tracks = [self.recording.tracks[name] for name in (*cyclists, *walkers)]
-        numbers = [*map(self.numbers.__getitem__, cyclists), *(-1 - number for number in range(len(walkers)))]
+        numbers = [
+            *map(self.numbers.__getitem__, cyclists),
+            *(-1 - number for number in range(len(walkers))),
+        ]
         sizes = [len(track.columns["time"]) for track in tracks]
         x, y, time = (_joined(tracks, name) for name in ("x", "y", "time"))
         return x, y, time, np.repeat(np.array(numbers, np.int64), sizes)
@@ -191,7 +212,15 @@ class Scene(SceneRows):
     def leads(self) -> Leads:
         """Lead of each vehicle."""
         return leads(
-            self.site.lanes, self.track, self.frame, self.strip, self.along, self.speed, self.front, self.rear, self.rules.sight
+            self.site.lanes,
+            self.track,
+            self.frame,
+            self.strip,
+            self.along,
+            self.speed,
+            self.front,
+            self.rear,
+            self.rules.sight,
         )
 
     @cached_property
@@ -213,7 +242,11 @@ class Scene(SceneRows):
     def through(self) -> BoolArray:
         """Rows on lanes that lead past ramps and junctions, or straight through a junction with another lane beside them."""
         lanes, roads = self.site.lanes, self.site.network.roads
-        beside = Counter((strip.road, strip.section, strip.forward) for strip in lanes.strips if strip.kind in DRIVABLE)
+        beside = Counter(
+            (strip.road, strip.section, strip.forward)
+            for strip in lanes.strips
+            if strip.kind in DRIVABLE
+        )
         limit = math.radians(self.rules.straight)
 
         def wide(strip: Strip) -> bool:
@@ -229,27 +262,41 @@ class Scene(SceneRows):
 
     def least_shift(self, row: IntArray) -> FloatArray:
         """Least lateral displacement (m) of a change into the lane of each row of which not all need be recorded."""
-        share = np.where(self.role[row] == ROLES.index(LaneRole.MAIN), self.rules.partial_shift, self.rules.partial_urban_shift)
+        share = np.where(
+            self.role[row] == ROLES.index(LaneRole.MAIN),
+            self.rules.partial_shift,
+            self.rules.partial_urban_shift,
+        )
         return share * self.lane_width(row)
 
     def steady(self, seconds: float) -> BoolArray:
         """Rows whose track keeps its lane, with all frames there, from so much before to so much after."""
         half = self.rows(seconds)
-        kept = (constant(values, half, self.first, self.last) for values in (self.changes.lane, self.changes.course))
+        kept = (
+            constant(values, half, self.first, self.last)
+            for values in (self.changes.lane, self.changes.course)
+        )
         return np.logical_and(*kept)
 
 
 def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
     """Rows of all vehicles of a recording, which gets its road coordinates where it lacks them.
 
-    Rows beside their lane or beyond the ends of their road are on no strip, as are all rows of parked vehicles.
+    Rows beside their lane or beyond the ends of their road are on no strip, as are all rows of
+    parked vehicles.
     """
     place(recording, site.network)
-    tracks = [track for track in recording.tracks.values() if track.kind == "vehicle" and len(track.columns["time"])]
+    tracks = [
+        track
+        for track in recording.tracks.values()
+        if track.kind == "vehicle" and len(track.columns["time"])
+    ]
     sizes = np.array([len(track.columns["time"]) for track in tracks], np.int64)
     track = np.repeat(np.arange(len(tracks)), sizes)
     time = _joined(tracks, "time")
-    frame = np.rint((time - (time.min() if len(time) else 0.0)) / recording.timestep).astype(np.int64)
+    frame = np.rint((time - (time.min() if len(time) else 0.0)) / recording.timestep).astype(
+        np.int64
+    )
     first, last = _parts(track, frame, rules.gap / recording.timestep)
     lanes, places = site.lanes, _places(tracks)
     strip = lanes.find(places.road_id, places.lane_id, places.s)
@@ -306,7 +353,9 @@ def is_parked(track: Track, rules: Rules) -> bool:
 
 def _places(tracks: list[Track]) -> Places:
     """Road coordinates of all rows of tracks, copied."""
-    road_id, lane_id, s, t, offset = (_joined(tracks, name) for name in ("road_id", "lane_id", "s", "t", "lane_offset"))
+    road_id, lane_id, s, t, offset = (
+        _joined(tracks, name) for name in ("road_id", "lane_id", "s", "t", "lane_offset")
+    )
     return Places(road_id, lane_id.astype(np.int64), s, t, offset)
 
 
@@ -392,7 +441,9 @@ def alone(label: Label, row: IntArray, **tags: NDArray) -> Hits:
 def events(scene: Scene, name: str, found: Iterable[Hits]) -> list[LabelledEvent]:
     """The events that stay, in the order of egos' names and time."""
     candidates = [
-        (PRECEDENCE.index(hits.label), row, hits, index) for hits in found for index, row in enumerate(hits.row.tolist())
+        (PRECEDENCE.index(hits.label), row, hits, index)
+        for hits in found
+        for index, row in enumerate(hits.row.tolist())
     ]
     taken: dict[int, list[float]] = {}
     kept: list[LabelledEvent] = []
@@ -410,14 +461,25 @@ def _event(scene: Scene, name: str, hits: Hits, index: int) -> LabelledEvent:
     tags = {key: _plain(values[index]) for key, values in hits.tags.items()}
     why = _why(scene, hits.label, row, partner, tags)
     return LabelledEvent(
-        name, scene.names[scene.track[row]], round(float(scene.time[row]), _DIGITS), hits.label, other, tags, why
+        name,
+        scene.names[scene.track[row]],
+        round(float(scene.time[row]), _DIGITS),
+        hits.label,
+        other,
+        tags,
+        why,
     )
 
 
-def _why(scene: Scene, label: Label, row: int, partner: int, tags: Mapping[str, bool | float]) -> str:
+def _why(
+    scene: Scene, label: Label, row: int, partner: int, tags: Mapping[str, bool | float]
+) -> str:
     """Conditions of a class, values of an event, and lanes of its participants before and after."""
     parts = [CONDITIONS[label].format_map(vars(scene.rules))]
-    values = [f"{key.replace('_', ' ')} {value if isinstance(value, bool) else f'{value:.2f}'}" for key, value in tags.items()]
+    values = [
+        f"{key.replace('_', ' ')} {value if isinstance(value, bool) else f'{value:.2f}'}"
+        for key, value in tags.items()
+    ]
     parts += [", ".join(values)] if values else []
     parts += [f"ego {_lanes(scene, row)}"]
     parts += [f"partner {_lanes(scene, partner)}"] if partner != ABSENT else []

@@ -23,9 +23,9 @@ from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import limited
 from schemas.common.storage import DRAFT, sync, writing
-from xodr.network import RoadNetwork
+from xodr.formats.sumo_net import SumoNet, build
+from xodr.graph.network import RoadNetwork
 from xodr.reader import load
-from xodr.sumo_net import SumoNet, build
 
 # files of highD and INTERACTION -----------------------------------------------------------------
 
@@ -50,11 +50,14 @@ class Traffic:
     """All participants in every frame.
 
     Args:
-        frame: of each row. lane: number, counted from left to right as the driver sees them, equal in no two carriageways.
+        frame: of each row. lane: number, counted from left to right as the driver sees them, equal
+            in no two carriageways.
         along: position in the direction of travel, m. length: m.
     """
 
-    def __init__(self, frame: IntArray, lane: IntArray, along: FloatArray, length: FloatArray) -> None:
+    def __init__(
+        self, frame: IntArray, lane: IntArray, along: FloatArray, length: FloatArray
+    ) -> None:
         self._lane, self._along, self._length = lane, along, length
         self._strip = frame * (int(lane.max()) + 3)
         key = self._key(lane)
@@ -126,9 +129,20 @@ class Sheet:
         road = next(iter(network.roads.values()))
         self.view = view
         self.limit = road.speed_limit(0.0)
-        lanes = [road.lane(0.0, lane_id) for lane_id in road.lane_ids(0.0) if road.lane_type(0.0, lane_id) == "driving"]
+        lanes = [
+            road.lane(0.0, lane_id)
+            for lane_id in road.lane_ids(0.0)
+            if road.lane_type(0.0, lane_id) == "driving"
+        ]
         self.upper, self.lower = (
-            sorted({round(view.top - t, 2) for lane in lanes if lane.id * side > 0 for t in (lane.inner(0.0), lane.outer(0.0))})
+            sorted(
+                {
+                    round(view.top - t, 2)
+                    for lane in lanes
+                    if lane.id * side > 0
+                    for t in (lane.inner(0.0), lane.outer(0.0))
+                }
+            )
             for side in (1, -1)
         )
 
@@ -166,8 +180,12 @@ def write_highd(
     return path
 
 
-def _tracks(motion: VehicleMotion, chosen: IntArray, seen: Sequence[Vehicle], sheet: Sheet) -> _Columns:
-    length, width = (np.array([getattr(one, side) for one in seen])[chosen] for side in ("length", "width"))
+def _tracks(
+    motion: VehicleMotion, chosen: IntArray, seen: Sequence[Vehicle], sheet: Sheet
+) -> _Columns:
+    length, width = (
+        np.array([getattr(one, side) for one in seen])[chosen] for side in ("length", "width")
+    )
     x, y = motion.x - sheet.view.left, sheet.view.top - motion.y
     upper = motion.y > 0.0
     to_end, to_start = sheet.view.right - motion.x, motion.x - sheet.view.left
@@ -194,8 +212,14 @@ def _relations(columns: _Columns, lane: IntArray, upper: BoolArray) -> _Columns:
     gap = np.where(led, along[lead] - along - 0.5 * (length[lead] + length), 0.0)
     left, right = traffic.beside(-1), traffic.beside(1)
     rows = {"precedingId": lead, "followingId": traffic.behind()}
-    rows |= {f"left{place}Id": found for place, found in zip(("Preceding", "Alongside", "Following"), left, strict=True)}
-    rows |= {f"right{place}Id": found for place, found in zip(("Preceding", "Alongside", "Following"), right, strict=True)}
+    rows |= {
+        f"left{place}Id": found
+        for place, found in zip(("Preceding", "Alongside", "Following"), left, strict=True)
+    }
+    rows |= {
+        f"right{place}Id": found
+        for place, found in zip(("Preceding", "Alongside", "Following"), right, strict=True)
+    }
     return {
         "dhw": gap, "thw": _over(gap, speed), "ttc": _over(gap, np.where(led, speed - speed[lead], 0.0)),
         "precedingXVelocity": np.where(led, columns["xVelocity"][lead], 0.0),
@@ -255,7 +279,9 @@ INTERACTION_RATE = 10
 """Frames a second."""
 
 
-def write_interaction(folder: Path, number: int, vehicles: Sequence[Vehicle], motion: VehicleMotion) -> Path:
+def write_interaction(
+    folder: Path, number: int, vehicles: Sequence[Vehicle], motion: VehicleMotion
+) -> Path:
     """Write a recording into its site's folder; the track file's path.
 
     Args:
@@ -318,7 +344,8 @@ def record(
 
     Args:
         out: folder for the sites' folders.
-        scale: how much of the full amount (see `SITES`); at least three recordings of each site in any case.
+        scale: how much of the full amount (see `SITES`); at least three recordings of each site in
+            any case.
         seed: of everything random.
         sites: names of `SITES`; all by default.
         jobs: number of processes.
@@ -329,13 +356,18 @@ def record(
         The track files.
 
     Raises:
-        UsageError: there is no such site, an argument makes no sense, a site's folder is not empty or can't be written.
+        UsageError: there is no such site, an argument makes no sense, a site's folder is not empty
+            or can't be written.
         ToolchainError: SUMO fails.
     """
     known = family(seed, families) if families else SITES
     _verify(scale, seed, sites, jobs, known)
     least = 1 if families else _FEWEST
-    tasks = [task for name in dict.fromkeys(sites or known) for task in _tasks(known[name], scale, seed, out, least)]
+    tasks = [
+        task
+        for name in dict.fromkeys(sites or known)
+        for task in _tasks(known[name], scale, seed, out, least)
+    ]
     found = []
     with _drafted(tasks, out) as drafts:
         for path in _work(drafts, jobs):
@@ -352,13 +384,21 @@ def record_one(site: SimulatedSite, out: Path, length: float, seed: int = 0) -> 
         UsageError: the folder is not empty or can't be written.
         ToolchainError: SUMO fails.
     """
-    task = _Task(site, 0, length, np.random.SeedSequence((seed, *site.name.encode())), out / site.name)
+    task = _Task(
+        site, 0, length, np.random.SeedSequence((seed, *site.name.encode())), out / site.name
+    )
     with _drafted([task], out) as (draft,):
         made = _record(draft)
     return task.folder / made.name
 
 
-def _verify(scale: float, seed: int, sites: Sequence[str] | None, jobs: int, known: Mapping[str, SimulatedSite]) -> None:
+def _verify(
+    scale: float,
+    seed: int,
+    sites: Sequence[str] | None,
+    jobs: int,
+    known: Mapping[str, SimulatedSite],
+) -> None:
     if not scale > 0.0 or not math.isfinite(scale):
         raise UsageError(f"scale={scale!r} must be above 0")
     for name, value, least in (("seed", seed, 0), ("jobs", jobs, 1)):
@@ -376,7 +416,10 @@ def _drafted(tasks: Sequence[_Task], out: Path) -> Iterator[list[_Task]]:
     with writing("the recordings", out):
         for folder in sites:
             if folder.is_dir() and any(folder.iterdir()):
-                raise UsageError("the folder has something in it already; new recordings need a new one", path=folder)
+                raise UsageError(
+                    "the folder has something in it already; new recordings need a new one",
+                    path=folder,
+                )
         hidden = out / f"{DRAFT}{secrets.token_hex(4)}"
         hidden.mkdir(parents=True)
         try:
@@ -385,7 +428,9 @@ def _drafted(tasks: Sequence[_Task], out: Path) -> Iterator[list[_Task]]:
                 if site.layout == "INTERACTION":
                     site.road_map().write(hidden / folder.name / f"{site.name}.xodr")
             yield [replace(task, folder=hidden / task.folder.name) for task in tasks]
-            sync(sorted(hidden.rglob("*")))  # contents before names: a power cut leaves no file in part
+            sync(
+                sorted(hidden.rglob("*"))
+            )  # contents before names: a power cut leaves no file in part
             for folder in sites:
                 if folder.is_dir():
                     folder.rmdir()  # empty; Windows renames to no folder that is there
@@ -399,7 +444,13 @@ def _tasks(site: SimulatedSite, scale: float, seed: int, out: Path, least: int) 
     count = max(least, round(site.recordings * scale))
     length = float(max(_SHORTEST, round(total / count)))
     for number in range(count):
-        yield _Task(site, number, length, np.random.SeedSequence((seed, number, *site.name.encode())), out / site.name)
+        yield _Task(
+            site,
+            number,
+            length,
+            np.random.SeedSequence((seed, number, *site.name.encode())),
+            out / site.name,
+        )
 
 
 def _work(tasks: Sequence[_Task], jobs: int) -> Iterator[Path]:
@@ -419,7 +470,10 @@ def _record(task: _Task) -> Path:
         net, network = build(road), load(road)
     for _ in range(_ATTEMPTS):
         vehicles, seen = _attempt(site, net, task.length, rng)
-        length, width = (np.array([getattr(one, side) for one in vehicles])[seen.vehicle] for side in ("length", "width"))
+        length, width = (
+            np.array([getattr(one, side) for one in vehicles])[seen.vehicle]
+            for side in ("length", "width")
+        )
         if not len(overlaps(seen, length + _CLEARANCE, width + _CLEARANCE)[0]):
             break
     else:
@@ -431,20 +485,31 @@ def _record(task: _Task) -> Path:
     return write_interaction(task.folder, task.number, vehicles, seen)
 
 
-def _attempt(site: SimulatedSite, net: SumoNet, length: float, rng: np.random.Generator) -> tuple[list[Vehicle], VehicleMotion]:
+def _attempt(
+    site: SimulatedSite, net: SumoNet, length: float, rng: np.random.Generator
+) -> tuple[list[Vehicle], VehicleMotion]:
     """New traffic, and what is seen of it."""
     busy = rng.uniform(*_VARIATION)
     flows = [flow._replace(rate=flow.rate * busy) for flow in site.flows]
     end = WARM_UP + length + _MARGIN
-    departing = parked(site.parking, site.fleet, WARM_UP, end, rng) + departures(flows, site.fleet, end, rng)
+    departing = parked(site.parking, site.fleet, WARM_UP, end, rng) + departures(
+        flows, site.fleet, end, rng
+    )
     fronts = simulate(departing, net, WARM_UP - _MARGIN, end, int(rng.integers(2**31)))
     vehicles = [departure.vehicle for departure in departing]
     rate = HIGHD_RATE if site.layout == "highD" else INTERACTION_RATE
-    return vehicles, _seen(motion(fronts, [one.length for one in vehicles], rate), site.view, rate, length)
+    return vehicles, _seen(
+        motion(fronts, [one.length for one in vehicles], rate), site.view, rate, length
+    )
 
 
 def _seen(moving: VehicleMotion, view: CameraView, rate: int, length: float) -> VehicleMotion:
     """Return the vehicles in view during the recording; its frames count from 0."""
     moving = moving._replace(frame=moving.frame - round(WARM_UP * rate))
-    inside = (view.left <= moving.x) & (moving.x <= view.right) & (view.bottom <= moving.y) & (moving.y <= view.top)
+    inside = (
+        (view.left <= moving.x)
+        & (moving.x <= view.right)
+        & (view.bottom <= moving.y)
+        & (moving.y <= view.top)
+    )
     return moving.where(inside & (moving.frame >= 0) & (moving.frame < length * rate))

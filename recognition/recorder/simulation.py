@@ -15,14 +15,16 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from recognition.datasets.source import REAR_AXLE
 from recognition.recorder.traffic import Departure, write_routes
+from recognition.recordings.source import REAR_AXLE
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import ToolchainError
-from xodr.sumo_net import SumoNet, sumo_home
+from xodr.formats.sumo_net import SumoNet, sumo_home
 
 
-def overlaps(moving: VehicleMotion, length: FloatArray, width: FloatArray) -> tuple[IntArray, IntArray]:
+def overlaps(
+    moving: VehicleMotion, length: FloatArray, width: FloatArray
+) -> tuple[IntArray, IntArray]:
     """Pairs of rows of one frame whose boxes overlap.
 
     Args:
@@ -44,10 +46,14 @@ def overlaps(moving: VehicleMotion, length: FloatArray, width: FloatArray) -> tu
         found.append((a[~apart], b[~apart]))
         step += 1
     first, second = zip(*found, strict=True) if found else ((), ())
-    return np.concatenate([np.empty(0, np.int64), *first]), np.concatenate([np.empty(0, np.int64), *second])
+    return np.concatenate([np.empty(0, np.int64), *first]), np.concatenate(
+        [np.empty(0, np.int64), *second]
+    )
 
 
-def _separated(moving: VehicleMotion, length: FloatArray, width: FloatArray, a: IntArray, b: IntArray) -> BoolArray:
+def _separated(
+    moving: VehicleMotion, length: FloatArray, width: FloatArray, a: IntArray, b: IntArray
+) -> BoolArray:
     """Whether one of the two axes of each box `a` separates it from the box `b`."""
     dx, dy = moving.x[b] - moving.x[a], moving.y[b] - moving.y[a]
     cos, sin = np.cos(moving.h[a]), np.sin(moving.h[a])
@@ -73,8 +79,9 @@ class Sensor:
 
     Attributes:
         noise: standard deviation of positions, m; velocities and headings are off in proportion.
-        distortion: standard deviation of displacements that vary slowly from place to place, m, half of them the same for all
-            vehicles, as where map and camera do not agree, and half each one's own, as of drivers off the lane's centre.
+        distortion: standard deviation of displacements that vary slowly from place to place, m,
+            half of them the same for all vehicles, as where map and camera do not agree, and half
+            each one's own, as of drivers off the lane's centre.
         dropped: share of the vehicles that are never seen.
         cut: share of the others of which only a part of the way is seen, a quarter of it or more.
     """
@@ -108,7 +115,10 @@ class Sensor:
         for axis in np.repeat([0, 1], _WAVES):
             angle, length = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(*_WAVELENGTHS)
             wave = 2.0 * np.pi / length * np.array([np.cos(angle), np.sin(angle)])
-            everybody, own = rng.standard_normal(2), rng.standard_normal((vehicle.max(initial=0) + 1, 2))
+            everybody, own = (
+                rng.standard_normal(2),
+                rng.standard_normal((vehicle.max(initial=0) + 1, 2)),
+            )
             cosine, sine = self.distortion / np.sqrt(2.0 * _WAVES) * (everybody + own)[vehicle].T
             phase = wave @ place
             slope = sine * np.cos(phase) - cosine * np.sin(phase)
@@ -125,7 +135,9 @@ class Sensor:
         vehicles, start, vehicle = np.unique(moving.vehicle, return_index=True, return_inverse=True)
         size = np.bincount(vehicle, minlength=len(vehicles))
         missed = rng.random(len(vehicles)) < self.dropped
-        part = np.where(rng.random(len(vehicles)) < self.cut, rng.uniform(0.25, 1.0, len(vehicles)), 1.0)
+        part = np.where(
+            rng.random(len(vehicles)) < self.cut, rng.uniform(0.25, 1.0, len(vehicles)), 1.0
+        )
         begin = rng.uniform(0.0, 1.0, len(vehicles)) * (1.0 - part)
         share = (np.arange(len(vehicle)) - start[vehicle]) / np.maximum(size[vehicle] - 1, 1)
         return ~missed[vehicle] & (share >= begin[vehicle]) & (share <= (begin + part)[vehicle])
@@ -176,7 +188,9 @@ def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> VehicleMotion
     length = np.array(lengths)[vehicle]
     tracks = [
         _axle(fronts, *which, rate)
-        for which in zip(starts.tolist(), ends.tolist(), ((0.5 - REAR_AXLE) * length).tolist(), strict=True)
+        for which in zip(
+            starts.tolist(), ends.tolist(), ((0.5 - REAR_AXLE) * length).tolist(), strict=True
+        )
     ]
     counts = np.array([len(frame) for frame, _ in tracks])
     frame, axle = (np.concatenate(column) for column in zip(*tracks, strict=True))
@@ -190,15 +204,22 @@ def motion(fronts: Fronts, lengths: Sequence[float], rate: int) -> VehicleMotion
     return VehicleMotion(vehicle[each], frame, x, y, h, vx, vy, ax, ay)
 
 
-def _axle(fronts: Fronts, start: int, end: int, behind: float, rate: int) -> tuple[IntArray, FloatArray]:
+def _axle(
+    fronts: Fronts, start: int, end: int, behind: float, rate: int
+) -> tuple[IntArray, FloatArray]:
     """Frames and places (n, 2) of one front axle, `behind` the bumper (m)."""
-    front, step = np.stack((fronts.x[start:end], fronts.y[start:end]), axis=1), fronts.step[start:end]
+    front, step = (
+        np.stack((fronts.x[start:end], fronts.y[start:end]), axis=1),
+        fronts.step[start:end],
+    )
     h = fronts.h[start]
     way = np.append(0.0, np.cumsum(np.hypot(*np.diff(front, axis=0).T)))
     known = np.append(True, np.diff(way) > 0.0)
     path = np.concatenate(([front[0] - behind * np.array([np.cos(h), np.sin(h)])], front[known]))
     passed = np.append(-behind, way[known])
-    axle = np.stack([_smooth(np.interp(way - behind, passed, coordinate)) for coordinate in path.T], axis=1)
+    axle = np.stack(
+        [_smooth(np.interp(way - behind, passed, coordinate)) for coordinate in path.T], axis=1
+    )
     frame = np.arange(-(-step[0] * rate // STEPS), step[-1] * rate // STEPS + 1)
     return frame, CubicSpline(step / STEPS, axle)(frame / rate)
 
@@ -207,16 +228,22 @@ def _smooth(values: FloatArray) -> FloatArray:
     """Smoothed values; beyond the ends, the motion goes on as it is (odd reflection)."""
     sd = SMOOTHING * STEPS
     reach = min(round(_REACH * sd), len(values) - 1)
-    before, after = 2 * values[0] - values[reach:0:-1], 2 * values[-1] - values[-2 : -reach - 2 : -1]
+    before, after = (
+        2 * values[0] - values[reach:0:-1],
+        2 * values[-1] - values[-2 : -reach - 2 : -1],
+    )
     padded = np.concatenate((before, values, after))
     return gaussian_filter1d(padded, sd, truncate=_REACH)[reach : reach + len(values)]
 
 
-def _headings(x: FloatArray, y: FloatArray, counts: IntArray, distance: FloatArray, h: FloatArray) -> FloatArray:
+def _headings(
+    x: FloatArray, y: FloatArray, counts: IntArray, distance: FloatArray, h: FloatArray
+) -> FloatArray:
     """Headings of vehicles whose rear axles follow their front axles at a distance, from given headings at the start.
 
-    While the front goes straight on, the tangent of half the angle between its direction and the heading fades exponentially
-    (the tractrix). All vehicles take their first step, then all their second one and so on.
+    While the front goes straight on, the tangent of half the angle between its direction and the
+    heading fades exponentially (the tractrix). All vehicles take their first step, then all their
+    second one and so on.
     """
     ahead_x, ahead_y = np.diff(x, prepend=x[:1]), np.diff(y, prepend=y[:1])
     direction, way = np.arctan2(ahead_y, ahead_x), np.hypot(ahead_x, ahead_y)
@@ -229,7 +256,9 @@ def _headings(x: FloatArray, y: FloatArray, counts: IntArray, distance: FloatArr
         here = starts[:active] + step
         angle = direction[here] - found[here - 1]
         fading = np.exp(-way[here] / distance[:active])
-        found[here] = direction[here] - 2.0 * np.arctan2(np.sin(0.5 * angle) * fading, np.cos(0.5 * angle))
+        found[here] = direction[here] - 2.0 * np.arctan2(
+            np.sin(0.5 * angle) * fading, np.cos(0.5 * angle)
+        )
     return found
 
 
@@ -265,7 +294,9 @@ class Fronts(NamedTuple):
     h: FloatArray
 
 
-def simulate(departing: Sequence[Departure], net: SumoNet, begin: float, end: float, seed: int) -> Fronts:
+def simulate(
+    departing: Sequence[Departure], net: SumoNet, begin: float, end: float, seed: int
+) -> Fronts:
     """Return the positions of all vehicles from `begin` to `end`, s.
 
     Raises:
@@ -286,9 +317,13 @@ def simulate(departing: Sequence[Departure], net: SumoNet, begin: float, end: fl
                 capture_output=True, timeout=60.0 + _SLOWEST * end, check=False,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
-            raise ToolchainError(f"SUMO has not simulated {end:.0f} s of traffic in {60.0 + _SLOWEST * end:.0f} s") from None
+            raise ToolchainError(
+                f"SUMO has not simulated {end:.0f} s of traffic in {60.0 + _SLOWEST * end:.0f} s"
+            ) from None
         if done.returncode != 0:
-            raise ToolchainError(f"SUMO fails: {done.stderr.decode(errors='replace').strip()[-500:]}")
+            raise ToolchainError(
+                f"SUMO fails: {done.stderr.decode(errors='replace').strip()[-500:]}"
+            )
         return _read(Path(folder) / "fronts.parquet")
 
 

@@ -25,7 +25,7 @@ from xodr.builders import (
 )
 from xodr.builders.elements import LaneDesign, PlanPose, RoadDesign, SectionDesign, line
 from xodr.builders.roads_and_ramps import carriageway, closing, constant, linked, opening
-from xodr.geometry import Cubic
+from xodr.model.geometry import Cubic
 
 
 def kerbside(
@@ -36,7 +36,8 @@ def kerbside(
 
     Args:
         lanes: through lanes each way, with ids ±1 … ±lanes; the kerb's lanes come next.
-        approach: length of road before and behind. kerb: of the lane at full width. taper: of its beginning and end.
+        approach: length of road before and behind. kerb: of the lane at full width. taper: of its
+            beginning and end.
         lane_width: m. speed_limit: m/s.
     """
     extra = lanes + 1
@@ -45,7 +46,11 @@ def kerbside(
         layout = carriageway(extra, lane_width) | carriageway(extra, lane_width, side=1)
         layout |= {side * extra: LaneDesign("driving", width, mark="solid") for side in (1, -1)}
         through = {key: key for key in layout if abs(key) <= lanes}
-        return linked(SectionDesign(s, layout, "solid solid"), None if before else through, None if behind else through)
+        return linked(
+            SectionDesign(s, layout, "solid solid"),
+            None if before else through,
+            None if behind else through,
+        )
 
     plain = carriageway(lanes, lane_width) | carriageway(lanes, lane_width, side=1)
     ends = approach + taper, approach + taper + kerb, approach + 2 * taper + kerb
@@ -56,7 +61,15 @@ def kerbside(
         wide(ends[1], closing(lane_width, taper), before=True, behind=False),
         linked(SectionDesign(ends[2], plain, "solid solid"), None, {}),
     )
-    road = RoadDesign("1", "Street", PlanPose(0.0, 0.0, 0.0), (line(ends[2] + approach),), sections, "town", speed_limit)
+    road = RoadDesign(
+        "1",
+        "Street",
+        PlanPose(0.0, 0.0, 0.0),
+        (line(ends[2] + approach),),
+        sections,
+        "town",
+        speed_limit,
+    )
     return RoadMap("Street with stops at the kerb", (road,))
 
 
@@ -96,11 +109,24 @@ class SimulatedSite:
     sensor: Sensor = EXACT
 
 
-def _fixed_motorway(name: str, lanes: int, limit: float, rate: float, recordings: int, minutes: float) -> SimulatedSite:
+def _fixed_motorway(
+    name: str, lanes: int, limit: float, rate: float, recordings: int, minutes: float
+) -> SimulatedSite:
     """Both carriageways of a straight motorway; the limit in km/h, the rate in vehicles per hour and direction."""
-    build = partial(straight_highway, lanes=lanes, opposite_lanes=lanes, length=1400.0, speed_limit=limit / 3.6)
+    build = partial(
+        straight_highway, lanes=lanes, opposite_lanes=lanes, length=1400.0, speed_limit=limit / 3.6
+    )
     flows = (Flow(("1", -1), ("1", -1), rate), Flow(("1", 2), ("1", 2), rate))
-    return SimulatedSite(name, "highD", build, CameraView(400.0, -30.0, 1250.0, 40.0), flows, MOTORWAY, recordings, minutes)
+    return SimulatedSite(
+        name,
+        "highD",
+        build,
+        CameraView(400.0, -30.0, 1250.0, 40.0),
+        flows,
+        MOTORWAY,
+        recordings,
+        minutes,
+    )
 
 
 def _fixed_street(
@@ -109,15 +135,31 @@ def _fixed_street(
 ) -> SimulatedSite:  # fmt: skip
     """A street through a town, with the rate of each direction."""
     flows = (Flow(("1", -1), ("1", -1), rate), Flow(("1", 1), ("1", 1), rate))
-    return SimulatedSite(name, "INTERACTION", build, view, flows, TOWN, recordings, minutes, parking)
+    return SimulatedSite(
+        name, "INTERACTION", build, view, flows, TOWN, recordings, minutes, parking
+    )
 
 
 def junction(
-    name: str, build: Callable[[], RoadMap], reach: float, flows: dict[str, float], recordings: int, minutes: float
+    name: str,
+    build: Callable[[], RoadMap],
+    reach: float,
+    flows: dict[str, float],
+    recordings: int,
+    minutes: float,
 ) -> SimulatedSite:
     """Roads that lead away from a place; "12": 300 are 300 vehicles per hour from road 1 to road 2."""
     found = tuple(Flow((way[0], 1), (way[1], -1), rate) for way, rate in flows.items())
-    return SimulatedSite(name, "INTERACTION", build, CameraView(-reach, -reach, reach, reach), found, TOWN, recordings, minutes)
+    return SimulatedSite(
+        name,
+        "INTERACTION",
+        build,
+        CameraView(-reach, -reach, reach, reach),
+        found,
+        TOWN,
+        recordings,
+        minutes,
+    )
 
 
 def evenly(arms: str, rate: float) -> dict[str, float]:
@@ -125,8 +167,23 @@ def evenly(arms: str, rate: float) -> dict[str, float]:
     return {f"{here}{there}": rate / (len(arms) - 1) for here, there in permutations(arms, 2)}
 
 
-def _ramp(name: str, build: Callable[[], RoadMap], flows: tuple[Flow, ...], recordings: int, minutes: float) -> SimulatedSite:
-    return SimulatedSite(name, "INTERACTION", build, CameraView(330.0, -60.0, 1200.0, 30.0), flows, MOTORWAY, recordings, minutes)
+def _ramp(
+    name: str,
+    build: Callable[[], RoadMap],
+    flows: tuple[Flow, ...],
+    recordings: int,
+    minutes: float,
+) -> SimulatedSite:
+    return SimulatedSite(
+        name,
+        "INTERACTION",
+        build,
+        CameraView(330.0, -60.0, 1200.0, 30.0),
+        flows,
+        MOTORWAY,
+        recordings,
+        minutes,
+    )
 
 
 _ENTERING = (Flow(("1", -1), ("2", -1), 1500.0), Flow(("3", -1), ("2", -1), 800.0))
@@ -171,9 +228,9 @@ Draw = np.random.Generator
 def family(seed: int, count: int) -> dict[str, SimulatedSite]:
     """So many sites, each with a map of its own: `KINDS` one after the other, everything about them drawn.
 
-    Lane counts and widths, radii, angles, arms, lights, speed limits, lengths of ramps, density and pace of traffic, and noise,
-    distortion, dropped tracks and cut tracks of the sensor differ from site to site. Sites of different seeds have no map in
-    common.
+    Lane counts and widths, radii, angles, arms, lights, speed limits, lengths of ramps, density and
+    pace of traffic, and noise, distortion, dropped tracks and cut tracks of the sensor differ from
+    site to site. Sites of different seeds have no map in common.
     """
     kinds = list(KINDS.items())
     found = {}
@@ -200,7 +257,9 @@ def _paced(fleet: Fleet, rng: Draw) -> Fleet:
     pace = float(rng.uniform(0.5, 1.1))
     return fleet._replace(
         kinds={
-            kind._replace(speed_factor=Normal(pace * kind.speed_factor.mean, kind.speed_factor.sd)): share
+            kind._replace(
+                speed_factor=Normal(pace * kind.speed_factor.mean, kind.speed_factor.sd)
+            ): share
             for kind, share in fleet.kinds.items()
         }
     )
@@ -211,11 +270,25 @@ def _motorway(name: str, rng: Draw) -> SimulatedSite:
     lanes, limit = int(rng.integers(2, 6)), float(rng.uniform(80.0, 140.0))
     width = float(rng.uniform(3.2, 4.0))
     build = partial(
-        straight_highway, lanes=lanes, opposite_lanes=lanes, lane_width=width, length=1400.0, speed_limit=limit * _KMH
+        straight_highway,
+        lanes=lanes,
+        opposite_lanes=lanes,
+        lane_width=width,
+        length=1400.0,
+        speed_limit=limit * _KMH,
     )
     rate = float(rng.uniform(300.0, 1700.0)) * lanes
     flows = (Flow(("1", -1), ("1", -1), rate), Flow(("1", 2), ("1", 2), rate))
-    return SimulatedSite(name, "highD", build, CameraView(450.0, -30.0, 1050.0, 40.0), flows, _paced(MOTORWAY, rng), 1, 0.7)
+    return SimulatedSite(
+        name,
+        "highD",
+        build,
+        CameraView(450.0, -30.0, 1050.0, 40.0),
+        flows,
+        _paced(MOTORWAY, rng),
+        1,
+        0.7,
+    )
 
 
 def _bend(name: str, rng: Draw) -> SimulatedSite:
@@ -228,7 +301,14 @@ def _bend(name: str, rng: Draw) -> SimulatedSite:
     )  # fmt: skip
     flows = (Flow(("1", -1), ("1", -1), float(rng.uniform(300.0, 1700.0)) * lanes),)
     return SimulatedSite(
-        name, "INTERACTION", build, CameraView(150.0, -450.0, 800.0, 450.0), flows, _paced(MOTORWAY, rng), 1, 0.7
+        name,
+        "INTERACTION",
+        build,
+        CameraView(150.0, -450.0, 800.0, 450.0),
+        flows,
+        _paced(MOTORWAY, rng),
+        1,
+        0.7,
     )
 
 
@@ -245,19 +325,50 @@ def _on_ramp(name: str, rng: Draw) -> SimulatedSite:
     sizes = _ramp_sizes(rng)
     build = partial(on_ramp, acceleration=float(rng.uniform(120.0, 350.0)), **sizes)  # type: ignore[arg-type]
     main = float(rng.uniform(300.0, 1100.0)) * sizes["lanes"]
-    flows = (Flow(("1", -1), ("2", -1), main), Flow(("3", -1), ("2", -1), float(rng.uniform(400.0, 900.0))))
-    return SimulatedSite(name, "INTERACTION", build, CameraView(330.0, -60.0, 1000.0, 30.0), flows, _paced(MOTORWAY, rng), 1, 1.5)
+    flows = (
+        Flow(("1", -1), ("2", -1), main),
+        Flow(("3", -1), ("2", -1), float(rng.uniform(400.0, 900.0))),
+    )
+    return SimulatedSite(
+        name,
+        "INTERACTION",
+        build,
+        CameraView(330.0, -60.0, 1000.0, 30.0),
+        flows,
+        _paced(MOTORWAY, rng),
+        1,
+        1.5,
+    )
 
 
 def _off_ramp(name: str, rng: Draw) -> SimulatedSite:
     sizes = _ramp_sizes(rng)
     build = partial(off_ramp, deceleration=float(rng.uniform(120.0, 350.0)), **sizes)  # type: ignore[arg-type]
     main = float(rng.uniform(300.0, 1100.0)) * sizes["lanes"]
-    flows = (Flow(("1", -1), ("2", -1), main), Flow(("1", -1), ("3", -1), float(rng.uniform(400.0, 1000.0))))
-    return SimulatedSite(name, "INTERACTION", build, CameraView(430.0, -60.0, 1150.0, 30.0), flows, _paced(MOTORWAY, rng), 1, 1.5)
+    flows = (
+        Flow(("1", -1), ("2", -1), main),
+        Flow(("1", -1), ("3", -1), float(rng.uniform(400.0, 1000.0))),
+    )
+    return SimulatedSite(
+        name,
+        "INTERACTION",
+        build,
+        CameraView(430.0, -60.0, 1150.0, 30.0),
+        flows,
+        _paced(MOTORWAY, rng),
+        1,
+        1.5,
+    )
 
 
-def _street(name: str, build: Callable[[], RoadMap], view: CameraView, rate: float, minutes: float, rng: Draw) -> SimulatedSite:
+def _street(
+    name: str,
+    build: Callable[[], RoadMap],
+    view: CameraView,
+    rate: float,
+    minutes: float,
+    rng: Draw,
+) -> SimulatedSite:
     flows = (Flow(("1", -1), ("1", -1), rate), Flow(("1", 1), ("1", 1), rate))
     return SimulatedSite(name, "INTERACTION", build, view, flows, _paced(TOWN, rng), 1, minutes)
 
@@ -268,7 +379,14 @@ def _arterial(name: str, rng: Draw) -> SimulatedSite:
         narrow_road, lanes=lanes, opposite_lanes=lanes, lane_width=float(rng.uniform(2.8, 3.6)), length=700.0,
         speed_limit=float(rng.uniform(40.0, 70.0)) * _KMH,
     )  # fmt: skip
-    return _street(name, build, CameraView(120.0, -40.0, 580.0, 40.0), float(rng.uniform(300.0, 800.0)) * lanes, 1.0, rng)
+    return _street(
+        name,
+        build,
+        CameraView(120.0, -40.0, 580.0, 40.0),
+        float(rng.uniform(300.0, 800.0)) * lanes,
+        1.0,
+        rng,
+    )
 
 
 def _arterial_bend(name: str, rng: Draw) -> SimulatedSite:
@@ -278,7 +396,14 @@ def _arterial_bend(name: str, rng: Draw) -> SimulatedSite:
         turn=str(rng.choice(["left", "right"])), lanes=lanes, opposite_lanes=lanes, lane_width=float(rng.uniform(2.8, 3.6)),
         approach=250.0, speed_limit=float(rng.uniform(45.0, 70.0)) * _KMH,
     )  # fmt: skip
-    return _street(name, build, CameraView(100.0, -400.0, 700.0, 400.0), float(rng.uniform(300.0, 750.0)) * lanes, 1.0, rng)
+    return _street(
+        name,
+        build,
+        CameraView(100.0, -400.0, 700.0, 400.0),
+        float(rng.uniform(300.0, 750.0)) * lanes,
+        1.0,
+        rng,
+    )
 
 
 def _kerbside(name: str, rng: Draw) -> SimulatedSite:
@@ -290,9 +415,18 @@ def _kerbside(name: str, rng: Draw) -> SimulatedSite:
         kerb=300.0,
         speed_limit=float(rng.uniform(45.0, 70.0)) * _KMH,
     )
-    site = _street(name, build, CameraView(120.0, -40.0, 630.0, 40.0), float(rng.uniform(400.0, 800.0)), 3.0, rng)
+    site = _street(
+        name,
+        build,
+        CameraView(120.0, -40.0, 630.0, 40.0),
+        float(rng.uniform(400.0, 800.0)),
+        3.0,
+        rng,
+    )
     spacing = float(rng.uniform(12.0, 20.0))
-    rows = tuple(Parking(("1", (lanes + 1) * side), 235.0, 515.0, spacing, ("1", side)) for side in (-1, 1))
+    rows = tuple(
+        Parking(("1", (lanes + 1) * side), 235.0, 515.0, spacing, ("1", side)) for side in (-1, 1)
+    )
     return replace(site, parking=rows)
 
 
@@ -320,14 +454,20 @@ def _crossing_sizes(rng: Draw) -> dict[str, float]:
 def _crossing(name: str, rng: Draw) -> SimulatedSite:
     build = partial(four_way_intersection, **_crossing_sizes(rng))  # type: ignore[arg-type]
     flows = evenly("1234", float(rng.uniform(150.0, 450.0)))
-    return replace(junction(name, build, float(rng.uniform(50.0, 110.0)), flows, 1, 4.0), fleet=_paced(TOWN, rng))
+    return replace(
+        junction(name, build, float(rng.uniform(50.0, 110.0)), flows, 1, 4.0),
+        fleet=_paced(TOWN, rng),
+    )
 
 
 def _t_junction(name: str, rng: Draw) -> SimulatedSite:
     build = partial(t_junction, **_crossing_sizes(rng))  # type: ignore[arg-type]
     usual = {"31": 500.0, "41": 350.0, "13": 300.0, "14": 120.0, "34": 120.0, "43": 150.0}
     flows = {way: rate * float(rng.uniform(0.5, 1.5)) for way, rate in usual.items()}
-    return replace(junction(name, build, float(rng.uniform(50.0, 110.0)), flows, 1, 4.0), fleet=_paced(TOWN, rng))
+    return replace(
+        junction(name, build, float(rng.uniform(50.0, 110.0)), flows, 1, 4.0),
+        fleet=_paced(TOWN, rng),
+    )
 
 
 KINDS: dict[str, Callable[[str, Draw], SimulatedSite]] = {

@@ -11,7 +11,7 @@ import numpy as np
 from lxml import etree
 
 from schemas.common.errors import ToolchainError
-from xodr.sumo_net import SumoNet
+from xodr.formats.sumo_net import SumoNet
 
 _SPREAD = 2.5
 """Normal values farther than this from their mean, in standard deviations, are cut off."""
@@ -61,8 +61,9 @@ class Kind(NamedTuple):
 
 Driver = dict[str, Normal | Uniform]
 """Distributions of SUMO's parameters of a driver: `tau` is the desired headway (s), `minGap` the gap in a queue (m),
-`lcAssertive` the factor by which smaller gaps are taken in lane changes, `lcSpeedGain` and `lcKeepRight` the eagerness to
-overtake and to return, `lcSpeedGainLookahead` how far ahead slow vehicles are avoided (s)."""
+`lcAssertive` the factor by which smaller gaps are taken in lane changes, `lcSpeedGain` and
+`lcKeepRight` the eagerness to overtake and to return, `lcSpeedGainLookahead` how far ahead slow
+vehicles are avoided (s)."""
 
 
 class Fleet(NamedTuple):
@@ -150,7 +151,9 @@ def vehicle(fleet: Fleet, rng: np.random.Generator) -> Vehicle:
         "accel": kind.acceleration.draw(rng), "decel": kind.braking.draw(rng),
     }  # fmt: skip
     fixed = {"vClass": kind.vehicle_class, "carFollowModel": "EIDM", "speedDev": "0"}
-    return Vehicle(kind, length, width, fixed | {name: f"{value:.3f}" for name, value in drawn.items()})
+    return Vehicle(
+        kind, length, width, fixed | {name: f"{value:.3f}" for name, value in drawn.items()}
+    )
 
 
 Lane = tuple[str, int]
@@ -198,16 +201,22 @@ class Departure(NamedTuple):
     stand: Stand | None = None
 
 
-def departures(flows: Sequence[Flow], fleet: Fleet, end: float, rng: np.random.Generator) -> list[Departure]:
+def departures(
+    flows: Sequence[Flow], fleet: Fleet, end: float, rng: np.random.Generator
+) -> list[Departure]:
     """Random traffic until the time `end` (s): a Poisson process for each flow, in the order of time."""
     found = []
     for flow in flows:
         times = np.sort(rng.uniform(0.0, end, rng.poisson(flow.rate * end / 3600.0)))
-        found += [Departure(float(time), vehicle(fleet, rng), flow.start, flow.end) for time in times]
+        found += [
+            Departure(float(time), vehicle(fleet, rng), flow.start, flow.end) for time in times
+        ]
     return sorted(found, key=lambda departure: departure.time)
 
 
-def parked(rows: Sequence[Parking], fleet: Fleet, begin: float, end: float, rng: np.random.Generator) -> list[Departure]:
+def parked(
+    rows: Sequence[Parking], fleet: Fleet, begin: float, end: float, rng: np.random.Generator
+) -> list[Departure]:
     """Vehicles that stand in rows from the time 0 on and drive off between `begin` and `end`, s."""
     found = []
     for row in rows:
@@ -255,5 +264,7 @@ def _sumo_lane(net: SumoNet, lane: Lane, s: float) -> str:
     """
     found = net.sumo_lane(*lane, s)
     if found is None:
-        raise ToolchainError(f"SUMO has no lane {lane[1]} of road {lane[0]}: {net.fallback or 'the map has none'}")
+        raise ToolchainError(
+            f"SUMO has no lane {lane[1]} of road {lane[0]}: {net.fallback or 'the map has none'}"
+        )
     return found

@@ -9,9 +9,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.encoder.training import deterministic
-from recognition.trfe.candidates import Preprocessing, Promotion, cohesion
-from recognition.trfe.clustering import (
+from recognition.trfe.discovery.candidates import Preprocessing, Promotion, cohesion
+from recognition.trfe.discovery.clustering import (
     Clustering,
     NovelHead,
     PairsOf,
@@ -21,9 +20,10 @@ from recognition.trfe.clustering import (
     likely_count,
     three_way_pairs,
 )
+from recognition.trfe.encoder.training import deterministic
 from recognition.trfe.forest import TREES, VotingForest, grow, random_trees, similarity
-from recognition.trfe.samples import Features, Prototypes
-from recognition.trfe.screening import EvtJoint, Screening
+from recognition.trfe.forest.screening import EvtJoint, Screening
+from recognition.trfe.inputs.samples import Features, Prototypes
 from schemas.common.array_types import IntArray
 
 
@@ -33,12 +33,14 @@ class Config:
 
     Args:
         trees: T of the forest.
-        delta: δ of the screening; None chooses it by leaving one known class out, where there are three, and is 0.05 otherwise.
-        changes: how many of the features, the first ones, are of `recognition.tokens`. Where there are any, samples are
-            clustered by them alone.
+        delta: δ of the screening; None chooses it by leaving one known class out, where there are
+            three, and is 0.05 otherwise.
+        changes: how many of the features, the first ones, are of `recognition.trfe.inputs.tokens`.
+            Where there are any, samples are clustered by them alone.
         recognise_by_changes: whether samples are recognised by them too, beside the others.
-        pretrained: how many of the others, again the first ones, are of the encoder before fine-tuning. Without changes samples
-            are clustered by these more than by those after it, which lays new classes onto known ones.
+        pretrained: how many of the others, again the first ones, are of the encoder before
+            fine-tuning. Without changes samples are clustered by these more than by those after it,
+            which lays new classes onto known ones.
         components: principal axes of the buffered samples in which they are clustered.
         preprocessing, clustering, promotion: of these steps.
         seed: of everything that is drawn.
@@ -86,14 +88,28 @@ class Task(NamedTuple):
 def cluster_online(task: Task, config: Config) -> IntArray:
     """Cluster (n,) of each unknown sample."""
     count = likely_clusters(task, config)
-    return trained_clusters(task, config, fixed_pairs(task, config), lambda features, seed: k_means_head(features, count, seed))
+    return trained_clusters(
+        task,
+        config,
+        fixed_pairs(task, config),
+        lambda features, seed: k_means_head(features, count, seed),
+    )
 
 
 def trained_clusters(task: Task, config: Config, pairs: PairsOf, novel: NovelHead) -> IntArray:
-    """Cluster (n,) of each unknown sample by the heads that are trained, see `recognition.trfe.clustering.cluster`."""
+    """Cluster (n,) of each unknown sample by the heads that are trained, see `recognition.trfe.discovery.clustering.cluster`."""
     with deterministic(config.seed):
         backbone = Projection(task.samples.shape[1])
-    return cluster(backbone, task.samples, task.known, task.labels, pairs, novel, config.clustering, config.seed).assignment
+    return cluster(
+        backbone,
+        task.samples,
+        task.known,
+        task.labels,
+        pairs,
+        novel,
+        config.clustering,
+        config.seed,
+    ).assignment
 
 
 def fixed_pairs(task: Task, config: Config) -> PairsOf:
@@ -105,7 +121,8 @@ def fixed_pairs(task: Task, config: Config) -> PairsOf:
 def likely_clusters(task: Task, config: Config) -> int:
     """Return the most likely number of clusters, raised until most samples are in clusters cohesive enough for promotion.
 
-    The samples in a buffer need not be of classes alone: in few clusters, classes would drown in what is of none.
+    The samples in a buffer need not be of classes alone: in few clusters, classes would drown in
+    what is of none.
     """
     from sklearn.cluster import KMeans  # late: a missing torch is reported first
 
@@ -113,7 +130,11 @@ def likely_clusters(task: Task, config: Config) -> int:
     for count in range(likely_count(task.samples, most, config.seed), most):
         clusters = KMeans(count, n_init=5, random_state=config.seed).fit_predict(task.samples)
         of_each = [np.flatnonzero(clusters == number) for number in range(count)]
-        cohesive = [len(of) for of in of_each if cohesion(task.similarity[np.ix_(of, of)]) >= task.least_cohesion]
+        cohesive = [
+            len(of)
+            for of in of_each
+            if cohesion(task.similarity[np.ix_(of, of)]) >= task.least_cohesion
+        ]
         if 2 * sum(cohesive) >= len(task.samples):
             return count
     return most
@@ -122,7 +143,9 @@ def likely_clusters(task: Task, config: Config) -> int:
 class Grow(Protocol):
     """Fits a forest on features (n, d) and labels (n,), see `recognition.trfe.forest.grow`."""
 
-    def __call__(self, features: Features, labels: IntArray, *, trees: int, seed: int) -> VotingForest: ...
+    def __call__(
+        self, features: Features, labels: IntArray, *, trees: int, seed: int
+    ) -> VotingForest: ...
 
 
 def unsupervised_similarity(
@@ -153,5 +176,7 @@ class Steps:
     grow: Grow = grow
     screening: Callable[[float, int], Screening] = EvtJoint
     prototypes: Callable[..., Prototypes] = Prototypes.fit
-    similarity: Callable[[Features, Features, VotingForest, Config], NDArray[np.float32]] = unsupervised_similarity
+    similarity: Callable[[Features, Features, VotingForest, Config], NDArray[np.float32]] = (
+        unsupervised_similarity
+    )
     cluster: Callable[[Task, Config], IntArray] = cluster_online

@@ -1,7 +1,8 @@
 """TRFE models in a folder: `model.safetensors` (settings, samples, screening, prototypes), `forest.skops`, the encoder's files.
 
-No file is trusted: reading runs no code of it, settings must be of the types of `Config`, arrays finite and of fitting shapes,
-and trees sound, since scikit-learn follows their node numbers without looking whether there are such nodes.
+No file is trusted: reading runs no code of it, settings must be of the types of `Config`, arrays
+finite and of fitting shapes, and trees sound, since scikit-learn follows their node numbers without
+looking whether there are such nodes.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.tree import DecisionTreeClassifier
 
-from recognition.tokens import CHANGES, Tokens
 from recognition.trfe.config import Config, Steps
 from recognition.trfe.forest import Neighbours, VotingForest
-from recognition.trfe.known import KnownClasses, Labelled, labelled
-from recognition.trfe.samples import UNKNOWN, Prototypes, matrix
-from recognition.trfe.screening import EvtJoint
+from recognition.trfe.forest.known import KnownClasses, Labelled, labelled
+from recognition.trfe.forest.screening import EvtJoint
+from recognition.trfe.inputs.samples import UNKNOWN, Prototypes, matrix
+from recognition.trfe.inputs.tokens import CHANGES, Tokens
 from recognition.trfe.trfe import TRFE
 from schemas.common.array_types import IntArray
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError, reason
@@ -33,7 +34,7 @@ from schemas.common.policy import current
 from schemas.common.storage import keep, writing
 
 if TYPE_CHECKING:
-    from recognition.encoder.model import Encoder
+    from recognition.trfe.encoder.model import Encoder
 
 Arrays = dict[str, NDArray[Any]]
 _MODEL, _FOREST, _ENCODER = "model.safetensors", "forest.skops", "encoder"
@@ -49,7 +50,10 @@ _NODES = {
     ("sklearn.ensemble._forest", "RandomForestClassifier", "ObjectNode"),
     ("sklearn.tree._classes", "DecisionTreeClassifier", "ObjectNode"),
     ("sklearn.tree._tree", "Tree", "TreeNode"),
-    *(("builtins", *each) for each in (("dict", "DictNode"), ("list", "ListNode"), ("tuple", "TupleNode"))),
+    *(
+        ("builtins", *each)
+        for each in (("dict", "DictNode"), ("list", "ListNode"), ("tuple", "TupleNode"))
+    ),
     *(("builtins", "str", loader) for loader in ("JsonNode", "TypeNode")),
     *(("numpy", each, "NdArrayNode") for each in ("ndarray", "int64")),
 }
@@ -64,11 +68,13 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     Args:
         model: the model.
         folder: is made where it is absent.
-        samples: most labelled samples of each class to write, of those to fit and of those to calibrate, in half precision;
-            None writes all as they are. They matter where the model goes on to discover classes.
+        samples: most labelled samples of each class to write, of those to fit and of those to
+            calibrate, in half precision; None writes all as they are. They matter where the model
+            goes on to discover classes.
 
     Raises:
-        UsageError: the model has not been fitted, has steps of a study, or the folder can't be written.
+        UsageError: the model has not been fitted, has steps of a study, or the folder can't be
+            written.
     """
     from safetensors import numpy as safetensors
 
@@ -78,21 +84,35 @@ def save(model: TRFE, folder: Path, samples: int | None = None) -> None:
     arrays = {
         **_prefixed("fitted", _thinned(known.fitted, samples)._asdict()),
         **_prefixed("calibrating", _thinned(known.calibrating, samples)._asdict()),
-        **_prefixed("neighbours", known.forest.neighbours._asdict() if known.forest.neighbours else {}),
+        **_prefixed(
+            "neighbours", known.forest.neighbours._asdict() if known.forest.neighbours else {}
+        ),
         **_prefixed("prototypes", vars(known.prototypes)),
         **_prefixed("screening", known.screening.state()),
     }
     if model.buffer.inputs is not None:
         arrays |= _prefixed("buffer", {"inputs": model.buffer.inputs, "keys": model.buffer.keys})
     if model.least:
-        arrays |= _prefixed("least", {"classes": np.array([*model.least]), "shares": np.array([*model.least.values()])})
-    stated = {"unseen_sites": dict(zip(("agree", "wrong"), model.unseen_sites, strict=True))} if model.unseen_sites else {}
+        arrays |= _prefixed(
+            "least",
+            {"classes": np.array([*model.least]), "shares": np.array([*model.least.values()])},
+        )
+    stated = (
+        {"unseen_sites": dict(zip(("agree", "wrong"), model.unseen_sites, strict=True))}
+        if model.unseen_sites
+        else {}
+    )
     about = {_ABOUT: json.dumps({"format": _FORMAT, "config": asdict(model.config), **stated})}
     with writing("the model", folder):
-        keep(safetensors.save({name: np.asarray(value, order="C") for name, value in arrays.items()}, about), folder / _MODEL)
+        keep(
+            safetensors.save(
+                {name: np.asarray(value, order="C") for name, value in arrays.items()}, about
+            ),
+            folder / _MODEL,
+        )
         keep(known.forest.stored or _written(known.forest.trees), folder / _FOREST)
         for number, encoder in enumerate(model.encoders):
-            from recognition.encoder import storage
+            from recognition.trfe.encoder import storage
 
             storage.save(encoder, folder / f"{_ENCODER}{number}")
 
@@ -112,7 +132,10 @@ def load(folder: Path) -> TRFE:
         model.least = _least(_part(arrays, "least"))
         width = model.known.fitted.features.shape[1]
         encoded = sum(encoder.architecture.dim for encoder in encoders)
-        if encoders and config.changes not in (0, CHANGES if isinstance(encoders[0].view, Tokens) else 0):
+        if encoders and config.changes not in (
+            0,
+            CHANGES if isinstance(encoders[0].view, Tokens) else 0,
+        ):
             raise ValueError(f"{config.changes} features can't be of what changes in a window")
         if encoders and config.changes + encoded != width:
             raise ValueError(f"its encoders give {encoded} features, not {width - config.changes}")
@@ -121,7 +144,9 @@ def load(folder: Path) -> TRFE:
             model.buffer.add(matrix(waiting["inputs"], width), waiting["keys"])
         model.recognise(model.known.fitted.features[:1])
     except (KeyError, ValueError, IndexError, TypeError, ToolchainError) as error:
-        raise InvalidFile(f"its parts do not fit together: {reason(error)}", path=folder / _MODEL) from None
+        raise InvalidFile(
+            f"its parts do not fit together: {reason(error)}", path=folder / _MODEL
+        ) from None
     return model
 
 
@@ -134,7 +159,7 @@ def _least(arrays: Arrays) -> dict[int, float]:
 
 
 def _read_encoders(folder: Path) -> list[Encoder]:
-    from recognition.encoder import storage
+    from recognition.trfe.encoder import storage
 
     places = sorted(folder.glob(f"{_ENCODER}[0-9]"))
     return [storage.load(place) for place in places]
@@ -154,10 +179,16 @@ def _prefixed(prefix: str, arrays: Arrays) -> Arrays:
 
 
 def _part(arrays: Arrays, prefix: str) -> Arrays:
-    return {name.removeprefix(f"{prefix}."): value for name, value in arrays.items() if name.startswith(f"{prefix}.")}
+    return {
+        name.removeprefix(f"{prefix}."): value
+        for name, value in arrays.items()
+        if name.startswith(f"{prefix}.")
+    }
 
 
-def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier, stored: bytes) -> KnownClasses:
+def _known(
+    config: Config, arrays: Arrays, forest: RandomForestClassifier, stored: bytes
+) -> KnownClasses:
     fitted, calibrating = (labelled(**_part(arrays, name)) for name in ("fitted", "calibrating"))
     prototypes = Prototypes(**_part(arrays, "prototypes"))
     screening = EvtJoint(seed=config.seed).restore(_part(arrays, "screening"))
@@ -167,7 +198,10 @@ def _known(config: Config, arrays: Arrays, forest: RandomForestClassifier, store
         if not np.array_equal(np.unique(of), classes):
             raise ValueError("they are of different classes")
     width, seen = fitted.features.shape[1], config.recognising(fitted.features).shape[1]
-    if not (width == calibrating.features.shape[1] and seen == prototypes.centres.shape[1] == len(prototypes.mean)):
+    if not (
+        width == calibrating.features.shape[1]
+        and seen == prototypes.centres.shape[1] == len(prototypes.mean)
+    ):
         raise ValueError("they are of different dimensions")
     return KnownClasses(fitted, calibrating, voting, screening, prototypes)
 
@@ -226,12 +260,19 @@ def _without_circumstances(content: bytes) -> bytes:
     with zipfile.ZipFile(BytesIO(content)) as archive:
         files = {entry.filename: archive.read(entry) for entry in archive.infolist()}
     schema = files["schema.json"].decode()
-    numbers = {address: str(number) for number, address in enumerate(dict.fromkeys(_ADDRESS.findall(schema)), 1)}
+    numbers = {
+        address: str(number)
+        for number, address in enumerate(dict.fromkeys(_ADDRESS.findall(schema)), 1)
+    }
     files["schema.json"] = _ADDRESS.sub(lambda found: numbers[found[0]], schema).encode()
     out = BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():
-            archive.writestr(zipfile.ZipInfo(_ADDRESS.sub(lambda found: numbers[found[0]], name)), data, zipfile.ZIP_DEFLATED)
+            archive.writestr(
+                zipfile.ZipInfo(_ADDRESS.sub(lambda found: numbers[found[0]], name)),
+                data,
+                zipfile.ZIP_DEFLATED,
+            )
     return out.getvalue()
 
 
@@ -254,7 +295,9 @@ def _parsed(content: bytes) -> RandomForestClassifier:
         if sum(entry.file_size for entry in archive.infolist()) > LARGEST:
             raise ValueError("it is too large")
         files = {entry.filename: archive.read(entry) for entry in archive.infolist()}
-    forest = skops.io.loads(_checked(files), trusted=[_TREE])  # looks through the types of all that is in it before it makes any
+    forest = skops.io.loads(
+        _checked(files), trusted=[_TREE]
+    )  # looks through the types of all that is in it before it makes any
     _check_forest(forest)
     return forest
 
@@ -262,7 +305,8 @@ def _parsed(content: bytes) -> RandomForestClassifier:
 def _checked(files: dict[str, bytes]) -> bytes:
     """The file of a forest again, after all nodes of its schema have shown to be those of a forest.
 
-    Nodes get numbers of their own: skops takes a number that it has met for the node that had it, whatever this one holds.
+    Nodes get numbers of their own: skops takes a number that it has met for the node that had it,
+    whatever this one holds.
     """
     schema = json.loads(files["schema.json"])
     if schema.get("protocol") != _PROTOCOL:
@@ -271,7 +315,11 @@ def _checked(files: dict[str, bytes]) -> bytes:
     number = 0
     while waiting:
         one = waiting.pop()
-        waiting += [each for each in (one.values() if isinstance(one, dict) else one) if isinstance(each, dict | list)]
+        waiting += [
+            each
+            for each in (one.values() if isinstance(one, dict) else one)
+            if isinstance(each, dict | list)
+        ]
         if isinstance(one, dict) and "__loader__" in one:
             if (one.get("__module__"), one.get("__class__"), one["__loader__"]) not in _NODES:
                 raise ValueError(f"{one.get('__class__')} is no part of a forest")
@@ -298,7 +346,9 @@ def _check_arguments(node: dict[str, Any], files: dict[str, bytes]) -> None:
     def array(one: dict[str, Any]) -> NDArray[Any]:
         if one["__loader__"] != "NdArrayNode" or one["type"] != "numpy":
             raise ValueError("an array is expected")
-        found: NDArray[Any] = np.lib.format.read_array(BytesIO(files[one["file"]]), allow_pickle=False)
+        found: NDArray[Any] = np.lib.format.read_array(
+            BytesIO(files[one["file"]]), allow_pickle=False
+        )
         return found
 
     features, classes, outputs = node["__reduce__"]["args"]["content"]
@@ -321,7 +371,12 @@ def _check_forest(forest: Any) -> None:
     if type(forest) is not RandomForestClassifier or not forest.estimators_:
         raise ValueError(f"it is a {type(forest).__name__}")
     classes: IntArray = forest.classes_
-    if not np.issubdtype(classes.dtype, np.integer) or classes.ndim != 1 or (np.diff(classes) <= 0).any() or classes[0] < UNKNOWN:
+    if (
+        not np.issubdtype(classes.dtype, np.integer)
+        or classes.ndim != 1
+        or (np.diff(classes) <= 0).any()
+        or classes[0] < UNKNOWN
+    ):
         raise ValueError("its classes are no ascending numbers")
     for tree in forest.estimators_:
         if type(tree) is not DecisionTreeClassifier:
@@ -339,7 +394,10 @@ def _check_tree(tree: DecisionTreeClassifier, classes: int, width: int) -> None:
         and nodes.n_features == width
         and nodes.value.shape == (nodes.node_count, 1, classes)
         and (inner == (right >= 0)).all()
-        and all((child[inner] > number[inner]).all() and (child < nodes.node_count).all() for child in (left, right))
+        and all(
+            (child[inner] > number[inner]).all() and (child < nodes.node_count).all()
+            for child in (left, right)
+        )
         and ((nodes.feature[inner] >= 0) & (nodes.feature[inner] < width)).all()
         and np.isfinite(nodes.value).all()
     )

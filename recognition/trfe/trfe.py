@@ -9,18 +9,26 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recognition.tokens import changes
-from recognition.trfe.candidates import Buffer
 from recognition.trfe.config import Config, Steps
+from recognition.trfe.discovery.candidates import Buffer
 from recognition.trfe.forest import Votes
-from recognition.trfe.known import FIRST_DISCOVERED, Discovery, KnownClasses, Labelled, discover, labelled, learn
-from recognition.trfe.samples import BACKGROUND, UNKNOWN, Features, matrix
-from recognition.trfe.screening import EvtScreening
+from recognition.trfe.forest.known import (
+    FIRST_DISCOVERED,
+    Discovery,
+    KnownClasses,
+    Labelled,
+    discover,
+    labelled,
+    learn,
+)
+from recognition.trfe.forest.screening import EvtScreening
+from recognition.trfe.inputs.samples import BACKGROUND, UNKNOWN, Features, matrix
+from recognition.trfe.inputs.tokens import changes
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
-    from recognition.encoder.model import Encoder
+    from recognition.trfe.encoder.model import Encoder
 
 _CALIBRATING = 0.3
 """Share of a promoted class's samples that calibrate the screening; the forest is fitted on the others."""
@@ -35,7 +43,8 @@ class Recognition(NamedTuple):
         score: how outlying (n,); higher is more outlying.
         closed: class with most votes (n,), whether the sample is unknown or not.
         features: (n, d).
-        share: of the votes for classes, that of the class with most (n,), in [0, 1]; votes for none of them do not count.
+        share: of the votes for classes, that of the class with most (n,), in [0, 1]; votes for none
+            of them do not count.
     """
 
     labels: IntArray
@@ -51,16 +60,19 @@ class TRFE:
 
     Args:
         config: settings.
-        encoders: make features of windows, trained and from now on frozen; without any, only features are taken. Features of
-            the encoder before fine-tuning, beside those after it, hold what new classes differ in from each other.
+        encoders: make features of windows, trained and from now on frozen; without any, only
+            features are taken. Features of the encoder before fine-tuning, beside those after it,
+            hold what new classes differ in from each other.
         known: what was learnt before.
         steps: the method's own, or others that a study puts in their place.
 
     Attributes:
         buffer: unknown samples that wait.
-        unseen_sites: at sites that it was not trained on, the share of the rules' events that it gives the rules' class, and the
-            share to which it gives another one or none, on the worst site that was measured; None where none was.
-        least: the least `Recognition.share` that a class needs, as chosen on development data; see `least_share`.
+        unseen_sites: at sites that it was not trained on, the share of the rules' events that it
+            gives the rules' class, and the share to which it gives another one or none, on the
+            worst site that was measured; None where none was.
+        least: the least `Recognition.share` that a class needs, as chosen on development data; see
+            `least_share`.
 
     Example:
         >>> import numpy as np
@@ -100,18 +112,28 @@ class TRFE:
             raise UsageError("this model has not been fitted yet")
         return self._known
 
-    def fit(self, inputs: ArrayLike, labels: ArrayLike, calibration: ArrayLike, calibration_labels: ArrayLike) -> Self:
+    def fit(
+        self,
+        inputs: ArrayLike,
+        labels: ArrayLike,
+        calibration: ArrayLike,
+        calibration_labels: ArrayLike,
+    ) -> Self:
         """Learn the known classes.
 
         Args:
             inputs, labels: windows or features (n, …) to fit the forest on, and their classes (n,).
-            calibration, calibration_labels: other samples of the same classes, best of other recordings, to calibrate the
-                screening on.
+            calibration, calibration_labels: other samples of the same classes, best of other
+                recordings, to calibrate the screening on.
 
         Raises:
-            UsageError: fewer than two classes, classes that differ between the two sets, or features that are not finite.
+            UsageError: fewer than two classes, classes that differ between the two sets, or
+                features that are not finite.
         """
-        fitted, calibrating = labelled(self.encode(inputs), labels), labelled(self.encode(calibration), calibration_labels)
+        fitted, calibrating = (
+            labelled(self.encode(inputs), labels),
+            labelled(self.encode(calibration), calibration_labels),
+        )
         self._known = learn(fitted, calibrating, self.config, self.steps)
         return self
 
@@ -128,10 +150,12 @@ class TRFE:
             return matrix(table)
         if not self.encoders:
             raise UsageError("this model has no encoder: it takes features, not windows")
-        from recognition.encoder.storage import features
+        from recognition.trfe.encoder.storage import features
 
         encoded = features(self.encoders, table)
-        return matrix(np.concatenate([changes(table), encoded], axis=1) if self.config.changes else encoded)
+        return matrix(
+            np.concatenate([changes(table), encoded], axis=1) if self.config.changes else encoded
+        )
 
     def recognise(self, inputs: ArrayLike) -> Recognition:
         """The known class of each sample (n, …), windows or features, or that it is unknown, or nothing."""
@@ -143,18 +167,27 @@ class TRFE:
         share = most / np.maximum(votes.counts.sum(axis=1), 1)
         labels = np.where(score <= threshold, closed, UNKNOWN)
         needed = np.array([self.least_share(label) for label in labels.tolist()])
-        chance = most < self.config.trees / len(known.classes) if self.least else np.zeros(len(most), bool)
+        chance = (
+            most < self.config.trees / len(known.classes)
+            if self.least
+            else np.zeros(len(most), bool)
+        )
         labels = np.where((labels != UNKNOWN) & ((share < needed) | chance), BACKGROUND, labels)
         return Recognition(labels, most / self.config.trees, score, closed, features, share)
 
     def least_share(self, label: int) -> float:
         """Return the least share of the votes for classes that a class needs; with less, a sample is taken for `BACKGROUND`.
 
-        A class that no development data has an optimum for needs the median of the others' shares. Discovered classes need
-        none. Besides, a class of a model with least shares needs as many of all trees as chance gives: one by the number of
-        classes.
+        A class that no development data has an optimum for needs the median of the others' shares.
+        Discovered classes need none. Besides, a class of a model with least shares needs as many of
+        all trees as chance gives: one by the number of classes.
         """
-        if label in self.least or not self.least or label in (BACKGROUND, UNKNOWN) or label >= FIRST_DISCOVERED:
+        if (
+            label in self.least
+            or not self.least
+            or label in (BACKGROUND, UNKNOWN)
+            or label >= FIRST_DISCOVERED
+        ):
             return self.least.get(label, 0.0)
         return float(np.median(list(self.least.values())))
 
@@ -166,7 +199,8 @@ class TRFE:
     def observe(self, inputs: ArrayLike, keys: ArrayLike) -> Recognition:
         """Recognise samples (n, …) and put the unknown ones into the buffer, under their keys (n,).
 
-        Give a stream in parts smaller than the buffer, and `discover` when it is full: of what is more, the oldest are dropped.
+        Give a stream in parts smaller than the buffer, and `discover` when it is full: of what is
+        more, the oldest are dropped.
         """
         found = self.recognise(inputs)
         unknown = found.labels == UNKNOWN
@@ -177,7 +211,8 @@ class TRFE:
         """Look for new classes in the buffer; neither the buffer nor what is known changes.
 
         Raises:
-            UsageError: the buffer is empty, or holds no more samples than a sample must have neighbours.
+            UsageError: the buffer is empty, or holds no more samples than a sample must have
+                neighbours.
         """
         return discover(self.known, self.buffer, self.config, self.steps)
 
@@ -191,11 +226,15 @@ class TRFE:
             return
         features, labels = discovery.features[promoted], discovery.labels[promoted]
         calibrates = _a_share_of_each(labels, _CALIBRATING, self.config.seed)
-        fitted, calibrating = (Labelled(features[chosen], labels[chosen]) for chosen in (~calibrates, calibrates))
+        fitted, calibrating = (
+            Labelled(features[chosen], labels[chosen]) for chosen in (~calibrates, calibrates)
+        )
         known, config = self.known, self.config
         if isinstance(known.screening, EvtScreening):
             config = replace(config, delta=known.screening.delta)
-        self._known = learn(known.fitted.joined(fitted), known.calibrating.joined(calibrating), config, self.steps)
+        self._known = learn(
+            known.fitted.joined(fitted), known.calibrating.joined(calibrating), config, self.steps
+        )
         self.buffer.remove(np.isin(self.buffer.keys, discovery.keys[promoted]))
 
 

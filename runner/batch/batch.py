@@ -1,6 +1,7 @@
 """Many runs: every parameter set of every file, in one process or several, interrupted and resumed with nothing lost.
 
-`BatchComparison` holds a batch against an earlier one, run by run: new, fixed and remaining failures.
+`BatchComparison` holds a batch against an earlier one, run by run: new, fixed and remaining
+failures.
 """
 
 from __future__ import annotations
@@ -17,25 +18,30 @@ from typing import TYPE_CHECKING, Any
 
 from runner.batch import inputs, journal
 from runner.batch.jobs import CODES, Job, Jobs, Outcome, assumed, failure
-from runner.outputs import report
-from runner.outputs.folder import PICTURE, digests, write_run
-from runner.outputs.tables import write_runs
-from runner.settings import RunSettings
-from runner.sut.base import SENSOR_RANGE, split
+from runner.batch.outputs import report
+from runner.batch.outputs.folder import PICTURE, digests, write_run
+from runner.batch.outputs.tables import write_runs
+from runner.judging.settings import RunSettings
+from runner.systems.base import SENSOR_RANGE, split
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import current, limited
 from schemas.common.storage import alone
-from schemas.common.text import one_line, shown
+from schemas.common.terminal.text import one_line, shown
 
 if TYPE_CHECKING:
-    from runner.interpreter.result import RunResult
+    from runner.judging.result import RunResult
 
 
 Also = Callable[["RunResult"], None]
 
 
 def execute(
-    job: Job, settings: RunSettings, out: Path | None = None, plot: bool = False, also: Sequence[Also] = (), shared: str = ""
+    job: Job,
+    settings: RunSettings,
+    out: Path | None = None,
+    plot: bool = False,
+    also: Sequence[Also] = (),
+    shared: str = "",
 ) -> Outcome:
     """Do one run and write its results into a folder of its own; errors of the run become outcomes.
 
@@ -57,8 +63,10 @@ def execute(
         return replace(failure(job, error), inputs=given)
 
 
-def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Sequence[Also]) -> Outcome:
-    from runner.interpreter.execution import run
+def _run(
+    job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Sequence[Also]
+) -> Outcome:
+    from runner.judging.execution import run
 
     own = settings if job.seed is None else replace(settings, seed=job.seed)
     remarks = assumed(job, own.strict)
@@ -73,7 +81,11 @@ def _run(job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Se
     verdict = result.verdict
     message, criteria = one_line("; ".join(_reasons(result))), report.criteria(verdict)
     doubts = dict.fromkeys((*result.remarks, *(cause.text for cause in verdict.causes)))
-    told = [one_line(remark) for remark in doubts if not any(remark in reason for reason in verdict.reasons)]
+    told = [
+        one_line(remark)
+        for remark in doubts
+        if not any(remark in reason for reason in verdict.reasons)
+    ]
     return Outcome(
         job, verdict.outcome, CODES[verdict.outcome], message, result.status, result.end_time, measures,
         impact=report.impact(result) if verdict.failures else None,
@@ -108,19 +120,23 @@ def run_batch(
 ) -> Generator[Outcome]:
     """Do the runs and yield their outcomes in the order of the jobs.
 
-    With an output folder every finished run is entered in a journal; `resume` takes finished runs from there instead of repeating
-    them, as long as nothing that went in has changed and their results are whole. `plot` adds a picture to the results of each.
-    Finished runs without that, or without one of the files that `needs` names, are repeated too. Each of `also` gets the result
-    of every run that is done, in the process that has done it. `tell` is called with a line about finished runs
-    that are repeated.
+    With an output folder every finished run is entered in a journal; `resume` takes finished runs
+    from there instead of repeating them, as long as nothing that went in has changed and their
+    results are whole. `plot` adds a picture to the results of each. Finished runs without that, or
+    without one of the files that `needs` names, are repeated too. Each of `also` gets the result of
+    every run that is done, in the process that has done it. `tell` is called with a line about
+    finished runs that are repeated.
 
-    At the end, or when it is interrupted, the folder gets a table of all runs (see `runner.outputs.tables`). `ray` is the address
-    of a Ray cluster that does the runs, or `local`; see `runner.batch.pool`. Under a policy with limits of memory or time
-    (`schemas.common.policy`) runs are done in other processes, and one that needs more is an error of that run.
+    At the end, or when it is interrupted, the folder gets a table of all runs (see
+    `runner.batch.outputs.tables`). `ray` is the address of a Ray cluster that does the runs, or
+    `local`; see `runner.batch.pool`. Under a policy with limits of memory or time
+    (`schemas.common.policy`) runs are done in other processes, and one that needs more is an error
+    of that run.
 
     Raises:
-        UsageError: the folder holds results already (and `resume` is not set), or those of another batch; another process writes
-            into it, or it can't be written into; there is no such cluster.
+        UsageError: the folder holds results already (and `resume` is not set), or those of another
+            batch; another process writes into it, or it can't be written into; there is no such
+            cluster.
     """
     how: dict[str, Any] = {"settings": settings, "out": out, "plot": plot, "also": also}
     if out is None:
@@ -132,7 +148,9 @@ def run_batch(
     with alone(out, "a batch"), _writable(out):
         needed = (*needs, PICTURE) if plot else tuple(needs)
         kept = journal.begin(out, settings.as_json(), resume, given, _sources(jobs), tell, needed)
-        known = (job if isinstance(job, Outcome) else _finished(job, kept.done) or job for job in jobs)
+        known = (
+            job if isinstance(job, Outcome) else _finished(job, kept.done) or job for job in jobs
+        )
         work = partial(execute, **how, shared=shared)
         errors: dict[str, Outcome] = {}
         with (
@@ -149,7 +167,11 @@ def _sources(jobs: Iterable[Job | Outcome]) -> set[Path] | None:
     """The files that jobs are of, where that is known before they are worked out."""
     if isinstance(jobs, Jobs):
         return jobs.sources
-    return {each.source if isinstance(each, Job) else each.job.source for each in jobs} if isinstance(jobs, Sequence) else None
+    return (
+        {each.source if isinstance(each, Job) else each.job.source for each in jobs}
+        if isinstance(jobs, Sequence)
+        else None
+    )
 
 
 @contextmanager
@@ -220,7 +242,9 @@ def each(
 def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:
     outcome = done.get(job.name)
     if outcome is not None and outcome.job != job:
-        raise UsageError(f"{job.name} was run from another file or with other parameters; resume with the same")
+        raise UsageError(
+            f"{job.name} was run from another file or with other parameters; resume with the same"
+        )
     return outcome
 
 
@@ -231,10 +255,18 @@ def lost(job: Job, signal_number: int | None = None) -> Outcome:
         with suppress(ValueError):
             how = f" by {signal.Signals(signal_number).name}"
     killed = signal_number == getattr(signal, "SIGKILL", None)
-    why = "as a system does that runs out of memory" if killed else "of too little memory or a defect of a library"
-    over = signal_number is not None and signal_number == getattr(signal, "SIGPROF", None)  # see `schemas.common.policy.limited`
+    why = (
+        "as a system does that runs out of memory"
+        if killed
+        else "of too little memory or a defect of a library"
+    )
+    over = signal_number is not None and signal_number == getattr(
+        signal, "SIGPROF", None
+    )  # see `schemas.common.policy.limited`
     why = "for it takes longer than --max-seconds allows" if over else why
-    return Outcome(job, "error", 4 if over else 5, f"the process that ran it died{how}, {why}", "died")
+    return Outcome(
+        job, "error", 4 if over else 5, f"the process that ran it died{how}, {why}", "died"
+    )
 
 
 Identity = tuple[str, tuple[tuple[str, str], ...], int | None]
@@ -242,7 +274,9 @@ Identity = tuple[str, tuple[tuple[str, str], ...], int | None]
 _FAILS = ("failed", "error")
 
 
-def identity(file: Path, parameters: Mapping[str, object] | Iterable[tuple[str, str]], seed: int | None) -> Identity:
+def identity(
+    file: Path, parameters: Mapping[str, object] | Iterable[tuple[str, str]], seed: int | None
+) -> Identity:
     """Return the key of a run."""
     pairs = parameters.items() if isinstance(parameters, Mapping) else parameters
     return Path(file).stem, tuple(sorted((name, str(value)) for name, value in pairs)), seed
@@ -298,13 +332,19 @@ def runnable(arguments: Iterable[str]) -> list[Path]:
     Raises:
         UsageError: a folder or glob stands for nothing that can be run.
     """
-    from schemas.common.command_line import expand
+    from schemas.common.terminal.command_line import expand
 
     found: dict[Path, None] = {}
     for argument in arguments:
         files = expand([argument])
         alone = files == [Path(argument)]
-        meant = files if alone else [file for file in files if file.suffix.lower() == ".xosc" and not _is_catalog(file)]
+        meant = (
+            files
+            if alone
+            else [
+                file for file in files if file.suffix.lower() == ".xosc" and not _is_catalog(file)
+            ]
+        )
         if not meant:
             raise UsageError("this stands for no scenario or variation file", path=argument)
         found |= dict.fromkeys(meant)

@@ -15,16 +15,16 @@ from typing import Any
 
 import xosc
 from runner.batch.jobs import Job
-from runner.settings import RunSettings
-from runner.sut import find_system, system_name
-from runner.sut.base import parameters_of, split
+from runner.judging.settings import RunSettings
+from runner.systems import find_system, system_name
+from runner.systems.base import parameters_of, split
 from schemas.catalogs import locate
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError
 from schemas.common.storage import Stamp, digest, read_bytes, stamp
 from schemas.expressions import ExpressionError
-from xosc.node import Node
-from xosc.parameters import Assignment, ParameterScope
-from xosc.road_files import find_roads
+from xosc.document.node import Node
+from xosc.document.road_files import find_roads
+from xosc.resolve.parameters import Assignment, ParameterScope
 
 OURS = ("schemas", "xosc", "xodr", "runner")
 """Packages whose code plays and measures runs"""
@@ -51,7 +51,13 @@ def of_job(job: Job, run: RunSettings, shared: str) -> str:
         run: the settings of the batch.
         shared: what `of_batch` gives.
     """
-    parts = shared, job.name, _by_stamp(job.source, stamp(job.source)), sorted(job.parameters.items()), job.seed
+    parts = (
+        shared,
+        job.name,
+        _by_stamp(job.source, stamp(job.source)),
+        sorted(job.parameters.items()),
+        job.seed,
+    )
     return digest(repr((parts, _files_of(job, run))).encode())
 
 
@@ -74,7 +80,10 @@ def _by_stamp(path: Path, _: Stamp) -> str:
 
 
 def inputs(
-    scenario: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({}), packages: tuple[str, ...] = OURS
+    scenario: Path,
+    run: RunSettings,
+    pinned: Mapping[str, str] = MappingProxyType({}),
+    packages: tuple[str, ...] = OURS,
 ) -> dict[str, Any]:
     """Digests of files and code, settings and versions, by what they are of.
 
@@ -109,7 +118,9 @@ def program(packages: tuple[str, ...]) -> str:
     return digest("\n".join([*map(_content, packages), *versions]).encode())
 
 
-def files(scenario: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({})) -> dict[str, Any]:
+def files(
+    scenario: Path, run: RunSettings, pinned: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, Any]:
     """Digests of a scenario, its road network and its catalogues.
 
     Raises:
@@ -117,18 +128,26 @@ def files(scenario: Path, run: RunSettings, pinned: Mapping[str, str] = MappingP
     """
     return {
         "scenario": digest(scenario.read_bytes()),
-        "roads and catalogues": {path.name: digest(path.read_bytes()) for path in referred_by(scenario, run, pinned)},
+        "roads and catalogues": {
+            path.name: digest(path.read_bytes()) for path in referred_by(scenario, run, pinned)
+        },
     }
 
 
 def referred_by(scenario: Path, run: RunSettings, given: Mapping[str, str]) -> tuple[Path, ...]:
     """The road network and the catalogues of a scenario; where a path has no value, or is nowhere, every run says so itself."""
     root = xosc.load(scenario, strict=run.strict).node.element
-    varies = any("$" in element.get(attribute, "") for name, attribute in _PATHS.items() for element in root.iter(name))
+    varies = any(
+        "$" in element.get(attribute, "")
+        for name, attribute in _PATHS.items()
+        for element in root.iter(name)
+    )
     values = tuple(sorted(given.items())) if varies else ()
     asked = scenario, stamp(scenario), run.strict, run.road_path, run.catalog_path, values
     found = _referred(*asked)
-    return found if all(map(os.path.isfile, found)) else _referred.__wrapped__(*asked)  # a file was removed since
+    return (
+        found if all(map(os.path.isfile, found)) else _referred.__wrapped__(*asked)
+    )  # a file was removed since
 
 
 @lru_cache(maxsize=256)
@@ -149,7 +168,9 @@ def _referred(
     for location in locations.children() if locations is not None else ():
         directory = location.need("Directory")
         with suppress(OSError, ValueError):
-            found += sorted(Path(file) for file in locate(directory.file("path"), scenario, catalog_path).files)
+            found += sorted(
+                Path(file) for file in locate(directory.file("path"), scenario, catalog_path).files
+            )
     return tuple(found)
 
 
@@ -158,7 +179,9 @@ def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
     root = Node(copy.deepcopy(root.element), root.path)
     holder = root.find("ParameterDeclarations")
     assigned = {name: Assignment(value, UsageError, True) for name, value in pinned.items()}
-    scope = ParameterScope(holder.children("ParameterDeclaration") if holder is not None else [], assigned=assigned)
+    scope = ParameterScope(
+        holder.children("ParameterDeclaration") if holder is not None else [], assigned=assigned
+    )
     for name, attribute in _PATHS.items():
         for element in root.element.iter(name):
             with suppress(ExpressionError):
@@ -171,26 +194,53 @@ def plugged_in(run: RunSettings) -> str:
     made = find_system(run.sut) if isinstance(run.sut, str | None) else type(run.sut)
     factory = getattr(made, "func", made)
     package = str(getattr(factory, "__module__", "")).partition(".")[0]
-    named: Callable[..., tuple[Path, ...]] | None = getattr(factory, "files", None) if package == "runner" else None
+    named: Callable[..., tuple[Path, ...]] | None = (
+        getattr(factory, "files", None) if package == "runner" else None
+    )
     if named is not None:
-        return digest(b"\0".join(path.read_bytes() for path in named(**getattr(made, "keywords", {}))))
+        return digest(
+            b"\0".join(path.read_bytes() for path in named(**getattr(made, "keywords", {})))
+        )
     return "" if package in ("", "builtins", "runner", "generation") else _content(package)
 
 
 def _content(package: str) -> str:
     """Digest of all files of a package, or of a module."""
-    return digest(b"\0".join(str(path.name).encode() + path.read_bytes() for path in _files(package)))
+    return digest(
+        b"\0".join(str(path.name).encode() + path.read_bytes() for path in _files(package))
+    )
 
 
 def _files(package: str) -> Iterator[Path]:
     """Its Python files, those of packages inside it included."""
-    spec = import_module(package).__spec__  # it is imported already, perhaps from the working folder
-    folders = [Path(each) for each in (spec.submodule_search_locations or [])] if spec is not None else []
+    spec = import_module(
+        package
+    ).__spec__  # it is imported already, perhaps from the working folder
+    folders = (
+        [Path(each) for each in (spec.submodule_search_locations or [])] if spec is not None else []
+    )
     if folders:
-        yield from sorted(path for folder in folders for path in folder.rglob("*") if path.suffix in _DECIDING and path.is_file())
+        yield from sorted(
+            path
+            for folder in folders
+            for path in folder.rglob("*")
+            if path.suffix in _DECIDING and path.is_file()
+        )
     elif spec is not None and spec.origin:
         yield Path(spec.origin)
 
 
-_DECIDING = (".py", ".so", ".json", ".safetensors", ".npz", ".onnx", ".pt", ".yaml", ".toml", ".txt", ".csv")
+_DECIDING = (
+    ".py",
+    ".so",
+    ".json",
+    ".safetensors",
+    ".npz",
+    ".onnx",
+    ".pt",
+    ".yaml",
+    ".toml",
+    ".txt",
+    ".csv",
+)
 """Endings of files that code, or weights and settings of a system, are in"""

@@ -10,8 +10,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runner.interpreter.result import FAILED, INCONCLUSIVE, PASSED
-from schemas.common.errors import ExitCode, InvalidFile, ToolchainError, Unsupported, UsageError, describe
+from runner.judging.result import FAILED, INCONCLUSIVE, PASSED
+from schemas.common.errors import (
+    ExitCode,
+    InvalidFile,
+    ToolchainError,
+    Unsupported,
+    UsageError,
+    describe,
+)
 from schemas.common.policy import current, limited
 from schemas.common.remarks import Remarks
 from xosc.distributions.space import Selection, numbered
@@ -61,18 +68,19 @@ class Outcome:
     """Outcome of one run of a batch.
 
     Args:
-        state: `passed`, `failed`, `inconclusive` (its verdict), `error` (a defect of the file or the run), or `loaded` (by a
-            rehearsal).
+        state: `passed`, `failed`, `inconclusive` (its verdict), `error` (a defect of the file or
+            the run), or `loaded` (by a rehearsal).
         exit_code: what the command line would answer for this run alone.
         message: reasons of a failed or inconclusive verdict, or the error.
-        status, end_time, measures: of the run, where there was one (measures only with an output folder); of an error the status
-            is one of `FLEETING`, or empty.
+        status, end_time, measures: of the run, where there was one (measures only with an output
+            folder); of an error the status is one of `FLEETING`, or empty.
         trace: traceback of an error.
-        impact: of a failed run in which the ego touches another participant: `speed`, `delta_v` (m/s), `risk` (of a death),
-            `time` (s), `other`, `side`, `point` (m) and `strikes`; see `runner.measures.contacts`.
+        impact: of a failed run in which the ego touches another participant: `speed`, `delta_v`
+            (m/s), `risk` (of a death), `time` (s), `other`, `side`, `point` (m) and `strikes`; see
+            `runner.judging.measures.contacts`.
         criteria: results of the scenario's criteria, as in `result.json`.
         remarks: what was assumed and what may not be meant, as in `result.json`, a line each.
-        causes: names of the causes for which the run tested nothing, see `runner.interpreter.verdict`.
+        causes: names of the causes for which the run tested nothing, see `runner.judging.verdict`.
         inputs: digest of all that decided what the run gave (with an output folder).
         files: digests of the files in the folder of its results, by name.
     """
@@ -107,7 +115,8 @@ def jobs_of(
         parameters: values given by the user, for parameters that no distribution sets.
         enforce_constraints: leave out parameter sets that violate the scenario's constraint groups.
         selection: which sets; by default each.
-        repeat: how often each set is run, with seeds that count up from the selection's; None for once, with the settings' seed.
+        repeat: how often each set is run, with seeds that count up from the selection's; None for
+            once, with the settings' seed.
     """
     selection = selection or Selection()
     seeds = [None] if repeat is None else [selection.seed + number for number in range(repeat)]
@@ -118,7 +127,8 @@ class Jobs:
     """The jobs of files, and how many these are; see `jobs_of`.
 
     Attributes:
-        left_out: number of parameter sets of each file that violate constraints, once the file's jobs have been made.
+        left_out: number of parameter sets of each file that violate constraints, once the file's
+            jobs have been made.
     """
 
     def __init__(
@@ -130,7 +140,12 @@ class Jobs:
         seeds: Sequence[int | None],
     ) -> None:
         self._files = list(zip(names_of(paths), paths, strict=True))
-        self._parameters, self._enforce, self._selection, self._seeds = parameters, enforce_constraints, selection, seeds
+        self._parameters, self._enforce, self._selection, self._seeds = (
+            parameters,
+            enforce_constraints,
+            selection,
+            seeds,
+        )
         self._spaces: dict[Path, ParameterSpace] = {}
         self.left_out: dict[Path, int] = {}
 
@@ -176,14 +191,25 @@ class Jobs:
             space = self._space(path)
         current().admit_runs(self._selection.count(space) * len(self._seeds), path)
         varying = space.varying
-        for index, values in self._selection.sets(space, self._enforce, partial(self.left_out.__setitem__, path)):
+        for index, values in self._selection.sets(
+            space, self._enforce, partial(self.left_out.__setitem__, path)
+        ):
             for parameter in self._parameters.keys() & values.keys():
-                raise UsageError(f"the parameter {parameter!r} can't be given, this file sets it", path=path)
+                raise UsageError(
+                    f"the parameter {parameter!r} can't be given, this file sets it", path=path
+                )
             own = name if space.distribution is None else numbered(name, index)
             told = ", ".join(f"{each}={value}" for each, value in values.items() if each in varying)
             for seed in self._seeds:
                 one = own if seed is None else f"{own}~seed{seed}"
-                yield Job(one, path, space.scenario, {**self._parameters, **values}, seed, f"{one} {told}".rstrip())
+                yield Job(
+                    one,
+                    path,
+                    space.scenario,
+                    {**self._parameters, **values},
+                    seed,
+                    f"{one} {told}".rstrip(),
+                )
         self._spaces.pop(path, None)
 
 
@@ -207,20 +233,30 @@ def names_of(paths: Sequence[Path]) -> list[str]:
     """A name for each file: unique, safe as a folder's name, and with the folders that tell files of one name apart."""
     files = {path.absolute(): _folder_name(path.stem)[:_LONGEST] for path in paths}
     for depth in range(1, max((len(path.parts) for path in files), default=0)):
-        alike = {name for name, count in Counter(map(str.casefold, files.values())).items() if count > 1}
-        files |= {path: _qualified(path, depth) for path, name in files.items() if name.casefold() in alike}
+        alike = {
+            name for name, count in Counter(map(str.casefold, files.values())).items() if count > 1
+        }
+        files |= {
+            path: _qualified(path, depth)
+            for path, name in files.items()
+            if name.casefold() in alike
+        }
     taken: Counter[str] = Counter()
     names = []
     for path in paths:
         name = files[path.absolute()]
         taken[name.casefold()] += 1  # some file systems do not tell upper from lower case
-        names.append(name if taken[name.casefold()] == 1 else f"{name}~{taken[name.casefold()]}")  # the same file again
+        names.append(
+            name if taken[name.casefold()] == 1 else f"{name}~{taken[name.casefold()]}"
+        )  # the same file again
     return names
 
 
 def _qualified(path: Path, depth: int) -> str:
     """A file's name with those of so many folders that it is in."""
-    return "-".join(_folder_name(part) for part in path.with_suffix("").parts[-depth - 1 :])[-_LONGEST:]
+    return "-".join(_folder_name(part) for part in path.with_suffix("").parts[-depth - 1 :])[
+        -_LONGEST:
+    ]
 
 
 def _folder_name(text: str) -> str:
@@ -230,7 +266,9 @@ def _folder_name(text: str) -> str:
 
 def failure(job: Job, error: Exception) -> Outcome:
     """The outcome of a run that an error ended (to be called while it is handled); the file is named in any case."""
-    if isinstance(error, InvalidFile | Unsupported) and error.path is None:  # only the run knew what is wrong
+    if (
+        isinstance(error, InvalidFile | Unsupported) and error.path is None
+    ):  # only the run knew what is wrong
         error.path = str(job.scenario)
     message, code = describe(error)
     status = "memory" if isinstance(error, MemoryError) else ""

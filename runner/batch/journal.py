@@ -10,14 +10,26 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from runner.batch.jobs import FLEETING, Job, Outcome
-from runner.outputs.folder import RESULT, digests
-from runner.outputs.report import finite
+from runner.batch.outputs.folder import RESULT, digests
+from runner.batch.outputs.report import finite
 from schemas.common.errors import UsageError
-from schemas.common.storage import DRAFT, Records, alone, check_settings, read_object, sync, write_object, writing
-from schemas.common.text import many
+from schemas.common.storage import (
+    DRAFT,
+    Records,
+    alone,
+    check_settings,
+    read_object,
+    sync,
+    write_object,
+    writing,
+)
+from schemas.common.terminal.text import many
 
 _JOURNAL, _SETTINGS = "runs.jsonl", "batch.json"
-_TABLE, _PAGES = "runs.parquet", ("report.html", "history.html", "assessment.html", "assessment.csv")
+_TABLE, _PAGES = (
+    "runs.parquet",
+    ("report.html", "history.html", "assessment.html", "assessment.csv"),
+)
 """Further files of a batch in its folder"""
 _GROUP = 1.0
 """Time (s) in which finished runs are gathered: a disk syncs the files of many in little more time than those of one"""
@@ -33,8 +45,9 @@ class Finished(NamedTuple):
 class Journal:
     """The finished runs of a batch in an output folder, for the one process that writes it.
 
-    A run is entered when its files are on the disk, with their digests and with that of all that went in. So an entry is as good
-    as its run: where anything has changed since, or a file is damaged or gone, the run is not finished.
+    A run is entered when its files are on the disk, with their digests and with that of all that
+    went in. So an entry is as good as its run: where anything has changed since, or a file is
+    damaged or gone, the run is not finished.
 
     Args:
         out: the output folder, made ready by `begin`.
@@ -53,7 +66,8 @@ class Journal:
     def enter(self, outcome: Outcome) -> None:
         """Take in a finished run, which is entered with others, within a second or with the next one.
 
-        A run is taken in once: an interrupt between this call and its caller's note of it may bring the run a second time.
+        A run is taken in once: an interrupt between this call and its caller's note of it may bring
+        the run a second time.
 
         Raises:
             OSError: they can't be written: the runs are not entered.
@@ -69,9 +83,14 @@ class Journal:
         """Enter all runs that were taken in; errors as of `enter`."""
         if not self._waiting:
             return
-        finished, self._waiting = self._waiting, []  # what could not be synced once is not to be trusted a second time
+        finished, self._waiting = (
+            self._waiting,
+            [],
+        )  # what could not be synced once is not to be trusted a second time
         folders = [self._out / outcome.job.name for outcome in finished if outcome.files]
-        sync([self._out / outcome.job.name / name for outcome in finished for name in outcome.files])
+        sync(
+            [self._out / outcome.job.name / name for outcome in finished for name in outcome.files]
+        )
         sync([*folders, self._out])
         self._records.add(map(_entry, finished))
         self._flushed = time.monotonic()
@@ -96,8 +115,8 @@ def begin(
         needs: names of files that a finished run has; one without is repeated.
 
     Raises:
-        UsageError: the folder holds results already (and `resume` is not set), or those of a batch of other files or with other
-            settings.
+        UsageError: the folder holds results already (and `resume` is not set), or those of a batch
+            of other files or with other settings.
     """
     records, manifest = Records(out / _JOURNAL), out / _SETTINGS
     settings = finite(settings)
@@ -113,7 +132,11 @@ def begin(
         check_settings(manifest, settings, "a batch")
         before = finished(out)
         _refuse_others(out, before.outcomes.values(), sources)
-        faults = {name: fault for name, each in before.outcomes.items() if (fault := _fault(out, each, inputs, needs))}
+        faults = {
+            name: fault
+            for name, each in before.outcomes.items()
+            if (fault := _fault(out, each, inputs, needs))
+        }
         done = {name: each for name, each in before.outcomes.items() if name not in faults}
         _tell(faults, before.damaged, records.path, tell)
         clear_drafts(out)
@@ -124,7 +147,14 @@ def begin(
 
 
 def _refuse_others(out: Path, before: Iterable[Outcome], sources: Collection[Path] | None) -> None:
-    other = next((each.job.source for each in before if sources is not None and each.job.source not in sources), None)
+    other = next(
+        (
+            each.job.source
+            for each in before
+            if sources is not None and each.job.source not in sources
+        ),
+        None,
+    )
     if other is not None:
         reason = f"this folder holds a batch with runs of {other}, which is not among the files: give the same, or another folder"
         raise UsageError(reason, path=out)
@@ -139,15 +169,21 @@ def _fault(out: Path, outcome: Outcome, inputs: Callable[[Job], str], needs: Seq
     found = digests(out / outcome.job.name)
     if any(found.get(name) != digest for name, digest in outcome.files.items()):
         return "with results that are damaged or missing"
-    if outcome.state != "error" and (missing := [name for name in needs if name not in outcome.files]):
+    if outcome.state != "error" and (
+        missing := [name for name in needs if name not in outcome.files]
+    ):
         return f"without {' and '.join(missing)}"
     return ""
 
 
-def _tell(faults: dict[str, str], damaged: list[int], journal: Path, tell: Callable[[str], None]) -> None:
+def _tell(
+    faults: dict[str, str], damaged: list[int], journal: Path, tell: Callable[[str], None]
+) -> None:
     for fault in sorted(set(faults.values())):
         names = [name for name, each in faults.items() if each == fault]
-        tell(f"{many(len(names), 'finished run')} {fault}: run anew ({names[0]}{', …' if len(names) > 1 else ''})")
+        tell(
+            f"{many(len(names), 'finished run')} {fault}: run anew ({names[0]}{', …' if len(names) > 1 else ''})"
+        )
     if damaged:
         tell(f"{journal}:{damaged[0]}: {many(len(damaged), 'line')} damaged: the runs are run anew")
 
@@ -181,10 +217,19 @@ def discard(out: Path) -> None:
         return
     with alone(out, "a batch"), writing("the earlier batch", out):
         clear_drafts(out)
-        names = {each.name for each in out.iterdir() if (each / RESULT).is_file() and not each.is_symlink()}
+        names = {
+            each.name
+            for each in out.iterdir()
+            if (each / RESULT).is_file() and not each.is_symlink()
+        }
         for name in names & finished(out).outcomes.keys():
             shutil.rmtree(out / name)
-        for name in (_TABLE, *_PAGES, _SETTINGS, _JOURNAL):  # the journal last: until then it is the batch's
+        for name in (
+            _TABLE,
+            *_PAGES,
+            _SETTINGS,
+            _JOURNAL,
+        ):  # the journal last: until then it is the batch's
             (out / name).unlink(missing_ok=True)
 
 
@@ -204,7 +249,9 @@ def finished(out: Path) -> Finished:
     try:
         kept = Records(out / _JOURNAL).read()
     except OSError as error:
-        raise UsageError(f"the journal can't be read: {error.strerror or error}", path=out / _JOURNAL) from None
+        raise UsageError(
+            f"the journal can't be read: {error.strerror or error}", path=out / _JOURNAL
+        ) from None
     restored = [_outcome(record) for record in kept.records]
     outcomes = {each.job.name: each for each in restored if each is not None}
     return Finished(outcomes, kept.damaged)
@@ -228,5 +275,7 @@ def settings(out: Path) -> dict[str, Any]:
         InvalidFile: their file is damaged.
     """
     if not (out / _SETTINGS).is_file():
-        raise UsageError(f"this is not the output folder of a batch: it has no {_SETTINGS}", path=out)
+        raise UsageError(
+            f"this is not the output folder of a batch: it has no {_SETTINGS}", path=out
+        )
     return read_object(out / _SETTINGS)

@@ -1,7 +1,8 @@
 """Jobs in worker processes that are replaced when they die, on this machine or on a Ray cluster.
 
-Every machine of the cluster needs this package (and the systems under test) installed, and the scenarios and the output folder
-under the same paths, on file systems that they share. Ray is an extra: it is imported only here.
+Every machine of the cluster needs this package (and the systems under test) installed, and the
+scenarios and the output folder under the same paths, on file systems that they share. Ray is an
+extra: it is imported only here.
 """
 
 from __future__ import annotations
@@ -39,8 +40,10 @@ class Pool:
     Args:
         processes: how many.
         work: does a job; to be pickled, so a function of a module or a `functools.partial` of one.
-        died: the outcome of a job whose process died, given that and the signal (where known) that has ended it.
-        done: called here with every outcome as soon as it is there, whatever its place in the order.
+        died: the outcome of a job whose process died, given that and the signal (where known) that
+            has ended it.
+        done: called here with every outcome as soon as it is there, whatever its place in the
+            order.
     """
 
     def __init__(
@@ -83,7 +86,11 @@ class Pool:
 
     def _collect(self, waiting: deque[_Pending]) -> None:
         """Wait until a job is done, and put outcomes in the place of all that are."""
-        places = {pending[1]: place for place, pending in enumerate(waiting) if not isinstance(pending, Outcome)}
+        places = {
+            pending[1]: place
+            for place, pending in enumerate(waiting)
+            if not isinstance(pending, Outcome)
+        }
         faults: list[BaseException] = []
         for future in wait(places, return_when=FIRST_COMPLETED).done:
             fault = future.exception()
@@ -121,7 +128,8 @@ class Pool:
     def _recover(self, waiting: deque[_Pending]) -> None:
         """Go on after the death of a process, which takes all unfinished jobs with it.
 
-        The job to blame is among the first, those in work: each is repeated in a process of its own.
+        The job to blame is among the first, those in work: each is repeated in a process of its
+        own.
         """
         self._pool.shutdown(wait=True)
         self._pool = executor(self._processes)
@@ -137,7 +145,9 @@ class Pool:
         with executor(1) as pool:
             try:
                 future = pool.submit(self._work, job)
-                (process,) = (pool._processes or {}).values()  # which the executor forgets, and with it how the process ended
+                (process,) = (
+                    pool._processes or {}
+                ).values()  # which the executor forgets, and with it how the process ended
                 return self._ended(future.result())
             except BrokenProcessPool:
                 process.join()
@@ -148,7 +158,8 @@ class Pool:
 def executor(processes: int, *, anew: bool = False) -> ProcessPoolExecutor:
     """Processes that end quietly on Ctrl-C, and with the one that made them; each under the policy that is in force here.
 
-    Started anew they are no copies of this process, whose libraries may have threads that copies lack.
+    Started anew they are no copies of this process, whose libraries may have threads that copies
+    lack.
     """
     context = multiprocessing.get_context("spawn") if anew else None
     return ProcessPoolExecutor(processes, context, initializer=_serve, initargs=(current(),))
@@ -188,7 +199,8 @@ class RayPool:
     A program that is connected to a cluster already goes on with that.
 
     Args:
-        address: of a cluster (`HOST:PORT`, `ray://…`, `auto`), or `local` for one of our own on this machine.
+        address: of a cluster (`HOST:PORT`, `ray://…`, `auto`), or `local` for one of our own on
+            this machine.
         processes: how many jobs at a time `local` does; elsewhere the cluster's processors decide.
         work: does a job, in a worker; an OSError of it is raised here.
         died: the outcome of a job whose process died every time.
@@ -209,7 +221,9 @@ class RayPool:
     ) -> None:
         self._died, self._done = died, done
         self._ray, self._ours = connect(address, processes)
-        self._task = self._ray.remote(num_cpus=1, max_retries=_REPEATS)(_work).options(name="xosc-run")
+        self._task = self._ray.remote(num_cpus=1, max_retries=_REPEATS)(_work).options(
+            name="xosc-run"
+        )
         self._shared = self._ray.put(work)
         self._most = _AHEAD_ON_CLUSTER * max(1, int(self._ray.cluster_resources().get("CPU", 1)))
 
@@ -297,11 +311,19 @@ def connect(address: str, processes: int) -> tuple[Any, bool]:
     ray = optional("ray")
     if ray.is_initialized():
         return ray, False
-    own: dict[str, Any] = {"num_cpus": processes, "object_store_memory": _STORE} if address == LOCAL else {}
+    own: dict[str, Any] = (
+        {"num_cpus": processes, "object_store_memory": _STORE} if address == LOCAL else {}
+    )
     try:
         _reach(address)
         with chdir(sys.prefix):  # Ray lets its workers import from the folder that it is started in
-            ray.init(address=address, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR, **own)
+            ray.init(
+                address=address,
+                include_dashboard=False,
+                log_to_driver=False,
+                logging_level=logging.ERROR,
+                **own,
+            )
     except Exception as error:  # Ray raises whatever there is
         reason = " ".join(str(error).split())[:200]
         if own:

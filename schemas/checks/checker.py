@@ -13,21 +13,24 @@ from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import all_rules
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError, describe
 from schemas.common.policy import LimitReached, limited
-from schemas.osi_rules import check_trace
-from schemas.osi_traces import SUFFIXES
-from schemas.xml import parse, rule_of
+from schemas.common.xml import parse, rule_of
+from schemas.osi.rules import check_trace
+from schemas.osi.traces import SUFFIXES
 
 LIMITS = "xosc.toolchain:xosc:1.0.0:limits"
 """Uid of problems with files that exceed the limits of time or memory; not a rule of the registry"""
 
 
-def check(path: str | PathLike[str], catalog_path: Folders = (), road_path: Folders = ()) -> list[Problem]:
+def check(
+    path: str | PathLike[str], catalog_path: Folders = (), road_path: Folders = ()
+) -> list[Problem]:
     """Every problem of a file, ordered by line; empty for a sound one.
 
     Nothing that can be in a file raises: a file that is missing or no XML is a problem, too.
 
     Args:
-        catalog_path: folders in which directories of catalogues are looked for that are not where the scenario says.
+        catalog_path: folders in which directories of catalogues are looked for that are not where
+            the scenario says.
         road_path: folders in which road networks are, likewise.
 
     Raises:

@@ -15,9 +15,9 @@ from schemas.catalogs import CatalogEntry, Catalogs, Directory, Folders, NoEntry
 from schemas.checks import Problem, road_references
 from schemas.common.errors import InvalidFile, ToolchainError
 from schemas.common.policy import current
-from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of
-from schemas.values import operand, type_named, typed
-from schemas.xml import line_of, local_name, parse
+from schemas.common.xml import line_of, local_name, parse
+from schemas.expressions.values import operand, type_named, typed
+from schemas.versions.registry import OPENDRIVE, OPENSCENARIO, FileType, detect, header_of
 
 _MAX_INDIRECTIONS = 50
 
@@ -31,7 +31,13 @@ class CheckedDocument:
         catalog_path, road_path: see `schemas.checks.checker.check`.
     """
 
-    def __init__(self, tree: etree._ElementTree, path: Path, catalog_path: Folders = (), road_path: Folders = ()) -> None:
+    def __init__(
+        self,
+        tree: etree._ElementTree,
+        path: Path,
+        catalog_path: Folders = (),
+        road_path: Folders = (),
+    ) -> None:
         self.tree = tree
         self.root = tree.getroot()
         self.path = path
@@ -88,18 +94,28 @@ class CheckedDocument:
         for name, elements in self._index[1].items():
             for element in elements:
                 text = element.get(name) or ""
-                if text.startswith("$") and not (name == "name" and expressions.is_expression(text)):
+                if text.startswith("$") and not (
+                    name == "name" and expressions.is_expression(text)
+                ):
                     yield element, name, text
 
     def names(self, *tags: str) -> set[str]:
         """The names of all elements with one of these tags."""
-        return {name for element in self.elements(*tags) if (name := self.value(element, "name")) is not None}
+        return {
+            name
+            for element in self.elements(*tags)
+            if (name := self.value(element, "name")) is not None
+        }
 
-    def problem(self, rule: str, level: str, message: str, element: etree._Element | None = None) -> Problem:
+    def problem(
+        self, rule: str, level: str, message: str, element: etree._Element | None = None
+    ) -> Problem:
         """A problem at an element of this document."""
         if element is None:
             return Problem(rule, level, message, str(self.path))
-        return Problem(rule, level, message, str(self.path), line_of(element), self.tree.getpath(element))
+        return Problem(
+            rule, level, message, str(self.path), line_of(element), self.tree.getpath(element)
+        )
 
     # values -----------------------------------------------------------------------------------
 
@@ -143,7 +159,9 @@ class CheckedDocument:
         if declaration not in self._defaults:
             self._pending.add(declaration)
             try:
-                text = expressions.substitute(declaration.get("value") or "", self.lookup(declaration))
+                text = expressions.substitute(
+                    declaration.get("value") or "", self.lookup(declaration)
+                )
                 self._defaults[declaration] = operand(typed(self.type_of(declaration), text), text)
             except (ToolchainError, ValueError):
                 self._defaults[declaration] = None
@@ -151,12 +169,14 @@ class CheckedDocument:
         return self._defaults[declaration]
 
     def type_of(self, declaration: etree._Element) -> str:
-        """The type of a parameter or variable, one of `schemas.values.TYPES`.
+        """The type of a parameter or variable, one of `schemas.expressions.values.TYPES`.
 
         Raises:
             ValueError: it names no type, or is missing or undecidable.
         """
-        name = "variableType" if local_name(declaration) == "VariableDeclaration" else "parameterType"
+        name = (
+            "variableType" if local_name(declaration) == "VariableDeclaration" else "parameterType"
+        )
         return type_named(self.value(declaration, name) or "")
 
     def declaration(self, element: etree._Element, name: str) -> etree._Element | None:
@@ -195,7 +215,11 @@ class CheckedDocument:
 
     def road_file(self, name: str) -> Path | None:
         """The road network that a LogicFile names: where it says, or in the folders that were asked for; None without one."""
-        return self.file(name) if self.has_file(name) else road_references.asked_for(self.file(name).name, self.road_path)
+        return (
+            self.file(name)
+            if self.has_file(name)
+            else road_references.asked_for(self.file(name).name, self.road_path)
+        )
 
     @cached_property
     def catalogs(self) -> Catalogs:
@@ -216,7 +240,11 @@ class CheckedDocument:
         Raises:
             NoEntry: there is none, or more than one.
         """
-        catalog, name, holder = self.value(reference, "catalogName"), self.value(reference, "entryName"), reference.getparent()
+        catalog, name, holder = (
+            self.value(reference, "catalogName"),
+            self.value(reference, "entryName"),
+            reference.getparent(),
+        )
         if catalog is None or name is None or holder is None:
             return None
         return self.catalogs.find(local_name(holder), catalog, name)

@@ -1,8 +1,8 @@
 """The registry of rules: each is a function that looks at a document and yields what it finds.
 
-A rule has the uid under which ASAM publishes it (Annex C of OpenSCENARIO XML, and the checker bundles for both
-standards), or one of this project (`xosc.toolchain:…`) in the same grammar: entity, standard, version in which the
-rule first appeared, name.
+A rule has the uid under which ASAM publishes it (Annex C of OpenSCENARIO XML, and the checker
+bundles for both standards), or one of this project (`xosc.toolchain:…`) in the same grammar:
+entity, standard, version in which the rule first appeared, name.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from schemas.checks import Problem
 from schemas.checks.document import CheckedDocument
 from schemas.common import packages
 from schemas.common.errors import nearest
-from schemas.registry import OPENDRIVE, OPENSCENARIO, FileType
+from schemas.versions.registry import OPENDRIVE, OPENSCENARIO, FileType
 
 
 class Finding(NamedTuple):
@@ -77,7 +77,12 @@ class RegisteredRule:
         """Its problems in a document."""
         for number, (element, message, level) in enumerate(self.check(document)):
             if number == MAX_FINDINGS:
-                yield document.problem(self.uid, "info", f"more problems of this kind than the {MAX_FINDINGS} listed", element)
+                yield document.problem(
+                    self.uid,
+                    "info",
+                    f"more problems of this kind than the {MAX_FINDINGS} listed",
+                    element,
+                )
                 return
             yield document.problem(self.uid, level or self.level, message, element)
 
@@ -139,7 +144,9 @@ def negative(document: CheckedDocument, attributes: Iterable[tuple[str, str]]) -
         for element in document.elements(tag):
             value = document.number(element, name)
             if value is not None and not value >= 0:
-                yield Finding(element, f"{name}={element.get(name)!r} is {value:g}, 0 or more is expected")
+                yield Finding(
+                    element, f"{name}={element.get(name)!r} is {value:g}, 0 or more is expected"
+                )
 
 
 Node = TypeVar("Node", bound=Hashable)
@@ -174,7 +181,9 @@ def _unfinished(graph: Mapping[Node, Collection[Node]]) -> set[Node]:
     return graph.keys() - set(finished)
 
 
-def _reachable(graph: Mapping[Node, Collection[Node]], start: Node, within: Collection[Node]) -> set[Node]:
+def _reachable(
+    graph: Mapping[Node, Collection[Node]], start: Node, within: Collection[Node]
+) -> set[Node]:
     found: set[Node] = set()
     pending = [start]
     while pending:

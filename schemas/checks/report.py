@@ -14,9 +14,9 @@ from lxml import etree
 from schemas.checks import LEVELS, Problem
 from schemas.checks.registry import RegisteredRule, all_rules
 from schemas.common.packages import version
-from schemas.common.text import one_line, sarif_text, xml_text
-from schemas.osi_rules import OsiRule, all_osi_rules
-from schemas.osi_traces import SUFFIXES
+from schemas.common.terminal.text import one_line, sarif_text, xml_text
+from schemas.osi.rules import OsiRule, all_osi_rules
+from schemas.osi.traces import SUFFIXES
 
 TOOL = "xosc-check"
 
@@ -33,14 +33,21 @@ _SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 def summary(results: Results) -> str:
     """One line: files checked, files sound, problems by level."""
     counts = Counter(problem.level for _, problems in results for problem in problems)
-    accepted = sum(not any(problem.level == "error" for problem in problems) for _, problems in results)
-    found = ", ".join(f"{counts[level]} {level}{'s' * (counts[level] != 1 and level != 'info')}" for level in LEVELS)
+    accepted = sum(
+        not any(problem.level == "error" for problem in problems) for _, problems in results
+    )
+    found = ", ".join(
+        f"{counts[level]} {level}{'s' * (counts[level] != 1 and level != 'info')}"
+        for level in LEVELS
+    )
     return f"{len(results)} file{'s' * (len(results) != 1)} checked, {accepted} accepted: {found}"
 
 
 def text(results: Results) -> str:
     """One line a problem, `file:line: level: message [rule]`, then the summary."""
-    lines = [one_line(f"{problem} [{problem.rule}]") for _, problems in results for problem in problems]
+    lines = [
+        one_line(f"{problem} [{problem.rule}]") for _, problems in results for problem in problems
+    ]
     return "\n".join([*lines, summary(results)]) + "\n"
 
 
@@ -51,12 +58,24 @@ def as_json(results: Results) -> str:
             "path": str(path),
             "accepted": not any(problem.level == "error" for problem in problems),
             "problems": [
-                {"rule": p.rule, "level": p.level, "message": p.message, "line": p.line, "element": p.element} for p in problems
+                {
+                    "rule": p.rule,
+                    "level": p.level,
+                    "message": p.message,
+                    "line": p.line,
+                    "element": p.element,
+                }
+                for p in problems
             ],
         }
         for path, problems in results
     ]
-    return json.dumps({"tool": TOOL, "version": version(), "files": files}, indent=2, ensure_ascii=False) + "\n"
+    return (
+        json.dumps(
+            {"tool": TOOL, "version": version(), "files": files}, indent=2, ensure_ascii=False
+        )
+        + "\n"
+    )
 
 
 def junit(results: Results) -> str:
@@ -66,15 +85,23 @@ def junit(results: Results) -> str:
     root = etree.Element("testsuites", {"name": TOOL, **totals})
     suite = etree.SubElement(root, "testsuite", {"name": TOOL, **totals, "skipped": "0"})
     for path, problems in results:
-        case = etree.SubElement(suite, "testcase", {"classname": xml_text(str(path.parent)), "name": xml_text(path.name)})
+        case = etree.SubElement(
+            suite,
+            "testcase",
+            {"classname": xml_text(str(path.parent)), "name": xml_text(path.name)},
+        )
         errors = [problem for problem in problems if problem.level == "error"]
         if errors:
             message = errors[0].message if len(errors) == 1 else f"{len(errors)} errors"
-            failure = etree.SubElement(case, "failure", {"type": errors[0].rule, "message": xml_text(message)})
+            failure = etree.SubElement(
+                case, "failure", {"type": errors[0].rule, "message": xml_text(message)}
+            )
             failure.text = xml_text("\n".join(one_line(str(each)) for each in errors))
         others = [problem for problem in problems if problem.level != "error"]
         if others:
-            etree.SubElement(case, "system-out").text = xml_text("\n".join(one_line(str(each)) for each in others))
+            etree.SubElement(case, "system-out").text = xml_text(
+                "\n".join(one_line(str(each)) for each in others)
+            )
     return _serialised(root)
 
 
@@ -95,16 +122,31 @@ def xqar(results: Results) -> str:
         standard = min(standards, default=_STANDARDS.get(path.suffix.lower(), "xosc"))
         numbers = {id(problem): str(number) for number, problem in enumerate(problems)}
         for uid, description in _rules(standard):
-            _xqar_checker(bundle, uid, description, [problem for problem in problems if problem.rule == uid], numbers)
+            _xqar_checker(
+                bundle,
+                uid,
+                description,
+                [problem for problem in problems if problem.rule == uid],
+                numbers,
+            )
     return _serialised(root)
 
 
 def _xqar_checker(
-    bundle: etree._Element, uid: str, description: str, problems: Sequence[Problem], numbers: dict[int, str]
+    bundle: etree._Element,
+    uid: str,
+    description: str,
+    problems: Sequence[Problem],
+    numbers: dict[int, str],
 ) -> None:
     checker_id = "check_" + uid.replace(":", "_").replace(".", "_")
     found = f"{len(problems)} issue(s) found" if problems else ""
-    attributes = {"checkerId": checker_id, "description": description, "status": "completed", "summary": found}
+    attributes = {
+        "checkerId": checker_id,
+        "description": description,
+        "status": "completed",
+        "summary": found,
+    }
     checker = etree.SubElement(bundle, "Checker", attributes)
     etree.SubElement(checker, "AddressedRule", {"ruleUID": uid})
     for problem in problems:
@@ -119,7 +161,9 @@ def _xqar_checker(
         if problem.line is not None or problem.element is not None:
             locations = etree.SubElement(issue, "Locations", {"description": message})
             if problem.line is not None:
-                etree.SubElement(locations, "FileLocation", {"row": str(problem.line), "column": "0"})
+                etree.SubElement(
+                    locations, "FileLocation", {"row": str(problem.line), "column": "0"}
+                )
             if problem.element is not None:
                 etree.SubElement(locations, "XMLLocation", {"xpath": problem.element})
 
@@ -131,11 +175,24 @@ def sarif(results: Results) -> str:
     driver = {
         "name": TOOL,
         "version": version(),
-        "rules": [{"id": uid, "shortDescription": {"text": description}} for uid, description in rules],
+        "rules": [
+            {"id": uid, "shortDescription": {"text": description}} for uid, description in rules
+        ],
     }
-    found = [_sarif_result(problem, indices[problem.rule]) for _, problems in results for problem in problems]
+    found = [
+        _sarif_result(problem, indices[problem.rule])
+        for _, problems in results
+        for problem in problems
+    ]
     run = {"tool": {"driver": driver}, "columnKind": "utf16CodeUnits", "results": found}
-    return json.dumps({"$schema": _SARIF_SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2, ensure_ascii=False) + "\n"
+    return (
+        json.dumps(
+            {"$schema": _SARIF_SCHEMA, "version": "2.1.0", "runs": [run]},
+            indent=2,
+            ensure_ascii=False,
+        )
+        + "\n"
+    )
 
 
 def _sarif_result(problem: Problem, index: int) -> dict[str, Any]:
@@ -158,7 +215,9 @@ def _sarif_result(problem: Problem, index: int) -> dict[str, Any]:
 def _rules(standard: str | None) -> list[tuple[str, str]]:
     """Uid and description of the rules of a standard, "xosc", "xodr" or "osi"; of all where it is None."""
     rules: list[RegisteredRule | OsiRule] = [*all_rules(), *all_osi_rules()]
-    return [(rule.uid, rule.description) for rule in rules if standard in (None, rule.uid.split(":")[1])]
+    return [
+        (rule.uid, rule.description) for rule in rules if standard in (None, rule.uid.split(":")[1])
+    ]
 
 
 def _serialised(root: etree._Element) -> str:

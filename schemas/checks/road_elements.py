@@ -1,7 +1,8 @@
 """The elements of OpenDRIVE 1.4 to 1.9 that are read: their children, and the attributes that must be there and of what type.
 
-It checks road networks of versions whose XSD is not at hand. What one of these versions allows is allowed: the table is the union
-of their XSDs. Elements that it does not name (userData, objects' surfaces, railroads) may hold anything.
+It checks road networks of versions whose XSD is not at hand. What one of these versions allows is
+allowed: the table is the union of their XSDs. Elements that it does not name (userData, objects'
+surfaces, railroads) may hold anything.
 
 Source: the XSDs of ASAM OpenDRIVE 1.4H, 1.5M, 1.6.1, 1.7.0, 1.8.0 and 1.9.0.
 """
@@ -14,8 +15,8 @@ from typing import NamedTuple
 from lxml import etree
 
 from schemas.common.errors import nearest
-from schemas.values import number, quoted
-from schemas.xml import local_name
+from schemas.common.xml import local_name
+from schemas.expressions.values import number, quoted
 
 _ANYWHERE = frozenset({"userData", "include", "dataQuality"})
 _TYPES = {"number": "a number", "integer": "an integer", "text": "a text"}
@@ -90,7 +91,10 @@ _OF_ROADS = {
     "type": _element("speed", "s:number! type:text"),
     "type/speed": _element("", "max:text!"),
     "planView": _element("geometry!"),
-    "planView/geometry": _element("arc line paramPoly3 poly3 spiral", "s:number! x:number! y:number! hdg:number! length:number!"),
+    "planView/geometry": _element(
+        "arc line paramPoly3 poly3 spiral",
+        "s:number! x:number! y:number! hdg:number! length:number!",
+    ),
     "planView/geometry/line": _element(""),
     "planView/geometry/arc": _element("", "curvature:number!"),
     "planView/geometry/spiral": _element("", "curvStart:number! curvEnd:number!"),
@@ -107,9 +111,15 @@ _OF_ROADS = {
     "lateralProfile/shape": _element("", f"s:number! t:number! {_CUBIC}"),
     "lanes": _element("laneOffset laneSection!", "layer:layer"),
     "lanes/laneOffset": _element("", f"s:number! {_CUBIC}"),
-    "lanes/laneSection": _element("center! left right", "s:number! length:number singleSide:boolean"),
+    "lanes/laneSection": _element(
+        "center! left right", "s:number! length:number singleSide:boolean"
+    ),
     **{f"lanes/laneSection/{side}": _element("lane") for side in ("left", "center", "right")},
-    **{_LANES.format(side) + path: each for side in ("left", "center", "right") for path, each in _LANE.items()},
+    **{
+        _LANES.format(side) + path: each
+        for side in ("left", "center", "right")
+        for path, each in _LANE.items()
+    },
     "objects": _element("bridge object objectReference tunnel"),
     "objects/object": _element(
         "borders markings material outline outlines parkingSpace repeat skeleton surface validity",
@@ -126,17 +136,24 @@ _OF_ROADS = {
         " orientation:orientation",
     ),
     "signals/signal/validity": _VALIDITY,
-    "signals/signalReference": _element(None, "id:text! s:number! t:number! orientation:orientation"),
+    "signals/signalReference": _element(
+        None, "id:text! s:number! t:number! orientation:orientation"
+    ),
 }
 _TABLE = {
     "": _element("controller header! junction junctionGroup road! station vmsGroup"),
-    "header": _element("defaultRegulations geoReference license offset vendor", "revMajor:integer! revMinor:integer!"),
+    "header": _element(
+        "defaultRegulations geoReference license offset vendor",
+        "revMajor:integer! revMinor:integer!",
+    ),
     "header/offset": _element("", "x:number! y:number! z:number! hdg:number!"),
     "controller": _element("control", "id:text! sequence:integer"),
     "controller/control": _element("", "signalId:text!"),
     "junction": _element(None, "id:text! type:junction"),
     "junction/connection": _element("laneLink predecessor successor", "id:text contactPoint:end"),
-    "junction/connection/laneLink": _element("", "from:integer! to:integer! fromLayer:layer toLayer:layer"),
+    "junction/connection/laneLink": _element(
+        "", "from:integer! to:integer! fromLayer:layer toLayer:layer"
+    ),
     "junction/controller": _element("", "id:text!"),
     **{f"road/{path}".rstrip("/"): each for path, each in _OF_ROADS.items()},
 }
@@ -145,7 +162,16 @@ _TABLE = {
 _DECIDING = frozenset(
     path
     for path in _TABLE
-    if path in ("", "road", "road/link", "road/elevationProfile", "road/lateralProfile", "road/lanes", "junction/connection")
+    if path
+    in (
+        "",
+        "road",
+        "road/link",
+        "road/elevationProfile",
+        "road/lateralProfile",
+        "road/lanes",
+        "junction/connection",
+    )
     or path.startswith(("road/planView", "road/lanes/laneSection"))
 )
 """Elements whose children decide the ways and shapes of roads and lanes"""
@@ -154,8 +180,9 @@ _DECIDING = frozenset(
 class Unknown(NamedTuple):
     """An element that no version of the standard has where it stands.
 
-    parent: names from the root to the element around it. expected: names that the standard has there. decides: whether the
-    elements that it may be meant for decide the ways and shapes of roads and lanes.
+    parent: names from the root to the element around it. expected: names that the standard has
+    there. decides: whether the elements that it may be meant for decide the ways and shapes of
+    roads and lanes.
     """
 
     element: etree._Element
@@ -204,7 +231,11 @@ def _described(root: etree._Element) -> Iterator[tuple[etree._Element, str, _Ele
             continue
         children = [(child, local_name(child)) for child in element.iterchildren(etree.Element)]
         yield element, path, declared, children
-        known = children if declared.children is None else [each for each in children if each[1] in declared.children]
+        known = (
+            children
+            if declared.children is None
+            else [each for each in children if each[1] in declared.children]
+        )
         pending += [(child, f"{path}/{name}".lstrip("/")) for child, name in reversed(known)]
 
 

@@ -18,7 +18,7 @@ from lxml import etree
 from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
 from schemas.common.storage import Stamp, search_path, stamp
-from schemas.xml import local_name, parse
+from schemas.common.xml import local_name, parse
 
 VARIABLE = "XOSC_ROAD_PATH"
 """Environment variable with more folders of road networks, separated as in PATH."""
@@ -100,7 +100,9 @@ def _road(element: etree._Element) -> ReferencedRoad:
             start, own = _number(section.get("s")), _number(section.get("length"))
             end = math.inf if math.isnan(own) else start + own
             layers[lanes.get("layer") == "temporary"].append(SectionLanes(start, end, ids))
-    permanent, temporary = (tuple(sorted(found, key=lambda section: section.start)) for found in layers.values())
+    permanent, temporary = (
+        tuple(sorted(found, key=lambda section: section.start)) for found in layers.values()
+    )
     return ReferencedRoad(_number(element.get("length")), permanent, temporary)
 
 
@@ -121,7 +123,14 @@ def asked_for(name: str, folders: Sequence[str | PathLike[str]] = ()) -> Path | 
 
 def first(folders: Iterable[Path], name: str) -> Path | None:
     """The first file of that name, with or without the ending .xodr, in one of the folders."""
-    return next((file for file in candidates(folders, name) if current().allows(file) and os.path.isfile(file)), None)
+    return next(
+        (
+            file
+            for file in candidates(folders, name)
+            if current().allows(file) and os.path.isfile(file)
+        ),
+        None,
+    )
 
 
 def candidates(folders: Iterable[Path], name: str) -> Iterator[Path]:

@@ -10,9 +10,9 @@ from lxml import etree
 from schemas.checks import road_elements
 from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, rule
-from schemas.registry import HEADERS, OPENDRIVE, SCHEMA_DIR, Schema, revision, schema_for
+from schemas.common.xml import local_name
 from schemas.validate import find_violations
-from schemas.xml import local_name
+from schemas.versions.registry import HEADERS, OPENDRIVE, SCHEMA_DIR, Schema, revision, schema_for
 
 
 @rule("asam.net:xosc:1.0.0:xml.valid_xml_document", precondition=True)
@@ -20,7 +20,8 @@ from schemas.xml import local_name
 def file_is_well_formed(document: CheckedDocument) -> Iterator[Finding]:
     """The file must be a well-formed XML document, without a document type and not too large.
 
-    Nothing is left to find in a document that has been parsed; `schemas.checks.checker` reports the others under this uid.
+    Nothing is left to find in a document that has been parsed; `schemas.checks.checker` reports the
+    others under this uid.
     """
     return iter(())
 
@@ -30,7 +31,10 @@ def file_is_well_formed(document: CheckedDocument) -> Iterator[Finding]:
 def root_element_names_the_standard(document: CheckedDocument) -> Iterator[Finding]:
     """The root element must be OpenSCENARIO or OpenDRIVE."""
     if local_name(document.root) != document.standard:
-        yield Finding(document.root, f"the root element is {local_name(document.root)}, {document.standard} is expected")
+        yield Finding(
+            document.root,
+            f"the root element is {local_name(document.root)}, {document.standard} is expected",
+        )
 
 
 @rule("asam.net:xosc:1.0.0:xml.fileheader_is_present", precondition=True)
@@ -38,7 +42,10 @@ def root_element_names_the_standard(document: CheckedDocument) -> Iterator[Findi
 def header_is_present(document: CheckedDocument) -> Iterator[Finding]:
     """The root element must have the header as a child: FileHeader in OpenSCENARIO, header in OpenDRIVE."""
     if local_name(document.root) == document.standard and document.header is None:
-        yield Finding(document.root, f"the element {HEADERS[document.standard]} is missing below {document.standard}")
+        yield Finding(
+            document.root,
+            f"the element {HEADERS[document.standard]} is missing below {document.standard}",
+        )
 
 
 @rule("asam.net:xosc:1.0.0:xml.version_is_defined", precondition=True)
@@ -52,7 +59,10 @@ def header_has_the_version(document: CheckedDocument) -> Iterator[Finding]:
         if text is None:
             yield Finding(document.header, f"the attribute {name} is missing")
         elif revision(text) is None:
-            yield Finding(document.header, f"{name}={text!r} is no version number: an integer from 0 to 65535 is expected")
+            yield Finding(
+                document.header,
+                f"{name}={text!r} is no version number: an integer from 0 to 65535 is expected",
+            )
 
 
 SCHEMA_UID = "asam.net:xosc:1.0.0:xml.valid_schema"
@@ -63,25 +73,39 @@ SCHEMA_UID = "asam.net:xosc:1.0.0:xml.valid_schema"
 def document_is_valid_by_schema(document: CheckedDocument) -> Iterator[Finding]:
     """The document must be valid against the XSD of the version that its header names.
 
-    Where no XSD of that version is at hand this is a warning: the file may be fine, but nothing has shown it. Of road networks
-    the elements that are read are checked all the same. Their XSD has no namespace; a document in ASAM's is validated without it.
+    Where no XSD of that version is at hand this is a warning: the file may be fine, but nothing has
+    shown it. Of road networks the elements that are read are checked all the same. Their XSD has no
+    namespace; a document in ASAM's is validated without it.
     """
     schema = schema_for(document.type.standard, document.type.version)
     if schema is None:
         message = f"not validated: no XSD of {document.type} is at hand; {SCHEMA_DIR} can name a folder that holds one"
-        yield Finding(document.header if document.header is not None else document.root, message, "warning")
+        yield Finding(
+            document.header if document.header is not None else document.root, message, "warning"
+        )
         if document.type.standard == OPENDRIVE:
-            yield from (Finding(element, fault) for element, fault in road_elements.violations(document.root))
+            yield from (
+                Finding(element, fault)
+                for element, fault in road_elements.violations(document.root)
+            )
         return
     if document.type.standard == OPENDRIVE and etree.QName(document.root).namespace in _NAMESPACES:
-        yield Finding(document.root, "a namespace, of which the XSD of OpenDRIVE knows none: validated without it", "warning")
+        yield Finding(
+            document.root,
+            "a namespace, of which the XSD of OpenDRIVE knows none: validated without it",
+            "warning",
+        )
         yield from _violations_without_namespaces(document.tree, schema)
         return
     for element, message in find_violations(document.tree, schema):
         yield Finding(element, message)
 
 
-_NAMESPACES = {f"http{s}://code.asam.net/simulation/standard/opendrive_schema{end}" for s in ("", "s") for end in ("", "/")}
+_NAMESPACES = {
+    f"http{s}://code.asam.net/simulation/standard/opendrive_schema{end}"
+    for s in ("", "s")
+    for end in ("", "/")
+}
 """Namespaces of OpenDRIVE in examples of ASAM and exports of editors"""
 
 
@@ -99,7 +123,9 @@ def _violations_without_namespaces(tree: etree._ElementTree, schema: Schema) -> 
 def file_has_the_ending(document: CheckedDocument) -> Iterator[Finding]:
     """Scenario descriptions should have the file extension .xosc."""
     if document.path.suffix != ".xosc":
-        yield Finding(document.root, f"the file ends in {document.path.suffix!r}, .xosc is expected")
+        yield Finding(
+            document.root, f"the file ends in {document.path.suffix!r}, .xosc is expected"
+        )
 
 
 _NOT_OWN_NAMES = {"TrafficSignalStateAction", "TrafficSignalCondition", "UserDefinedValueCondition"}
@@ -113,7 +139,10 @@ UNIQUE_NAMES_UID = "asam.net:xosc:1.2.0:reference_control.unique_element_names_o
 @rule(UNIQUE_NAMES_UID)
 def names_are_unique(document: CheckedDocument) -> Iterator[Finding]:
     """Element names shall be unique among the elements that one element directly encloses."""
-    return (Finding(*each) for each in doubled((element, name) for element, _, name in document.values("name")))
+    return (
+        Finding(*each)
+        for each in doubled((element, name) for element, _, name in document.values("name"))
+    )
 
 
 def doubled(named: Iterable[tuple[etree._Element, str]]) -> Iterator[tuple[etree._Element, str]]:
@@ -121,10 +150,17 @@ def doubled(named: Iterable[tuple[etree._Element, str]]) -> Iterator[tuple[etree
     seen: dict[tuple[etree._Element, str], etree._Element] = {}
     for element, name in named:
         parent = element.getparent()
-        if parent is None or local_name(parent) in _ENTITIES or local_name(element) in _NOT_OWN_NAMES:
+        if (
+            parent is None
+            or local_name(parent) in _ENTITIES
+            or local_name(element) in _NOT_OWN_NAMES
+        ):
             continue
         if seen.setdefault((parent, name), element) is not element:
-            yield element, f"{local_name(element)} {name!r} has the name of another element in {local_name(parent)}"
+            yield (
+                element,
+                f"{local_name(element)} {name!r} has the name of another element in {local_name(parent)}",
+            )
 
 
 @rule("asam.net:xosc:1.0.0:naming.no_double_colon_prefix_in_names")

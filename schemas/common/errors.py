@@ -14,7 +14,7 @@ from enum import IntEnum
 from importlib.util import find_spec
 from os import PathLike
 
-from schemas.common.text import one_line
+from schemas.common.terminal.text import one_line
 
 _MOST_COMPARED, _LONGEST_COMPARED = 300, 100
 """Names beyond this number, and characters beyond that, are not compared: that takes its time."""
@@ -23,8 +23,8 @@ _MOST_COMPARED, _LONGEST_COMPARED = 300, 100
 class ExitCode(IntEnum):
     """Exit codes of all commands: the same cause has the same code in each of them.
 
-    `FINDING` is the negative answer of a command that did its work: a failed verdict of `xosc-run`, a file that `xosc-check`
-    does not accept, no edge case of `xosc-generate`.
+    `FINDING` is the negative answer of a command that did its work: a failed verdict of `xosc-run`,
+    a file that `xosc-check` does not accept, no edge case of `xosc-generate`.
     """
 
     PASSED = 0
@@ -55,15 +55,25 @@ def exit_codes(passed: str, finding: str, inconclusive: str = "") -> str:
         finding: meaning of code 1; empty for a command that finds nothing wrong.
         inconclusive: meaning of code 6; empty for a command without runs.
     """
-    found = [f"0 {passed}", *([f"1 {finding}"] if finding else []), "2 wrong usage", "3 invalid or missing file"]
-    found += ["4 unsupported", "5 internal error" + " or a system under test that fails" * bool(inconclusive)]
+    found = [
+        f"0 {passed}",
+        *([f"1 {finding}"] if finding else []),
+        "2 wrong usage",
+        "3 invalid or missing file",
+    ]
+    found += [
+        "4 unsupported",
+        "5 internal error" + " or a system under test that fails" * bool(inconclusive),
+    ]
     found += [f"6 {inconclusive}"] if inconclusive else []
     return f"Exit codes: {', '.join(found)}. With several files, the gravest of theirs."
 
 
 def gravest(codes: Iterable[int]) -> int:
     """The exit code of a command that did several things; 0 for none."""
-    return min(codes, key=lambda code: _GRAVEST_FIRST.index(ExitCode(code)), default=ExitCode.PASSED)
+    return min(
+        codes, key=lambda code: _GRAVEST_FIRST.index(ExitCode(code)), default=ExitCode.PASSED
+    )
 
 
 class ToolchainError(Exception):
@@ -87,7 +97,12 @@ class ToolchainError(Exception):
     exit_code = ExitCode.INTERNAL
 
     def __init__(
-        self, message: str, *, path: str | PathLike[str] | None = None, line: int | None = None, element: str | None = None
+        self,
+        message: str,
+        *,
+        path: str | PathLike[str] | None = None,
+        line: int | None = None,
+        element: str | None = None,
     ) -> None:
         super().__init__(message)
         self.message = message
@@ -100,10 +115,18 @@ class ToolchainError(Exception):
 
     def __str__(self) -> str:
         place = f"{self.path or ''}{f':{self.line}' if self.line else ''}"
-        return ": ".join(part for part in (place, self.element, " ".join(self.message.split())) if part)
+        return ": ".join(
+            part for part in (place, self.element, " ".join(self.message.split())) if part
+        )
 
 
-def _rebuild(kind: type[ToolchainError], message: str, path: str | None, line: int | None, element: str | None) -> ToolchainError:
+def _rebuild(
+    kind: type[ToolchainError],
+    message: str,
+    path: str | None,
+    line: int | None,
+    element: str | None,
+) -> ToolchainError:
     """Errors cross process borders in batches; keyword arguments need this to be restored."""
     return kind(message, path=path, line=line, element=element)
 
@@ -147,7 +170,9 @@ def blame(error: BaseException, module: str) -> str:
         return f"{type(error).__name__}: {error.msg} ({error.filename}:{error.lineno})"
     file = _file_of(module)
     own = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
-    return f"{type(error).__name__}: {error}" + (f" ({own[-1].filename}:{own[-1].lineno})" if own else "")
+    return f"{type(error).__name__}: {error}" + (
+        f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
+    )
 
 
 def _file_of(module: str) -> str | None:
@@ -164,9 +189,15 @@ def describe(error: Exception) -> tuple[str, int]:
     if isinstance(error, ToolchainError):
         message, code = str(error), error.exit_code
     elif isinstance(error, OSError):
-        message, code = ": ".join(str(part) for part in (error.strerror or error, error.filename) if part), ExitCode.USAGE
+        message, code = (
+            ": ".join(str(part) for part in (error.strerror or error, error.filename) if part),
+            ExitCode.USAGE,
+        )
     elif isinstance(error, MemoryError):
-        message, code = "this takes more memory than there is, or than the process may have", Unsupported.exit_code
+        message, code = (
+            "this takes more memory than there is, or than the process may have",
+            Unsupported.exit_code,
+        )
     else:
         message, code = f"internal error: {type(error).__name__}: {error}", ExitCode.INTERNAL
     return one_line(message), code
@@ -178,4 +209,8 @@ def nearest(name: str, names: Iterable[str]) -> str:
     similar = difflib.get_close_matches(name[:_LONGEST_COMPARED], names[:_MOST_COMPARED], 1)
     if similar:
         return f"did you mean {similar[0]!r}?"
-    return f"there are: {', '.join(names[:20])}{', …' if len(names) > 20 else ''}" if names else "there are none"
+    return (
+        f"there are: {', '.join(names[:20])}{', …' if len(names) > 20 else ''}"
+        if names
+        else "there are none"
+    )

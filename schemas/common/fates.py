@@ -1,7 +1,7 @@
 """Fates of the fields of a model in a format: kept, changed or lost, as the writer of the format declares them.
 
-A writer has a table of the fate of each field; a test reads files back and compares each field that is said to be kept. The
-tables of documents are made from the same declarations.
+A writer has a table of the fate of each field; a test reads files back and compares each field that
+is said to be kept. The tables of documents are made from the same declarations.
 """
 
 from __future__ import annotations

@@ -1,31 +1,35 @@
-"""Packages: public names imported on first use, libraries of extras, the version; and code that is found by its name: kinds in
-a folder, classes that the user names, plug-ins of installed packages.
+"""Packages: public names imported on first use, libraries of extras, the version; and code that is
+found by its name: kinds in a folder, classes that the user names, plug-ins of installed packages.
 
-Kinds of things (rules, actions, data sets, exports, baselines, …) register themselves by being in a module of a folder. A new
-kind is one new file; no list anywhere names it. A folder of kinds is used in one of two ways:
+Kinds of things (rules, actions, data sets, exports, baselines, …) register themselves by being in a
+module of a folder. A new kind is one new file; no list anywhere names it. A folder of kinds is used
+in one of two ways:
 
-- **The kinds register something** when they are imported (`@rule(…)`, `@action(…)`). Code that needs all of them calls
-  `load("xosc.rules")` once, before it reads the table that they fill.
-- **A kind is chosen by its name.** Its module holds one function or class with the name that the folder agrees on, and says
-  in a constant what people read of it:
+- **The kinds register something** when they are imported (`@rule(…)`, `@action(…)`). Code that
+  needs all of them calls `load("xosc.rules")` once, before it reads the table that they fill.
+- **A kind is chosen by its name.** Its module holds one function or class with the name that the
+  folder agrees on, and says in a constant what people read of it:
 
-      # runner/exports/osi.py
+      # runner/exchange/exports/osi.py
       SUMMARY = "ASAM OSI ground-truth traces, .osi and .mcap"
       def export(result, name, folder): …
 
-  `described("runner.exports", "SUMMARY")` is then `{"osi": "ASAM OSI …", …}` without importing any of them, so that help and
-  errors can list what there is before libraries such as torch are loaded; `import_module(f"runner.exports.{name}")` loads the
-  one that was chosen. A module without the constant is a helper and no kind. Where more is to be known of a kind, the
-  constant is a tuple or dict of literals.
+  `described("runner.exchange.exports", "SUMMARY")` is then `{"osi": "ASAM OSI …", …}` without
+  importing any of them, so that help and errors can list what there is before libraries such as
+  torch are loaded; `import_module(f"runner.exchange.exports.{name}")` loads the one that was
+  chosen. A module without the constant is a helper and no kind. Where more is to be known of a
+  kind, the constant is a tuple or dict of literals.
 
-Modules (and packages) come in the order of their names, whatever the file system says; those whose name begins with an
-underscore are helpers too. Source trees, installed wheels and zip files work alike.
+Modules (and packages) come in the order of their names, whatever the file system says; those whose
+name begins with an underscore are helpers too. Source trees, installed wheels and zip files work
+alike.
 
-Plug-ins are classes as `module:Class`, also in the working folder, and entry points. Folders with scenarios come from anyone, and
-commands are started in them. Python puts the working folder on its path only where it is started as `python -m`; commands take it
-off again. The one way from a file in it to code that runs is a class that the user names: the module is then sought there after
-all that is installed, and so is what modules from there import, whenever they do. Nothing else that is imported (an optional
-library, a module of ours) is sought there.
+Plug-ins are classes as `module:Class`, also in the working folder, and entry points. Folders with
+scenarios come from anyone, and commands are started in them. Python puts the working folder on its
+path only where it is started as `python -m`; commands take it off again. The one way from a file in
+it to code that runs is a class that the user names: the module is then sought there after all that
+is installed, and so is what modules from there import, whenever they do. Nothing else that is
+imported (an optional library, a module of ours) is sought there.
 """
 
 from __future__ import annotations
@@ -111,7 +115,9 @@ def missing(error: BaseException, extra: str | None = None) -> MissingExtra | No
     if library not in _EXTRAS:
         return None
     named = extra or _EXTRAS[library]
-    return MissingExtra(f'{library} is missing; type: pip install "xosc-toolchain[{named}]"; without it: {_WITHOUT[named]}')
+    return MissingExtra(
+        f'{library} is missing; type: pip install "xosc-toolchain[{named}]"; without it: {_WITHOUT[named]}'
+    )
 
 
 @cache
@@ -125,7 +131,9 @@ def version() -> str:
         return "unknown"
 
 
-def public(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+def public(
+    package: str, homes: Mapping[str, str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """`__getattr__` and `__dir__` of a package whose public names are imported on first use: commands answer `--help` at once.
 
     They know `__version__` as well.
@@ -176,10 +184,12 @@ def described(package: str, constant: str) -> dict[str, Any]:
 
     Args:
         package: its full name.
-        constant: name that those modules which are kinds assign a literal to; the others are left out.
+        constant: name that those modules which are kinds assign a literal to; the others are left
+            out.
 
     Raises:
-        ValueError: a module assigns something else than a literal (numbers, texts, None, and tuples, dicts, … of them).
+        ValueError: a module assigns something else than a literal (numbers, texts, None, and
+            tuples, dicts, … of them).
     """
     found = {name: _constant(f"{package}.{name}", constant) for name in names(package)}
     return {name: ast.literal_eval(value) for name, value in found.items() if value is not None}
@@ -188,7 +198,11 @@ def described(package: str, constant: str) -> dict[str, Any]:
 def _constant(module: str, constant: str) -> ast.expr | None:
     """The expression that a module assigns to a name at its top level; None where it does not."""
     spec = find_spec(module)
-    source = spec.loader.get_source(module) if spec and spec.loader and hasattr(spec.loader, "get_source") else None
+    source = (
+        spec.loader.get_source(module)
+        if spec and spec.loader and hasattr(spec.loader, "get_source")
+        else None
+    )
     for statement in ast.parse(source or "").body:
         if isinstance(statement, ast.Assign):
             targets: list[ast.expr] = statement.targets
@@ -226,7 +240,8 @@ def _is_working_folder(entry: str) -> bool:
 class _WorkingFolder:
     """Finds modules in a folder, for imports of chosen modules and for imports by modules of the folder.
 
-    A meta path finder (`importlib.abc.MetaPathFinder`); the last one, so that what is installed comes first.
+    A meta path finder (`importlib.abc.MetaPathFinder`); the last one, so that what is installed
+    comes first.
     """
 
     def __init__(self, folder: str) -> None:
@@ -234,9 +249,13 @@ class _WorkingFolder:
         self.wanted = ""
         self._found: set[str] = set()
 
-    def find_spec(self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
         """The module of that name in the folder; packages find their own submodules."""
-        if path is not None or not (fullname == self.wanted or _importer(sys._getframe(1)) in self._found):
+        if path is not None or not (
+            fullname == self.wanted or _importer(sys._getframe(1)) in self._found
+        ):
             return None
         found = PathFinder.find_spec(fullname, [self.folder])
         if found is not None:
@@ -264,7 +283,14 @@ def from_working_folder(module: str) -> Iterator[None]:
         module: its full name.
     """
     folder = os.path.realpath(os.curdir)
-    finder = next((each for each in sys.meta_path if isinstance(each, _WorkingFolder) and each.folder == folder), None)
+    finder = next(
+        (
+            each
+            for each in sys.meta_path
+            if isinstance(each, _WorkingFolder) and each.folder == folder
+        ),
+        None,
+    )
     if finder is None:
         finder = _WorkingFolder(folder)
         sys.meta_path.append(finder)
@@ -282,8 +308,8 @@ def from_working_folder(module: str) -> Iterator[None]:
 def installed(group: str) -> dict[str, metadata.EntryPoint]:
     """The entry points of a group that installed packages have, by name; the first on the path wins.
 
-    Metadata in the working folder, which any repository may hold, is none of an installed package, but where Python keeps
-    installed packages in it.
+    Metadata in the working folder, which any repository may hold, is none of an installed package,
+    but where Python keeps installed packages in it.
     """
     from importlib import metadata
 
@@ -297,9 +323,15 @@ def installed(group: str) -> dict[str, metadata.EntryPoint]:
 def _places() -> list[str]:
     """The folders of the path that packages are installed in."""
     own = {os.path.realpath(sysconfig.get_path(name)) for name in ("purelib", "platlib")}
-    own |= {os.path.realpath(folder) for folder in (*site.getsitepackages(), site.getusersitepackages())}
+    own |= {
+        os.path.realpath(folder) for folder in (*site.getsitepackages(), site.getusersitepackages())
+    }
     working = Path(os.path.realpath(os.curdir))
-    return [entry for entry in sys.path if os.path.realpath(entry or os.curdir) in own or not _is_in(entry, working)]
+    return [
+        entry
+        for entry in sys.path
+        if os.path.realpath(entry or os.curdir) in own or not _is_in(entry, working)
+    ]
 
 
 def _is_in(entry: str, folder: Path) -> bool:

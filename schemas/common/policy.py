@@ -1,9 +1,11 @@
 """Policy of a command on reading, loading and resources: one per process, inherited by child processes.
 
-Files of strangers refer to other files, ask for plug-ins, and may take any time and memory. `CommandPolicy` states what they
-get. The places that read, load or work ask it: `schemas.common.storage.read_bytes` and the readers of recordings before a
-file is opened, what resolves references and looks for roads and catalogues, what loads plug-ins, and what works on one file
-or run after the other (`limited`). Commands set it from their options, see `schemas.common.command_line.protected`.
+Files of strangers refer to other files, ask for plug-ins, and may take any time and memory.
+`CommandPolicy` states what they get. The places that read, load or work ask it:
+`schemas.common.storage.read_bytes` and the readers of recordings before a file is opened, what
+resolves references and looks for roads and catalogues, what loads plug-ins, and what works on one
+file or run after the other (`limited`). Commands set it from their options, see
+`schemas.common.terminal.command_line.protected`.
 """
 
 from __future__ import annotations
@@ -41,14 +43,18 @@ class CommandPolicy:
     """Policy on the files a command may read, the code it may load and the resources it may use.
 
     Attributes:
-        named: folders and files that the user named, resolved: a file stands for the working folder where it lies in that, for
-            its own folder otherwise. Empty where there is no command (Python).
-        own: what may be read besides: the toolchain's own files and caches, and the folders that are written into.
-        untrusted: files come from anyone. Nothing outside `named` and `own` is read, no plug-in is loaded.
+        named: folders and files that the user named, resolved: a file stands for the working folder
+            where it lies in that, for its own folder otherwise. Empty where there is no command
+            (Python).
+        own: what may be read besides: the toolchain's own files and caches, and the folders that
+            are written into.
+        untrusted: files come from anyone. Nothing outside `named` and `own` is read, no plug-in is
+            loaded.
         max_memory: memory that each process may take, GiB.
         max_seconds: time that the work on a file, or a run, may take.
         max_runs: runs, or parameter sets, that one file may stand for.
-        max_bytes: largest file that is read whole; no more than `schemas.common.storage.MAX_BYTES` in any case.
+        max_bytes: largest file that is read whole; no more than `schemas.common.storage.MAX_BYTES`
+            in any case.
     """
 
     named: tuple[Path, ...] = ()
@@ -110,7 +116,9 @@ class CommandPolicy:
         return self.max_memory is not None or self.max_seconds is not None
 
 
-UNTRUSTED = CommandPolicy(untrusted=True, max_memory=4.0, max_seconds=300.0, max_runs=1000, max_bytes=64 * 1024 * 1024)
+UNTRUSTED = CommandPolicy(
+    untrusted=True, max_memory=4.0, max_seconds=300.0, max_runs=1000, max_bytes=64 * 1024 * 1024
+)
 """The limits of --untrusted, where no others are given."""
 
 _current = CommandPolicy()
@@ -130,7 +138,9 @@ def in_force(policy: CommandPolicy) -> Iterator[None]:
     """
     global _current
     if policy.bounded and (resource is None or not hasattr(signal, "setitimer")):
-        raise UsageError("this system does not limit the memory and time of a process; leave --max-memory and --max-seconds out")
+        raise UsageError(
+            "this system does not limit the memory and time of a process; leave --max-memory and --max-seconds out"
+        )
     before, _current = _current, policy
     try:
         with _memory(policy.max_memory):
@@ -146,7 +156,9 @@ def _memory(gib: float | None) -> Iterator[None]:
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     most = int(gib * 2**30)
-    resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    resource.setrlimit(
+        resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard)
+    )
     try:
         yield
     finally:
@@ -161,8 +173,8 @@ class _TimeOver(BaseException):
 def limited() -> Iterator[None]:
     """Around the work on one file, or one run: it ends when its time is over, or memory has run out. Can decorate a function.
 
-    Inside another one, the time of that one counts. A library that does not come back to Python for that long takes its process
-    along, where that is a worker's.
+    Inside another one, the time of that one counts. A library that does not come back to Python for
+    that long takes its process along, where that is a worker's.
 
     Raises:
         LimitReached: it took too long, or too much memory.
@@ -176,7 +188,11 @@ def limited() -> Iterator[None]:
 
 @contextmanager
 def _timed(seconds: float | None) -> Iterator[None]:
-    if seconds is None or threading.current_thread() is not threading.main_thread() or signal.getitimer(signal.ITIMER_REAL)[0]:
+    if (
+        seconds is None
+        or threading.current_thread() is not threading.main_thread()
+        or signal.getitimer(signal.ITIMER_REAL)[0]
+    ):
         yield
         return
     before = signal.signal(signal.SIGALRM, _end)
@@ -184,7 +200,9 @@ def _timed(seconds: float | None) -> Iterator[None]:
     try:
         try:
             signal.setitimer(signal.ITIMER_REAL, seconds, _GRACE)
-            if is_worker:  # counts processor time of all threads; what it does is the kernel's doing
+            if (
+                is_worker
+            ):  # counts processor time of all threads; what it does is the kernel's doing
                 signal.setitimer(signal.ITIMER_PROF, (seconds + _GRACE) * (os.cpu_count() or 1))
             yield
         finally:
@@ -203,7 +221,10 @@ def _end(*_: object) -> None:
 
 
 def of_command(
-    inputs: Iterable[str | PathLike[str]], outputs: Iterable[str | PathLike[str]], own: Iterable[Path], limits: CommandPolicy
+    inputs: Iterable[str | PathLike[str]],
+    outputs: Iterable[str | PathLike[str]],
+    own: Iterable[Path],
+    limits: CommandPolicy,
 ) -> CommandPolicy:
     """The policy of a command line.
 
@@ -213,7 +234,8 @@ def of_command(
         limits: the rest of the policy.
 
     Raises:
-        UsageError: --untrusted, and a symbolic link leads out of the folder that holds it, or Python imports from there.
+        UsageError: --untrusted, and a symbolic link leads out of the folder that holds it, or
+            Python imports from there.
     """
     sources, targets = [Path(each) for each in inputs], [Path(each) for each in outputs]
     if limits.untrusted:
@@ -222,7 +244,9 @@ def of_command(
         for path in targets:
             _refuse_links_in(path)
     named = tuple(dict.fromkeys(map(_root, sources)))
-    policy = replace(limits, named=named, own=tuple(Path(os.path.realpath(each)) for each in (*own, *targets)))
+    policy = replace(
+        limits, named=named, own=tuple(Path(os.path.realpath(each)) for each in (*own, *targets))
+    )
     if limits.untrusted:
         _refuse_imports(named)
     return policy
@@ -241,7 +265,9 @@ def _refuse_links(path: Path) -> None:
     working = Path(os.path.realpath(os.curdir))
     name = Path(os.path.normpath(working / path))
     if name.is_relative_to(working) and not Path(os.path.realpath(name)).is_relative_to(working):
-        raise UsageError("a symbolic link leads out of the working folder, which --untrusted refuses", path=path)
+        raise UsageError(
+            "a symbolic link leads out of the working folder, which --untrusted refuses", path=path
+        )
 
 
 def _refuse_links_in(folder: Path) -> None:
@@ -260,7 +286,11 @@ def _refuse_imports(named: Iterable[Path]) -> None:
     installed = [Path(os.path.realpath(each)) for each in (sys.prefix, sys.base_prefix)]
     for entry in sys.path:
         real = Path(os.path.realpath(entry or os.curdir))
-        ours = real == _SOURCE or any(real.is_relative_to(each) for each in installed) or not real.is_dir()
+        ours = (
+            real == _SOURCE
+            or any(real.is_relative_to(each) for each in installed)
+            or not real.is_dir()
+        )
         if not ours and any(real.is_relative_to(root) for root in named):
             message = "Python imports from this folder (python -m, PYTHONPATH), which --untrusted refuses: type the command"
             raise UsageError(message, path=real)

@@ -1,14 +1,15 @@
 """Remarks: what was assumed so that a file could be used which breaks its standard, or which asks for what is not done.
 
-Checking is strict and names every fault; loading and running repair what has one sensible meaning. Each repair is reported once,
-as a remark on what was loaded:
+Checking is strict and names every fault; loading and running repair what has one sensible meaning.
+Each repair is reported once, as a remark on what was loaded:
 
     remarks = Remarks(strict)
-    remarks.add(node.remark("xosc.toolchain:xosc:1.0.0:…", "the speed 'fast' is no number; 0 is assumed"))
+    remarks.add(node.remark("xosc.toolchain:xosc:1.0.0:…", "the speed 'fast' is no number; 0 is
+    assumed"))
     document = Resolved(…, remarks=remarks.found)
 
-A strict loader refuses with the same sentence. What would change the meaning is no repair: it is refused
-in any case, by the errors of `schemas.common.errors`.
+A strict loader refuses with the same sentence. What would change the meaning is no repair: it is
+refused in any case, by the errors of `schemas.common.errors`.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ class Remark:
         message: what is wrong, and what is assumed.
         path: the file.
         line: 1-based line, where there is one.
-        cause: name of the cause for which a run is inconclusive by this (`runner.interpreter.verdict.CAUSES`); empty where it
-            is none.
+        cause: name of the cause for which a run is inconclusive by this
+            (`runner.judging.verdict.CAUSES`); empty where it is none.
         element: name of the element that it is about; empty where it is not known.
     """
 
@@ -79,7 +80,9 @@ def with_ignored(remarks: Iterable[Remark]) -> Iterator[None]:
     except InvalidFile as error:
         reason = next((remark for remark in remarks if remark.cause), None)
         if reason is not None and reason.message not in error.message:
-            error.message += f"; line {reason.line}: {reason.message}" if reason.line else f"; {reason.message}"
+            error.message += (
+                f"; line {reason.line}: {reason.message}" if reason.line else f"; {reason.message}"
+            )
         raise
 
 

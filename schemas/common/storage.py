@@ -37,10 +37,15 @@ def cache_folder(part: str = "") -> Path:
         ForeignCache: it is there, and another user may have put files into it.
     """
     own = os.environ.get("XOSC_CACHE_DIR")
-    root = Path(own or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "xosc-toolchain")
+    root = Path(
+        own or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "xosc-toolchain"
+    )
     for folder in dict.fromkeys((root, root / part)):
         if not is_own(folder):
-            raise ForeignCache("other users may write into this cache folder: set XOSC_CACHE_DIR to another one", path=folder)
+            raise ForeignCache(
+                "other users may write into this cache folder: set XOSC_CACHE_DIR to another one",
+                path=folder,
+            )
     return root / part
 
 
@@ -51,7 +56,8 @@ class ForeignCache(UsageError):
 def is_own(path: Path) -> bool:
     """Whether a file or folder is absent, or of this user or the system's and not for all to write into.
 
-    A folder for all in which users remove only their own files (as /tmp) is one. Windows keeps this by its own means.
+    A folder for all in which users remove only their own files (as /tmp) is one. Windows keeps this
+    by its own means.
     """
     try:
         status = os.stat(path)
@@ -59,7 +65,9 @@ def is_own(path: Path) -> bool:
         return True
     if os.name == "nt":
         return True
-    kept = not status.st_mode & stat.S_IWOTH or bool(stat.S_ISDIR(status.st_mode) and status.st_mode & stat.S_ISVTX)
+    kept = not status.st_mode & stat.S_IWOTH or bool(
+        stat.S_ISDIR(status.st_mode) and status.st_mode & stat.S_ISVTX
+    )
     owner = getattr(os, "geteuid", lambda: status.st_uid)()
     return status.st_uid in (0, owner) and kept
 
@@ -93,8 +101,8 @@ def read_bytes(path: Path) -> bytes:
     """The content of a file that may be anything, a device without an end included.
 
     Raises:
-        InvalidFile: it is missing, no regular file, larger than `MAX_BYTES`, or a pointer of Git LFS; or the policy in force
-            refuses it.
+        InvalidFile: it is missing, no regular file, larger than `MAX_BYTES`, or a pointer of Git
+            LFS; or the policy in force refuses it.
     """
     current().admit(path)
     most = min(MAX_BYTES, current().max_bytes or MAX_BYTES)
@@ -105,8 +113,12 @@ def read_bytes(path: Path) -> bytes:
         if not stat.S_ISREG(status.st_mode):
             raise InvalidFile("this is not a regular file", path=path)
         if status.st_size > most:
-            raise InvalidFile(f"the file has {status.st_size} bytes, at most {most} are read", path=path)
-        content = path.read_bytes() if status.st_size else b""  # a device of /proc has no size, and may never answer
+            raise InvalidFile(
+                f"the file has {status.st_size} bytes, at most {most} are read", path=path
+            )
+        content = (
+            path.read_bytes() if status.st_size else b""
+        )  # a device of /proc has no size, and may never answer
     except FileNotFoundError:
         raise InvalidFile("no such file", path=path) from None
     except (OSError, ValueError) as error:
@@ -151,35 +163,46 @@ def read_parquet(path: str | PathLike[str], columns: Sequence[str] | None = None
             for chunk in table[name].chunks:
                 lengths = pc.take(pc.binary_length(chunk.dictionary), chunk.indices)
                 _check_expansion(pc.sum(lengths).as_py() or 0, limit, path)
-        return table.cast(pa.schema([schema.field(name) for name in table.column_names], schema.metadata))
+        return table.cast(
+            pa.schema([schema.field(name) for name in table.column_names], schema.metadata)
+        )
     except pa.ArrowMemoryError as error:
         raise MemoryError(str(error)) from None
     except KeyError as error:
         raise ValueError(f"its schema is not that of its columns: {error.args[0]}") from None
 
 
-def _check_metadata(about: pq.FileMetaData, schema: pa.Schema, wanted: Sequence[str], limit: int, path: Path) -> None:
+def _check_metadata(
+    about: pq.FileMetaData, schema: pa.Schema, wanted: Sequence[str], limit: int, path: Path
+) -> None:
     """Refuse a Parquet file if its metadata announces more than the limit for the wanted columns.
 
-    Row groups are read first: pyarrow ends the process where the metadata of a column is damaged. That of columns is read only if
-    the groups exceed the limit, to which unwanted columns contribute, and for lists: a group counts rows, not values of lists.
+    Row groups are read first: pyarrow ends the process where the metadata of a column is damaged.
+    That of columns is read only if the groups exceed the limit, to which unwanted columns
+    contribute, and for lists: a group counts rows, not values of lists.
     """
     import pyarrow as pa
 
     groups = [about.row_group(i) for i in range(about.num_row_groups)]
-    whole = sum(max(8 * about.num_columns * group.num_rows, group.total_byte_size) for group in groups)
+    whole = sum(
+        max(8 * about.num_columns * group.num_rows, group.total_byte_size) for group in groups
+    )
     if whole <= limit and not any(pa.types.is_nested(schema.field(name).type) for name in wanted):
         return
     chunks = [group.column(i) for group in groups for i in range(about.num_columns)]
     chosen = [chunk for chunk in chunks if chunk.path_in_schema.split(".")[0] in wanted]
-    _check_expansion(sum(max(8 * chunk.num_values, chunk.total_uncompressed_size) for chunk in chosen), limit, path)
+    _check_expansion(
+        sum(max(8 * chunk.num_values, chunk.total_uncompressed_size) for chunk in chosen),
+        limit,
+        path,
+    )
 
 
 def read_feather(path: str | PathLike[str], columns: Sequence[str] | None = None) -> pa.Table:
     """Return columns of a Feather file (Arrow IPC), after its buffers have shown that they expand to a sensible size.
 
-    Messages are read in their order, and the footer, which could name others, is not. All values are checked: Arrow follows
-    offsets of texts without looking where they lead.
+    Messages are read in their order, and the footer, which could name others, is not. All values
+    are checked: Arrow follows offsets of texts without looking where they lead.
 
     Args:
         columns: names of those wanted; all by default.
@@ -198,8 +221,12 @@ def read_feather(path: str | PathLike[str], columns: Sequence[str] | None = None
     messages = content.slice(len(_ARROW))
     limit = min(max(LEAST_TABLE, EXPANSION * content.size), LARGEST_TABLE)
     try:
-        _check_expansion(sum(map(_expanded, pa.ipc.MessageReader.open_stream(messages))), limit, path)
-        with pa.ipc.open_stream(messages, options=pa.ipc.IpcReadOptions(use_threads=False)) as stream:
+        _check_expansion(
+            sum(map(_expanded, pa.ipc.MessageReader.open_stream(messages))), limit, path
+        )
+        with pa.ipc.open_stream(
+            messages, options=pa.ipc.IpcReadOptions(use_threads=False)
+        ) as stream:
             table = stream.read_all()
         table.validate(full=True)
         return table if columns is None else table.select(list(columns))
@@ -215,8 +242,8 @@ _ARROW = b"ARROW1\0\0"
 def _expanded(message: pa.Message) -> int:
     """Bytes that a message of Arrow IPC takes, once decompressed: of its buffers, and 8 for each row, as a column may have none.
 
-    Source: Arrow's `Message.fbs`: a message's header is a batch, or holds one for a dictionary; a compressed buffer begins with
-    its length, -1 where it is stored as it is.
+    Source: Arrow's `Message.fbs`: a message's header is a batch, or holds one for a dictionary; a
+    compressed buffer begins with its length, -1 where it is stored as it is.
     """
     if message.type == "schema":
         return 0
@@ -241,7 +268,9 @@ def _expanded(message: pa.Message) -> int:
     total = 8 * max(number("q", rows), 0) if rows else 0
     if not buffers:
         return total
-    for place in range(target(buffers) + 4, target(buffers) + 4 + 16 * number("I", target(buffers)), 16):
+    for place in range(
+        target(buffers) + 4, target(buffers) + 4 + 16 * number("I", target(buffers)), 16
+    ):
         start, size = number("q", place), number("q", place + 8)
         expanded = -1
         if compressed and size >= 8:
@@ -259,12 +288,18 @@ def _is_text(kind: pa.DataType) -> bool:
 
 def _check_expansion(size: int, limit: int, path: Path) -> None:
     if size > limit:
-        raise InvalidFile(f"the table expands to {size} bytes, at most {limit} are read of a file of this size", path=path)
+        raise InvalidFile(
+            f"the table expands to {size} bytes, at most {limit} are read of a file of this size",
+            path=path,
+        )
 
 
 def search_path(folders: Sequence[str | PathLike[str]], variable: str) -> list[Path]:
     """Folders that were asked for: these, then those of an environment variable, separated as in PATH."""
-    return [Path(folder) for folder in (*folders, *filter(None, os.environ.get(variable, "").split(os.pathsep)))]
+    return [
+        Path(folder)
+        for folder in (*folders, *filter(None, os.environ.get(variable, "").split(os.pathsep)))
+    ]
 
 
 def in_any_case(path: Path) -> Path | None:
@@ -286,10 +321,15 @@ def in_any_case(path: Path) -> Path | None:
 def above(path: Path, file: Path) -> Iterator[Path]:
     """Yield a relative path of a file, resolved in the file's folder and in each folder above.
 
-    Steps upwards and placeholders that no tool has filled in (`${ROOT}/roads/town.xodr`) are left out.
+    Steps upwards and placeholders that no tool has filled in (`${ROOT}/roads/town.xodr`) are left
+    out.
     """
     if path.is_relative_to(file.parent):
-        below = [part for part in path.relative_to(file.parent).parts if part != ".." and not part.startswith("${")]
+        below = [
+            part
+            for part in path.relative_to(file.parent).parts
+            if part != ".." and not part.startswith("${")
+        ]
         yield from (folder.joinpath(*below) for folder in Path(os.path.abspath(file)).parents)
 
 
@@ -327,7 +367,9 @@ def read_object(path: Path, remedy: str = "") -> dict[str, Any]:
     return parse_object(read_bytes(path), path, remedy=remedy)
 
 
-def parse_object(content: bytes, path: Path, line: int | None = None, remedy: str = "") -> dict[str, Any]:
+def parse_object(
+    content: bytes, path: Path, line: int | None = None, remedy: str = ""
+) -> dict[str, Any]:
     """The object that a JSON text holds.
 
     Args:
@@ -357,7 +399,9 @@ def write_object(values: Mapping[str, Any], path: Path) -> None:
     """
     text = json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     with writing("this", path):
-        keep(text.encode(errors="backslashreplace"), path, durable=True)  # which is how JSON writes bytes in file names
+        keep(
+            text.encode(errors="backslashreplace"), path, durable=True
+        )  # which is how JSON writes bytes in file names
 
 
 def check_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
@@ -378,7 +422,9 @@ def check_settings(path: Path, settings: Mapping[str, Any], what: str) -> None:
     try:
         before = read_object(path)
     except InvalidFile as error:
-        raise UsageError(f"the settings of {what} in this folder can't be read: {error.message}", path=path) from None
+        raise UsageError(
+            f"the settings of {what} in this folder can't be read: {error.message}", path=path
+        ) from None
     mine = json.loads(json.dumps(settings))
     changed = [name for name, value in mine.items() if name not in before or before[name] != value]
     if changed:
@@ -416,7 +462,8 @@ def alone(folder: Path, what: str) -> Iterator[None]:
             lock.acquire()
         except Timeout:
             raise UsageError(
-                f"{what} of another process writes into this folder: wait for it, or give another", path=folder
+                f"{what} of another process writes into this folder: wait for it, or give another",
+                path=folder,
             ) from None
     try:
         yield
@@ -427,7 +474,8 @@ def alone(folder: Path, what: str) -> Iterator[None]:
 def keep(content: bytes, path: Path, durable: bool = False) -> Path:
     """Write a file whole or not at all, safe against concurrent writers of the same content; skip a file with that content.
 
-    A file that another user may change is replaced in any case. A new file gets the permissions that the user's umask leaves.
+    A file that another user may change is replaced in any case. A new file gets the permissions
+    that the user's umask leaves.
 
     Args:
         durable: return when it is on the disk, so that it is also there after a power cut.
@@ -440,7 +488,9 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
         try:
             with drafted(path) as draft:
                 draft.write_bytes(content)
-        except PermissionError:  # Windows replaces no file that is open: another writer of the same content was first
+        except (
+            PermissionError
+        ):  # Windows replaces no file that is open: another writer of the same content was first
             if not path.is_file() or path.read_bytes() != content:
                 raise
     if durable:
@@ -452,8 +502,8 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
 def drafted(path: Path) -> Iterator[Path]:
     """A path to write a file to, beside the one that it becomes at the end; after an error neither is there.
 
-    The content is on the disk before the name is: a power cut leaves no file that is empty or in part. Devices and pipes have
-    nothing to be replaced: they are written directly.
+    The content is on the disk before the name is: a power cut leaves no file that is empty or in
+    part. Devices and pipes have nothing to be replaced: they are written directly.
 
     Raises:
         OSError: the file can't be put in its place.
@@ -461,7 +511,9 @@ def drafted(path: Path) -> Iterator[Path]:
     if _is_special(path):
         yield path
         return
-    draft = path.with_name(f"{DRAFT}{secrets.token_hex(4)}{path.suffix}")  # what tempfile makes is for its owner's eyes only
+    draft = path.with_name(
+        f"{DRAFT}{secrets.token_hex(4)}{path.suffix}"
+    )  # what tempfile makes is for its owner's eyes only
     try:
         yield draft
         _sync(draft)
@@ -518,8 +570,9 @@ class JournalRecords(NamedTuple):
 class Records:
     """A file of JSON objects, a line each. For one process at a time (see `alone`).
 
-    Each line ends with the digest of what is before it. So a line that a full disk or a power cut left in part, or that was
-    edited, is detected, and the others still count. What `add` has returned from is on the disk.
+    Each line ends with the digest of what is before it. So a line that a full disk or a power cut
+    left in part, or that was edited, is detected, and the others still count. What `add` has
+    returned from is on the disk.
 
         records = Records(out / "runs.jsonl")
         for record in records.read().records: ...

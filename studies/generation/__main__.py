@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from schemas.common.command_line import guarded, new_app
 from schemas.common.packages import load
+from schemas.common.terminal.command_line import guarded, new_app
 
 NAME = "python -m studies.generation"
 app = new_app()

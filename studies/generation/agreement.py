@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import binomtest
 
-from generation.outcomes import REFERENCES
 from generation.search.methods.cover import cover
+from generation.search.outcomes import REFERENCES
 from generation.search.problem import BATCH, SearchProblem
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
@@ -55,9 +55,13 @@ def measured(posed: Posed, draws: int, finds: int, seed: int) -> list[Agreement]
         "uniform draws": problem.space.draw(draws, generator),
         "finds of the twin": _finds(problem, finds, seed),
     }
-    found = [_compared(posed, problem, name, theta, None) for name, theta in points.items() if len(theta)]
+    found = [
+        _compared(posed, problem, name, theta, None) for name, theta in points.items() if len(theta)
+    ]
     others = points["uniform draws"][: draws // 4]
-    return found + [_compared(posed, problem, "uniform draws", others, system) for system in REFERENCES]
+    return found + [
+        _compared(posed, problem, "uniform draws", others, system) for system in REFERENCES
+    ]
 
 
 def _finds(problem: SearchProblem, most: int, seed: int) -> FloatArray:
@@ -65,14 +69,23 @@ def _finds(problem: SearchProblem, most: int, seed: int) -> FloatArray:
     assert problem.twin is not None
     if not most:
         return np.empty((0, len(problem.space.parameters)))
-    alone = SearchProblem(problem.space, problem.twin, problem.reward, problem.real, None, problem.prior, problem.twin)
+    alone = SearchProblem(
+        problem.space, problem.twin, problem.reward, problem.real, None, problem.prior, problem.twin
+    )
     found = cover(alone, max(2 * most, BATCH), seed)
     return found.theta[found.outcomes.collision & found.outcomes.executed][:most]
 
 
-def _compared(posed: Posed, problem: SearchProblem, name: str, theta: FloatArray, system: str | None) -> Agreement:
+def _compared(
+    posed: Posed, problem: SearchProblem, name: str, theta: FloatArray, system: str | None
+) -> Agreement:
     assert problem.twin is not None
     sut = None if system is None else REFERENCES[system]
     sumo, twin = posed.sumo(theta, sut), problem.twin(theta, sut)
     both = sumo.executed & twin.executed
-    return Agreement(name, system or "system under test", int((sumo.collision == twin.collision)[both].sum()), int(both.sum()))
+    return Agreement(
+        name,
+        system or "system under test",
+        int((sumo.collision == twin.collision)[both].sum()),
+        int(both.sum()),
+    )

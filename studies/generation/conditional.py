@@ -1,7 +1,7 @@
 """A conditional flow as the density of pairs, against the mixture of Student's t that judges them (METHOD §6).
 
-Both give p(what the two do | the ego's speed), of logarithms. The mixture is conditioned in closed form; the flow learns the
-condition.
+Both give p(what the two do | the ego's speed), of logarithms. The mixture is conditioned in closed
+form; the flow learns the condition.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from generation.density.base import Components, Whitening, folds
-from generation.density.models.mixtures import Student
+from generation.space.density.base import Components, Whitening, folds
+from generation.space.density.models.mixtures import Student
 from schemas.common.array_types import FloatArray, IntArray
 from studies.generation.packages import package
 from studies.recognition.report.tables import Table, spread
@@ -66,12 +66,14 @@ def _least(density: Components, generator: np.random.Generator) -> float:
 class Flow:
     """A conditional flow of zuko on whitened rows, stopped where a held-out fold is best.
 
-    Rows are moved by normal noise in training, which keeps flows of few rows from holding on to them (J. Rothfuss and others,
-    Noise Regularization for Conditional Density Estimation, 2019).
+    Rows are moved by normal noise in training, which keeps flows of few rows from holding on to
+    them (J. Rothfuss and others, Noise Regularization for Conditional Density Estimation, 2019).
 
     Attributes:
-        kind: class of `zuko.flows`. settings: its arguments beside the sizes. noise: standard deviation in units of the rows'.
-        transforms, hidden, epochs, patience, batch, rate, decay: sizes and training, by Adam with weight decay.
+        kind: class of `zuko.flows`. settings: its arguments beside the sizes. noise: standard
+            deviation in units of the rows'.
+        transforms, hidden, epochs, patience, batch, rate, decay: sizes and training, by Adam with
+            weight decay.
     """
 
     kind: str
@@ -89,7 +91,7 @@ class Flow:
         """Learn from rows (n, d) of recordings (n,)."""
         import torch
 
-        from recognition.training.windows import seeded
+        from recognition.trfe.training.windows import seeded
 
         flows = _zuko().flows
         self._whitening = Whitening.of(rows)
@@ -97,13 +99,17 @@ class Flow:
         fitted, held = next(folds(groups))
         with seeded(0):
             sizes = {"transforms": self.transforms, "hidden_features": (self.hidden, self.hidden)}
-            self._flow = getattr(flows, self.kind)(rows.shape[1] - 1, 1, **sizes, **self.settings).double()
+            self._flow = getattr(flows, self.kind)(
+                rows.shape[1] - 1, 1, **sizes, **self.settings
+            ).double()
             self._train(white[fitted], white[held])
 
     def _train(self, fitted: Any, held: Any) -> None:
         import torch
 
-        optimiser = torch.optim.AdamW(self._flow.parameters(), lr=self.rate, weight_decay=self.decay)
+        optimiser = torch.optim.AdamW(
+            self._flow.parameters(), lr=self.rate, weight_decay=self.decay
+        )
         best, weights, since = -np.inf, deepcopy(self._flow.state_dict()), 0
         for _ in range(self.epochs):
             for batch in torch.randperm(len(fitted)).split(self.batch):
@@ -136,7 +142,7 @@ class Flow:
         """log p(y | c) that 99 % of draws of y reach, for the c of each row (n, d): (n,)."""
         import torch
 
-        from recognition.training.windows import seeded
+        from recognition.trfe.training.windows import seeded
 
         given = torch.from_numpy(self._whitening.forward(rows))[:, :1]
         with torch.no_grad(), seeded(seed):

@@ -1,8 +1,9 @@
 """Coverage of the interval of an estimate: recordings are drawn anew, the density is fitted on them, and a system is estimated.
 
-The density of all recordings is the world: the probability under it is true. Each repetition draws recordings with replacement,
-fits its own density, and estimates by runs on the kinematic twin, as the product does for a system without a twin. An interval
-that holds sampling and density covers the truth in 95 % of the repetitions.
+The density of all recordings is the world: the probability under it is true. Each repetition draws
+recordings with replacement, fits its own density, and estimates by runs on the kinematic twin, as
+the product does for a system without a twin. An interval that holds sampling and density covers the
+truth in 95 % of the repetitions.
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.density.prior import Prior
 from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
 from generation.estimation.probability import Probability
-from generation.outcomes import Evaluate, Outcomes
-from generation.recorded import Recorded
 from generation.search.methods.cover import cover
+from generation.search.outcomes import Evaluate, Outcomes
 from generation.search.problem import SearchProblem
-from generation.search.space import Space
+from generation.space.density.prior import Prior
+from generation.space.recorded import Recorded
+from generation.space.space import Space
 from schemas.common.array_types import FloatArray
 from schemas.common.storage import Records
 from studies.generation.planted.study import interval
@@ -56,7 +57,9 @@ def resampled(recorded: Recorded, generator: np.random.Generator) -> Recorded:
     chosen = np.concatenate(rows)
     again = np.concatenate([np.full(len(each), f"{number}") for number, each in enumerate(rows)])
     values = {name: each[chosen] for name, each in recorded.values.items()}
-    return recorded._replace(theta=recorded.theta[chosen], recordings=again, errors=None, values=values)
+    return recorded._replace(
+        theta=recorded.theta[chosen], recordings=again, errors=None, values=values
+    )
 
 
 def coverage(
@@ -84,9 +87,13 @@ def coverage(
     true = {name: _true(problem.prior, system, known[name]) for name, system in systems.items()}
     for repetition in range(repetitions):
         missing = [name for name in systems if (name, repetition, runs) not in kept]
-        prior = _refitted(problem.space, recorded, density, repetition) if missing else problem.prior
+        prior = (
+            _refitted(problem.space, recorded, density, repetition) if missing else problem.prior
+        )
         for name in missing:
-            found = _estimated(prior, systems[name], known[name], EstimateSettings(runs, repetition))
+            found = _estimated(
+                prior, systems[name], known[name], EstimateSettings(runs, repetition)
+            )
             low, high = found.interval
             entry = Estimated(name, repetition, true[name], found.value, low, high, found.stable)
             records.add([{**entry._asdict(), "runs": runs}])
@@ -112,7 +119,9 @@ def _true(prior: Prior, system: Evaluate, known: Known) -> float:
     return _estimated(prior, system, known, EstimateSettings(_TRUE, 1_000_000, resampled=0)).value
 
 
-def _estimated(prior: Prior, system: Evaluate, known: Known, settings: EstimateSettings) -> Probability:
+def _estimated(
+    prior: Prior, system: Evaluate, known: Known, settings: EstimateSettings
+) -> Probability:
     return estimate(prior, system, _nobody, known, None, settings).probabilities[FAILURE]
 
 
@@ -123,7 +132,9 @@ def _nobody(theta: FloatArray, sut: str) -> Outcomes:
 
 def markdown(found: Sequence[Estimated]) -> str:
     """Table of a row for each system: shares with 95 % intervals by bootstrap over repetitions."""
-    lines = ["| system | true probability | repetitions | intervals that cover it | width, high / low | unstable |"]
+    lines = [
+        "| system | true probability | repetitions | intervals that cover it | width, high / low | unstable |"
+    ]
     lines.append("|---|---|---|---|---|---|")
     for name in dict.fromkeys(each.system for each in found):
         of = [each for each in found if each.system == name]

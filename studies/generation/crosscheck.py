@@ -1,7 +1,7 @@
 """P(failure | manoeuvre) by another library: subset simulation of OpenTURNS on the twin, with none of our estimate in it.
 
-S.-K. Au, J. L. Beck, Estimation of small failure probabilities in high dimensions by subset simulation, Probabilistic Engineering
-Mechanics 16, 2001.
+S.-K. Au, J. L. Beck, Estimation of small failure probabilities in high dimensions by subset
+simulation, Probabilistic Engineering Mechanics 16, 2001.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtr
 
-from generation.density.prior import RecordedPrior
 from generation.search.problem import Plays
+from generation.space.density.prior import RecordedPrior
 from schemas.common.array_types import FloatArray
 from studies.generation.packages import package
 
@@ -45,8 +45,8 @@ def openturns() -> Any:
 def subset_simulation(prior: RecordedPrior, twin: Plays, seed: int) -> Found:
     """Estimate the probability of a collision of draws of a prior.
 
-    Levels are of the greatest deceleration that avoids a crash (DRAC). By the least clearance, vehicles that pass closely
-    are mistaken for near misses, and most failures are not found.
+    Levels are of the greatest deceleration that avoids a crash (DRAC). By the least clearance,
+    vehicles that pass closely are mistaken for near misses, and most failures are not found.
 
     Args:
         prior: a sum of Gaussians of logarithms.
@@ -64,7 +64,11 @@ def subset_simulation(prior: RecordedPrior, twin: Plays, seed: int) -> Found:
     algorithm.setConditionalProbability(_LEVEL)
     algorithm.run()
     found = algorithm.getResult()
-    return Found(found.getProbabilityEstimate() / prior.possible_share, found.getCoefficientOfVariation(), level.played)
+    return Found(
+        found.getProbabilityEstimate() / prior.possible_share,
+        found.getCoefficientOfVariation(),
+        level.played,
+    )
 
 
 class Level:
@@ -85,8 +89,12 @@ class Level:
     def points(self, normal: FloatArray) -> FloatArray:
         """The prior's points (n, d), possible or not, that standard normal ones (n, dimensions) stand for."""
         chosen = np.minimum(np.searchsorted(self._until, ndtr(normal[:, -1])), len(self._until) - 1)
-        factors = self._factors[chosen if len(self._factors) > 1 else np.zeros(len(chosen), np.int64)]
-        return self._prior.of_logs(self._parts.means[chosen] + (factors @ normal[:, :-1, None])[..., 0])
+        factors = self._factors[
+            chosen if len(self._factors) > 1 else np.zeros(len(chosen), np.int64)
+        ]
+        return self._prior.of_logs(
+            self._parts.means[chosen] + (factors @ normal[:, :-1, None])[..., 0]
+        )
 
     def __call__(self, sample: Any) -> FloatArray:
         """The levels (n, 1) of a sample (n, dimensions)."""
@@ -95,6 +103,8 @@ class Level:
         possible = self._prior.possible(theta)
         if possible.any():
             outcomes = self._twin(theta[possible])
-            found[possible, 0] = np.where(outcomes.collision, _FAILS, np.maximum(-outcomes.max_drac, _SAFE))
+            found[possible, 0] = np.where(
+                outcomes.collision, _FAILS, np.maximum(-outcomes.max_drac, _SAFE)
+            )
             self.played += int(possible.sum())
         return found

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from generation.density.base import folds
-from generation.density.gate import Gate, Share
-from generation.density.models import models
-from generation.density.prior import RecordedPrior, held_out
-from generation.outcomes import Outcomes
+from generation.search.gate import Gate, Share
+from generation.search.outcomes import Outcomes
+from generation.space.density.base import folds
+from generation.space.density.models import models
+from generation.space.density.prior import RecordedPrior, held_out
 from schemas.common.array_types import FloatArray
 from studies.recognition.report.tables import Table, spread
 
@@ -20,7 +20,9 @@ _LEAST = 0.01
 """Share of its own draws that a density finds less likely than a recorded unit may be"""
 
 
-def comparison(theta: FloatArray, recordings: NDArray[Any], names: Sequence[str] | None = None) -> Table:
+def comparison(
+    theta: FloatArray, recordings: NDArray[Any], names: Sequence[str] | None = None
+) -> Table:
     """Table of the models' held-out log-likelihoods, best first.
 
     Args:
@@ -39,10 +41,17 @@ def comparison(theta: FloatArray, recordings: NDArray[Any], names: Sequence[str]
         f"{len(theta)} samples of {theta.shape[1]} parameters from {groups} recordings; mean ± standard deviation over the "
         "folds of log p (natural, in the parameters' units) of rows from recordings that were not fitted."
     )
-    return Table("density", "Held-out log-likelihood", note, ("density", "log-likelihood per sample"), rows)
+    return Table(
+        "density", "Held-out log-likelihood", note, ("density", "log-likelihood per sample"), rows
+    )
 
 
-def gated(priors: Mapping[str, RecordedPrior], run: Callable[[FloatArray], Outcomes], replayed: Share, draws: int) -> Table:
+def gated(
+    priors: Mapping[str, RecordedPrior],
+    run: Callable[[FloatArray], Outcomes],
+    replayed: Share,
+    draws: int,
+) -> Table:
     """Table of priors by what they say of recordings that they have not seen, and by how often their draws collide.
 
     Args:
@@ -57,9 +66,20 @@ def gated(priors: Mapping[str, RecordedPrior], run: Callable[[FloatArray], Outco
         gate = Gate(replayed, Share.of(outcomes))
         likely = prior.foreseeable(drawn)
         least = np.quantile(prior.log_density(drawn), _LEAST) + np.log(prior.possible_share)
-        shares = f"{prior.possible_share:.1%}", f"{likely.mean():.2%}", f"{(prior.held_out < least).mean():.1%}"
-        figures = f"{prior.held_out.mean():.3f}", *shares, str(gate.drawn), str(int((outcomes.collision & likely).sum()))
-        rows.append((models()[name].title, *figures, "passed" if gate.refusal is None else "refused"))
+        shares = (
+            f"{prior.possible_share:.1%}",
+            f"{likely.mean():.2%}",
+            f"{(prior.held_out < least).mean():.1%}",
+        )
+        figures = (
+            f"{prior.held_out.mean():.3f}",
+            *shares,
+            str(gate.drawn),
+            str(int((outcomes.collision & likely).sum())),
+        )
+        rows.append(
+            (models()[name].title, *figures, "passed" if gate.refusal is None else "refused")
+        )
     note = (
         f"Replays of recorded units with their own values: {replayed} collide. Likelihood: natural, in the parameters' units, "
         "mean over units by the density of other recordings. Possible: draws inside the limits of the parameters and of physics; "

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.density.roles import EGO_SPEED, roles_of
-from generation.search.space import Space
+from generation.space.density.roles import EGO_SPEED, roles_of
+from generation.space.space import Space
 from schemas.common.array_types import FloatArray
 from studies.generation.adversary.course import START, Scene
 from studies.generation.adversary.environment import Episodes
@@ -18,18 +18,23 @@ _STARTS = np.arange(0.0, 7.01, 0.25)
 def as_maneuvers(scene: Scene, space: Space, episodes: Episodes, dt: float) -> FloatArray:
     """The points (n, d) of a space of cut-ins that are nearest to the ways of actors.
 
-    Of half cosines across the lane the nearest one by least squares says when the manoeuvre begins and how long it lasts; gap and
-    speeds are those of the way at these times, the ego's speed that of the beginning.
+    Of half cosines across the lane the nearest one by least squares says when the manoeuvre begins
+    and how long it lasts; gap and speeds are those of the way at these times, the ego's speed that
+    of the beginning.
     """
     shift = scene.script.lanes[scene.actor.lane] - scene.script.lanes[scene.ego.lane]
     cases = zip(episodes.ways, episodes.starts[:, 2].tolist(), strict=True)
     rows = [_described(way, ego_speed, scene.between, abs(shift), dt) for way, ego_speed in cases]
     roles = roles_of(space.names)
-    theta = np.array([[row[roles[name].role] for name in space.names] for row in rows]).reshape(-1, len(space.names))
+    theta = np.array([[row[roles[name].role] for name in space.names] for row in rows]).reshape(
+        -1, len(space.names)
+    )
     return space.clip(theta)
 
 
-def _described(way: FloatArray, ego_speed: float, between: float, shift: float, dt: float) -> dict[str, float]:
+def _described(
+    way: FloatArray, ego_speed: float, between: float, shift: float, dt: float
+) -> dict[str, float]:
     """The parameters of one way (k, 2), by role."""
     time, aside = np.arange(len(way), dtype=np.float64) * dt, np.abs(way[:, 1] - way[0, 1])
     speed = np.gradient(way[:, 0], dt)

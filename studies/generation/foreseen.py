@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from generation.density.models import JUDGE, judge
-from generation.outcomes import Outcomes
-from generation.recorded import Recorded
-from generation.search.space import Space
+from generation.search.outcomes import Outcomes
+from generation.space.density.models import JUDGE, judge
+from generation.space.recorded import Recorded
+from generation.space.space import Space
 from schemas.common.array_types import BoolArray, FloatArray
 from studies.recognition.report.tables import Table
 
@@ -27,10 +27,14 @@ def limits(
     """Table of limits: that of the pair's density, those of what each adversary does alone, and all.
 
     Args:
-        run: runs rows of the space. coordinated: the same, where those collisions alone count that need both.
+        run: runs rows of the space. coordinated: the same, where those collisions alone count that
+            need both.
         draws: of the density.
     """
-    prior, together = recorded.prior(space, JUDGE), recorded.recorded_prior(space, judge(JUDGE, pairs=True))
+    prior, together = (
+        recorded.prior(space, JUDGE),
+        recorded.recorded_prior(space, judge(JUDGE, pairs=True)),
+    )
     alone = recorded.alone(space, JUDGE)
     units = recorded.within(space).theta
     units = units[prior.possible(units)]
@@ -44,11 +48,18 @@ def limits(
         return together.foreseeable(theta[:, [space.names.index(name) for name in together.names]])
 
     def each(theta: FloatArray) -> BoolArray:
-        passed = [one.foreseeable(theta[:, [space.names.index(name) for name in one.names]]) for one in alone]
+        passed = [
+            one.foreseeable(theta[:, [space.names.index(name) for name in one.names]])
+            for one in alone
+        ]
         found: BoolArray = np.all(passed, axis=0)
         return found
 
-    kinds = {"of the pair": pair, "of each alone": each, "both": lambda theta: pair(theta) & each(theta)}
+    kinds = {
+        "of the pair": pair,
+        "of each alone": each,
+        "both": lambda theta: pair(theta) & each(theta),
+    }
     rows: list[tuple[str, ...]] = [
         (
             name,
@@ -63,5 +74,12 @@ def limits(
         f"adversary alone, and {_BOX} points drawn evenly from all values, of which {len(anywhere)} are possible. The limits are "
         "those that all but 1 % of recorded rows reach, each by the density of other recordings; what passes is by that of all."
     )
-    header = "limit", "recorded pairs", "draws", "draws that collide", "those that need both", "of all values"
+    header = (
+        "limit",
+        "recorded pairs",
+        "draws",
+        "draws that collide",
+        "those that need both",
+        "of all values",
+    )
     return Table("limits", "What is foreseeable by which limit", note, header, rows)

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.density.models import JUDGE
-from generation.density.roles import roles_of
-from generation.logical.library import SCENARIOS
-from generation.outcomes import JUDGES
-from generation.recorded import of_recordings, of_samples
-from generation.search.space import Space
+from generation.search.outcomes import JUDGES
+from generation.space.density.models import JUDGE
+from generation.space.density.roles import roles_of
+from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import of_recordings, of_samples
+from generation.space.space import Space
 from generation.twin.episodes import Twin
-from recognition.maneuvers.parameters import BRAKING, JERK
-from runner.settings import RunSettings
+from recognition.labels.maneuvers.parameters import BRAKING, JERK
+from runner.judging.settings import RunSettings
 from schemas.common.array_types import BoolArray, FloatArray
 
 WITH, WITHOUT = (SCENARIOS / f"{name}_highway.xosc" for name in ("braking_leader", "car_following"))
@@ -40,7 +40,8 @@ def compare(recorded: Path | None, sut: str, draws: int, seed: int) -> Compared:
     """Play draws of what is recorded both ways, on the twin.
 
     Args:
-        recorded: recordings, or a table of their units; None for those of our own. sut: the system under test.
+        recorded: recordings, or a table of their units; None for those of our own. sut: the system
+            under test.
 
     Raises:
         UsageError: no unit's jerk is known.
@@ -50,7 +51,10 @@ def compare(recorded: Path | None, sut: str, draws: int, seed: int) -> Compared:
     theta = prior.sample(draws, np.random.default_rng(seed))
     foreseeable = prior.foreseeable(theta)
     shared = theta[:, [space.names.index(name) for name in other.names]]
-    failed = [foreseeable & _prevented(*each, sut) for each in ((WITH, space, theta), (WITHOUT, other, shared))]
+    failed = [
+        foreseeable & _prevented(*each, sut)
+        for each in ((WITH, space, theta), (WITHOUT, other, shared))
+    ]
     return Compared(theta[:, space.names.index(_name(WITH))], *failed)
 
 

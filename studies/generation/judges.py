@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.recorded import Recorded
-from generation.search.space import Space
+from generation.space.recorded import Recorded
+from generation.space.space import Space
 from generation.twin.episodes import Twin
 from schemas.common.array_types import BoolArray, FloatArray
 
@@ -22,7 +22,8 @@ class Replays:
 
     Attributes:
         collides: whether each collides (n,), by the system's name.
-        sites: kind of site of each unit (n,). errors: its error of reconstruction along the lane (n,), m; None if unknown.
+        sites: kind of site of each unit (n,). errors: its error of reconstruction along the lane
+            (n,), m; None if unknown.
     """
 
     collides: Mapping[str, BoolArray]
@@ -30,7 +31,9 @@ class Replays:
     errors: FloatArray | None
 
     @classmethod
-    def of(cls, scenario: Path, space: Space, recorded: Recorded, systems: Sequence[str]) -> Replays | None:
+    def of(
+        cls, scenario: Path, space: Space, recorded: Recorded, systems: Sequence[str]
+    ) -> Replays | None:
         """Play all units on the twin with each system; None where something is searched of which nothing is recorded."""
         replays = recorded.replays(space)
         if replays is None:
@@ -49,9 +52,14 @@ class Replays:
         ]
         for name, collides in self.collides.items():
             sites, counts = np.unique(np.array(self.sites)[collides], return_counts=True)
-            told = ", ".join(f"{site} {count}" for site, count in zip(sites, counts, strict=True)) or "–"
+            told = (
+                ", ".join(f"{site} {count}" for site, count in zip(sites, counts, strict=True))
+                or "–"
+            )
             error = "–"
             if self.errors is not None and collides.any():
                 error = f"{np.median(self.errors[collides]):.1f} ({np.median(self.errors):.1f})"
-            lines.append(f"| {name} | {len(collides)} | {int(collides.sum())} | {collides.mean():.2%} | {told} | {error} |")
+            lines.append(
+                f"| {name} | {len(collides)} | {int(collides.sum())} | {collides.mean():.2%} | {told} | {error} |"
+            )
         return "\n".join(lines)

@@ -20,4 +20,6 @@ def package(name: str, what: str) -> Any:
     try:
         return import_module(name)
     except ModuleNotFoundError:
-        raise UsageError(f"{what} of the package {name}, which no extra brings: pip install {name}") from None
+        raise UsageError(
+            f"{what} of the package {name}, which no extra brings: pip install {name}"
+        ) from None

@@ -10,17 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 import xosc
-from generation.logical.library import SCENARIOS, pair_scenarios
-from generation.logical.pairs import PairScenario
-from generation.outcomes import Evaluator, Outcomes, survivors
+from generation.search.outcomes import Evaluator, Outcomes, survivors
 from generation.search.problem import History, Plays
-from generation.search.space import distinctive, diverse
-from generation.settings import Choice
+from generation.search.settings import Choice
+from generation.space.logical.library import SCENARIOS, pair_scenarios
+from generation.space.logical.pairs import PairScenario
+from generation.space.space import distinctive, diverse
 from generation.twin.episodes import Twin
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported, UsageError
-from schemas.common.text import many
+from schemas.common.terminal.text import many
 from studies.generation.problem import Posed
 from xosc.exports.draft import Folder
 from xosc.exports.standard import export
@@ -30,7 +30,8 @@ class Needed(NamedTuple):
     """Of one search.
 
     Attributes:
-        runs: of the system under test. failures: distinct foreseeable and preventable ones, on SUMO.
+        runs: of the system under test. failures: distinct foreseeable and preventable ones, on
+            SUMO.
         alone: how many of these one adversary brings about alone, by its name.
         both: how many need both: the system survives whichever of the two keeps its speed and lane.
     """
@@ -79,7 +80,10 @@ def acting_alone(scenario: Path, folder: Path) -> dict[str, Path]:
     if pair is None:
         raise UsageError("this is no scenario of two adversaries", path=scenario)
     names = pair.pair.actors
-    return {name: _without(pair, other, folder / name) for name, other in zip(names, reversed(names), strict=True)}
+    return {
+        name: _without(pair, other, folder / name)
+        for name, other in zip(names, reversed(names), strict=True)
+    }
 
 
 def _without(pair: PairScenario, name: str, folder: Path) -> Path:
@@ -103,7 +107,9 @@ def coordinated(posed: Posed, alone: Mapping[str, Path], sut: str) -> Posed:
     return posed._replace(problem=replace(problem, twin=Coordinated(problem.twin, twins)))
 
 
-def needed(alone: Mapping[str, Path], history: History, posed: Posed, sut: str, processes: int) -> Needed:
+def needed(
+    alone: Mapping[str, Path], history: History, posed: Posed, sut: str, processes: int
+) -> Needed:
     """Run the failures of a search again with each adversary alone, on SUMO."""
     problem, theta = posed.problem, history.theta
     assert problem.prior is not None
@@ -117,4 +123,9 @@ def needed(alone: Mapping[str, Path], history: History, posed: Posed, sut: str, 
         with Evaluator(path, problem.space, run=RunSettings(sut=sut), processes=processes) as run:
             stay[name] = run(found).collision
     both = ~np.any(list(stay.values()), axis=0) if len(found) else np.zeros(0, bool)
-    return Needed(len(theta), len(found), {name: int(each.sum()) for name, each in stay.items()}, int(both.sum()))
+    return Needed(
+        len(theta),
+        len(found),
+        {name: int(each.sum()) for name, each in stay.items()},
+        int(both.sum()),
+    )

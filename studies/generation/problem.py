@@ -7,14 +7,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from generation.density.models import DEFAULT, JUDGE
-from generation.outcomes import Evaluator, Outcomes
+from generation.search.outcomes import Evaluator, Outcomes
 from generation.search.problem import Realism, Reward, SearchProblem
-from generation.search.space import Space
-from generation.settings import Ask
+from generation.search.settings import Ask
+from generation.search.variations import asked_of
+from generation.space.density.models import DEFAULT, JUDGE
+from generation.space.space import Space
 from generation.twin.episodes import Twin
-from generation.variations import asked_of
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
@@ -58,9 +58,14 @@ def posed(
     Raises:
         UsageError: there is no such system, or nothing says which values are likely.
     """
-    asked, run = asked_of(Ask(recorded, kind, free=free), path), RunSettings(sut=sut, timestep=timestep)
+    asked, run = (
+        asked_of(Ask(recorded, kind, free=free), path),
+        RunSettings(sut=sut, timestep=timestep),
+    )
     scenario = asked.scenario
-    space = Space.of(scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+    space = Space.of(
+        scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
+    )
     units = asked.recorded(space)
     real = units.within(space)
     reward = Reward(Realism.fitted(DEFAULT, real.theta, real.recordings))
@@ -69,4 +74,7 @@ def posed(
     except Unsupported:
         twin = None
     with Evaluator(scenario, space, run=run, processes=processes) as sumo:
-        yield Posed(SearchProblem(space, sumo, reward, real.theta, None, units.prior(space, JUDGE), twin), sumo)
+        yield Posed(
+            SearchProblem(space, sumo, reward, real.theta, None, units.prior(space, JUDGE), twin),
+            sumo,
+        )

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 from generation.loop.searches import Failures, failures
 from generation.pipeline import generate
-from generation.recorded import kind_of, of_recordings, of_samples
-from generation.settings import SearchSettings
-from runner.settings import RunSettings
+from generation.search.settings import SearchSettings
+from generation.space.recorded import kind_of, of_recordings, of_samples
+from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 
 
@@ -25,7 +25,13 @@ class Rounds(NamedTuple):
 
 
 def compared(
-    scenario: Path, recorded: Path | None, kind: str | None, sut: str, budget: int, seeds: int, processes: int
+    scenario: Path,
+    recorded: Path | None,
+    kind: str | None,
+    sut: str,
+    budget: int,
+    seeds: int,
+    processes: int,
 ) -> Iterator[Rounds]:
     """The rounds of each seed.
 
@@ -40,12 +46,22 @@ def compared(
     """
     samples = of_recordings(recorded, kind or kind_of(scenario))
 
-    def search(seed: int, found: FloatArray | None = None, before: FloatArray | None = None) -> Failures:
-        settings = SearchSettings(RunSettings(sut=sut), budget=budget, seed=seed, processes=processes)
+    def search(
+        seed: int, found: FloatArray | None = None, before: FloatArray | None = None
+    ) -> Failures:
+        settings = SearchSettings(
+            RunSettings(sut=sut), budget=budget, seed=seed, processes=processes
+        )
         with TemporaryDirectory() as out:
-            made = generate(scenario, partial(of_samples, samples), Path(out), settings, found=found)
+            made = generate(
+                scenario, partial(of_samples, samples), Path(out), settings, found=found
+            )
         return failures(made.space, made.history, before)
 
     for seed in range(seeds):
         first = search(seed)
-        yield Rounds(first, search(seed + 1000, first.theta, first.theta), search(seed + 1000, None, first.theta))
+        yield Rounds(
+            first,
+            search(seed + 1000, first.theta, first.theta),
+            search(seed + 1000, None, first.theta),
+        )

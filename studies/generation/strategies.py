@@ -8,7 +8,7 @@ from typing import Any
 
 from torch import nn
 
-from generation.outcomes import Episodes
+from generation.search.outcomes import Episodes
 from generation.search.problem import Calls, History, Search, SearchProblem
 from schemas.common.array_types import FloatArray
 from schemas.common.packages import optional
@@ -46,11 +46,18 @@ def evolve(
     """
     algorithms, cores, statics, mutations = (
         optional(f"pymoo.{name}")
-        for name in ("algorithms.soo.nonconvex.ga", "core.problem", "problems.static", "operators.mutation.pm")
+        for name in (
+            "algorithms.soo.nonconvex.ga",
+            "core.problem",
+            "problems.static",
+            "operators.mutation.pm",
+        )
     )
     evaluator = optional("pymoo.core.evaluator").Evaluator()
     box = cores.Problem(n_var=start.shape[1], n_obj=1, xl=0.0, xu=1.0)
-    algorithm = algorithms.GA(pop_size=len(start), sampling=start, mutation=mutations.PM(eta=distance))
+    algorithm = algorithms.GA(
+        pop_size=len(start), sampling=start, mutation=mutations.PM(eta=distance)
+    )
     algorithm.setup(box, termination=("n_gen", budget), seed=seed, verbose=False)
     calls = Calls(problem, budget)
     while calls.left:
@@ -67,10 +74,18 @@ HIDDEN = 64
 
 def perceptron(inputs: int, outputs: int) -> nn.Sequential:
     """Two hidden layers: (n, inputs) to (n, outputs)."""
-    return nn.Sequential(nn.Linear(inputs, HIDDEN), nn.Tanh(), nn.Linear(HIDDEN, HIDDEN), nn.Tanh(), nn.Linear(HIDDEN, outputs))
+    return nn.Sequential(
+        nn.Linear(inputs, HIDDEN),
+        nn.Tanh(),
+        nn.Linear(HIDDEN, HIDDEN),
+        nn.Tanh(),
+        nn.Linear(HIDDEN, outputs),
+    )
 
 
-def rewarded(search: Search, problem: SearchProblem, budget: int, seed: int, **changes: Any) -> History:
+def rewarded(
+    search: Search, problem: SearchProblem, budget: int, seed: int, **changes: Any
+) -> History:
     """Search by the problem's reward with some changes; the history has the problem's own rewards.
 
     Args:

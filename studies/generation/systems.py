@@ -1,7 +1,7 @@
 """Which systems under test collide on the same cases, and which of these collisions a careful and competent driver avoids.
 
-Cases are scenarios, or the parameter sets of variation files such as `xosc-generate` writes. The command for it is
-`python -m studies.generation systems`.
+Cases are scenarios, or the parameter sets of variation files such as `xosc-generate` writes. The
+command for it is `python -m studies.generation systems`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from generation.outcomes import CAREFUL, Outcomes, Simulator
+from generation.search.outcomes import CAREFUL, Outcomes, Simulator
 from runner.batch.jobs import Job, Outcome
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from schemas.common.array_types import BoolArray
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ class Row(NamedTuple):
         system: its name.
         runs: cases that could be run.
         collisions: of these.
-        avoidable, unavoidable: collisions in cases in which the careful and competent driver (UN Regulation 157) has none, or has
-            one as well; they do not add up where its run failed.
+        avoidable, unavoidable: collisions in cases in which the careful and competent driver (UN
+            Regulation 157) has none, or has one as well; they do not add up where its run failed.
         r_risk: mean share of time in which RSS distances are violated.
     """
 
@@ -87,8 +87,9 @@ class Comparison:
 
     def table(self) -> pa.Table:
         """A row for each case and system: case, parameters (a map), system, collision, avoidable, r_risk, min_ttc (s; null where
-        there never was a lead), end_time (s), error; collision, r_risk and end_time are null where there was no run, avoidable
-        where there was no collision or the careful driver's run failed."""
+        there never was a lead), end_time (s), error; collision, r_risk and end_time are null where
+        there was no run, avoidable where there was no collision or the careful driver's run
+        failed."""
         import pyarrow as pa
 
         jobs = [case.job if isinstance(case, Outcome) else case for case in self.cases]
@@ -97,10 +98,15 @@ class Comparison:
             failed = ~found.executed
             columns = {
                 "case": pa.array([job.name for job in jobs]),
-                "parameters": pa.array([sorted(job.parameters.items()) for job in jobs], pa.map_(pa.string(), pa.string())),
+                "parameters": pa.array(
+                    [sorted(job.parameters.items()) for job in jobs],
+                    pa.map_(pa.string(), pa.string()),
+                ),
                 "system": pa.array([system] * len(jobs), pa.string()),
                 "collision": pa.array(found.collision, mask=failed),
-                "avoidable": pa.array(self.avoidable(system), mask=~found.collision | ~self.outcomes[CAREFUL].executed),
+                "avoidable": pa.array(
+                    self.avoidable(system), mask=~found.collision | ~self.outcomes[CAREFUL].executed
+                ),
                 "r_risk": pa.array(found.r_risk, mask=failed),
                 "min_ttc": pa.array(found.min_ttc, mask=np.isinf(found.min_ttc)),
                 "end_time": pa.array(found.end_time, mask=failed),

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from generation.density.gate import Share
-from generation.density.prior import Prior
 from generation.estimation.estimate import Known
+from generation.search.gate import Share
 from generation.search.methods.cover import cover
 from generation.search.problem import Plays, SearchProblem
+from generation.space.density.prior import Prior
 
 _SEED = 1_000_000
 """No seed of an estimate"""

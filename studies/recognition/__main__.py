@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from schemas.common.command_line import Version, guarded, new_app
+from schemas.common.terminal.command_line import Version, guarded, new_app
 from studies.recognition.agreement.command import agreement
 from studies.recognition.places import places
 from studies.recognition.protocol.command import protocol

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from recognition.trfe.candidates import Preprocessing, Promotion
 from recognition.trfe.config import Config, Steps
-from recognition.trfe.known import DELTA
-from recognition.trfe.screening import EvtScreening
+from recognition.trfe.discovery.candidates import Preprocessing, Promotion
+from recognition.trfe.forest.known import DELTA
+from recognition.trfe.forest.screening import EvtScreening
 from recognition.trfe.trfe import TRFE
 from studies.recognition import kinds, strategies
 from studies.recognition.recalibrated import Recalibrated
@@ -54,17 +54,33 @@ VARIANTS: dict[str, Variant] = {
     "k-means": Variant("k-means in place of heads", steps=Steps(cluster=strategies.k_means)),
     "strict": Variant(
         "margins of the publication",
-        Config(preprocessing=replace(SIFTED, margin=1.0), promotion=Promotion(relative_cohesion=0.85, margin=1.0)),
+        Config(
+            preprocessing=replace(SIFTED, margin=1.0),
+            promotion=Promotion(relative_cohesion=0.85, margin=1.0),
+        ),
     ),
     **{name: _screened(name, title) for name, title in kinds.titles(kinds.SCREENINGS).items()},
     "recalibrated": Variant("threshold recalibrated", steps=Steps(screening=Recalibrated)),
-    "euclidean": Variant("Euclidean metric", steps=Steps(prototypes=strategies.EuclideanPrototypes.fit)),
+    "euclidean": Variant(
+        "Euclidean metric", steps=Steps(prototypes=strategies.EuclideanPrototypes.fit)
+    ),
     "cosine": Variant("cosine metric", steps=Steps(prototypes=strategies.CosinePrototypes.fit)),
-    "margin": Variant("nearest-prototype margin", steps=Steps(prototypes=strategies.MarginPrototypes.fit)),
+    "margin": Variant(
+        "nearest-prototype margin", steps=Steps(prototypes=strategies.MarginPrototypes.fit)
+    ),
     "soft-targets": Variant("soft pair targets", steps=Steps(cluster=strategies.soft_targets)),
-    "all-candidates": Variant("all candidates offered", steps=Steps(cluster=strategies.all_candidates)),
-    "supervised-forest": Variant("supervised forest", steps=Steps(similarity=strategies.supervised_similarity)),
-    "refreshed-forest": Variant("unsupervised forest, refreshed", steps=Steps(cluster=strategies.refreshed_forest)),
-    **{f"w{size}": Variant(f"W = {size}", Config(preprocessing=Preprocessing(capacity=size))) for size in CAPACITIES},
+    "all-candidates": Variant(
+        "all candidates offered", steps=Steps(cluster=strategies.all_candidates)
+    ),
+    "supervised-forest": Variant(
+        "supervised forest", steps=Steps(similarity=strategies.supervised_similarity)
+    ),
+    "refreshed-forest": Variant(
+        "unsupervised forest, refreshed", steps=Steps(cluster=strategies.refreshed_forest)
+    ),
+    **{
+        f"w{size}": Variant(f"W = {size}", Config(preprocessing=Preprocessing(capacity=size)))
+        for size in CAPACITIES
+    },
 }
 """Variants by name."""

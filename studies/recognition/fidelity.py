@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.catalogue.cut import EGO, Excerpt, Part, SceneCutter, Scope
-from recognition.catalogue.index import rows_of
-from recognition.datasets import Source
-from runner.interpreter.execution import run
-from runner.interpreter.result import RunResult
-from runner.measures.criticality import Criticality, of_recording
+from recognition.catalogue.writing.index import rows_of
+from recognition.recordings import Source
+from recognition.scenes.cut import EGO, Excerpt, Part, SceneCutter, Scope
+from runner.judging.execution import run
+from runner.judging.measures.criticality import Criticality, of_recording
+from runner.judging.result import RunResult
 from runner.recording import Recording, Track
 from schemas.common.array_types import FloatArray
 
@@ -26,12 +26,13 @@ _SAME_TIME = 1e-6
 class Deviation(NamedTuple):
     """Deviation of a participant of a run from its recorded motion.
 
-    greatest, mean: distance over the recorded rows, m. speed, acceleration: root mean square of the difference, m/s and m/s²;
-        accelerations from the second row on, as a run has none before its first step.
-    rows: how many were compared. fastest, hardest: greatest speed (m/s) and acceleration (m/s²) of the run, by amount.
-    hardest_at: when it accelerates or brakes hardest, s of the scenario's time.
-    turn: greatest change of its heading from step to step, rad.
-    missing: recorded rows at which the run has none of it; participants that appear at the end of a step are in the run's output
+    greatest, mean: distance over the recorded rows, m. speed, acceleration: root mean square of the
+        difference, m/s and m/s²; accelerations from the second row on, as a run has none before its
+        first step.
+    rows: how many were compared. fastest, hardest: greatest speed (m/s) and acceleration (m/s²) of
+    the run, by amount. hardest_at: when it accelerates or brakes hardest, s of the scenario's time.
+    turn: greatest change of its heading from step to step, rad. missing: recorded rows at which the
+    run has none of it; participants that appear at the end of a step are in the run's output
         from the next one on.
     """
 
@@ -63,7 +64,9 @@ class Replay(NamedTuple):
     encounter: Encounter
 
 
-def of_catalogue(root: Path, sources: Iterable[Source], scope: Scope, world: str = "sumo") -> Iterator[tuple[str, Replay]]:
+def of_catalogue(
+    root: Path, sources: Iterable[Source], scope: Scope, world: str = "sumo"
+) -> Iterator[tuple[str, Replay]]:
     """Each scenario of a catalogue that replays a recording, by its name in the index, run and compared.
 
     Args:
@@ -84,13 +87,20 @@ def of_catalogue(root: Path, sources: Iterable[Source], scope: Scope, world: str
 def replayed(path: Path, scene: Excerpt, world: str = "sumo") -> Replay:
     """Run a scenario without a system under test, and compare every participant with the scene that it was made from.
 
-    Reference points and motion are compared at every recorded row, also those that the scenario has no vertex for.
+    Reference points and motion are compared at every recorded row, also those that the scenario has
+    no vertex for.
     """
-    result = run(path, sut="none", timestep=_STEP, max_time=scene.end - scene.start + 1.0, world=world)
+    result = run(
+        path, sut="none", timestep=_STEP, max_time=scene.end - scene.start + 1.0, world=world
+    )
     recorded = [_within(part, scene) for part in scene.parts]
-    driven = [_at_rows(track, result) for track in recorded if track.name in result.recording.tracks]
+    driven = [
+        _at_rows(track, result) for track in recorded if track.name in result.recording.tracks
+    ]
     measures = (of_recording(Recording(tracks, _STEP, None), EGO) for tracks in (recorded, driven))
-    return Replay([_deviation(track, result) for track in recorded], Encounter(*map(_least_ttc, measures)))
+    return Replay(
+        [_deviation(track, result) for track in recorded], Encounter(*map(_least_ttc, measures))
+    )
 
 
 def _within(part: Part, scene: Excerpt) -> Track:
@@ -105,8 +115,13 @@ def _within(part: Part, scene: Excerpt) -> Track:
 def _at_rows(recorded: Track, result: RunResult) -> Track:
     """Return the track of a participant of a run, at the times of its recording."""
     driven, time = result.recording.tracks[recorded.name].columns, recorded.columns["time"]
-    time = time[(time >= driven["time"][0] - _SAME_TIME) & (time <= driven["time"][-1] + _SAME_TIME)]
-    columns = {name: np.interp(time, driven["time"], driven[name]) for name in ("x", "y", "z", "speed", "s", "t")}
+    time = time[
+        (time >= driven["time"][0] - _SAME_TIME) & (time <= driven["time"][-1] + _SAME_TIME)
+    ]
+    columns = {
+        name: np.interp(time, driven["time"], driven[name])
+        for name in ("x", "y", "z", "speed", "s", "t")
+    }
     columns["h"] = np.interp(time, driven["time"], np.unwrap(driven["h"]))
     columns |= {"time": time, "road_id": np.full(len(time), None, dtype=object)}
     return Track(recorded.name, recorded.kind, recorded.category, recorded.box, lambda: columns)
@@ -126,7 +141,10 @@ def _deviation(part: Track, result: RunResult) -> Deviation:
     if driven["time"][0] > time[-1] + _SAME_TIME:
         return Deviation(part.name, part.category, *_ABSENT, len(time))
     there = (time >= driven["time"][0] - _SAME_TIME) & (time <= driven["time"][-1] + _SAME_TIME)
-    off = {name: (np.interp(time, driven["time"], driven[name]) - recorded[name])[there] for name in _COMPARED}
+    off = {
+        name: (np.interp(time, driven["time"], driven[name]) - recorded[name])[there]
+        for name in _COMPARED
+    }
     away = np.hypot(off["x"], off["y"])
     return Deviation(
         part.name,

@@ -7,13 +7,19 @@ from types import ModuleType
 
 from schemas.common import packages
 
-OPEN_SET, CLUSTERING = "studies.recognition.baselines.open_set", "studies.recognition.baselines.clustering"
+OPEN_SET, CLUSTERING = (
+    "studies.recognition.baselines.open_set",
+    "studies.recognition.baselines.clustering",
+)
 SCREENINGS = "studies.recognition.screenings"
 
 
 def titles(package: str) -> dict[str, str]:
     """Names of a folder's kinds, as experiments call them (`stae-kmeans`), with their titles."""
-    return {name.replace("_", "-"): title for name, title in packages.described(package, "TITLE").items()}
+    return {
+        name.replace("_", "-"): title
+        for name, title in packages.described(package, "TITLE").items()
+    }
 
 
 def kind(package: str, name: str) -> ModuleType:

@@ -1,6 +1,7 @@
 """Measures of recognition: with all classes known, with unknown ones among them, and for clusters of these.
 
-Labels are class ids from 1; 0 is unknown. Scores of outlyingness are higher for what looks less like the known classes.
+Labels are class ids from 1; 0 is unknown. Scores of outlyingness are higher for what looks less
+like the known classes.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recognition.trfe.known import macro_f1 as macro_f1
-from recognition.trfe.samples import UNKNOWN
+from recognition.trfe.forest.known import macro_f1 as macro_f1
+from recognition.trfe.inputs.samples import UNKNOWN
 from schemas.common.array_types import IntArray
 
 DROPPED = -1
@@ -22,7 +23,8 @@ class OpenSet(NamedTuple):
     """Open-set figures, each in [0, 1].
 
     Attributes:
-        closed_accuracy: share of the known samples whose best known class is right, nothing being rejected.
+        closed_accuracy: share of the known samples whose best known class is right, nothing being
+            rejected.
         accuracy: share of all samples that are right, unknown being one more class: (K+1) accuracy.
         macro_f1: mean F1 over the known classes and unknown.
         auroc: probability that an unknown sample scores higher than a known one.
@@ -38,7 +40,9 @@ class OpenSet(NamedTuple):
     false_rejection: float
 
 
-def open_set(truth: ArrayLike, closed: ArrayLike, scores: ArrayLike, predicted: ArrayLike) -> OpenSet:
+def open_set(
+    truth: ArrayLike, closed: ArrayLike, scores: ArrayLike, predicted: ArrayLike
+) -> OpenSet:
     """All open-set figures of one method.
 
     Args:
@@ -47,7 +51,9 @@ def open_set(truth: ArrayLike, closed: ArrayLike, scores: ArrayLike, predicted: 
         scores: outlyingness (n,).
         predicted: labels with the method's rejections (n,), 0 for unknown.
     """
-    truth, closed, scores, predicted = (np.asarray(values) for values in (truth, closed, scores, predicted))
+    truth, closed, scores, predicted = (
+        np.asarray(values) for values in (truth, closed, scores, predicted)
+    )
     known = truth != UNKNOWN
     return OpenSet(
         closed_accuracy=accuracy(truth[known], closed[known]),
@@ -74,11 +80,15 @@ def auroc(truth: ArrayLike, scores: ArrayLike) -> float:
 def oscr(truth: ArrayLike, closed: ArrayLike, scores: ArrayLike) -> float:
     """Area under the open-set classification rate curve (Dhamija et al., Reducing Network Agnostophobia, NeurIPS 2018).
 
-    At a threshold τ, the correct classification rate is the share of known samples that are rightly classified with a
-    score ≤ τ, the false positive rate the share of unknown samples with a score ≤ τ. Samples of equal score enter
-    together.
+    At a threshold τ, the correct classification rate is the share of known samples that are rightly
+    classified with a score ≤ τ, the false positive rate the share of unknown samples with a score ≤
+    τ. Samples of equal score enter together.
     """
-    truth, closed, scores = np.asarray(truth), np.asarray(closed), np.asarray(scores, dtype=np.float64)
+    truth, closed, scores = (
+        np.asarray(truth),
+        np.asarray(closed),
+        np.asarray(scores, dtype=np.float64),
+    )
     thresholds = np.unique(scores)
     right = np.sort(scores[(truth != UNKNOWN) & (truth == closed)])
     unknown = np.sort(scores[truth == UNKNOWN])
@@ -115,7 +125,8 @@ def clustering(truth: ArrayLike, clusters: ArrayLike, among: ArrayLike | None = 
     Args:
         truth: true labels (n,).
         clusters: cluster numbers (n,), −1 for samples that are in none.
-        among: classes that clusters may be matched with, if not all; samples of others count as wrong where clustered.
+        among: classes that clusters may be matched with, if not all; samples of others count as
+            wrong where clustered.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -135,7 +146,10 @@ def clustering(truth: ArrayLike, clusters: ArrayLike, among: ArrayLike | None = 
         dropped=1.0 - size / len(truth) if len(truth) else 0.0,
         clusters=len(numbers),
         classes=len(matched_classes),
-        matches=tuple((int(numbers[row]), int(classes[column])) for row, column in zip(rows, columns, strict=True)),
+        matches=tuple(
+            (int(numbers[row]), int(classes[column]))
+            for row, column in zip(rows, columns, strict=True)
+        ),
     )
 
 

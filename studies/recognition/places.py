@@ -10,12 +10,12 @@ import numpy as np
 import typer
 
 from recognition.labels.classes import Label
-from schemas.common.command_line import Verbose, Version, interruptible, out_folder
 from schemas.common.errors import UsageError
+from schemas.common.terminal.command_line import Verbose, Version, interruptible, out_folder
 from studies.recognition.plain import kinematic, static
 
 if TYPE_CHECKING:
-    from recognition.training.windows import Windows
+    from recognition.trfe.training.windows import Windows
 
 PLACES: dict[str, list[Label]] = {
     "all": [label for label in Label if label is not Label.UNKNOWN],
@@ -28,14 +28,20 @@ PLACES: dict[str, list[Label]] = {
     "at junctions": [Label.LEFT_TURN, Label.RIGHT_TURN, Label.STRAIGHT_CROSS, Label.MERGING],
 }  # fmt: skip
 """Classes of each kind of place"""
-_FEATURES = {"the ego's lane in the middle frame, without motion or anybody": static, "13 numbers of motion": kinematic}
+_FEATURES = {
+    "the ego's lane in the middle frame, without motion or anybody": static,
+    "13 numbers of motion": kinematic,
+}
 _OF_EACH, _FOLDS, _TREES = 400, 5, 250
 
 
 @interruptible("studies.recognition places")
 def places(
     windows: Annotated[
-        Path, typer.Argument(metavar="WINDOWS", help="Folder of windows of tokens, as `train --cache` keeps them.")
+        Path,
+        typer.Argument(
+            metavar="WINDOWS", help="Folder of windows of tokens, as `train --cache` keeps them."
+        ),
     ],
     out: Annotated[Path, out_folder("Folder for places.md.")],
     _verbose: Verbose = False,
@@ -45,7 +51,7 @@ def places(
 
     Balanced accuracy, cross-validated by recording, so that no map of a test trains.
     """
-    from recognition.training.windows import Windows
+    from recognition.trfe.training.windows import Windows
     from schemas.common.storage import keep, writing
 
     found = Windows.load(windows)
@@ -56,7 +62,7 @@ def places(
 
 
 def _table(windows: Windows) -> Iterator[str]:
-    from recognition.trfe.samples import drawn_of_each
+    from recognition.trfe.inputs.samples import drawn_of_each
 
     yield f"| classes | windows | chance | {' | '.join(_FEATURES)} |"
     yield "|---|---|---|" + "---|" * len(_FEATURES)
@@ -76,5 +82,7 @@ def _told(features: np.ndarray, windows: Windows) -> float:
     from sklearn.model_selection import GroupKFold, cross_val_predict
 
     forest = RandomForestClassifier(_TREES, random_state=0, class_weight="balanced")
-    found = cross_val_predict(forest, features, windows.labels, groups=windows.recordings, cv=GroupKFold(_FOLDS))
+    found = cross_val_predict(
+        forest, features, windows.labels, groups=windows.recordings, cv=GroupKFold(_FOLDS)
+    )
     return float(balanced_accuracy_score(windows.labels, found))

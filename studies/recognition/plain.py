@@ -5,14 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.tokens import FEATURES
+from recognition.trfe.inputs.tokens import FEATURES
 
 _STATIC = ("lanes_to_left", "lanes_to_right", "lane_behind", "lane_ahead", "limit", "has_limit")
 
 
 def static(inputs: NDArray[np.float16]) -> NDArray[np.float32]:
     """Return map-only features of the middle of windows (n, participants, frames, features): the ego's lane, without traffic."""
-    columns = [number for number, name in enumerate(FEATURES) if name in _STATIC or name.startswith("role_")]
+    columns = [
+        number
+        for number, name in enumerate(FEATURES)
+        if name in _STATIC or name.startswith("role_")
+    ]
     return _middle(inputs)[:, columns]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.trfe.screening import MEAN_JITTER, EvtJoint
+from recognition.trfe.forest.screening import MEAN_JITTER, EvtJoint
 from schemas.common.array_types import FloatArray, IntArray
 
 _WINDOW = 200
@@ -42,14 +42,19 @@ class Recalibrated(EvtJoint):
     def recalibrate(self, votes: IntArray, distances: FloatArray | None = None) -> None:
         """Follow a shift of the known classes, seen in votes (n, K) and distances (n,) of samples without labels.
 
-        The 90th percentile of the deficits of the latest accepted samples, over what it was at calibration, stretches the
-        distribution of deficits, never below what was calibrated. The share that screening cuts off is left out of the
-        calibration's percentile too, or it would be taken for a shift.
+        The 90th percentile of the deficits of the latest accepted samples, over what it was at
+        calibration, stretches the distribution of deficits, never below what was calibrated. The
+        share that screening cuts off is left out of the calibration's percentile too, or it would
+        be taken for a shift.
         """
         accepted = self.score(votes, distances) <= self.threshold
         lacking = self._lacking(votes, distances, MEAN_JITTER)
         for group in range(len(self.stretches)):
-            self.recent[group] = np.append(self.recent[group], lacking[accepted, group])[-self.window :]
+            self.recent[group] = np.append(self.recent[group], lacking[accepted, group])[
+                -self.window :
+            ]
             if len(self.recent[group]) >= _FEWEST_RECENT:
                 usual = np.quantile(self.group(group), _COMPARED * self.threshold)
-                self.stretches[group] = np.clip(np.quantile(self.recent[group], _COMPARED) / usual, 1.0, _STRETCH)
+                self.stretches[group] = np.clip(
+                    np.quantile(self.recent[group], _COMPARED) / usual, 1.0, _STRETCH
+                )

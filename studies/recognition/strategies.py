@@ -13,10 +13,10 @@ from sklearn.cluster import AgglomerativeClustering, KMeans
 from sklearn.linear_model import LogisticRegression
 from sklearn.neighbors import NearestNeighbors
 
-from recognition.trfe.clustering import Pairs, k_means_head, random_head, three_way_pairs
 from recognition.trfe.config import Config, Task, fixed_pairs, likely_clusters, trained_clusters
+from recognition.trfe.discovery.clustering import Pairs, k_means_head, random_head, three_way_pairs
 from recognition.trfe.forest import Votes, VotingForest, grow, random_trees, similarity
-from recognition.trfe.samples import Features, Prototypes, deviations, unit
+from recognition.trfe.inputs.samples import Features, Prototypes, deviations, unit
 from recognition.trfe.trfe import TRFE
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import UsageError
@@ -29,8 +29,10 @@ class LinearVotes(NamedTuple):
     """Logistic regression that votes: probabilities in place of trees, and the distance to the fifth nearest training sample.
 
     Args:
-        linear: fitted on standardised features. nearest: training samples, standardised and cut to unit length.
-        mean, scale: for standardising. labels: of the classes, ascending. trees: votes that there are.
+        linear: fitted on standardised features. nearest: training samples, standardised and cut to
+            unit length.
+        mean, scale: for standardising. labels: of the classes, ascending. trees: votes that there
+            are.
     """
 
     linear: LogisticRegression
@@ -63,7 +65,9 @@ class Unscreened(TRFE):
         return self.known.prototypes.ratio(features), 1.0
 
 
-def supervised_similarity(features: Features, coordinates: Features, forest: VotingForest, config: Config) -> NDArray[np.float32]:
+def supervised_similarity(
+    features: Features, coordinates: Features, forest: VotingForest, config: Config
+) -> NDArray[np.float32]:
     """S (n, n) of samples under the forest of the known classes."""
     return similarity(forest.trees, forest.inputs(features))
 
@@ -79,14 +83,18 @@ def soft_pairs(similar: NDArray[np.float32]) -> Pairs:
 def average_linkage(task: Task, config: Config) -> IntArray:
     """Average linkage on 1 − S, cut where clusters would be less cohesive than is promoted."""
     cut = 1.0 - task.least_cohesion
-    linkage = AgglomerativeClustering(None, metric="precomputed", linkage="average", distance_threshold=cut)
+    linkage = AgglomerativeClustering(
+        None, metric="precomputed", linkage="average", distance_threshold=cut
+    )
     return np.asarray(linkage.fit_predict(1.0 - task.similarity))
 
 
 def soft_targets(task: Task, config: Config) -> IntArray:
     """TRFE's clustering with `soft_pairs`."""
     count, pairs = likely_clusters(task, config), soft_pairs(task.similarity)
-    return trained_clusters(task, config, lambda _: pairs, lambda features, seed: k_means_head(features, count, seed))
+    return trained_clusters(
+        task, config, lambda _: pairs, lambda features, seed: k_means_head(features, count, seed)
+    )
 
 
 def refreshed_forest(task: Task, config: Config) -> IntArray:
@@ -98,25 +106,37 @@ def refreshed_forest(task: Task, config: Config) -> IntArray:
 
     count = likely_clusters(task, config)
     return trained_clusters(
-        task, config, lambda features: pairs(features()), lambda features, seed: k_means_head(features, count, seed)
+        task,
+        config,
+        lambda features: pairs(features()),
+        lambda features, seed: k_means_head(features, count, seed),
     )
 
 
 def all_candidates(task: Task, config: Config) -> IntArray:
     """TRFE's clustering with all candidates offered; those that are not needed die out."""
     most = config.clustering.candidates
-    return trained_clusters(task, config, fixed_pairs(task, config), lambda features, _: random_head(features, most))
+    return trained_clusters(
+        task, config, fixed_pairs(task, config), lambda features, _: random_head(features, most)
+    )
 
 
 def k_means(task: Task, config: Config) -> IntArray:
     """k-means along TRFE's axes with TRFE's number of clusters: where its heads begin."""
     count = likely_clusters(task, config)
-    return np.asarray(KMeans(count, n_init=5, random_state=config.seed).fit_predict(task.samples), dtype=np.int64)
+    return np.asarray(
+        KMeans(count, n_init=5, random_state=config.seed).fit_predict(task.samples), dtype=np.int64
+    )
 
 
 def given_count(count: int, task: Task, config: Config) -> IntArray:
     """TRFE's clustering, given the number of clusters."""
-    return trained_clusters(task, config, fixed_pairs(task, config), lambda features, seed: k_means_head(features, count, seed))
+    return trained_clusters(
+        task,
+        config,
+        fixed_pairs(task, config),
+        lambda features, seed: k_means_head(features, count, seed),
+    )
 
 
 # distances to the known classes -------------------------------------------------------------
@@ -147,13 +167,20 @@ class MarginPrototypes(EuclideanPrototypes):
     def ratio(self, features: Features) -> FloatArray:  # type: ignore[override]
         """r(h) (n,); 1 is the margin of the known classes, more is beyond it."""
         margins = self._margins(self.standardise(features))
-        return self.radii[margins.argmax(axis=1)] / np.maximum(margins.max(axis=1), np.finfo(np.float32).tiny)
+        return self.radii[margins.argmax(axis=1)] / np.maximum(
+            margins.max(axis=1), np.finfo(np.float32).tiny
+        )
 
     def _radii(self, standard: Features, columns: IntArray) -> FloatArray:
         if len(self.classes) < 2:
             raise UsageError("1 known classes are too few, at least 2 are needed")
         margins = self._margins(standard)
-        return np.array([np.quantile(margins[columns == column, column], 1.0 - 0.95) for column in range(len(self.classes))])
+        return np.array(
+            [
+                np.quantile(margins[columns == column, column], 1.0 - 0.95)
+                for column in range(len(self.classes))
+            ]
+        )
 
     def _margins(self, standard: Features) -> FloatArray:
         """Return the margin of the nearest other class over class c (n, K)."""

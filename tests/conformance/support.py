@@ -20,7 +20,9 @@ def run(element: str, **options: Any) -> runner.RunResult:
 
 def changed(scenario: Path, folder: Path, *changes: tuple[str, str]) -> Path:
     """A copy of a conformance scenario with texts replaced, in another folder."""
-    text = scenario.read_text(encoding="utf-8").replace("../roads", str(Path(__file__).parent / "roads"))
+    text = scenario.read_text(encoding="utf-8").replace(
+        "../roads", str(Path(__file__).parent / "roads")
+    )
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)
@@ -33,7 +35,11 @@ def track(result: runner.RunResult, entity: str) -> dict[str, np.ndarray]:
     """Columns of one entity's trajectory."""
     table = result.trajectories
     mine = np.asarray(table["entity"].to_pylist()) == entity
-    return {name: np.asarray(table[name].to_numpy(zero_copy_only=False))[mine] for name in table.column_names if name != "entity"}
+    return {
+        name: np.asarray(table[name].to_numpy(zero_copy_only=False))[mine]
+        for name in table.column_names
+        if name != "entity"
+    }
 
 
 def at(columns: dict[str, np.ndarray], time: float, name: str) -> float:
@@ -41,8 +47,13 @@ def at(columns: dict[str, np.ndarray], time: float, name: str) -> float:
     return float(np.interp(time, columns["time"], columns[name].astype(float)))
 
 
-def events(result: runner.RunResult, kind: str | None = None, subject: str | None = None) -> list[Any]:
+def events(
+    result: runner.RunResult, kind: str | None = None, subject: str | None = None
+) -> list[Any]:
     """Log entries of a kind and subject (a name at the end of its path)."""
     return [
-        e for e in result.events if (kind is None or e.kind == kind) and (subject is None or e.subject.split("::")[-1] == subject)
+        e
+        for e in result.events
+        if (kind is None or e.kind == kind)
+        and (subject is None or e.subject.split("::")[-1] == subject)
     ]

@@ -11,9 +11,9 @@ from lxml import etree
 import runner
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
-from runner.outputs.folder import load_run
-from runner.outputs.report import write_junit
-from runner.settings import RunSettings
+from runner.batch.outputs.folder import load_run
+from runner.batch.outputs.report import write_junit
+from runner.judging.settings import RunSettings
 from schemas.common.errors import InvalidFile
 from tests.conformance.support import changed
 
@@ -22,7 +22,9 @@ SCENARIO = Path(__file__).parent / "carla" / "criteria.xosc"
 
 def run(scenario: Path = SCENARIO, **parameters: Any) -> runner.RunResult:
     """Run the scenario with these parameters."""
-    return runner.run(scenario, sut=None, timestep=0.05, max_time=20.0, world="kinematic", parameters=parameters)
+    return runner.run(
+        scenario, sut=None, timestep=0.05, max_time=20.0, world="kinematic", parameters=parameters
+    )
 
 
 def remarks(result: runner.RunResult) -> tuple[str, ...]:
@@ -48,7 +50,9 @@ def test_criteria_are_judged_when_the_run_is_over() -> None:
 def test_a_failed_criterion_fails_the_run_with_its_reason() -> None:
     result = run(Value="500")
     assert not result.verdict.passed
-    assert result.verdict.reasons == (f"DrivenDistanceTest of hero: drove {10 * result.end_time:.1f} m, not more than 500 m",)
+    assert result.verdict.reasons == (
+        f"DrivenDistanceTest of hero: drove {10 * result.end_time:.1f} m, not more than 500 m",
+    )
 
 
 def test_a_collision_is_a_failure_of_the_run_and_of_its_criterion() -> None:
@@ -90,9 +94,15 @@ def test_every_criterion_by_its_name_and_values(criterion: str, value: str, stat
 
 
 def test_a_value_can_be_given_by_the_name_of_its_parameter(tmp_path: Path) -> None:
-    result = run(changed(SCENARIO, tmp_path, ("distance_success", "max_time")), Criterion="criteria_ActorBlockedTest", Value="60")
+    result = run(
+        changed(SCENARIO, tmp_path, ("distance_success", "max_time")),
+        Criterion="criteria_ActorBlockedTest",
+        Value="60",
+    )
     assert results(result)["ActorBlockedTest"] == "not judged"
-    assert remarks(result) == ("not judged: ActorBlockedTest of hero: the scenario gives no value for min_speed",)
+    assert remarks(result) == (
+        "not judged: ActorBlockedTest of hero: the scenario gives no value for min_speed",
+    )
 
 
 def test_an_empty_value_of_a_named_parameter_is_0() -> None:
@@ -122,7 +132,8 @@ def test_a_value_for_a_criterion_without_parameters_is_a_remark() -> None:
 @pytest.mark.parametrize("value", ["far", "50, 60", "NaN", "inf"])
 def test_values_that_are_none_are_refused(value: str) -> None:
     with pytest.raises(
-        InvalidFile, match=r"criteria.xosc:1\d\d: ParameterCondition: value='.*DrivenDistanceTest takes distance_success"
+        InvalidFile,
+        match=r"criteria.xosc:1\d\d: ParameterCondition: value='.*DrivenDistanceTest takes distance_success",
     ):
         run(Value=value)
 
@@ -132,9 +143,15 @@ def test_a_delay_leaves_the_beginning_out() -> None:
     assert results(run(Delay="15"))["DrivenDistanceTest"] == "not judged"
 
 
-def test_a_condition_that_is_called_like_a_criterion_and_is_none_stays_a_condition(tmp_path: Path) -> None:
+def test_a_condition_that_is_called_like_a_criterion_and_is_none_stays_a_condition(
+    tmp_path: Path,
+) -> None:
     inside = '<ParameterCondition parameterRef="distance_success" value="$Value" rule="lessThan"/>'
-    result = run(changed(SCENARIO, tmp_path, (inside, '<SimulationTimeCondition value="3" rule="greaterThan"/>')))
+    result = run(
+        changed(
+            SCENARIO, tmp_path, (inside, '<SimulationTimeCondition value="3" rule="greaterThan"/>')
+        )
+    )
     assert result.status == "completed" and result.end_time == pytest.approx(3.05, abs=0.06)
     assert results(result) == {"CollisionTest": "passed"}
 
@@ -150,6 +167,9 @@ def test_results_are_in_the_files_of_a_run(tmp_path: Path) -> None:
     outcome = execute(Job("run", SCENARIO, SCENARIO, {"Value": "500"}), settings, tmp_path)
     assert load_run(tmp_path / "run").verdict.criteria[1].state == "failed"
     write_junit([outcome], tmp_path / "junit.xml")
-    found = {each.get("name"): each.get("value") for each in etree.parse(tmp_path / "junit.xml").iter("property")}
+    found = {
+        each.get("name"): each.get("value")
+        for each in etree.parse(tmp_path / "junit.xml").iter("property")
+    }
     assert found["criteria_CollisionTest hero"] == "passed: no collision"
     assert found["criteria_DrivenDistanceTest hero"].startswith("failed: drove")

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import runner
-from runner.sut import Control
-from runner.sut.base import Observation
+from runner.systems import Control
+from runner.systems.base import Observation
 from schemas.common.errors import InvalidFile
 from tests.conformance.support import at, changed, events, track
 
@@ -22,7 +22,10 @@ STANDARD = ('value="CARLA:Conformance"', 'value="Conformance"')
 
 def run(scenario: Path = SCENARIO, **options: object) -> runner.RunResult:
     """Run without a system under test, at 0.05 s."""
-    return runner.run(scenario, **{"sut": None, "timestep": 0.05, "max_time": 20.0, "world": "kinematic", **options})
+    return runner.run(
+        scenario,
+        **{"sut": None, "timestep": 0.05, "max_time": 20.0, "world": "kinematic", **options},
+    )
 
 
 def of_the_run(result: runner.RunResult) -> tuple[str, ...]:
@@ -55,11 +58,16 @@ def start(result: runner.RunResult, entity: str = "adversary") -> tuple[float, f
             '<LanePosition roadId="1" laneId="1" s="130"><Orientation type="absolute" h="0.5"/></LanePosition>',
             (130.0, 1.75, math.pi - 0.5),
         ),
-        ('<RelativeLanePosition entityRef="hero" dLane="-1" ds="20" offset="0.5"/>', (120.0, -5.75, 0.0)),
+        (
+            '<RelativeLanePosition entityRef="hero" dLane="-1" ds="20" offset="0.5"/>',
+            (120.0, -5.75, 0.0),
+        ),
         ('<RelativeRoadPosition entityRef="hero" ds="20" dt="-1"/>', (120.0, -0.75, 0.0)),
     ],
 )
-def test_positions_in_carla_s_axes(tmp_path: Path, position: str, place: tuple[float, float, float]) -> None:
+def test_positions_in_carla_s_axes(
+    tmp_path: Path, position: str, place: tuple[float, float, float]
+) -> None:
     result = run(changed(SCENARIO, tmp_path, (PLACE, position)), max_time=0.1)
     assert start(result) == pytest.approx(place, abs=1e-5)
 
@@ -67,7 +75,10 @@ def test_positions_in_carla_s_axes(tmp_path: Path, position: str, place: tuple[f
 @pytest.mark.parametrize(
     ("position", "place"),
     [
-        ('<RelativeLanePosition entityRef="hero" dLane="1" ds="20" offset="0.5"/>', (180.0, 5.75, math.pi)),
+        (
+            '<RelativeLanePosition entityRef="hero" dLane="1" ds="20" offset="0.5"/>',
+            (180.0, 5.75, math.pi),
+        ),
         ('<RelativeRoadPosition entityRef="hero" ds="20" dt="-1"/>', (220.0, 0.75, math.pi)),
     ],
 )
@@ -76,7 +87,9 @@ def test_positions_relative_to_an_ego_against_s_go_to_its_right_and_face_as_it_d
 ) -> None:
     result = run(changed(SCENARIO, tmp_path, (PLACE, position), (HERO, AGAINST)), max_time=0.1)
     x, y, h = start(result)
-    assert (x, y) == pytest.approx(place[:2], abs=1e-5) and math.cos(h - place[2]) == pytest.approx(1.0)
+    assert (x, y) == pytest.approx(place[:2], abs=1e-5) and math.cos(h - place[2]) == pytest.approx(
+        1.0
+    )
 
 
 def test_without_the_flag_positions_are_the_standard_s(tmp_path: Path) -> None:
@@ -91,39 +104,64 @@ def test_the_flag_is_a_remark() -> None:
 
 @pytest.mark.parametrize(("lane", "left"), [(HERO, 1), (AGAINST, -1)])
 @pytest.mark.parametrize(
-    "target", ['<AbsoluteTargetLaneOffset value="1"/>', '<RelativeTargetLaneOffset entityRef="adversary" value="1"/>']
+    "target",
+    [
+        '<AbsoluteTargetLaneOffset value="1"/>',
+        '<RelativeTargetLaneOffset entityRef="adversary" value="1"/>',
+    ],
 )
 def test_lane_offsets_are_to_the_right(tmp_path: Path, target: str, lane: str, left: int) -> None:
     action = f"""<PrivateAction><LateralAction><LaneOffsetAction continuous="true">
         <LaneOffsetActionDynamics dynamicsShape="step"/><LaneOffsetTarget>{target}</LaneOffsetTarget>
         </LaneOffsetAction></LateralAction></PrivateAction></Private><Private entityRef="adversary">"""
-    scenario = changed(SCENARIO, tmp_path, ('</Private>\n        <Private entityRef="adversary">', action), (HERO, lane))
+    scenario = changed(
+        SCENARIO,
+        tmp_path,
+        ('</Private>\n        <Private entityRef="adversary">', action),
+        (HERO, lane),
+    )
     result = run(scenario, max_time=0.5)
     assert at(track(result, "hero"), 0.5, "lane_offset") == pytest.approx(-left)
 
 
-@pytest.mark.parametrize(("flag", "distance", "offset"), [(True, "-2", 2.0), (True, "2", -2.0), (False, "-2", 2.0)])
-def test_the_sign_of_a_lateral_distance_is_a_side(tmp_path: Path, flag: bool, distance: str, offset: float) -> None:
+@pytest.mark.parametrize(
+    ("flag", "distance", "offset"), [(True, "-2", 2.0), (True, "2", -2.0), (False, "-2", 2.0)]
+)
+def test_the_sign_of_a_lateral_distance_is_a_side(
+    tmp_path: Path, flag: bool, distance: str, offset: float
+) -> None:
     action = f"""<PrivateAction><LateralAction><LateralDistanceAction entityRef="hero" distance="{distance}" freespace="false"
         continuous="true"/></LateralAction></PrivateAction></Private></Actions>"""
-    scenario = changed(SCENARIO, tmp_path, ("</Private>\n      </Actions>", action), *([] if flag else [STANDARD]))
+    scenario = changed(
+        SCENARIO, tmp_path, ("</Private>\n      </Actions>", action), *([] if flag else [STANDARD])
+    )
     result = run(scenario, max_time=0.5)
     sideways = float(track(result, "adversary")["y"][-1] - track(result, "hero")["y"][-1])
     assert sideways == pytest.approx(offset, abs=1e-6)
-    assert any("is negative: 2 m to the left" in remark for remark in result.remarks) is (distance == "-2")
+    assert any("is negative: 2 m to the left" in remark for remark in result.remarks) is (
+        distance == "-2"
+    )
 
 
 def starts_of(result: runner.RunResult) -> dict[str, float]:
     """When each event starts, s."""
-    return {entry.subject.split("::")[-1]: entry.time for entry in events(result, "startTransition")}
+    return {
+        entry.subject.split("::")[-1]: entry.time for entry in events(result, "startTransition")
+    }
 
 
 def test_conditions_stay_true_and_count_from_when_they_are_waited_for() -> None:
     result = run()
     started = starts_of(result)
     assert started["Act"] == pytest.approx(1.0)
-    assert started["Drive"] == pytest.approx(3.0, abs=0.06), "20 m after the act has begun, and the time was 0 then"
-    drive = next(entry for entry in events(result, "startTransition", "Drive") if "Maneuver::Drive" in entry.subject)
+    assert started["Drive"] == pytest.approx(3.0, abs=0.06), (
+        "20 m after the act has begun, and the time was 0 then"
+    )
+    drive = next(
+        entry
+        for entry in events(result, "startTransition", "Drive")
+        if "Maneuver::Drive" in entry.subject
+    )
     assert "AtTheBeginning: simulation time = 0 s = 0 s at 1.00 s" in drive.text
 
 
@@ -131,7 +169,10 @@ def test_speed_steps_last_for_their_time_or_distance_and_the_run_ends_with_its_s
     result = run()
     started = starts_of(result)
     assert started["Wait"] - started["Drive"] == pytest.approx(10.0 / 5.0, abs=0.11)
-    assert result.end_time - started["Wait"] == pytest.approx(3.0, abs=0.06) and result.status == "completed"
+    assert (
+        result.end_time - started["Wait"] == pytest.approx(3.0, abs=0.06)
+        and result.status == "completed"
+    )
     assert at(track(result, "adversary"), started["Drive"] + 1.0, "speed") == pytest.approx(5.0)
 
 
@@ -151,25 +192,35 @@ def test_an_act_stops_when_one_condition_holds(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("flag", "lane"), [(True, -1), (False, -2)])
-def test_lane_changes_count_from_the_actor_s_own_lane(tmp_path: Path, flag: bool, lane: int) -> None:
+def test_lane_changes_count_from_the_actor_s_own_lane(
+    tmp_path: Path, flag: bool, lane: int
+) -> None:
     there = '<LanePosition roadId="1" laneId="-2" s="150"/>'
     action = """<PrivateAction><LateralAction><LaneChangeAction>
         <LaneChangeActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/><LaneChangeTarget>
         <RelativeTargetLane entityRef="hero" value="{value}"/></LaneChangeTarget></LaneChangeAction></LateralAction>
         </PrivateAction></Private></Actions>"""
     change = ("</Private>\n      </Actions>", action.format(value=1 if flag else -1))
-    result = run(changed(SCENARIO, tmp_path, (PLACE, there), change, *([] if flag else [STANDARD])), max_time=0.5)
+    result = run(
+        changed(SCENARIO, tmp_path, (PLACE, there), change, *([] if flag else [STANDARD])),
+        max_time=0.5,
+    )
     assert int(track(result, "adversary")["lane_id"][-1]) == lane
 
 
-@pytest.mark.parametrize("empty", ['<Action name="Wait"/>', '<Action name="Wait"><PrivateAction/></Action>'])
+@pytest.mark.parametrize(
+    "empty", ['<Action name="Wait"/>', '<Action name="Wait"><PrivateAction/></Action>']
+)
 def test_an_empty_action_does_nothing_and_is_a_remark(tmp_path: Path, empty: str) -> None:
     text = SCENARIO.read_text()
     begin = text.index('<Action name="Wait">')
     action = text[begin : text.index("</Action>", begin) + len("</Action>")]
     scenario = changed(SCENARIO, tmp_path, (action, empty))
     result = run(scenario)
-    assert result.end_time == pytest.approx(starts_of(result)["Wait"]) and "it does nothing" in result.remarks[-1]
+    assert (
+        result.end_time == pytest.approx(starts_of(result)["Wait"])
+        and "it does nothing" in result.remarks[-1]
+    )
     with pytest.raises(InvalidFile, match="an action is expected inside"):
         run(changed(SCENARIO, tmp_path, (action, empty), STANDARD), strict=True)
 
@@ -193,20 +244,35 @@ def module(name: str, entity: str = "adversary", more: str = "") -> tuple[str, s
         (module("npc_vehicle_control"), ""),
         (module("simple_vehicle_control"), ""),
         (module("pedestrian_control"), ""),
-        (module("simple_vehicle_control", more='<Property name="consider_obstacles" value="false"/>'), ""),
         (
-            module("simple_vehicle_control", more='<Property name="consider_obstacles" value="True"/>'),
+            module(
+                "simple_vehicle_control", more='<Property name="consider_obstacles" value="false"/>'
+            ),
+            "",
+        ),
+        (
+            module(
+                "simple_vehicle_control", more='<Property name="consider_obstacles" value="True"/>'
+            ),
             "adversary: consider_obstacles of simple_vehicle_control is not executed: it moves as scripted",
         ),
-        (module("vehicle_longitudinal_control"), "adversary: vehicle_longitudinal_control would not steer; it follows its lane"),
-        (module("./mine/My_Agent.py"), "adversary: the controller ./mine/My_Agent.py is not executed: it moves as scripted"),
+        (
+            module("vehicle_longitudinal_control"),
+            "adversary: vehicle_longitudinal_control would not steer; it follows its lane",
+        ),
+        (
+            module("./mine/My_Agent.py"),
+            "adversary: the controller ./mine/My_Agent.py is not executed: it moves as scripted",
+        ),
         (
             module("external_control", "hero"),
             "hero is to be driven from outside (external_control), and no system under test does (--sut): it moves as scripted",
         ),
     ],
 )
-def test_controllers_by_module_are_scripted_motion_or_a_remark(tmp_path: Path, change: tuple[str, str], remark: str) -> None:
+def test_controllers_by_module_are_scripted_motion_or_a_remark(
+    tmp_path: Path, change: tuple[str, str], remark: str
+) -> None:
     result = run(changed(SCENARIO, tmp_path, change), max_time=0.2)
     assert of_the_run(result) == ((remark,) if remark else ())
 
@@ -237,17 +303,25 @@ def test_an_ego_that_is_driven_from_outside_is_asked_to_drive(tmp_path: Path) ->
     assert set(system.asked) == {20.0 / 3.6}
     speeds = track(result, "hero")["speed"]
     assert (
-        speeds[0] == 0.0 and max(abs(speeds[1:] - speeds[:-1])) <= 3.5 * 0.05 + 1e-9 and speeds[-1] == pytest.approx(20.0 / 3.6)
+        speeds[0] == 0.0
+        and max(abs(speeds[1:] - speeds[:-1])) <= 3.5 * 0.05 + 1e-9
+        and speeds[-1] == pytest.approx(20.0 / 3.6)
     )
-    assert result.remarks[-1].startswith("hero is driven from outside (external_control), and Init gives it no speed")
+    assert result.remarks[-1].startswith(
+        "hero is driven from outside (external_control), and Init gives it no speed"
+    )
     assert not events(result, "interventionEnd")
 
 
 def test_an_ego_with_a_scripted_speed_keeps_it(tmp_path: Path) -> None:
     system = Recorder()
-    result = run(changed(SCENARIO, tmp_path, module("external_control", "hero")), sut=system, max_time=1.0)
+    result = run(
+        changed(SCENARIO, tmp_path, module("external_control", "hero")), sut=system, max_time=1.0
+    )
     assert set(system.asked) == {10.0} and not of_the_run(result)
 
 
 def test_the_property_ego_vehicle_names_the_ego(tmp_path: Path) -> None:
-    assert run(changed(SCENARIO, tmp_path, ('"hero"', '"vehicle1"')), max_time=0.1).ego == "vehicle1"
+    assert (
+        run(changed(SCENARIO, tmp_path, ('"hero"', '"vehicle1"')), max_time=0.1).ego == "vehicle1"
+    )

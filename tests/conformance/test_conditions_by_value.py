@@ -9,9 +9,9 @@ import pytest
 
 import xodr
 import xosc
-from runner.interpreter.compiler import compile_scenario
-from runner.interpreter.simulation import Simulation
-from runner.worlds.base import KinematicWorld
+from runner.engine.compile.compiler import compile_scenario
+from runner.engine.storyboard.simulation import Simulation
+from runner.engine.worlds.base import KinematicWorld
 from schemas.common.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, events
 from tests.conformance.support import run as run_scenario
@@ -73,7 +73,9 @@ def test_variables_are_compared_by_their_type() -> None:
 def test_user_defined_values_are_compared_as_numbers_where_they_are(
     value: str | None, rule: str, expected: str, true: bool
 ) -> None:
-    document = xosc.resolve(xosc.load(SCENARIOS / "UserDefinedValueCondition.xosc"), {"Rule": rule, "Value": expected})
+    document = xosc.resolve(
+        xosc.load(SCENARIOS / "UserDefinedValueCondition.xosc"), {"Rule": rule, "Value": expected}
+    )
     sim = Simulation(compile_scenario(document, xodr.load(ROAD)), KinematicWorld(), 0.1, 0)
     if value is not None:
         sim.user_values["signal"] = value
@@ -83,7 +85,9 @@ def test_user_defined_values_are_compared_as_numbers_where_they_are(
 
 
 @pytest.mark.parametrize(("animation", "time"), [("true", 2.01), ("false", None)])
-def test_time_of_day_moves_with_the_simulation_where_it_is_animated(animation: str, time: float | None) -> None:
+def test_time_of_day_moves_with_the_simulation_where_it_is_animated(
+    animation: str, time: float | None
+) -> None:
     assert when("TimeOfDayCondition", Animation=animation) == (time and pytest.approx(time))
 
 
@@ -107,15 +111,27 @@ def test_an_event_can_start_in_the_step_of_its_act() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "element"),
-    [("event", "Brake"), ("event", "Maneuver::Brake"), ("action", "Story::Act::Group::Maneuver::Brake::BrakeAction")],
+    [
+        ("event", "Brake"),
+        ("event", "Maneuver::Brake"),
+        ("action", "Story::Act::Group::Maneuver::Brake::BrakeAction"),
+    ],
 )
 def test_elements_are_named_by_name_or_path(kind: str, element: str) -> None:
-    assert when("StoryboardElementStateCondition", "StartTransition", Kind=kind, Element=element) == pytest.approx(2.01)
+    assert when(
+        "StoryboardElementStateCondition", "StartTransition", Kind=kind, Element=element
+    ) == pytest.approx(2.01)
 
 
-@pytest.mark.parametrize(("kind", "element"), [("event", "Nobody"), ("act", "Brake"), ("event", "Act::Brake")])
-def test_elements_that_are_not_there_are_refused_at_the_line_of_the_condition(kind: str, element: str) -> None:
-    with pytest.raises(InvalidFile, match=r"StoryboardElementStateCondition\.xosc:\d+.*storyboardElementRef") as refused:
+@pytest.mark.parametrize(
+    ("kind", "element"), [("event", "Nobody"), ("act", "Brake"), ("event", "Act::Brake")]
+)
+def test_elements_that_are_not_there_are_refused_at_the_line_of_the_condition(
+    kind: str, element: str
+) -> None:
+    with pytest.raises(
+        InvalidFile, match=r"StoryboardElementStateCondition\.xosc:\d+.*storyboardElementRef"
+    ) as refused:
         run("StoryboardElementStateCondition", parameters={"Kind": kind, "Element": element})
     assert refused.value.line is not None
 
@@ -132,7 +148,9 @@ def test_a_controller_with_a_delay_begins_later_as_if_it_had_always_run() -> Non
     assert when("TrafficSignalControllerCondition", Phase="stop", Edge="none") == 0.0
     assert when("TrafficSignalControllerCondition", Phase="go") == pytest.approx(1.0)
     assert when("TrafficSignalControllerCondition", Phase="stop") == pytest.approx(4.0)
-    assert when("TrafficSignalCondition", Signal="2", State="green") == pytest.approx(1.0)  # by its signal group
+    assert when("TrafficSignalCondition", Signal="2", State="green") == pytest.approx(
+        1.0
+    )  # by its signal group
 
 
 @pytest.mark.parametrize(("name", "value"), [("Controller", "Nobody"), ("Phase", "caution")])

@@ -16,14 +16,22 @@ def test_the_system_drives_from_its_activation_on() -> None:
 
 
 def test_the_scenario_drives_again_after_deactivation() -> None:
-    result = run("ActivateControllerAction", sut="tests.conformance.test_controllers:Gentle", parameters={"Off": 4})
+    result = run(
+        "ActivateControllerAction",
+        sut="tests.conformance.test_controllers:Gentle",
+        parameters={"Off": 4},
+    )
     assert at(track(result, "Ego"), 6.0, "speed") == 15.0
 
 
 def test_assigning_a_controller_activates_it_only_where_asked() -> None:
     active = run("AssignControllerAction", sut="tests.conformance.test_controllers:Gentle")
     assert at(track(active, "Ego"), 4.0, "speed") == pytest.approx(13.0, abs=0.03)
-    passive = run("AssignControllerAction", sut="tests.conformance.test_controllers:Gentle", parameters={"Activate": "false"})
+    passive = run(
+        "AssignControllerAction",
+        sut="tests.conformance.test_controllers:Gentle",
+        parameters={"Activate": "false"},
+    )
     assert at(track(passive, "Ego"), 4.0, "speed") == 15.0
 
 
@@ -48,6 +56,6 @@ class Gentle:
 
     def control(self, observation: object, dt: float) -> object:
         """A gentle deceleration."""
-        from runner.sut import Control
+        from runner.systems import Control
 
         return Control(acceleration=-1.0, reason="test")

@@ -15,25 +15,37 @@ import schemas
 import xosc
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
-from runner.batch.rehearsal import rehearse_batch
+from runner.view.rehearsal import rehearse_batch
 from tests.conformance.support import SCENARIOS, at, track
 
 
 def values(element: str, parameter: str = "Target") -> list[float]:
     """Values of a parameter over all variations of an element's file."""
-    return [float(parameters[parameter]) for _, parameters in xosc.variations(SCENARIOS / f"{element}.xosc")]
+    return [
+        float(parameters[parameter])
+        for _, parameters in xosc.variations(SCENARIOS / f"{element}.xosc")
+    ]
 
 
 def test_deterministic_distributions_list_their_values_in_order() -> None:
     assert values("DistributionSet") == [12, 18]
     assert values("DistributionRange") == [10, 12.5, 15, 17.5, 20]
-    assert list(zip(values("ValueSetDistribution", "StartSpeed"), values("ValueSetDistribution"), strict=True)) == [
+    assert list(
+        zip(
+            values("ValueSetDistribution", "StartSpeed"),
+            values("ValueSetDistribution"),
+            strict=True,
+        )
+    ) == [
         (5, 15),
         (25, 5),
     ]
 
 
-@pytest.mark.parametrize("element", ["UniformDistribution", "NormalDistribution", "LogNormalDistribution", "PoissonDistribution"])
+@pytest.mark.parametrize(
+    "element",
+    ["UniformDistribution", "NormalDistribution", "LogNormalDistribution", "PoissonDistribution"],
+)
 def test_stochastic_distributions_stay_within_their_range_and_repeat_by_seed(element: str) -> None:
     drawn = values(element)
     assert len(drawn) == 200
@@ -52,7 +64,9 @@ def test_histograms_and_probability_sets_respect_their_weights() -> None:
 
 def test_the_variations_run() -> None:
     for scenario, parameters in xosc.variations(SCENARIOS / "DistributionSet.xosc"):
-        result = runner.run(scenario, parameters=parameters, sut=None, world="kinematic", timestep=0.05, max_time=8)
+        result = runner.run(
+            scenario, parameters=parameters, sut=None, world="kinematic", timestep=0.05, max_time=8
+        )
         assert at(track(result, "Car"), 7.0, "speed") == float(parameters["Target"])
 
 
@@ -65,7 +79,9 @@ def copied(folder: Path) -> Path:
     return folder / "scenarios" / "DistributionSet.xosc"
 
 
-def test_values_in_another_spelling_are_named_by_checks_and_remarks_of_their_runs(tmp_path: Path) -> None:
+def test_values_in_another_spelling_are_named_by_checks_and_remarks_of_their_runs(
+    tmp_path: Path,
+) -> None:
     variations = copied(tmp_path)
     for file, old, new in (("SpeedAction", 'parameterType="double" value="2', 'parameterType="int" value="2'),
                            ("DistributionSet", 'value="18"', 'value="18.0"')):  # fmt: skip
@@ -81,7 +97,9 @@ def test_values_in_another_spelling_are_named_by_checks_and_remarks_of_their_run
     assert [each.exit_code for each in (sound, other)] == [0, 0]
     assert not [each for each in sound.remarks if "is meant" in each]
     (remark,) = [each for each in other.remarks if "is meant" in each]
-    assert remark.startswith(f"{variations}:{line}: the value of the parameter Target: '18.0' is not of type int; 18 is meant")
+    assert remark.startswith(
+        f"{variations}:{line}: the value of the parameter Target: '18.0' is not of type int; 18 is meant"
+    )
     sound, other = run_batch(jobs_of([variations], {}, True), replace(settings, strict=True))
     assert (sound.exit_code, other.exit_code) == (0, 3) and "18 is meant" in other.message
 
@@ -99,8 +117,16 @@ def test_faults_of_the_variations_are_remarks_of_their_runs(tmp_path: Path) -> N
         assert (outcome.state, outcome.causes) == ("inconclusive", ["ignored"])
         remark = outcome.message
         assert remark.startswith(f"{variations}:{line}: ")
-        assert remark in json.loads((tmp_path / "out" / outcome.job.name / "result.json").read_text())["remarks"]
+        assert (
+            remark
+            in json.loads((tmp_path / "out" / outcome.job.name / "result.json").read_text())[
+                "remarks"
+            ]
+        )
     (rehearsed,) = rehearse_batch(jobs_of([variations], {}, True), lenient)
     assert remark in rehearsed.message
     strict = runner.RunSettings(sut=None, world="kinematic", strict=True)
-    assert all("valid_schema" in each.message for each in run_batch(jobs_of([variations], {}, True), strict))
+    assert all(
+        "valid_schema" in each.message
+        for each in run_batch(jobs_of([variations], {}, True), strict)
+    )

@@ -33,7 +33,9 @@ def test_a_system_under_test_does_not_see_what_is_hidden_from_sensors() -> None:
 def test_lights_switch_at_once_and_the_action_lasts_its_transition_time() -> None:
     result = run("LightStateAction")
     assert [e.text for e in events(result, "light")] == ["indicatorLeft flashing", "brakeLights on"]
-    assert events(result, "endTransition", "IndicateAction")[0].time == pytest.approx(1.5, abs=0.011)
+    assert events(result, "endTransition", "IndicateAction")[0].time == pytest.approx(
+        1.5, abs=0.011
+    )
     assert events(result, "endTransition", "BrakeAction")[0].time == pytest.approx(1.0, abs=0.011)
 
 

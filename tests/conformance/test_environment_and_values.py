@@ -20,7 +20,9 @@ def edited(tmp_path: Path, element: str, old: str, new: str) -> Path:
     text = (SCENARIOS / f"{element}.xosc").read_text(encoding="utf-8")
     assert old in text
     path = tmp_path / f"{element}.xosc"
-    path.write_text(text.replace(old, new).replace("../roads/", f"{SCENARIOS.parent}/roads/"), encoding="utf-8")
+    path.write_text(
+        text.replace(old, new).replace("../roads/", f"{SCENARIOS.parent}/roads/"), encoding="utf-8"
+    )
     return path
 
 
@@ -50,12 +52,14 @@ class FullBrake:
 
     def control(self, observation: object, dt: float) -> object:
         """Full braking."""
-        from runner.sut import Control
+        from runner.systems import Control
 
         return Control(acceleration=-50.0, reason="test")
 
 
-@pytest.mark.parametrize("bad", ['frictionScaleFactor="-1"', 'frictionScaleFactor="NaN"', 'frictionScaleFactor="INF"'])
+@pytest.mark.parametrize(
+    "bad", ['frictionScaleFactor="-1"', 'frictionScaleFactor="NaN"', 'frictionScaleFactor="INF"']
+)
 def test_an_impossible_friction_is_refused_with_its_line(tmp_path: Path, bad: str) -> None:
     path = edited(tmp_path, "EnvironmentAction", 'frictionScaleFactor="0.5"', bad)
     with pytest.raises(InvalidFile, match="RoadCondition") as refused:
@@ -72,29 +76,54 @@ def test_a_value_that_is_set_is_seen_by_conditions(element: str) -> None:
 def test_values_are_added_to_and_multiplied(element: str) -> None:
     result = run(element)
     kind = element.removesuffix("ModifyAction").lower()
-    assert [e.text for e in events(result, kind)] in (["set to 5.0", "set to 10.0"], ["set to 5", "set to 10"])
+    assert [e.text for e in events(result, kind)] in (
+        ["set to 5.0", "set to 10.0"],
+        ["set to 5", "set to 10"],
+    )
     assert events(result, "startTransition", "Seen")[0].time == pytest.approx(2.0, abs=0.011)
 
 
 @pytest.mark.parametrize(
     ("element", "old", "new", "message"),
     [
-        ("VariableSetAction", 'variableRef="Watched">', 'variableRef="Other">', "not a variable that the scenario declares"),
+        (
+            "VariableSetAction",
+            'variableRef="Watched">',
+            'variableRef="Other">',
+            "not a variable that the scenario declares",
+        ),
         ("VariableSetAction", 'SetAction value="7"', 'SetAction value="many"', "not a number"),
-        ("ParameterModifyAction", 'parameterType="double"', 'parameterType="string"', "only numbers can be modified"),
+        (
+            "ParameterModifyAction",
+            'parameterType="double"',
+            'parameterType="string"',
+            "only numbers can be modified",
+        ),
         ("SetMonitorAction", 'monitorRef="Kept"', 'monitorRef="Lost"', "not a monitor"),
     ],
 )
-def test_references_and_types_are_checked_before_the_run(tmp_path: Path, element: str, old: str, new: str, message: str) -> None:
+def test_references_and_types_are_checked_before_the_run(
+    tmp_path: Path, element: str, old: str, new: str, message: str
+) -> None:
     path = edited(tmp_path, element, old, new)
     with pytest.raises(InvalidFile, match=message):
         run(str(path.with_suffix("")))
 
 
 @pytest.mark.parametrize("operand", ["1e10", "-1"])
-def test_a_number_that_leaves_its_type_ends_the_run_with_a_clear_line(tmp_path: Path, operand: str) -> None:
-    path = edited(tmp_path, "VariableModifyAction", 'MultiplyByValue value="2"', f'MultiplyByValue value="{operand}"')
-    path.write_text(path.read_text().replace('variableType="int"', 'variableType="unsignedInt"'), encoding="utf-8")
+def test_a_number_that_leaves_its_type_ends_the_run_with_a_clear_line(
+    tmp_path: Path, operand: str
+) -> None:
+    path = edited(
+        tmp_path,
+        "VariableModifyAction",
+        'MultiplyByValue value="2"',
+        f'MultiplyByValue value="{operand}"',
+    )
+    path.write_text(
+        path.read_text().replace('variableType="int"', 'variableType="unsignedInt"'),
+        encoding="utf-8",
+    )
     with pytest.raises(InvalidFile, match="variable Watched would become"):
         run(str(path.with_suffix("")))
 

@@ -36,7 +36,9 @@ def run(element: str, **options: Any) -> RunResult:
         ("Fallback", 20.0, FIRST),
     ],
 )
-def test_a_lane_position_is_on_the_layer_that_it_names_and_followed_there(entity: str, begin: float, t: float) -> None:
+def test_a_lane_position_is_on_the_layer_that_it_names_and_followed_there(
+    entity: str, begin: float, t: float
+) -> None:
     columns = track(run("LaneLayerType"), entity)
     for time in (0.0, 0.5, 0.9):
         assert at(columns, time, "x") == pytest.approx(begin + 10.0 * time, abs=1e-6)
@@ -69,10 +71,15 @@ def test_a_preference_decides_on_positions_unless_they_name_a_layer() -> None:
     ("layer", "ends"),
     [
         ("permanent", {"Named": SECOND, "Kept": TEMPORARY_SECOND, "Preferring": SECOND}),
-        ("temporary", {"Named": TEMPORARY_SECOND, "Kept": TEMPORARY_SECOND, "Preferring": TEMPORARY_SECOND}),
+        (
+            "temporary",
+            {"Named": TEMPORARY_SECOND, "Kept": TEMPORARY_SECOND, "Preferring": TEMPORARY_SECOND},
+        ),
     ],
 )
-def test_an_absolute_target_lane_is_of_the_named_or_preferred_or_present_layer(layer: str, ends: dict[str, float]) -> None:
+def test_an_absolute_target_lane_is_of_the_named_or_preferred_or_present_layer(
+    layer: str, ends: dict[str, float]
+) -> None:
     result = run("AbsoluteTargetLane", parameters={"Layer": layer})
     for entity, t in ends.items():
         columns = track(result, entity)
@@ -81,7 +88,9 @@ def test_an_absolute_target_lane_is_of_the_named_or_preferred_or_present_layer(l
 
 
 @pytest.mark.parametrize(("layer", "t"), [("permanent", SECOND), ("temporary", TEMPORARY_SECOND)])
-def test_a_relative_target_lane_is_counted_on_the_named_layer_or_that_of_the_reference(layer: str, t: float) -> None:
+def test_a_relative_target_lane_is_counted_on_the_named_layer_or_that_of_the_reference(
+    layer: str, t: float
+) -> None:
     result = run("RelativeTargetLane", parameters={"Layer": layer})
     assert at(track(result, "Named"), 3.2, "y") == pytest.approx(t, abs=1e-6)
     assert at(track(result, "Kept"), 3.2, "y") == pytest.approx(TEMPORARY_SECOND, abs=1e-6)
@@ -94,7 +103,11 @@ def test_a_layer_that_there_is_not_is_refused() -> None:
 
 def test_a_lane_that_only_the_permanent_layer_has_is_taken_with_a_remark(tmp_path: Path) -> None:
     """The closed lane of the library's road works: named by its layer it is valid, without a layer it breaks a rule."""
-    text = (LIBRARY / "lane_closure_highway.xosc").read_text("utf-8").replace("../../xodr/library", ROADS.as_posix())
+    text = (
+        (LIBRARY / "lane_closure_highway.xosc")
+        .read_text("utf-8")
+        .replace("../../xodr/library", ROADS.as_posix())
+    )
     text = text.replace('path="catalogs', f'path="{LIBRARY.as_posix()}/catalogs')
     named, unnamed = tmp_path / "named.xosc", tmp_path / "unnamed.xosc"
     named.write_text(text, "utf-8")
@@ -102,8 +115,10 @@ def test_a_lane_that_only_the_permanent_layer_has_is_taken_with_a_remark(tmp_pat
     assert [problem.rule for problem in check(named)] == []
     assert [problem.rule for problem in check(unnamed)] == [LANE_UID]
     first, second = (runner.run(path, sut="none", world="kinematic") for path in (named, unnamed))
-    assert ["the lane of the permanent layer is assumed" in each for each in second.remarks if each not in first.remarks] == [
-        True
-    ]
+    assert [
+        "the lane of the permanent layer is assumed" in each
+        for each in second.remarks
+        if each not in first.remarks
+    ] == [True]
     assert second.trajectories.equals(first.trajectories)
     assert at(track(first, "Merging"), 17.0, "y") == pytest.approx(-3.25 / 2, abs=1e-6)

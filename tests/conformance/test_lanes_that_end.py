@@ -21,24 +21,40 @@ def driven(tmp_path: Path, road: str, lane: str, s: float, speed: float = 20.0) 
         f'<LanePosition roadId="{road}" laneId="{lane}" s="{s}" offset="0"/>',
     )
     path = changed(
-        SCENARIOS / "EndOfRoadCondition.xosc", tmp_path, start, ('TargetSpeed value="20"', f'TargetSpeed value="{speed}"')
+        SCENARIOS / "EndOfRoadCondition.xosc",
+        tmp_path,
+        start,
+        ('TargetSpeed value="20"', f'TargetSpeed value="{speed}"'),
     )
     roads = str(SCENARIOS.parent / "roads" / "tapers.xodr")
-    return runner.run(path, parameters={"Road": roads}, sut=None, timestep=0.01, world="kinematic", max_time=180.0 / speed)
+    return runner.run(
+        path,
+        parameters={"Road": roads},
+        sut=None,
+        timestep=0.01,
+        world="kinematic",
+        max_time=180.0 / speed,
+    )
 
 
 @pytest.mark.parametrize("side", CLOSING)
-def test_an_entity_on_a_lane_that_narrows_to_nothing_follows_the_road_on_the_lane_beside(side: str, tmp_path: Path) -> None:
+def test_an_entity_on_a_lane_that_narrows_to_nothing_follows_the_road_on_the_lane_beside(
+    side: str, tmp_path: Path
+) -> None:
     road, lane, s, beside, end, t = CLOSING[side]
     result = driven(tmp_path, road, lane, s)
     columns = track(result, "Ego")
     steps = np.hypot(np.diff(columns["x"].astype(float)), np.diff(columns["y"].astype(float)))
     moving = columns["time"][1:] < 7.0  # until the roads end
     assert steps[moving] == pytest.approx(0.2, abs=1e-3), "at its speed, without a jump"
-    past = (columns["road_id"] == "1") & ((columns["s"] > end) if side == "right" else (columns["s"] < end))
+    past = (columns["road_id"] == "1") & (
+        (columns["s"] > end) if side == "right" else (columns["s"] < end)
+    )
     assert set(columns["lane_id"][past]) == {beside}
     offsets = columns["lane_offset"][past].astype(float)
-    assert columns["t"][past].astype(float)[0] == pytest.approx(t, abs=0.02), "from where the lane has ended"
+    assert columns["t"][past].astype(float)[0] == pytest.approx(t, abs=0.02), (
+        "from where the lane has ended"
+    )
     assert (np.diff(np.abs(offsets)) <= 1e-9).all() and abs(offsets[-1]) < 1.2, "into the lane"
     kinks = np.abs(np.diff(np.unwrap(columns["h"][past].astype(float))))
     assert kinks[:100].max() < 2e-3, "without turning at once"
@@ -54,4 +70,8 @@ def test_it_comes_to_the_end_of_the_road_not_of_the_lane(tmp_path: Path) -> None
     result = driven(tmp_path, *CLOSING["right"][:3])
     ego = track(result, "Ego")
     assert str(ego["road_id"][-1]) == "2"
-    assert [event for event in result.events if event.kind == "startTransition" and "Fired" in event.subject] == []
+    assert [
+        event
+        for event in result.events
+        if event.kind == "startTransition" and "Fired" in event.subject
+    ] == []

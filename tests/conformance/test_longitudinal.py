@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import runner
-from runner.participants.declaration import Performance
+from runner.engine.participants.declaration import Performance
 from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
 DT = 0.01
@@ -25,7 +25,11 @@ def speed_run(**parameters: object) -> object:
 
 @pytest.mark.parametrize(
     ("shape", "value"),
-    [("linear", lambda p: p), ("cubic", lambda p: 3 * p**2 - 2 * p**3), ("sinusoidal", lambda p: (1 - np.cos(np.pi * p)) / 2)],
+    [
+        ("linear", lambda p: p),
+        ("cubic", lambda p: 3 * p**2 - 2 * p**3),
+        ("sinusoidal", lambda p: (1 - np.cos(np.pi * p)) / 2),
+    ],
 )
 def test_speed_follows_its_shape_over_time(shape: str, value: object) -> None:
     car = track(speed_run(Shape=shape, Dimension="time", Value=4.0), "Car")
@@ -33,7 +37,9 @@ def test_speed_follows_its_shape_over_time(shape: str, value: object) -> None:
     assert np.allclose(car["speed"], 10.0 + 10.0 * value(progress), atol=1e-9)
 
 
-@pytest.mark.parametrize(("shape", "duration"), [("linear", 5.0), ("cubic", 7.5), ("sinusoidal", 2.5 * math.pi)])
+@pytest.mark.parametrize(
+    ("shape", "duration"), [("linear", 5.0), ("cubic", 7.5), ("sinusoidal", 2.5 * math.pi)]
+)
 def test_a_rate_is_the_greatest_acceleration(shape: str, duration: float) -> None:
     result = speed_run(Shape=shape, Dimension="rate", Value=2.0)
     car = track(result, "Car")
@@ -42,9 +48,14 @@ def test_a_rate_is_the_greatest_acceleration(shape: str, duration: float) -> Non
     assert end.time == pytest.approx(1.0 + duration, abs=2 * DT)
 
 
-@pytest.mark.parametrize(("start", "target"), [(10.0, 20.0), (20.0, 0.0), (0.0, 20.0), (10.0, -10.0)])
+@pytest.mark.parametrize(
+    ("start", "target"), [(10.0, 20.0), (20.0, 0.0), (0.0, 20.0), (10.0, -10.0)]
+)
 def test_a_distance_is_the_way_to_the_target_speed(start: float, target: float) -> None:
-    car = track(speed_run(Shape="cubic", Dimension="distance", Value=60.0, StartSpeed=start, Target=target), "Car")
+    car = track(
+        speed_run(Shape="cubic", Dimension="distance", Value=60.0, StartSpeed=start, Target=target),
+        "Car",
+    )
     reached = int(np.argmax(car["speed"] == target))
     way = np.abs(np.diff(car["x"]))[round(1.0 / DT) : reached].sum()
     assert way == pytest.approx(60.0, abs=abs(start - target) * DT)
@@ -52,9 +63,12 @@ def test_a_distance_is_the_way_to_the_target_speed(start: float, target: float) 
 
 
 @pytest.mark.parametrize(
-    ("shape", "dimension", "value"), [("step", "time", 3.0), ("linear", "time", 0.0), ("cubic", "distance", 0.0)]
+    ("shape", "dimension", "value"),
+    [("step", "time", 3.0), ("linear", "time", 0.0), ("cubic", "distance", 0.0)],
 )
-def test_what_takes_no_time_is_there_after_one_step_and_complete_at_once(shape: str, dimension: str, value: float) -> None:
+def test_what_takes_no_time_is_there_after_one_step_and_complete_at_once(
+    shape: str, dimension: str, value: float
+) -> None:
     result = speed_run(Shape=shape, Dimension=dimension, Value=value)
     car = track(result, "Car")
     assert (at(car, 1.0, "speed"), at(car, 1.0 + DT, "speed")) == pytest.approx((10.0, 20.0))
@@ -76,13 +90,23 @@ def test_a_negative_target_reverses_without_turning() -> None:
 
 def test_following_stays_within_the_performance_and_position_does_not() -> None:
     steep = {"Shape": "linear", "Dimension": "rate", "Value": 8.0}
-    assert np.diff(track(speed_run(Mode="follow", **steep), "Car")["speed"]).max() / DT == pytest.approx(5.0)
-    assert np.diff(track(speed_run(Mode="position", **steep), "Car")["speed"]).max() / DT == pytest.approx(8.0)
+    assert np.diff(
+        track(speed_run(Mode="follow", **steep), "Car")["speed"]
+    ).max() / DT == pytest.approx(5.0)
+    assert np.diff(
+        track(speed_run(Mode="position", **steep), "Car")["speed"]
+    ).max() / DT == pytest.approx(8.0)
 
 
-@pytest.mark.parametrize(("relation", "value", "final"), [("delta", 5.0, 25.0), ("factor", 0.5, 10.0)])
-def test_a_continuous_relative_speed_follows_the_reference(relation: str, value: float, final: float) -> None:
-    result = speed_run(Relation=relation, RelativeValue=value, Continuous=True, Dimension="time", Value=4.0)
+@pytest.mark.parametrize(
+    ("relation", "value", "final"), [("delta", 5.0, 25.0), ("factor", 0.5, 10.0)]
+)
+def test_a_continuous_relative_speed_follows_the_reference(
+    relation: str, value: float, final: float
+) -> None:
+    result = speed_run(
+        Relation=relation, RelativeValue=value, Continuous=True, Dimension="time", Value=4.0
+    )
     follower = track(result, "Follower")
     assert follower["speed"][-1] == pytest.approx(final)
     assert not events(result, "endTransition", "FollowerAction")
@@ -95,7 +119,9 @@ def test_a_relative_speed_is_that_of_the_start_unless_continuous() -> None:
 
 
 def test_a_continuous_relative_speed_keeps_its_rate() -> None:
-    follower = track(speed_run(Continuous=True, Dimension="rate", Value=1.0, Mode="position"), "Follower")
+    follower = track(
+        speed_run(Continuous=True, Dimension="rate", Value=1.0, Mode="position"), "Follower"
+    )
     assert np.abs(np.diff(follower["speed"])).max() / DT == pytest.approx(1.0)
 
 
@@ -108,7 +134,9 @@ def profile_run(**parameters: object) -> object:
 
 def test_a_profile_in_position_mode_is_linear_between_its_targets() -> None:
     car = track(profile_run(), "Car")
-    wanted = np.interp(car["time"], [1.0, 5.0, 9.0, 10.0], [0.0, 10.0, 4.0, 8.0])  # the last as fast as 4 m/s² allow
+    wanted = np.interp(
+        car["time"], [1.0, 5.0, 9.0, 10.0], [0.0, 10.0, 4.0, 8.0]
+    )  # the last as fast as 4 m/s² allow
     assert np.allclose(car["speed"], wanted, atol=1e-6)
 
 
@@ -143,16 +171,23 @@ def distance_run(**parameters: object) -> object:
 
 
 @pytest.mark.parametrize("system", ("entity", "lane", "road"))
-@pytest.mark.parametrize(("displacement", "side"), [("trailingReferencedEntity", 1), ("leadingReferencedEntity", -1), ("any", 1)])
+@pytest.mark.parametrize(
+    ("displacement", "side"),
+    [("trailingReferencedEntity", 1), ("leadingReferencedEntity", -1), ("any", 1)],
+)
 @pytest.mark.parametrize("freespace", (True, False))
-def test_a_rigid_distance_holds_on_either_side(system: str, displacement: str, side: int, freespace: bool) -> None:
+def test_a_rigid_distance_holds_on_either_side(
+    system: str, displacement: str, side: int, freespace: bool
+) -> None:
     result = distance_run(System=system, Displacement=displacement, Freespace=freespace)
     ahead = track(result, "Lead")["x"] - track(result, "Rigid")["x"]
     assert np.allclose(ahead[110:] * side, 20.0 + (LENGTH if freespace else 0.0), atol=1e-6)
     assert np.allclose(track(result, "Rigid")["speed"][110:], 10.0)
 
 
-@pytest.mark.parametrize(("displacement", "side"), [("trailingReferencedEntity", 1), ("leadingReferencedEntity", -1)])
+@pytest.mark.parametrize(
+    ("displacement", "side"), [("trailingReferencedEntity", 1), ("leadingReferencedEntity", -1)]
+)
 def test_a_limited_time_gap_is_reached_within_the_limits(displacement: str, side: int) -> None:
     result = distance_run(Displacement=displacement)
     limited, lead = track(result, "Limited"), track(result, "Lead")
@@ -170,9 +205,13 @@ def test_a_limited_time_gap_keeps_its_jerk() -> None:
 
 def test_a_distance_ends_when_reached_unless_continuous() -> None:
     result = distance_run(Continuous=False)
-    assert [len(events(result, "endTransition", name)) for name in ("RigidAction", "LimitedAction")] == [1, 1]
+    assert [
+        len(events(result, "endTransition", name)) for name in ("RigidAction", "LimitedAction")
+    ] == [1, 1]
     result = distance_run(Continuous=True)
-    assert [len(events(result, "endTransition", name)) for name in ("RigidAction", "LimitedAction")] == [0, 0]
+    assert [
+        len(events(result, "endTransition", name)) for name in ("RigidAction", "LimitedAction")
+    ] == [0, 0]
 
 
 @pytest.mark.parametrize("lane", ("-1", "1"))
@@ -183,14 +222,18 @@ def test_distances_are_those_of_the_direction_faced(lane: str) -> None:
 
 
 def test_a_rigid_distance_holds_along_a_curve() -> None:
-    result = distance_run(Road="../roads/curve.xodr", System="road", Freespace=False, S=20.0, LeadS=60.0)
+    result = distance_run(
+        Road="../roads/curve.xodr", System="road", Freespace=False, S=20.0, LeadS=60.0
+    )
     gap = track(result, "Lead")["s"] - track(result, "Rigid")["s"]
     assert np.allclose(gap[110:1500], 20.0, atol=1e-3)
 
 
 def test_the_limits_of_an_action_may_exceed_the_performance() -> None:
     limited = track(distance_run(MaxAcceleration=9.0), "Limited")
-    assert np.abs(np.diff(limited["speed"])).max() / DT > Performance(60.0, 5.0, 10.0).max_acceleration
+    assert (
+        np.abs(np.diff(limited["speed"])).max() / DT > Performance(60.0, 5.0, 10.0).max_acceleration
+    )
 
 
 def test_a_profile_begins_at_the_speed_that_its_event_has_just_set(tmp_path: Path) -> None:

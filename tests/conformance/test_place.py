@@ -1,6 +1,7 @@
 """One place, reached in five ways: everything that is said of the entity there is the same.
 
-A car gets from lane -2 of a straight road into the middle of lane -1, or is put there. One second later, others count lanes
+A car gets from lane -2 of a straight road into the middle of lane -1, or is put there. One second
+later, others count lanes
 from it and are put beside it, and it changes lanes itself.
 """
 
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import runner
-from runner.sut import Control, Observation, Participant
+from runner.systems import Control, Observation, Participant
 from tests.conformance.support import at, track
 
 ROAD = Path(__file__).parent / "roads" / "straight.xodr"
@@ -116,7 +117,9 @@ class Witness:
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_everything_said_of_a_place_is_the_same_by_whatever_way_it_was_reached(way: str, tmp_path: Path) -> None:
+def test_everything_said_of_a_place_is_the_same_by_whatever_way_it_was_reached(
+    way: str, tmp_path: Path
+) -> None:
     path = tmp_path / "place.xosc"
     path.write_text(scenario(*WAYS[way]), encoding="utf-8")
     witness = Witness()
@@ -124,12 +127,20 @@ def test_everything_said_of_a_place_is_the_same_by_whatever_way_it_was_reached(w
     car, follower, placed = (track(result, name) for name in ("Car", "Follower", "Placed"))
     row = int(abs(car["time"] - 7.0).argmin())
     assert (car["road_id"][row], car["lane_id"][row]) == ("1", -1)
-    assert (car["t"][row], car["lane_offset"][row], car["h"][row]) == pytest.approx((LEFT, 0.0, 0.0), abs=1e-6)
+    assert (car["t"][row], car["lane_offset"][row], car["h"][row]) == pytest.approx(
+        (LEFT, 0.0, 0.0), abs=1e-6
+    )
     # lanes counted from it, and positions relative to it
     assert at(follower, 7.5, "t") == pytest.approx(LEFT, abs=1e-6)
     assert at(placed, 7.5, "t") == pytest.approx(LEFT, abs=1e-6)
     assert at(car, 8.5, "t") == pytest.approx(LEFT - LANE, abs=1e-6)
     # at every step, outputs name the lane that is under the car
     said = dict(zip(car["time"].round(6).tolist(), car["lane_id"].tolist(), strict=True))
-    on_border = {time for time, t in zip(car["time"].round(6), car["t"], strict=True) if abs(t + LANE) < 1e-3}
-    assert {time: lane for time, lane in witness.lanes.items() if time not in on_border and said[time] != lane} == {}
+    on_border = {
+        time for time, t in zip(car["time"].round(6), car["t"], strict=True) if abs(t + LANE) < 1e-3
+    }
+    assert {
+        time: lane
+        for time, lane in witness.lanes.items()
+        if time not in on_border and said[time] != lane
+    } == {}

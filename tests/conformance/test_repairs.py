@@ -17,11 +17,24 @@ HERE = Path(__file__).parent
 BOM = "\ufeff"
 DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
 HEADER = '  <FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" description="Conformance: what tests break and runs repair" author="xosc-toolchain"/>\n'  # noqa: E501
-XML, VALID, TYPED = "xml.valid_xml_document", "xml.valid_schema", "parameters.parameter_declaration_parameter_type_inference"
-VALUE, DIRECTORY = "expressions.expression_has_a_value", "reference_control.catalogs_referenced_by_directory"
-EMPTY, ACTORS = "storyboard.elements_are_not_empty", "reference_control.valid_actor_reference_in_private_actions"
+XML, VALID, TYPED = (
+    "xml.valid_xml_document",
+    "xml.valid_schema",
+    "parameters.parameter_declaration_parameter_type_inference",
+)
+VALUE, DIRECTORY = (
+    "expressions.expression_has_a_value",
+    "reference_control.catalogs_referenced_by_directory",
+)
+EMPTY, ACTORS = (
+    "storyboard.elements_are_not_empty",
+    "reference_control.valid_actor_reference_in_private_actions",
+)
 LENGTH, LANE = "positioning.position_is_on_the_road", "reference_control.lane_exists_on_road"
-DISTANCE, TIMING = "positioning.relative_lane_position_has_one_distance", "routing.trajectory_timing_exists_if_requested"
+DISTANCE, TIMING = (
+    "positioning.relative_lane_position_has_one_distance",
+    "routing.trajectory_timing_exists_if_requested",
+)
 IN_RUNS = {LANE, LENGTH}
 """Rules of which only a run can know that relative positions break them."""
 CONTROLLER = "reference_control.resolvable_controller_reference"
@@ -58,9 +71,7 @@ SYNCHRONISED = (
     '<FinalSpeed><AbsoluteSpeed value="7">{}</AbsoluteSpeed>{}</FinalSpeed></SynchronizeAction></PrivateAction>'
 )
 SECOND_VERTEX = '<Vertex><Position><WorldPosition x="400" y="-1.75"/></Position></Vertex>'
-NAMELESS = (
-    '<GlobalAction><EnvironmentAction><Environment><Weather cloudState="free"/></Environment></EnvironmentAction></GlobalAction>'
-)
+NAMELESS = '<GlobalAction><EnvironmentAction><Environment><Weather cloudState="free"/></Environment></EnvironmentAction></GlobalAction>'
 MODE = '<TrajectoryFollowingMode followingMode="position"/>'
 VISIBLE = '<PrivateAction><VisibilityAction traffic="true" sensors="true"/></PrivateAction>'
 SIGNALS = (
@@ -100,7 +111,9 @@ CAR_WITHOUT_TRAILER = UNBOXED_CAR.replace(
     "</Vehicle>",
     '<Trailer><Trailer name="t"><CatalogReference catalogName="Vehicles" entryName=""/></Trailer></Trailer></Vehicle>',
 )
-UNBOXED_PEDESTRIAN = '<Pedestrian name="p" mass="80" pedestrianCategory="pedestrian"><Properties/></Pedestrian>'
+UNBOXED_PEDESTRIAN = (
+    '<Pedestrian name="p" mass="80" pedestrianCategory="pedestrian"><Properties/></Pedestrian>'
+)
 
 
 def placed(position: str) -> str:
@@ -118,24 +131,37 @@ def other(position: str) -> str:
 
 def untimed(rest: str) -> str:
     """An action that follows a trajectory, with only some of what it needs besides."""
-    return TRAJECTORY[: TRAJECTORY.index("<TimeReference>")] + rest + TRAJECTORY[TRAJECTORY.index("</FollowTrajectoryAction>") :]
+    return (
+        TRAJECTORY[: TRAJECTORY.index("<TimeReference>")]
+        + rest
+        + TRAJECTORY[TRAJECTORY.index("</FollowTrajectoryAction>") :]
+    )
 
 
 def joined(value: str) -> str:
     """The declaration of the name, after those of its parts."""
     parts = {"First": "Eg", "Last": "o"}.items()
-    declared = "".join(f'name="{name}" parameterType="string" value="{part}"/><ParameterDeclaration ' for name, part in parts)
+    declared = "".join(
+        f'name="{name}" parameterType="string" value="{part}"/><ParameterDeclaration '
+        for name, part in parts
+    )
     return f'{declared}name="Name" parameterType="string" value="{value}"'
 
 
 FAULTS = {
     # values
-    "text typed double": Fault('name="Name" parameterType="string"', 'name="Name" parameterType="double"', TYPED, 8),
-    "number typed string": Fault('name="Count" parameterType="int"', 'name="Count" parameterType="string"', VALUE, 7),
+    "text typed double": Fault(
+        'name="Name" parameterType="string"', 'name="Name" parameterType="double"', TYPED, 8
+    ),
+    "number typed string": Fault(
+        'name="Count" parameterType="int"', 'name="Count" parameterType="string"', VALUE, 7
+    ),
     "boolean in capitals": Fault('value="false"', 'value="FALSE"', TYPED, 9),
     "integer with a fraction": Fault('value="2"', 'value="2.0"', TYPED, 7),
     "attribute in capitals": Fault('"$Triggering"', '"False"', VALID, 61),
-    "dollar in a declared name": Fault('name="Half"', 'name="$Half"', "parameters.declared_name_is_a_name", 6),
+    "dollar in a declared name": Fault(
+        'name="Half"', 'name="$Half"', "parameters.declared_name_is_a_name", 6
+    ),
     "declared twice": Fault(
         '<ParameterDeclaration name="Half"',
         '<ParameterDeclaration name="Speed" parameterType="double" value="20"/><ParameterDeclaration name="Half"',
@@ -144,7 +170,10 @@ FAULTS = {
         12.0,
     ),
     "assignment of what is not declared": Fault(
-        'parameterRef="MaxSpeed"', 'parameterRef="TopSpeed"', "parameters.assigned_parameter_is_declared", 26
+        'parameterRef="MaxSpeed"',
+        'parameterRef="TopSpeed"',
+        "parameters.assigned_parameter_is_declared",
+        26,
     ),
     "compared with a boolean in capitals": Fault(
         'SimulationTimeCondition rule="greaterThan" value="1"',
@@ -153,22 +182,34 @@ FAULTS = {
         110,
         10.0,
     ),
-    "texts in a sum": Fault('name="Name" parameterType="string" value="Ego"', joined("${$First + $Last}"), VALUE, 8),
-    "texts of several expressions": Fault(
-        'name="Name" parameterType="string" value="Ego"', joined("${$First}${$Last}"), "data_type.allowed_operators", 8
+    "texts in a sum": Fault(
+        'name="Name" parameterType="string" value="Ego"', joined("${$First + $Last}"), VALUE, 8
     ),
-    "parameter without a dollar": Fault("${$Half + $Count}", "${Half + $Count}", "data_type.allowed_operators", 72),
+    "texts of several expressions": Fault(
+        'name="Name" parameterType="string" value="Ego"',
+        joined("${$First}${$Last}"),
+        "data_type.allowed_operators",
+        8,
+    ),
+    "parameter without a dollar": Fault(
+        "${$Half + $Count}", "${Half + $Count}", "data_type.allowed_operators", 72
+    ),
     # structure
     "byte-order mark twice": Fault(DECLARATION, BOM + BOM + DECLARATION, XML, 1),
     "XML declaration in the second line": Fault(DECLARATION, "\n" + DECLARATION, XML, 2),
     "document type": Fault(DECLARATION, DECLARATION.strip() + " <!DOCTYPE OpenSCENARIO>\n", XML, 1),
     "attribute twice": Fault('name="later"', 'name="later" name = "later"', XML, 80),
-    "namespace": Fault("<OpenSCENARIO>", '<OpenSCENARIO xmlns="http://example.org/xosc">', VALID, 2),
+    "namespace": Fault(
+        "<OpenSCENARIO>", '<OpenSCENARIO xmlns="http://example.org/xosc">', VALID, 2
+    ),
     "hyphens in a comment": Fault("  <Entities>", "  <!-- a -- b --><Entities>", XML, 22),
     "wrong revision": Fault('revMinor="3"', 'revMinor="0"', VALID, 3),
     "later revision": Fault('revMinor="3"', 'revMinor="9"', VALID, 3),
     "later revision with what came later": Fault(
-        HEADER, HEADER.replace('revMinor="3"', 'revMinor="4"').replace("/>", "><Later/></FileHeader>"), VALID, 3
+        HEADER,
+        HEADER.replace('revMinor="3"', 'revMinor="4"').replace("/>", "><Later/></FileHeader>"),
+        VALID,
+        3,
     ),
     "no revision": Fault(' revMajor="1" revMinor="3"', "", "xml.version_is_defined", 3),
     "no header": Fault(HEADER, "\n", "xml.fileheader_is_present", 2),
@@ -176,33 +217,75 @@ FAULTS = {
     "no delay": Fault(' conditionEdge="none" delay="0"', ' conditionEdge="none"', VALID, 92),
     "no edge": Fault('name="begin" conditionEdge="none"', 'name="begin"', VALID, 92),
     "no rule of entities": Fault(' triggeringEntitiesRule="any"', "", VALID, 94),
-    "no maximum of executions": Fault(' maximumExecutionCount="1">\n          <Actors', ">\n          <Actors", VALID, 60),
-    "no dx": Fault("        </Private>\n", placed('<RelativeObjectPosition entityRef="$Name" dy="0"/>'), VALID, 56),
-    "no dy": Fault("        </Private>\n", placed('<RelativeWorldPosition entityRef="$Name" dx="0"/>'), VALID, 56),
-    "no ds": Fault("        </Private>\n", placed('<RelativeRoadPosition entityRef="$Name" dt="-1"/>'), VALID, 56),
-    "no dt": Fault("        </Private>\n", placed('<RelativeRoadPosition entityRef="$Name" ds="1"/>'), VALID, 56),
-    "no dLane": Fault("        </Private>\n", placed('<RelativeLanePosition entityRef="$Name" ds="1"/>'), VALID, 56),
+    "no maximum of executions": Fault(
+        ' maximumExecutionCount="1">\n          <Actors', ">\n          <Actors", VALID, 60
+    ),
+    "no dx": Fault(
+        "        </Private>\n",
+        placed('<RelativeObjectPosition entityRef="$Name" dy="0"/>'),
+        VALID,
+        56,
+    ),
+    "no dy": Fault(
+        "        </Private>\n",
+        placed('<RelativeWorldPosition entityRef="$Name" dx="0"/>'),
+        VALID,
+        56,
+    ),
+    "no ds": Fault(
+        "        </Private>\n",
+        placed('<RelativeRoadPosition entityRef="$Name" dt="-1"/>'),
+        VALID,
+        56,
+    ),
+    "no dt": Fault(
+        "        </Private>\n",
+        placed('<RelativeRoadPosition entityRef="$Name" ds="1"/>'),
+        VALID,
+        56,
+    ),
+    "no dLane": Fault(
+        "        </Private>\n",
+        placed('<RelativeLanePosition entityRef="$Name" ds="1"/>'),
+        VALID,
+        56,
+    ),
     "no t": Fault("        </Private>\n", placed('<RoadPosition roadId="1" s="300"/>'), VALID, 56),
     "mode in capitals": Fault('conditionEdge="rising"', 'conditionEdge="Rising"', VALID, 80),
     "attribute in capitals of others": Fault("conditionEdge", "conditionedge", VALID, 80),
     "attribute with a letter less": Fault("conditionEdge", "conditionEge", VALID, 80),
     "element with a letter less": Fault("<LogicFile", "<LogicFil", VALID, 20),
-    "name of a reference without its end": Fault("<Private entityRef", "<Private entity", VALID, 37),
+    "name of a reference without its end": Fault(
+        "<Private entityRef", "<Private entity", VALID, 37
+    ),
     "former name of an attribute": Fault('conditionEdge="rising"', 'edge="rising"', VALID, 80),
-    "nothing of visibility": Fault("        </Private>\n", "        " + VISIBLE + "</Private>\n", VALID, 55),
+    "nothing of visibility": Fault(
+        "        </Private>\n", "        " + VISIBLE + "</Private>\n", VALID, 55
+    ),
     "no type of a relative speed": Fault(
         '<AbsoluteTargetSpeed value="${$Half + $Count}"/>',
         '<RelativeTargetSpeed entityRef="$Name" value="-3" continuous="false"/>',
         VALID,
         72,
     ),
-    "element by the name of its type": Fault("<SpeedActionDynamics", "<TransitionDynamics", VALID, 48),
-    "no dynamics of a speed": Fault(
-        '<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/>', "", VALID, 47
+    "element by the name of its type": Fault(
+        "<SpeedActionDynamics", "<TransitionDynamics", VALID, 48
     ),
-    "value that is none": Fault('"override" maximumExecutionCount="1"', '"override" maximumExecutionCount="None"', VALID, 65),
-    "name of the attribute beside it": Fault("        </Private>\n", f"        {GEAR}</Private>\n", VALID, 55),
-    "any number of executions": Fault('"override" maximumExecutionCount="1"', '"override" maximumExecutionCount="-1"', VALID, 65),
+    "no dynamics of a speed": Fault(
+        '<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/>',
+        "",
+        VALID,
+        47,
+    ),
+    "value that is none": Fault(
+        '"override" maximumExecutionCount="1"', '"override" maximumExecutionCount="None"', VALID, 65
+    ),
+    "name of the attribute beside it": Fault(
+        "        </Private>\n", f"        {GEAR}</Private>\n", VALID, 55
+    ),
+    "any number of executions": Fault(
+        '"override" maximumExecutionCount="1"', '"override" maximumExecutionCount="-1"', VALID, 65
+    ),
     "type by another name": Fault('parameterType="boolean"', 'parameterType="bool"', VALID, 9),
     "vehicle without a box": Fault(ENTRY_OF_CAR, UNBOXED_CAR, VALID, 24),
     "pedestrian without a box": Fault(ENTRY_OF_CAR, UNBOXED_PEDESTRIAN, VALID, 24),
@@ -210,31 +293,58 @@ FAULTS = {
     "unknown attribute": Fault('name="later"', 'name="later" colour="red"', VALID, 80),
     "unknown element": Fault("  <Entities>", "  <Weather2/><Entities>", VALID, 22),
     "text in an element": Fault("  <Entities>", "  <Entities>text", VALID, 22),
-    "attribute that nothing needs": Fault("      <Actions>\n", f"      <Actions>{WEATHER}\n", VALID, 36),
-    "element in another place": Fault("          </Maneuver>\n", "<ParameterDeclarations/></Maneuver>\n", VALID, 88),
-    "element twice": Fault("    <LogicFile", '    <LogicFile filepath="../roads/straight.xodr"/><LogicFile', VALID, 20),
+    "attribute that nothing needs": Fault(
+        "      <Actions>\n", f"      <Actions>{WEATHER}\n", VALID, 36
+    ),
+    "element in another place": Fault(
+        "          </Maneuver>\n", "<ParameterDeclarations/></Maneuver>\n", VALID, 88
+    ),
+    "element twice": Fault(
+        "    <LogicFile", '    <LogicFile filepath="../roads/straight.xodr"/><LogicFile', VALID, 20
+    ),
     "declarations twice": Fault(
         '    <ParameterDeclaration name="Half"',
         '  </ParameterDeclarations><ParameterDeclarations><ParameterDeclaration name="Half"',
         VALID,
         6,
     ),
-    "no times of a trajectory": Fault("        </Private>\n", f"        {untimed(MODE)}</Private>\n", VALID, 55),
-    "no mode of following": Fault(
-        "        </Private>\n", f"        {untimed('<TimeReference><None/></TimeReference>')}</Private>\n", VALID, 55
+    "no times of a trajectory": Fault(
+        "        </Private>\n", f"        {untimed(MODE)}</Private>\n", VALID, 55
     ),
-    "no value of a step": Fault(' dynamicsDimension="time" value="0"', ' dynamicsDimension="time"', VALID, 48),
+    "no mode of following": Fault(
+        "        </Private>\n",
+        f"        {untimed('<TimeReference><None/></TimeReference>')}</Private>\n",
+        VALID,
+        55,
+    ),
+    "no value of a step": Fault(
+        ' dynamicsDimension="time" value="0"', ' dynamicsDimension="time"', VALID, 48
+    ),
     # the storyboard
-    "empty private": Fault("        </Private>\n", '        </Private><Private entityRef="$Name"/>\n', EMPTY, 55),
-    "empty action": Fault("              <StartTrigger>\n", '              <Action name="None"/><StartTrigger>\n', EMPTY, 78),
+    "empty private": Fault(
+        "        </Private>\n", '        </Private><Private entityRef="$Name"/>\n', EMPTY, 55
+    ),
+    "empty action": Fault(
+        "              <StartTrigger>\n",
+        '              <Action name="None"/><StartTrigger>\n',
+        EMPTY,
+        78,
+    ),
     "empty kind of action": Fault(
         "              <StartTrigger>\n",
         '              <Action name="None"><PrivateAction><RoutingAction/></PrivateAction></Action><StartTrigger>\n',
         EMPTY,
         78,
     ),
-    "empty event": Fault("          </Maneuver>\n", '<Event name="none" priority="parallel"/></Maneuver>\n', EMPTY, 88),
-    "empty maneuver": Fault("          </Maneuver>\n", '          </Maneuver><Maneuver name="none"/>\n', EMPTY, 88),
+    "empty event": Fault(
+        "          </Maneuver>\n",
+        '<Event name="none" priority="parallel"/></Maneuver>\n',
+        EMPTY,
+        88,
+    ),
+    "empty maneuver": Fault(
+        "          </Maneuver>\n", '          </Maneuver><Maneuver name="none"/>\n', EMPTY, 88
+    ),
     "empty group": Fault(
         "        </ManeuverGroup>\n",
         '</ManeuverGroup><ManeuverGroup name="none" maximumExecutionCount="1"><Actors selectTriggeringEntities="false"/>'
@@ -250,14 +360,28 @@ FAULTS = {
         EMPTY,
         94,
     ),
-    "collision with no one": Fault('<SpeedCondition rule="greaterThan" value="1"/>', "<CollisionCondition/>", EMPTY, 98, 10.0),
-    "name of the condition beside it": Fault('<Condition name="later"', f'{CONDITION}<Condition name="later"', NAMES, 80),
-    "negative duration": Fault(
-        '<SpeedCondition rule="greaterThan" value="1"/>', '<StandStillCondition duration="-1"/>', DURATION, 98, 10.0
+    "collision with no one": Fault(
+        '<SpeedCondition rule="greaterThan" value="1"/>', "<CollisionCondition/>", EMPTY, 98, 10.0
     ),
-    "empty group of conditions": Fault("    <StopTrigger>\n", "    <StopTrigger><ConditionGroup/>\n", EMPTY, 106),
+    "name of the condition beside it": Fault(
+        '<Condition name="later"', f'{CONDITION}<Condition name="later"', NAMES, 80
+    ),
+    "negative duration": Fault(
+        '<SpeedCondition rule="greaterThan" value="1"/>',
+        '<StandStillCondition duration="-1"/>',
+        DURATION,
+        98,
+        10.0,
+    ),
+    "empty group of conditions": Fault(
+        "    <StopTrigger>\n", "    <StopTrigger><ConditionGroup/>\n", EMPTY, 106
+    ),
     "no actors": Fault(
-        '            <EntityRef entityRef="$Name"/>\n          </Actors>', "          </Actors>", ACTORS, 61, 10.0
+        '            <EntityRef entityRef="$Name"/>\n          </Actors>',
+        "          </Actors>",
+        ACTORS,
+        61,
+        10.0,
     ),
     "no element of actors": Fault(
         '          <Actors selectTriggeringEntities="$Triggering">\n            <EntityRef entityRef="$Name"/>\n'
@@ -267,28 +391,46 @@ FAULTS = {
         60,
         10.0,
     ),
-    "activation of no controller": Fault("        </Private>\n", f"        {ACTIVATION}</Private>\n", CONTROLLER, 55),
-    "state of no signal": Fault('roads/straight.xodr"/>', f'roads/straight.xodr"/>{SIGNALS}', SIGNAL, 20),
+    "activation of no controller": Fault(
+        "        </Private>\n", f"        {ACTIVATION}</Private>\n", CONTROLLER, 55
+    ),
+    "state of no signal": Fault(
+        'roads/straight.xodr"/>', f'roads/straight.xodr"/>{SIGNALS}', SIGNAL, 20
+    ),
     # positions and trajectories
     "s beyond the end": Fault('s="300"', 's="1300"', LENGTH, 41, 0.0),
     "s before the beginning": Fault('s="300"', 's="-3"', LENGTH, 41),
     "no distance along the lane": Fault("        </Private>\n", other('dLane="-1"'), DISTANCE, 56),
-    "relative position beyond the end": Fault("        </Private>\n", other('dLane="-1" ds="2000"'), LENGTH, 56, 0.0),
-    "along the lane beyond its end": Fault("        </Private>\n", other('dLane="-1" dsLane="2000"'), LENGTH, 56, 0.0),
+    "relative position beyond the end": Fault(
+        "        </Private>\n", other('dLane="-1" ds="2000"'), LENGTH, 56, 0.0
+    ),
+    "along the lane beyond its end": Fault(
+        "        </Private>\n", other('dLane="-1" dsLane="2000"'), LENGTH, 56, 0.0
+    ),
     "lane beside the road": Fault("        </Private>\n", other('dLane="-3" ds="10"'), LANE, 56),
     "two positions": Fault(
-        "        </Private>\n", placed('<LanePosition roadId="1" laneId="-1" s="300"/><WorldPosition x="0" y="0"/>'), VALID, 56
+        "        </Private>\n",
+        placed('<LanePosition roadId="1" laneId="-1" s="300"/><WorldPosition x="0" y="0"/>'),
+        VALID,
+        56,
     ),
     "polyline of one vertex": Fault(
         "        </Private>\n",
-        "        " + untimed(f"<TimeReference><None/></TimeReference>{MODE}").replace(SECOND_VERTEX, "") + "</Private>\n",
+        "        "
+        + untimed(f"<TimeReference><None/></TimeReference>{MODE}").replace(SECOND_VERTEX, "")
+        + "</Private>\n",
         VALID,
         55,
     ),
-    "environment without a name": Fault("      <Actions>\n", f"      <Actions>{NAMELESS}\n", VALID, 36),
+    "environment without a name": Fault(
+        "      <Actions>\n", f"      <Actions>{NAMELESS}\n", VALID, 36
+    ),
     "value that begins another": Fault('dynamicsShape="step"', 'dynamicsShape="ste"', VALID, 48),
     "dynamics without a dimension": Fault(
-        'dynamicsShape="step" dynamicsDimension="time" value="0"', 'dynamicsShape="linear" value="0"', VALID, 48
+        'dynamicsShape="step" dynamicsDimension="time" value="0"',
+        'dynamicsShape="linear" value="0"',
+        VALID,
+        48,
     ),
     "dynamics in an element of their own": Fault(
         '<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/>',
@@ -296,12 +438,21 @@ FAULTS = {
         VALID,
         49,
     ),
-    "steady state beside the speed": Fault("        </Private>\n", SYNCHRONISED.format("", STEADY) + "</Private>\n", VALID, 56),
-    "steady state too deep": Fault(
-        "        </Private>\n", SYNCHRONISED.format(f"<SteadyState>{STEADY}</SteadyState>", "") + "</Private>\n", VALID, 56
+    "steady state beside the speed": Fault(
+        "        </Private>\n", SYNCHRONISED.format("", STEADY) + "</Private>\n", VALID, 56
     ),
-    "placeholder in a path": Fault('filepath="../roads/straight.xodr"', 'filepath="${ROOT}/roads/straight.xodr"', FILE, 20),
-    "times of no trajectory": Fault("        </Private>\n", "        " + TRAJECTORY + "</Private>\n", TIMING, 55),
+    "steady state too deep": Fault(
+        "        </Private>\n",
+        SYNCHRONISED.format(f"<SteadyState>{STEADY}</SteadyState>", "") + "</Private>\n",
+        VALID,
+        56,
+    ),
+    "placeholder in a path": Fault(
+        'filepath="../roads/straight.xodr"', 'filepath="${ROOT}/roads/straight.xodr"', FILE, 20
+    ),
+    "times of no trajectory": Fault(
+        "        </Private>\n", "        " + TRAJECTORY + "</Private>\n", TIMING, 55
+    ),
     # catalogues
     "directory is a file": Fault('path="catalogs"', 'path="catalogs/vehicles.xosc"', DIRECTORY, 13),
     "file is elsewhere": Fault('path="catalogs"', 'path="elsewhere/vehicles.xosc"', DIRECTORY, 13),
@@ -309,7 +460,9 @@ FAULTS = {
     "catalogue by its file": Fault('catalogName="Vehicles"', 'catalogName="vehicles"', ENTRY, 24),
     "trailer without a name": Fault(ENTRY_OF_CAR, CAR_WITHOUT_TRAILER, ENTRY, 24),
     "no such controller": Fault('entryName="driver"', 'entryName="pilot"', ENTRY, 30),
-    "no catalogue of controllers": Fault('catalogName="Controllers"', 'catalogName="Pilots"', ENTRY, 30),
+    "no catalogue of controllers": Fault(
+        'catalogName="Controllers"', 'catalogName="Pilots"', ENTRY, 30
+    ),
 }
 
 
@@ -336,7 +489,9 @@ def test_the_sound_scenario_has_no_remark(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_is_named_repaired_with_a_remark_and_refused_if_strict(folder: Path, name: str) -> None:
+def test_a_fault_is_named_repaired_with_a_remark_and_refused_if_strict(
+    folder: Path, name: str
+) -> None:
     fault = FAULTS[name]
     text = (folder / "sound.xosc").read_text(encoding="utf-8")
     assert fault.old in text
@@ -346,12 +501,20 @@ def test_a_fault_is_named_repaired_with_a_remark_and_refused_if_strict(folder: P
         assert any(problem.rule.endswith(fault.rule) for problem in check(broken))
     result = run(broken)
     *others, remark = [
-        each for each in repairs(result) if "its private actions have no actor" not in each or fault.rule == ACTORS
+        each
+        for each in repairs(result)
+        if "its private actions have no actor" not in each or fault.rule == ACTORS
     ]
     if name == "wrong revision":
         remark, others = others[0], []
-        assert f"{broken}:3: the header has the revision 1.0, the content is that of version 1.1: 1.0 has no expr" in remark
-    assert all("the content is that of version" in each or "it is read as version 1.3" in each for each in others)
+        assert (
+            f"{broken}:3: the header has the revision 1.0, the content is that of version 1.1: 1.0 has no expr"
+            in remark
+        )
+    assert all(
+        "the content is that of version" in each or "it is read as version 1.3" in each
+        for each in others
+    )
     assert remark.startswith(f"{broken}:{fault.line}: ") and remark.endswith(f":{fault.rule}]")
     assert track(result, "Ego")["speed"][-1] == fault.speed
     with pytest.raises(InvalidFile, match=VALID if others else fault.rule):
@@ -360,7 +523,10 @@ def test_a_fault_is_named_repaired_with_a_remark_and_refused_if_strict(folder: P
 
 def test_a_parameter_may_say_that_there_is_no_value(folder: Path) -> None:
     text = (folder / "sound.xosc").read_text(encoding="utf-8")
-    text = text.replace('name="Half"', 'name="Offset" parameterType="string" value="None"/><ParameterDeclaration name="Half"')
+    text = text.replace(
+        'name="Half"',
+        'name="Offset" parameterType="string" value="None"/><ParameterDeclaration name="Half"',
+    )
     broken = folder / "broken.xosc"
     broken.write_text(text.replace('offset="0"', 'offset="$Offset"'), encoding="utf-8")
     (remark,) = repairs(run(broken))
@@ -371,14 +537,19 @@ def test_a_parameter_may_say_that_there_is_no_value(folder: Path) -> None:
 
 def test_a_reference_to_a_name_that_looks_like_an_expression_is_no_expression(folder: Path) -> None:
     name = "${$Name + slows down}"
-    state = (
-        f'<StoryboardElementStateCondition storyboardElementType="event" storyboardElementRef="{name}" state="completeState"/>'
-    )
+    state = f'<StoryboardElementStateCondition storyboardElementType="event" storyboardElementRef="{name}" state="completeState"/>'
     end = f'<Condition name="end" conditionEdge="none" delay="0"><ByValueCondition>{state}</ByValueCondition></Condition>'
-    text = (folder / "sound.xosc").read_text(encoding="utf-8").replace('<Event name="slower"', f'<Event name="{name}"')
+    text = (
+        (folder / "sound.xosc")
+        .read_text(encoding="utf-8")
+        .replace('<Event name="slower"', f'<Event name="{name}"')
+    )
     broken = folder / "broken.xosc"
     broken.write_text(
-        text.replace("    <StopTrigger>", f"    <StopTrigger><ConditionGroup>{end}</ConditionGroup>"), encoding="utf-8"
+        text.replace(
+            "    <StopTrigger>", f"    <StopTrigger><ConditionGroup>{end}</ConditionGroup>"
+        ),
+        encoding="utf-8",
     )
     result = run(broken)
     (remark,) = repairs(result)

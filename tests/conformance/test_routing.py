@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import runner
-from runner.interpreter.execution import prepare
+from runner.judging.execution import prepare
 from schemas.common.errors import InvalidFile
 from tests.conformance.support import SCENARIOS, at, changed, events, run, track
 
@@ -50,16 +50,28 @@ CYCLIST = (
     ("crossing.xodr", "crosswalk.xodr"),
     ('vehicleCategory="car"', 'vehicleCategory="bicycle"'),
     ('<AbsoluteTargetSpeed value="10"/>', '<AbsoluteTargetSpeed value="2"/>'),
-    ('<LanePosition roadId="3" laneId="1" s="50"/>', '<LanePosition roadId="1" laneId="-2" s="30"/>'),
-    ('<LanePosition roadId="3" laneId="1" s="80"/>', '<LanePosition roadId="1" laneId="-2" s="35"/>'),
-    ('<LanePosition roadId="$Exit" laneId="-1" s="60"/>', '<LanePosition roadId="2" laneId="2" s="20"/>'),
+    (
+        '<LanePosition roadId="3" laneId="1" s="50"/>',
+        '<LanePosition roadId="1" laneId="-2" s="30"/>',
+    ),
+    (
+        '<LanePosition roadId="3" laneId="1" s="80"/>',
+        '<LanePosition roadId="1" laneId="-2" s="35"/>',
+    ),
+    (
+        '<LanePosition roadId="$Exit" laneId="-1" s="60"/>',
+        '<LanePosition roadId="2" laneId="2" s="20"/>',
+    ),
 )
 OVER = (
     '<Route name="Route" closed="$Closed">',
     '<Route name="Route" closed="$Closed">'
     '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-2" s="30"/></Position></Waypoint>',
 )
-ON_THE_CROSSWALK = ('<LanePosition roadId="1" laneId="-2" s="35"/>', '<LanePosition roadId="75" laneId="1" s="4"/>')
+ON_THE_CROSSWALK = (
+    '<LanePosition roadId="1" laneId="-2" s="35"/>',
+    '<LanePosition roadId="75" laneId="1" s="4"/>',
+)
 
 
 @pytest.mark.parametrize("world", ["kinematic", "sumo"])
@@ -67,7 +79,13 @@ def test_a_route_leads_over_a_cross_path(tmp_path: Path, world: str) -> None:
     """20 m along the right sidewalk, 9 m across the carriageway, and on along the left sidewalk, at 2 m/s."""
     path = changed(SCENARIOS / "AssignRouteAction.xosc", tmp_path, *CYCLIST, OVER, ON_THE_CROSSWALK)
     columns = track(runner.run(path, sut=None, timestep=0.1, max_time=20.0, world=world), "Car")
-    for time, place in ((9.0, (48.0, -4.5)), (12.0, (50.0, -0.5)), (14.0, (50.0, 3.5)), (16.0, (53.0, 4.5)), (20.0, (61.0, 4.5))):
+    for time, place in (
+        (9.0, (48.0, -4.5)),
+        (12.0, (50.0, -0.5)),
+        (14.0, (50.0, 3.5)),
+        (16.0, (53.0, 4.5)),
+        (20.0, (61.0, 4.5)),
+    ):
         assert (at(columns, time, "x"), at(columns, time, "y")) == pytest.approx(place, abs=1e-6)
     assert list(dict.fromkeys(map(str, columns["road_id"]))) == ["1", "3", "75", "2"]
 
@@ -94,10 +112,18 @@ def test_a_position_that_no_way_leads_to_is_named_before_the_run(tmp_path: Path)
         'id="1" junction', 'id="island" junction'
     )
     crossing = (roads / "crossing.xodr").read_text(encoding="utf-8")
-    (tmp_path / "island.xodr").write_text(crossing.replace("</OpenDRIVE>", f"{island}</OpenDRIVE>"), encoding="utf-8")
-    path = changed(SCENARIOS / "AcquirePositionAction.xosc", tmp_path, (str(roads / "crossing.xodr"), "island.xodr"))
+    (tmp_path / "island.xodr").write_text(
+        crossing.replace("</OpenDRIVE>", f"{island}</OpenDRIVE>"), encoding="utf-8"
+    )
+    path = changed(
+        SCENARIOS / "AcquirePositionAction.xosc",
+        tmp_path,
+        (str(roads / "crossing.xodr"), "island.xodr"),
+    )
     assert prepare(path, {"Exit": "1"}) is not None
-    with pytest.raises(InvalidFile, match="AcquirePositionAction: no way leads 'Car' to the position"):
+    with pytest.raises(
+        InvalidFile, match="AcquirePositionAction: no way leads 'Car' to the position"
+    ):
         prepare(path, {"Exit": "island"})
 
 
@@ -105,7 +131,8 @@ def test_a_random_route_depends_on_the_seed_only() -> None:
     taken = {}
     for seed in range(12):
         first, second = (
-            str(track(run("RandomRouteAction", seed=seed, world="kinematic"), "Car")["road_id"][-1]) for _ in range(2)
+            str(track(run("RandomRouteAction", seed=seed, world="kinematic"), "Car")["road_id"][-1])
+            for _ in range(2)
         )
         assert first == second
         taken[first] = seed
@@ -121,7 +148,9 @@ def test_position_mode_jumps_to_the_trajectory_and_follows_it_at_the_entity_s_sp
     assert at(columns, 1.5, "x") == pytest.approx(105.0, abs=1e-6)
     # 20 m east, then √500 m to (140, 8.25), then west
     slant = math.hypot(20.0, 10.0)
-    assert (at(columns, 4.0, "x"), at(columns, 4.0, "y")) == pytest.approx((120.0 + 200.0 / slant, -1.75 + 100.0 / slant))
+    assert (at(columns, 4.0, "x"), at(columns, 4.0, "y")) == pytest.approx(
+        (120.0 + 200.0 / slant, -1.75 + 100.0 / slant)
+    )
     assert at(columns, 4.0, "h") == pytest.approx(math.atan2(10.0, 20.0))
     left = 10.0 * 5.0 - 20.0 - slant
     assert (at(columns, 6.0, "x"), at(columns, 6.0, "y")) == pytest.approx((140.0 - left, 8.25))
@@ -159,9 +188,19 @@ def test_inside_a_trajectory_prescribed_headings_and_the_gear_say_which_way_lead
         (f'<WorldPosition x="{x}" y="{y}"/>', f'<WorldPosition x="{x}" y="-1.75" h="{heading}"/>')
         for x, y in (("100", "-1.75"), ("120", "-1.75"), ("140", "8.25"))
     ]
-    last = ('<WorldPosition x="100" y="8.25"/>', f'<WorldPosition x="180" y="-1.75" h="{heading}"/>')
+    last = (
+        '<WorldPosition x="100" y="8.25"/>',
+        f'<WorldPosition x="180" y="-1.75" h="{heading}"/>',
+    )
     path = changed(SCENARIOS / "FollowTrajectoryAction.xosc", tmp_path, *ends, last)
-    result = runner.run(path, parameters={"Speed": speed, "Skip": 80}, sut=None, timestep=0.01, world="kinematic", max_time=60.0)
+    result = runner.run(
+        path,
+        parameters={"Speed": speed, "Skip": 80},
+        sut=None,
+        timestep=0.01,
+        world="kinematic",
+        max_time=60.0,
+    )
     columns = track(result, "Car")
     assert at(columns, 5.0, "x") == pytest.approx(180.0 - 40.0, abs=1e-6)
     assert math.cos(at(columns, 5.0, "h")) == pytest.approx(math.cos(float(heading)))
@@ -255,12 +294,17 @@ def test_in_both_modes_an_entity_is_at_each_vertex_at_its_time(mode: str) -> Non
 
 
 def test_follow_mode_changes_speed_within_the_performance_where_position_mode_jumps() -> None:
-    jumps = {mode: np.abs(np.diff(drive("TrajectoryFollowingMode", Mode=mode)["speed"])).max() for mode in ("position", "follow")}
+    jumps = {
+        mode: np.abs(np.diff(drive("TrajectoryFollowingMode", Mode=mode)["speed"])).max()
+        for mode in ("position", "follow")
+    }
     assert jumps["position"] == pytest.approx(10.0)
     assert jumps["follow"] <= 20.0 * 0.01 + 1e-6
 
 
-def test_follow_mode_stands_where_vertices_are_at_one_place_and_arrives_with_the_speed_of_its_last_interval() -> None:
+def test_follow_mode_stands_where_vertices_are_at_one_place_and_arrives_with_the_speed_of_its_last_interval() -> (
+    None
+):
     columns = drive("TrajectoryFollowingMode")
     assert np.all(columns["speed"][(columns["time"] > 6.015) & (columns["time"] < 6.995)] == 0.0)
     # 5 m in 3 s from standstill: one acceleration
@@ -283,7 +327,11 @@ def test_who_cannot_keep_the_times_is_late_and_catches_up_within_its_performance
 
 
 def test_the_action_ends_when_the_late_arrive() -> None:
-    result = run("TrajectoryFollowingMode", parameters={"Limit": 2, "Speed": 0, "Last": 200}, world="kinematic")
+    result = run(
+        "TrajectoryFollowingMode",
+        parameters={"Limit": 2, "Speed": 0, "Last": 200},
+        world="kinematic",
+    )
     (end,) = events(result, "endTransition", "Follow")
     assert 10.1 < end.time < 14.0
     assert at(track(result, "Car"), end.time, "x") == pytest.approx(200.0, abs=0.3)
@@ -346,21 +394,35 @@ def test_a_teleport_keeps_the_speed() -> None:
 
 def test_an_offset_of_all_of_the_trajectory_may_be_rounded() -> None:
     """The trajectory's length comes from its vertices, the offset from the file."""
-    length = float(re.findall(r"the trajectory's ([0-9.]+) m", refusal("FollowTrajectoryAction", Skip=1e6))[0])
-    result = run("FollowTrajectoryAction", parameters={"Skip": length + 1e-7}, world="kinematic", max_time=2.0)
-    assert events(result, "endTransition", "Follow")[0].time == pytest.approx(1.0), "nothing of it is left to follow"
+    length = float(
+        re.findall(r"the trajectory's ([0-9.]+) m", refusal("FollowTrajectoryAction", Skip=1e6))[0]
+    )
+    result = run(
+        "FollowTrajectoryAction",
+        parameters={"Skip": length + 1e-7},
+        world="kinematic",
+        max_time=2.0,
+    )
+    assert events(result, "endTransition", "Follow")[0].time == pytest.approx(1.0), (
+        "nothing of it is left to follow"
+    )
 
 
 @pytest.mark.parametrize("arm", ["2", "4"])
 def test_an_entity_off_its_route_is_led_to_it(arm: str, tmp_path: Path) -> None:
     """The car comes from the west; the route lies on the arm to the north or south, where no straight way leads."""
-    first = ('<LanePosition roadId="3" laneId="1" s="80"/>', f'<LanePosition roadId="{arm}" laneId="-1" s="30"/>')
+    first = (
+        '<LanePosition roadId="3" laneId="1" s="80"/>',
+        f'<LanePosition roadId="{arm}" laneId="-1" s="30"/>',
+    )
     path = changed(SCENARIOS / "AssignRouteAction.xosc", tmp_path, first)
     result = runner.run(path, parameters={"Exit": arm}, sut=None, world="kinematic", max_time=60.0)
     assert str(track(result, "Car")["road_id"][-1]) == arm
 
 
-def test_following_without_times_begins_at_the_start_of_the_trajectory_where_its_end_is_nearer(tmp_path: Path) -> None:
+def test_following_without_times_begins_at_the_start_of_the_trajectory_where_its_end_is_nearer(
+    tmp_path: Path,
+) -> None:
     timing = '<Timing domainAbsoluteRelative="relative" offset="0" scale="1"/>'
     first = ('<WorldPosition x="100" y="-1.75"/>', '<WorldPosition x="98" y="1.75"/>')
     path = changed(SCENARIOS / "TrajectoryFollowingMode.xosc", tmp_path, (timing, "<None/>"), first)
@@ -370,21 +432,32 @@ def test_following_without_times_begins_at_the_start_of_the_trajectory_where_its
 
 
 @pytest.mark.parametrize("braking", [1.5, 3.0, 8.0])
-def test_a_schedule_that_ends_in_standstill_ends_so_within_the_performance(braking: float, tmp_path: Path) -> None:
+def test_a_schedule_that_ends_in_standstill_ends_so_within_the_performance(
+    braking: float, tmp_path: Path
+) -> None:
     change = ('maxDeceleration="20"', f'maxDeceleration="{braking}"')
     path = changed(SCENARIOS / "TrajectoryFollowingMode.xosc", tmp_path, change)
-    result = runner.run(path, parameters={"Last": 160}, sut=None, world="kinematic", timestep=0.01, max_time=60.0)
+    result = runner.run(
+        path, parameters={"Last": 160}, sut=None, world="kinematic", timestep=0.01, max_time=60.0
+    )
     columns = track(result, "Car")
     assert np.diff(columns["speed"]).min() >= -braking * 0.01 - 1e-6
     assert np.all(columns["speed"][-100:] == 0.0)
     assert columns["x"][-1] == pytest.approx(160.0, abs=0.1)
 
 
-def test_an_actor_that_is_too_fast_for_the_end_of_its_schedule_brakes_beyond_it(tmp_path: Path) -> None:
+def test_an_actor_that_is_too_fast_for_the_end_of_its_schedule_brakes_beyond_it(
+    tmp_path: Path,
+) -> None:
     change = ('maxDeceleration="20"', 'maxDeceleration="1"')
     path = changed(SCENARIOS / "TrajectoryFollowingMode.xosc", tmp_path, change)
     given = {"Last": 160, "Speed": 20}
-    columns = track(runner.run(path, parameters=given, sut=None, world="kinematic", timestep=0.01, max_time=60.0), "Car")
+    columns = track(
+        runner.run(
+            path, parameters=given, sut=None, world="kinematic", timestep=0.01, max_time=60.0
+        ),
+        "Car",
+    )
     assert at(columns, 13.0, "x") == pytest.approx(100.0 + 20.0 * 13.0 - 13.0**2 / 2.0, abs=0.5)
     assert at(columns, 13.0, "speed") == pytest.approx(7.0, abs=0.05)
     assert np.diff(columns["speed"]).min() >= -0.01 - 1e-6
@@ -401,7 +474,12 @@ def test_back_at_the_start_of_a_trajectory_speed_and_displacement_agree(tmp_path
     </ConditionGroup></StartTrigger></Event></Maneuver>"""
     path = changed(SCENARIOS / "FollowTrajectoryAction.xosc", tmp_path, ("</Maneuver>", forward))
     given = {"Speed": -10, "Y0": -1.75}
-    columns = track(runner.run(path, parameters=given, sut=None, world="kinematic", timestep=0.01, max_time=12.0), "Car")
+    columns = track(
+        runner.run(
+            path, parameters=given, sut=None, world="kinematic", timestep=0.01, max_time=12.0
+        ),
+        "Car",
+    )
     moved = np.hypot(np.diff(columns["x"]), np.diff(columns["y"])) / 0.01
     on_it = columns["time"][1:] > 1.05
     assert np.abs(moved - np.abs(columns["speed"][1:]))[on_it].max() < 0.06
@@ -410,10 +488,26 @@ def test_back_at_the_start_of_a_trajectory_speed_and_displacement_agree(tmp_path
 
 
 def test_of_two_vertices_at_one_time_the_second_has_none(tmp_path: Path) -> None:
-    path = changed(SCENARIOS / "TrajectoryFollowingMode.xosc", tmp_path, ('<Vertex time="4">', '<Vertex time="2">'))
-    result = runner.run(path, parameters={"Mode": "position"}, sut=None, world="kinematic", timestep=0.01, max_time=60.0)
-    assert any("the time 2 is that of another place, too; it is left out" in remark for remark in result.remarks)
+    path = changed(
+        SCENARIOS / "TrajectoryFollowingMode.xosc",
+        tmp_path,
+        ('<Vertex time="4">', '<Vertex time="2">'),
+    )
+    result = runner.run(
+        path,
+        parameters={"Mode": "position"},
+        sut=None,
+        world="kinematic",
+        timestep=0.01,
+        max_time=60.0,
+    )
+    assert any(
+        "the time 2 is that of another place, too; it is left out" in remark
+        for remark in result.remarks
+    )
     columns = track(result, "Car")
-    assert (at(columns, 2.0, "x"), at(columns, 4.0, "x"), at(columns, 6.0, "x")) == pytest.approx((120.0, 140.0, 160.0), abs=1e-6)
+    assert (at(columns, 2.0, "x"), at(columns, 4.0, "x"), at(columns, 6.0, "x")) == pytest.approx(
+        (120.0, 140.0, 160.0), abs=1e-6
+    )
     with pytest.raises(InvalidFile, match="is that of another place"):
         runner.run(path, sut=None, world="kinematic", strict=True)

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runner import RunResult
-from runner.actions.synchronize import free_speed, planned_speed
-from runner.motion.on_roads import LaneMotion
-from runner.motion.placement import Placement
-from runner.participants.entity import Entity
+from runner.engine.actions.synchronize import free_speed, planned_speed
+from runner.engine.motion.on_roads import LaneMotion
+from runner.engine.motion.placement import Placement
+from runner.engine.participants.entity import Entity
 from tests.conformance.support import events, run, track
 
 DT = 0.01
@@ -73,21 +73,30 @@ def test_it_waits_where_the_way_is_shorter_than_the_time() -> None:
 
 def test_it_ends_at_the_target() -> None:
     result = synchronize()
-    ends = [events(result, "endTransition", f"{name}Action")[0].time for name in ("Free", "Final", "Relative")]
+    ends = [
+        events(result, "endTransition", f"{name}Action")[0].time
+        for name in ("Free", "Final", "Relative")
+    ]
     assert ends == pytest.approx([ARRIVAL] * 3, abs=0.06)
 
 
 def drive(speed: float, final: float | None, way: float, time: float) -> tuple[float, float, float]:
     """Way and time left when either has run out, and the speed then."""
     while way > 0.0 and time > DT / 2:
-        speed = free_speed(speed, way, time, DT) if final is None else planned_speed(speed, final, way, time, DT)
+        speed = (
+            free_speed(speed, way, time, DT)
+            if final is None
+            else planned_speed(speed, final, way, time, DT)
+        )
         way, time = way - speed * DT, time - DT
     return way, time, speed
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.floats(0.0, 30.0), st.floats(0.5, 30.0), st.floats(5.0, 300.0), st.floats(2.0, 30.0))
-def test_any_profile_arrives_in_time_with_its_final_speed(speed: float, final: float, way: float, time: float) -> None:
+def test_any_profile_arrives_in_time_with_its_final_speed(
+    speed: float, final: float, way: float, time: float
+) -> None:
     left, rest, reached = drive(speed, final, way, time)
     scale = max(speed, final, way / time, 1.0)
     assert abs(left) <= 3 * scale * DT + 0.05 and abs(rest) <= 3 * DT + 0.05 / final
@@ -96,13 +105,17 @@ def test_any_profile_arrives_in_time_with_its_final_speed(speed: float, final: f
 
 @settings(max_examples=100, deadline=None)
 @given(st.floats(0.0, 30.0), st.floats(5.0, 300.0), st.floats(2.0, 30.0))
-def test_any_free_profile_never_reverses_and_does_not_come_late(speed: float, way: float, time: float) -> None:
+def test_any_free_profile_never_reverses_and_does_not_come_late(
+    speed: float, way: float, time: float
+) -> None:
     left, _, reached = drive(speed, None, way, time)
     assert reached >= 0.0
     assert left <= max(speed, way / time) * 3 * DT + 0.05 or speed * time > 2.0 * way
 
 
-def test_a_target_that_is_not_on_the_way_yet_is_looked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_target_that_is_not_on_the_way_yet_is_looked_for_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     found = LaneMotion.distance_to
 
     def later(motion: LaneMotion, entity: Entity, placement: Placement) -> float | None:

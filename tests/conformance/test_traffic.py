@@ -19,7 +19,9 @@ ROAD = SCENARIOS.parent / "roads" / "straight.xodr"
 run = functools.partial(run_scenario, timestep=0.05)
 
 
-def variant(folder: Path, element: str, *changes: tuple[str, str], **options: Any) -> runner.RunResult:
+def variant(
+    folder: Path, element: str, *changes: tuple[str, str], **options: Any
+) -> runner.RunResult:
     """Run the scenario of an element with parts of its text replaced."""
     text = (SCENARIOS / f"{element}.xosc").read_text()
     for old, new in changes:
@@ -27,7 +29,9 @@ def variant(folder: Path, element: str, *changes: tuple[str, str], **options: An
         text = text.replace(old, new)
     path = folder / f"{element}.xosc"
     path.write_text(text)
-    return runner.run(path, parameters={"Road": str(ROAD)}, **{"sut": None, "timestep": 0.05, **options})
+    return runner.run(
+        path, parameters={"Road": str(ROAD)}, **{"sut": None, "timestep": 0.05, **options}
+    )
 
 
 def between(text: str, tag: str) -> str:
@@ -66,13 +70,17 @@ def test_traffic_does_not_run_into_scripted_participants() -> None:
 
 
 def test_runs_with_traffic_are_repeatable_and_depend_on_the_seed() -> None:
-    first, second, other = (run("TrafficSwarmAction", max_time=6.0, seed=seed).trajectories for seed in (1, 1, 2))
+    first, second, other = (
+        run("TrafficSwarmAction", max_time=6.0, seed=seed).trajectories for seed in (1, 1, 2)
+    )
     assert first.equals(second)
     assert not first.equals(other)
 
 
 def test_a_source_waits_while_there_is_no_room() -> None:
-    times = spawned(run("TrafficSourceAction", parameters={"Rate": 100, "EgoS": 900}, max_time=10.0))
+    times = spawned(
+        run("TrafficSourceAction", parameters={"Rate": 100, "EgoS": 900}, max_time=10.0)
+    )
     gaps = np.diff(sorted(times.values()))
     assert 3 <= len(times) <= 20
     assert min(gaps) > 0.5
@@ -96,7 +104,9 @@ def test_version_1_0_writes_velocity_and_a_traffic_definition(tmp_path: Path) ->
 
 def test_without_any_distribution_traffic_consists_of_cars(tmp_path: Path) -> None:
     text = (SCENARIOS / "TrafficSourceAction.xosc").read_text()
-    result = variant(tmp_path, "TrafficSourceAction", (between(text, "TrafficDistribution"), ""), max_time=6.0)
+    result = variant(
+        tmp_path, "TrafficSourceAction", (between(text, "TrafficDistribution"), ""), max_time=6.0
+    )
     assert {event.text for event in events(result, "spawned")} == {"car"}
 
 
@@ -112,7 +122,10 @@ def test_without_any_distribution_traffic_consists_of_cars(tmp_path: Path) -> No
     ],
 )
 def test_what_a_source_can_not_do_is_refused(
-    tmp_path: Path, change: tuple[str, str], error: type[InvalidFile] | type[Unsupported], message: str
+    tmp_path: Path,
+    change: tuple[str, str],
+    error: type[InvalidFile] | type[Unsupported],
+    message: str,
 ) -> None:
     with pytest.raises(error, match=message) as caught:
         variant(tmp_path, "TrafficSourceAction", change, max_time=0.1)
@@ -120,7 +133,10 @@ def test_what_a_source_can_not_do_is_refused(
 
 
 def test_a_source_beside_the_road_is_refused(tmp_path: Path) -> None:
-    aside = ('<LanePosition roadId="1" laneId="-1" s="100" offset="0"/>', '<WorldPosition x="100" y="80"/>')
+    aside = (
+        '<LanePosition roadId="1" laneId="-1" s="100" offset="0"/>',
+        '<WorldPosition x="100" y="80"/>',
+    )
     with pytest.raises(InvalidFile, match="no lane within the radius"):
         variant(tmp_path, "TrafficSourceAction", aside, max_time=0.1)
 
@@ -139,7 +155,9 @@ def test_a_sink_takes_out_traffic_where_it_is() -> None:
     assert taken == [f"Inflow_{k + 1}" for k in range(len(taken))]
     assert len(taken) >= 5
     for name in taken:
-        assert track(result, name)["x"].max() == pytest.approx(300.0 - 5.0 - 4.0, abs=3.0)  # its front comes within 5 m
+        assert track(result, name)["x"].max() == pytest.approx(
+            300.0 - 5.0 - 4.0, abs=3.0
+        )  # its front comes within 5 m
 
 
 def test_a_sink_keeps_to_its_rate() -> None:
@@ -151,7 +169,12 @@ def test_a_sink_takes_the_categories_of_its_definition_only(tmp_path: Path) -> N
       <VehicleCategoryDistribution><VehicleCategoryDistributionEntry category="truck" weight="1"/></VehicleCategoryDistribution>
       <ControllerDistribution><ControllerDistributionEntry weight="1"><Controller name="any"><Properties/></Controller>
       </ControllerDistributionEntry></ControllerDistribution></TrafficDefinition>"""
-    result = variant(tmp_path, "TrafficSinkAction", ("</TrafficSinkAction>", f"{trucks}</TrafficSinkAction>"), max_time=40.0)
+    result = variant(
+        tmp_path,
+        "TrafficSinkAction",
+        ("</TrafficSinkAction>", f"{trucks}</TrafficSinkAction>"),
+        max_time=40.0,
+    )
     category = {event.subject: event.text for event in events(result, "spawned")}
     assert {category[event.subject] for event in events(result, "sink")} == {"truck"}
 
@@ -178,7 +201,9 @@ def test_a_swarm_stays_in_its_ellipse_and_appears_outside_the_inner_circle() -> 
     assert len(names) > 8
     for name in names:
         dx, dy = around_ego(result, name, first=False)
-        assert np.all(np.hypot((dx - 20.0) / 200.0, dy / 50.0) <= 1.02)  # one step of delay at the border
+        assert np.all(
+            np.hypot((dx - 20.0) / 200.0, dy / 50.0) <= 1.02
+        )  # one step of delay at the border
         assert np.hypot(*around_ego(result, name, first=True))[0] >= 40.0 - 1.1
 
 
@@ -194,7 +219,9 @@ def test_a_swarm_keeps_its_number_and_begins_in_its_range_of_speed() -> None:
 
 @pytest.mark.parametrize(("same", "opposite", "heading"), [(1, 0, 0.0), (0, 2, math.pi)])
 def test_a_swarm_travels_as_its_shares_say(same: float, opposite: float, heading: float) -> None:
-    result = run("TrafficSwarmAction", parameters={"Same": same, "Opposite": opposite}, max_time=3.0)
+    result = run(
+        "TrafficSwarmAction", parameters={"Same": same, "Opposite": opposite}, max_time=3.0
+    )
     assert spawned(result)
     for name in spawned(result):
         assert abs(math.remainder(track(result, name)["h"][0] - heading, math.tau)) < 0.01
@@ -212,7 +239,12 @@ def test_an_area_of_road_ranges_is_kept_filled() -> None:
         assert mine["y"][0] == pytest.approx(-5.25, abs=0.01)  # lane -2
         assert mine["x"][0] >= 100.0
         assert mine["x"][-1] <= 500.0 + 2.0
-    counts = [sum(float(track(result, name)["time"][0]) <= 20.0 <= float(track(result, name)["time"][-1]) for name in names)]
+    counts = [
+        sum(
+            float(track(result, name)["time"][0]) <= 20.0 <= float(track(result, name)["time"][-1])
+            for name in names
+        )
+    ]
     assert counts[0] in (3, 4)
 
 
@@ -237,7 +269,9 @@ def test_a_polygon_that_is_not_continuous_is_filled_once() -> None:
         (('<Lane id="-2"/>', '<Lane id="-7"/>'), "has no lane -7"),
     ],
 )
-def test_an_area_that_is_not_there_is_refused(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+def test_an_area_that_is_not_there_is_refused(
+    tmp_path: Path, change: tuple[str, str], message: str
+) -> None:
     with pytest.raises(InvalidFile, match=message):
         variant(tmp_path, "TrafficAreaAction", change)
 
@@ -248,7 +282,9 @@ def test_an_area_that_is_not_there_is_refused(tmp_path: Path, change: tuple[str,
 def test_traffic_is_stopped_by_its_name_and_what_is_on_the_road_drives_on() -> None:
     result = run("TrafficStopAction", parameters={"EgoS": 950}, max_time=16.0)
     times = spawned(result)
-    assert [name for name in times if name.startswith("Inflow_")] == [f"Inflow_{k + 1}" for k in range(4)]
+    assert [name for name in times if name.startswith("Inflow_")] == [
+        f"Inflow_{k + 1}" for k in range(4)
+    ]
     assert sum(name.startswith("Other_") for name in times) == 8
     assert track(result, "Inflow_4")["time"].max() == pytest.approx(16.0)
 
@@ -258,5 +294,7 @@ def test_a_name_that_no_traffic_has_is_refused(tmp_path: Path) -> None:
         '<TrafficAction trafficName="Inflow">\n                    <TrafficStop',
         '<TrafficAction trafficName="X"><TrafficStop',
     )
-    with pytest.raises(InvalidFile, match="no traffic action of this scenario has the trafficName 'X'"):
+    with pytest.raises(
+        InvalidFile, match="no traffic action of this scenario has the trafficName 'X'"
+    ):
         variant(tmp_path, "TrafficStopAction", stop)

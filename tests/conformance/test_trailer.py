@@ -27,7 +27,11 @@ def gap(car: dict[str, np.ndarray], trailer: dict[str, np.ndarray], since: float
 @pytest.mark.parametrize("speed", [10.0, -2.0])
 @pytest.mark.parametrize("road", ["straight", "curve"])
 def test_a_connected_trailer_stays_on_the_hitch(road: str, speed: float) -> None:
-    result = run("ConnectTrailerAction", parameters={"Road": f"../roads/{road}.xodr", "Speed": speed}, world="kinematic")
+    result = run(
+        "ConnectTrailerAction",
+        parameters={"Road": f"../roads/{road}.xodr", "Speed": speed},
+        world="kinematic",
+    )
     car, trailer = track(result, "Car"), track(result, "Trailer")
     assert gap(car, trailer, 1.02) < 1e-9
     assert at(trailer, 5.0, "speed") == pytest.approx(speed)
@@ -47,18 +51,27 @@ def test_a_towed_trailer_lines_up_on_the_straight_and_cuts_the_corner_in_a_curve
     # tractrix: the angle's half tangent decays with exp(−distance / coupler length)
     h = math.atan2(-1.5, 9.0)
     driven = 10.0 * (3.0 - 2.0)
-    assert at(straight, 3.0, "h") == pytest.approx(2 * math.atan(math.tan(h / 2) * math.exp(-driven / COUPLER)), abs=2e-4)
-    curve = run("ConnectTrailerAction", parameters={"Road": "../roads/curve.xodr"}, world="kinematic")
+    assert at(straight, 3.0, "h") == pytest.approx(
+        2 * math.atan(math.tan(h / 2) * math.exp(-driven / COUPLER)), abs=2e-4
+    )
+    curve = run(
+        "ConnectTrailerAction", parameters={"Road": "../roads/curve.xodr"}, world="kinematic"
+    )
     car, trailer = track(curve, "Car"), track(curve, "Trailer")
     # steady state on a circle: axle radius² = hitch radius² − coupler², hitch radius² = car radius² + hitch²
     # centre of the road's left arc of curvature 0.01 is at (0, 100); the lane is outside the reference line
     radius = 100.0 + 1.75
-    end = [math.hypot(float(columns["x"][-1]), float(columns["y"][-1]) - 100.0) for columns in (car, trailer)]
+    end = [
+        math.hypot(float(columns["x"][-1]), float(columns["y"][-1]) - 100.0)
+        for columns in (car, trailer)
+    ]
     assert end[0] == pytest.approx(radius, abs=1e-6)
     assert end[1] == pytest.approx(math.sqrt(radius**2 + HITCH**2 - COUPLER**2), abs=2e-3)
 
 
-def test_an_inline_trailer_is_an_entity_of_its_own_placed_behind_its_tractor_and_stands_once_disconnected() -> None:
+def test_an_inline_trailer_is_an_entity_of_its_own_placed_behind_its_tractor_and_stands_once_disconnected() -> (
+    None
+):
     result = run("DisconnectTrailerAction", world="kinematic")
     car, trailer = track(result, "Car"), track(result, "Trailer")
     assert (trailer["x"][0], trailer["y"][0]) == pytest.approx((200.0 + HITCH - COUPLER, -1.75))
@@ -76,10 +89,19 @@ TRAJECTORY = """<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajector
 
 
 @pytest.mark.parametrize("teleported", [False, True])
-def test_a_trajectory_puts_a_tractor_on_its_start_with_its_trailer_behind(teleported: bool, tmp_path: Path) -> None:
+def test_a_trajectory_puts_a_tractor_on_its_start_with_its_trailer_behind(
+    teleported: bool, tmp_path: Path
+) -> None:
     text = (SCENARIOS / "DisconnectTrailerAction.xosc").read_text(encoding="utf-8")
-    begin, end = text.index("<TeleportAction>"), text.index("</TeleportAction>") + len("</TeleportAction>")
-    placed = f"{text[begin:end]}</PrivateAction><PrivateAction>{TRAJECTORY}" if teleported else TRAJECTORY
+    begin, end = (
+        text.index("<TeleportAction>"),
+        text.index("</TeleportAction>") + len("</TeleportAction>"),
+    )
+    placed = (
+        f"{text[begin:end]}</PrivateAction><PrivateAction>{TRAJECTORY}"
+        if teleported
+        else TRAJECTORY
+    )
     path = changed(SCENARIOS / "DisconnectTrailerAction.xosc", tmp_path, (text[begin:end], placed))
     trailer = track(run(str(path.with_suffix("")), world="kinematic"), "Trailer")
     assert at(trailer, 0.0, "x") == pytest.approx(300.0 + HITCH - COUPLER)
@@ -91,10 +113,16 @@ def test_a_vehicle_without_the_element_around_it_is_a_trailer_with_a_remark(tmp_
     shutil.copytree(SCENARIOS.parent / "roads", tmp_path / "roads")
     text = (SCENARIOS / "DisconnectTrailerAction.xosc").read_text(encoding="utf-8")
     begin, end = text.index('<Trailer name="Trailer">'), text.index("</Trailer>")
-    bare = text[:begin] + text[begin + len('<Trailer name="Trailer">') : end] + text[end + len("</Trailer>") :]
+    bare = (
+        text[:begin]
+        + text[begin + len('<Trailer name="Trailer">') : end]
+        + text[end + len("</Trailer>") :]
+    )
     path = tmp_path / "scenarios" / "bare.xosc"
     path.parent.mkdir()
-    path.write_text(bare.replace('<Vehicle name="trailer"', '<Vehicle name="Trailer"'), encoding="utf-8")
+    path.write_text(
+        bare.replace('<Vehicle name="trailer"', '<Vehicle name="Trailer"'), encoding="utf-8"
+    )
     result = runner.run(path, sut=None, world="kinematic", timestep=0.01)
     assert track(result, "Trailer")["x"][0] == pytest.approx(200.0 + HITCH - COUPLER)
     line = bare[:begin].count("\n") + 2
@@ -105,17 +133,28 @@ def test_a_vehicle_without_the_element_around_it_is_a_trailer_with_a_remark(tmp_
 
 
 @pytest.mark.parametrize("released", [False, True])
-def test_a_second_trailer_is_refused_before_the_run_where_the_first_is_never_disconnected(tmp_path: Path, released: bool) -> None:
+def test_a_second_trailer_is_refused_before_the_run_where_the_first_is_never_disconnected(
+    tmp_path: Path, released: bool
+) -> None:
     shutil.copytree(SCENARIOS.parent / "roads", tmp_path / "roads")
     text = (SCENARIOS / "DisconnectTrailerAction.xosc").read_text(encoding="utf-8")
-    begin, end = text.index('<Trailer name="Trailer">') + len('<Trailer name="Trailer">'), text.index("</Trailer>")
+    begin, end = (
+        text.index('<Trailer name="Trailer">') + len('<Trailer name="Trailer">'),
+        text.index("</Trailer>"),
+    )
     second = f'<ScenarioObject name="Second">{text[begin:end]}</ScenarioObject></Entities>'
-    action = '<TrailerAction><ConnectTrailerAction trailerRef="Second"/></TrailerAction></PrivateAction>'
+    action = (
+        '<TrailerAction><ConnectTrailerAction trailerRef="Second"/></TrailerAction></PrivateAction>'
+    )
     text = text.replace("</Entities>", second)
     if released:
-        text = text.replace("</Event>", f'<Action name="more"><PrivateAction>{action}</Action></Event>', 1)
+        text = text.replace(
+            "</Event>", f'<Action name="more"><PrivateAction>{action}</Action></Event>', 1
+        )
     else:
-        text = text.replace("<DisconnectTrailerAction/>", '<ConnectTrailerAction trailerRef="Second"/>')
+        text = text.replace(
+            "<DisconnectTrailerAction/>", '<ConnectTrailerAction trailerRef="Second"/>'
+        )
     path = tmp_path / "scenarios" / "second.xosc"
     path.parent.mkdir()
     path.write_text(text, encoding="utf-8")

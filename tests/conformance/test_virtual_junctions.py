@@ -14,10 +14,17 @@ from tests.conformance.support import SCENARIOS, changed, track
 LAY_BY = Path(__file__).parent / "roads" / "lay_by.xodr"
 
 
-def drive(folder: Path, scenario: str, *changes: tuple[str, str], **options: Any) -> dict[str, np.ndarray]:
+def drive(
+    folder: Path, scenario: str, *changes: tuple[str, str], **options: Any
+) -> dict[str, np.ndarray]:
     """Track of a car that starts at s=20 of the main road; the lay-by leaves at s=60 and comes back at s=137.88."""
-    start = ('<LanePosition roadId="3" laneId="1" s="50"/>', '<LanePosition roadId="1" laneId="-1" s="20"/>')
-    path = changed(SCENARIOS / f"{scenario}.xosc", folder, ("crossing.xodr", LAY_BY.name), start, *changes)
+    start = (
+        '<LanePosition roadId="3" laneId="1" s="50"/>',
+        '<LanePosition roadId="1" laneId="-1" s="20"/>',
+    )
+    path = changed(
+        SCENARIOS / f"{scenario}.xosc", folder, ("crossing.xodr", LAY_BY.name), start, *changes
+    )
     return track(runner.run(path, sut=None, timestep=0.01, max_time=22.0, **options), "Car")
 
 
@@ -39,8 +46,14 @@ START = f'{FIRST}<Waypoint routeStrategy="shortest"><Position><LanePosition road
 ROUTE = (
     ('value="11"', 'value="20"'),
     (FIRST, START),
-    ('<LanePosition roadId="3" laneId="1" s="80"/>', '<LanePosition roadId="2" laneId="-1" s="40"/>'),
-    ('<LanePosition roadId="$Exit" laneId="-1" s="60"/>', '<LanePosition roadId="1" laneId="-1" s="200"/>'),
+    (
+        '<LanePosition roadId="3" laneId="1" s="80"/>',
+        '<LanePosition roadId="2" laneId="-1" s="40"/>',
+    ),
+    (
+        '<LanePosition roadId="$Exit" laneId="-1" s="60"/>',
+        '<LanePosition roadId="1" laneId="-1" s="200"/>',
+    ),
 )
 
 
@@ -61,7 +74,10 @@ def test_a_route_along_the_main_road_drives_past(tmp_path: Path) -> None:
 
 
 def test_acquire_position_leads_off_the_main_road(tmp_path: Path) -> None:
-    place = ('<LanePosition roadId="$Exit" laneId="-1" s="40"/>', '<LanePosition roadId="2" laneId="-1" s="60"/>')
+    place = (
+        '<LanePosition roadId="$Exit" laneId="-1" s="40"/>',
+        '<LanePosition roadId="2" laneId="-1" s="60"/>',
+    )
     columns = drive(tmp_path, "AcquirePositionAction", place)
     assert along(columns)[:2] == ["1", "2"]
     assert_smooth(columns)

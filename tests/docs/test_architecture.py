@@ -49,5 +49,7 @@ def test_picture_is_what_make_docs_draws() -> None:
 
 def test_every_room_is_in_the_picture_once() -> None:
     drawn = picture.picture(TEXT)
-    rooms = [room for floor in picture.FLOORS for package in floor for room in picture.rooms(package)]
+    rooms = [
+        room for floor in picture.FLOORS for package in floor for room in picture.rooms(package)
+    ]
     assert all(drawn.count(f">{room}</text>") == rooms.count(room) for room in rooms)

@@ -1,15 +1,16 @@
 """What the README, the tutorials and the pages on extending say can be typed is typed here, in the order of the page.
 
-The README and the tutorials are played one after the other in one folder that has the libraries where a clone has them, as a
-reader types them. The pages on extending are played together in one copy of the clone, where their files are found as any
-other's. Blocks are
+The README and the tutorials are played one after the other in one folder that has the libraries
+where a clone has them, as a reader types them. The pages on extending are played together in one
+copy of the clone, where their files are found as any other's. Blocks are
 
 - `sh`: a command a line, which ends with 0, or with what its comment says (`# exit code 1`);
 - any language whose first line is a comment with nothing but a file's name or path: saved there;
 - `python` otherwise: run as a program;
 - `text`: printed by the block before, line by line, in any order; `…` stands for anything.
 
-Files that the page names in its text have to be there in the end; commands that it names there are in a block, or listed below.
+Files that the page names in its text have to be there in the end; commands that it names there are
+in a block, or listed below.
 """
 
 from __future__ import annotations
@@ -32,21 +33,26 @@ ROOT = Path(__file__).parents[2]
 EXTENDING = sorted((ROOT / "docs" / "extending").glob("*.md"))
 TUTORIALS = ROOT / "docs" / "tutorials"
 READING = [ROOT / "README.md", TUTORIALS / "README.md"]
-READING += [TUTORIALS / page for page in re.findall(r"\]\(([\w-]+\.md)\)", (TUTORIALS / "README.md").read_text(encoding="utf-8"))]
+READING += [
+    TUTORIALS / page
+    for page in re.findall(
+        r"\]\(([\w-]+\.md)\)", (TUTORIALS / "README.md").read_text(encoding="utf-8")
+    )
+]
 """The README, and the tutorials in the order of their list."""
 PAGES = [*READING, *EXTENDING]
 PRODUCT = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "studies")
 
 NOT_RUN = {
     "make demo": "installs everything anew; its target is looked up below, and what it consists of is in the tutorials",
-    "make docs": "installs everything anew; test_reference and tests/runner/test_coverage compare what it writes",
+    "make docs": "installs everything anew; test_reference and tests/studies/test_coverage compare what it writes",
     "make lint types test": "installs everything anew; continuous integration runs it",
     "make test": "is what runs the tests",
     "make test-slow": "is what runs this",
     'pip install ".[all]"': "is what make install does, but for development",
     "pip install .": "continuous integration installs the wheel into an empty environment and runs a scenario there",
     'pip install "xosc-toolchain[osi]"': "needs a package index; the extra is a part of the one for development",
-    "xosc-generate CATALOGUE --out DIR": "needs a catalogue of 30 manoeuvres or more; tests/generation/test_recorded.py has one",
+    "xosc-generate CATALOGUE --out DIR": "needs a catalogue of 30 manoeuvres or more; tests/generation/space/test_recorded.py has one",
 }
 """Commands that are not run here, and why."""
 
@@ -122,7 +128,9 @@ def do(tmp_path: Path, command: Command) -> Do:
         name, *arguments = shlex.split(line)
         if name not in SCRIPTS or _SHELL.search(line):
             return call(["bash", "-c", line], tmp_path)
-        answer = command(name, *(found for argument in arguments for found in expanded(argument, tmp_path)))
+        answer = command(
+            name, *(found for argument in arguments for found in expanded(argument, tmp_path))
+        )
         return answer.code, answer.out + answer.err
 
     return do
@@ -145,7 +153,9 @@ def expanded(argument: str, folder: Path) -> list[str]:
     return [path.relative_to(folder).as_posix() for path in found] or [argument]
 
 
-def call(arguments: list[str], folder: Path, environment: Mapping[str, str] | None = None) -> tuple[int, str]:
+def call(
+    arguments: list[str], folder: Path, environment: Mapping[str, str] | None = None
+) -> tuple[int, str]:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
         arguments,
@@ -194,7 +204,11 @@ def require_named_files(page: Path, folder: Path) -> None:
     """What a page names in its text has to be there after it was played."""
     named = {one for one in _NAMED.findall(prose(page)) if not _PLACEHOLDER.search(one)}
     there = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
-    lost = [one for one in sorted(named) if not any(Path(path).match(one) for path in there) and not list(ROOT.glob(one))]
+    lost = [
+        one
+        for one in sorted(named)
+        if not any(Path(path).match(one) for path in there) and not list(ROOT.glob(one))
+    ]
     assert not lost
 
 
@@ -206,8 +220,11 @@ def test_readme_and_tutorials_do_what_they_say_one_after_the_other(
         shutil.copytree(ROOT / library, tmp_path / library)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
-    for constant, fewer in (("_MOST", 2), ("_STARTS", 1)):  # how well densities fit is for tests/generation/density
-        monkeypatch.setattr(f"generation.density.models.mixtures.{constant}", fewer)
+    for constant, fewer in (
+        ("_MOST", 2),
+        ("_STARTS", 1),
+    ):  # how well densities fit is for tests/generation/space/density
+        monkeypatch.setattr(f"generation.space.density.models.mixtures.{constant}", fewer)
     for page in READING:
         try:
             play(page, tmp_path, do, execute)
@@ -231,13 +248,22 @@ def test_pages_on_extending_do_what_they_say(tmp_path: Path) -> None:
     files = [block for page in EXTENDING for block in blocks(page) if block.file is not None]
     for block in files:
         (tmp_path / str(block.file)).write_text(block.text, encoding="utf-8")
-    tests = [line.removeprefix(_TEST) for page in EXTENDING for line in typed(page) if line.startswith(_TEST)]
+    tests = [
+        line.removeprefix(_TEST)
+        for page in EXTENDING
+        for line in typed(page)
+        if line.startswith(_TEST)
+    ]
     assert tests
     code, printed = call([*shlex.split(_TEST), *tests], tmp_path, environment)
     assert code == 0, printed
 
     def do(line: str) -> tuple[int, str]:
-        return (0, printed) if line.startswith(_TEST) else call(["bash", "-c", line], tmp_path, environment)
+        return (
+            (0, printed)
+            if line.startswith(_TEST)
+            else call(["bash", "-c", line], tmp_path, environment)
+        )
 
     def execute(program: str) -> tuple[int, str]:
         return call([sys.executable, "-c", program], tmp_path, environment)
@@ -247,7 +273,9 @@ def test_pages_on_extending_do_what_they_say(tmp_path: Path) -> None:
         require_named_files(page, tmp_path)
 
 
-@pytest.mark.parametrize("page", [page for page in EXTENDING if page.stem not in ("README", "version")], ids=name)
+@pytest.mark.parametrize(
+    "page", [page for page in EXTENDING if page.stem not in ("README", "version")], ids=name
+)
 def test_a_kind_is_one_file_its_test_and_its_scenario(page: Path) -> None:
     """Files that were there before are not touched: a page shows all that is new, and it is enough for the page to work."""
     files = [block.file for block in blocks(page) if block.file is not None]
@@ -255,8 +283,18 @@ def test_a_kind_is_one_file_its_test_and_its_scenario(page: Path) -> None:
     assert len([file for file in files if file.startswith(PRODUCT)]) == 1
     assert len([file for file in files if re.fullmatch(r"tests/.*test_\w+\.py", file)]) == 1
     assert len([file for file in files if file.endswith(".xosc")]) <= 1
-    others = [block.file for other in EXTENDING if other != page for block in blocks(other) if block.file is not None]
-    assert not [file for file in others if file.removesuffix(".py").replace("/", ".") in page.read_text(encoding="utf-8")]
+    others = [
+        block.file
+        for other in EXTENDING
+        if other != page
+        for block in blocks(other)
+        if block.file is not None
+    ]
+    assert not [
+        file
+        for file in others
+        if file.removesuffix(".py").replace("/", ".") in page.read_text(encoding="utf-8")
+    ]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
@@ -267,15 +305,27 @@ def test_every_block_says_what_it_is(page: Path) -> None:
 def test_what_is_not_run_is_listed_with_its_reason() -> None:
     assert set(NOT_RUN) <= TYPED | MENTIONED
     assert TYPED | set(NOT_RUN) >= MENTIONED
-    assert {shlex.split(command)[0] for command in TYPED - set(NOT_RUN)} <= {*SCRIPTS, "python", "cp", "mkdir", "sed"}
+    assert {shlex.split(command)[0] for command in TYPED - set(NOT_RUN)} <= {
+        *SCRIPTS,
+        "python",
+        "cp",
+        "mkdir",
+        "sed",
+    }
 
 
 @pytest.mark.parametrize("command", [command for command in NOT_RUN if command.startswith("make ")])
 def test_make_has_the_target(command: str) -> None:
-    planned = subprocess.run(["make", "--dry-run", *command.split()[1:]], cwd=ROOT, capture_output=True, text=True)
+    planned = subprocess.run(
+        ["make", "--dry-run", *command.split()[1:]], cwd=ROOT, capture_output=True, text=True
+    )
     assert planned.returncode == 0, planned.stderr
 
 
 def test_readme_shows_every_command() -> None:
-    shown = {bare(command).split()[0] for block in blocks(ROOT / "README.md") for command in block.commands}
+    shown = {
+        bare(command).split()[0]
+        for block in blocks(ROOT / "README.md")
+        for command in block.commands
+    }
     assert shown >= set(SCRIPTS)

@@ -29,7 +29,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def example_of(value: Any) -> doctest.DocTest:
     """The example in the docstring of a class or function."""
-    return doctest.DocTestParser().get_doctest(inspect.getdoc(value) or "", {}, value.__qualname__, None, None)
+    return doctest.DocTestParser().get_doctest(
+        inspect.getdoc(value) or "", {}, value.__qualname__, None, None
+    )
 
 
 @pytest.mark.slow
@@ -39,7 +41,11 @@ def test_the_example_gives_what_it_prints(name: str) -> None:
     assert "Example:" in (inspect.getdoc(EXAMPLES[name]) or "")
     assert any(each.want for each in example.examples)
     said: list[str] = []
-    failed = doctest.DocTestRunner(optionflags=doctest.REPORT_ONLY_FIRST_FAILURE).run(example, out=said.append).failed
+    failed = (
+        doctest.DocTestRunner(optionflags=doctest.REPORT_ONLY_FIRST_FAILURE)
+        .run(example, out=said.append)
+        .failed
+    )
     assert not failed, "".join(said)
 
 

@@ -14,7 +14,9 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 def linked(page: Path) -> set[Path]:
     """Files that a page links to."""
-    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(
+        r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
+    )
     targets = re.findall(r"\]\((?!https?:|#)([^)#\s]+)", text)
     return {(page.parent / target).resolve() for target in targets}
 
@@ -35,4 +37,6 @@ def test_every_page_is_linked_from_the_readme_or_a_page_that_is() -> None:
 @pytest.mark.parametrize("name", ["XOSC_SCHEMA_DIR", "XOSC_CACHE_DIR"])
 def test_environment_variables_are_those_of_the_code(name: str) -> None:
     assert f"`{name}`" in README
-    assert any(f'"{name}"' in path.read_text(encoding="utf-8") for path in ROOT.glob("schemas/**/*.py"))
+    assert any(
+        f'"{name}"' in path.read_text(encoding="utf-8") for path in ROOT.glob("schemas/**/*.py")
+    )

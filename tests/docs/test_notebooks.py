@@ -15,7 +15,11 @@ NOTEBOOKS = sorted((Path(__file__).parents[2] / "docs" / "notebooks").glob("*.ip
 
 
 def cells(path: Path) -> list[dict[str, Any]]:
-    return [cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+    return [
+        cell
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
+        if cell["cell_type"] == "code"
+    ]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -32,4 +36,8 @@ def test_it_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_there_are_two_small_ones_without_outputs() -> None:
     assert len(NOTEBOOKS) == 2
     assert all(path.stat().st_size < 10_000 for path in NOTEBOOKS)
-    assert all(cell["outputs"] == [] and cell["execution_count"] is None for path in NOTEBOOKS for cell in cells(path))
+    assert all(
+        cell["outputs"] == [] and cell["execution_count"] is None
+        for path in NOTEBOOKS
+        for cell in cells(path)
+    )

@@ -36,7 +36,11 @@ def test_pages_are_what_make_docs_writes() -> None:
 
 
 def test_tables_of_fields_and_formats_are_what_make_docs_writes() -> None:
-    stale = [path.name for path, text in generate.matrices().items() if path.read_text(encoding="utf-8") != text]
+    stale = [
+        path.name
+        for path, text in generate.matrices().items()
+        if path.read_text(encoding="utf-8") != text
+    ]
     assert not stale, "run make docs"
 
 
@@ -48,7 +52,11 @@ def undocumented(path: str) -> Iterator[str]:
         if not generate.documentation(module, name, value):
             yield f"{path}.{name}"
         if inspect.isclass(value):
-            yield from (f"{path}.{name}.{member}" for member, each in generate.members(value) if not inspect.getdoc(each))
+            yield from (
+                f"{path}.{name}.{member}"
+                for member, each in generate.members(value)
+                if not inspect.getdoc(each)
+            )
 
 
 def test_public_names_are_documented() -> None:
@@ -81,13 +89,21 @@ def options() -> dict[str, set[str]]:
 
 
 def _options(command: Any) -> set[str]:
-    return {"--help"} | {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
+    return {"--help"} | {
+        option
+        for parameter in command.params
+        for option in (*parameter.opts, *parameter.secondary_opts)
+    }
 
 
 def test_pages_name_options_that_there_are() -> None:
     known = options()
     calls = re.compile(rf"({'|'.join(sorted(known, key=len, reverse=True))})(?![\w-])([^`|;&#\n]*)")
-    pages = [page for page in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")] if page.parent != generate.REFERENCE]
+    pages = [
+        page
+        for page in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+        if page.parent != generate.REFERENCE
+    ]
     wrong = [
         (page.name, command, option)
         for page in pages

@@ -14,7 +14,9 @@ from mkdocs.config import load_config
 from mkdocs.exceptions import Abort
 
 ROOT = Path(__file__).parents[2]
-_LOADED = re.compile(r"<(?:script|link|img|iframe|source)\b[^>]*?\b(?:src|href)=[\"']?((?:https?:)?//[^\s\"'>]+)")
+_LOADED = re.compile(
+    r"<(?:script|link|img|iframe|source)\b[^>]*?\b(?:src|href)=[\"']?((?:https?:)?//[^\s\"'>]+)"
+)
 
 
 def built(folder: Path, caplog: pytest.LogCaptureFixture, **settings: object) -> list[str]:
@@ -28,11 +30,17 @@ def built(folder: Path, caplog: pytest.LogCaptureFixture, **settings: object) ->
 
 
 @pytest.mark.slow
-def test_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_site_builds_strictly_and_loads_nothing_from_elsewhere(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     assert built(tmp_path, caplog) == []
     pages = list(tmp_path.rglob("*.html"))
-    assert {"index.html", "recognition-results.html", "model-card.html"} <= {page.name for page in pages}
-    foreign = {found for page in pages for found in _LOADED.findall(page.read_text(encoding="utf-8"))}
+    assert {"index.html", "recognition-results.html", "model-card.html"} <= {
+        page.name for page in pages
+    }
+    foreign = {
+        found for page in pages for found in _LOADED.findall(page.read_text(encoding="utf-8"))
+    }
     assert foreign == set()
     assert (tmp_path / "search" / "search_index.json").stat().st_size > 100_000
 
@@ -40,6 +48,15 @@ def test_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path: Path, c
 def test_broken_link_and_anchor_are_found(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     docs = tmp_path / "docs"
     docs.mkdir()
-    (docs / "index.md").write_text("# Page\n\n[lost](nowhere.md) and [gone](#nowhere)\n", encoding="utf-8")
-    warnings = built(tmp_path / "site", caplog, docs_dir=str(docs), hooks=[], nav=[{"Page": "index.md"}], extra_css=[])
+    (docs / "index.md").write_text(
+        "# Page\n\n[lost](nowhere.md) and [gone](#nowhere)\n", encoding="utf-8"
+    )
+    warnings = built(
+        tmp_path / "site",
+        caplog,
+        docs_dir=str(docs),
+        hooks=[],
+        nav=[{"Page": "index.md"}],
+        extra_css=[],
+    )
     assert sum("nowhere" in warning for warning in warnings) == 2

@@ -2,8 +2,9 @@
 
     python tests/docs/test_size.py
 
-prints the words of each page. A word is what stands between blanks and has a letter or a digit, in tables and code too; the rules
-of tables are none. Tables that are generated into a page do not count.
+prints the words of each page. A word is what stands between blanks and has a letter or a digit, in
+tables and code too; the rules of tables are none. Tables that are generated into a page do not
+count.
 """
 
 from __future__ import annotations
@@ -22,7 +23,12 @@ ALL_PAGES, A_RESULT = 30_000, 1_500
 
 
 def words(page: Path) -> int:
-    text = re.sub(r"<!-- (matrix .*?) -->.*?<!-- end of \1 -->", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    text = re.sub(
+        r"<!-- (matrix .*?) -->.*?<!-- end of \1 -->",
+        "",
+        page.read_text(encoding="utf-8"),
+        flags=re.DOTALL,
+    )
     return len(re.findall(r"\S*\w\S*", text))
 
 

@@ -15,7 +15,23 @@ from typing import Any
 
 from tests.fuzz.standard import FORGED, NUMBERS
 
-_CELLS = ("", " ", "nan", "inf", "-inf", "1.0", "1_0", "true", "None", "1,5", "2^31", "１", '"', *NUMBERS, *FORGED)
+_CELLS = (
+    "",
+    " ",
+    "nan",
+    "inf",
+    "-inf",
+    "1.0",
+    "1_0",
+    "true",
+    "None",
+    "1,5",
+    "2^31",
+    "１",
+    '"',
+    *NUMBERS,
+    *FORGED,
+)
 _MOST_ROWS = 30_000
 
 
@@ -63,7 +79,16 @@ def _repeat(data: bytes, random: Random) -> bytes:
 
 def _overwrite(data: bytes, random: Random) -> bytes:
     what = random.choice(
-        (b"\xff" * 8, b"\0" * 8, b"\x7f\xff\xff\xff", b"\xff\xff\xff\x7f", random.randbytes(16), b"\n", b'"', b",")
+        (
+            b"\xff" * 8,
+            b"\0" * 8,
+            b"\x7f\xff\xff\xff",
+            b"\xff\xff\xff\x7f",
+            random.randbytes(16),
+            b"\n",
+            b'"',
+            b",",
+        )
     )
     at = random.randrange(len(data) + 1)
     return data[:at] + what + data[at + len(what) :]
@@ -77,7 +102,9 @@ def _at_the_ends(data: bytes, random: Random) -> bytes:
 
 
 def _nothing(data: bytes, random: Random) -> bytes:
-    return random.choice((b"", b"\n", b"\0" * 100, random.randbytes(300), b"PK\x05\x06" + b"\0" * 18, b"PAR1PAR1"))
+    return random.choice(
+        (b"", b"\n", b"\0" * 100, random.randbytes(300), b"PK\x05\x06" + b"\0" * 18, b"PAR1PAR1")
+    )
 
 
 # CSV ------------------------------------------------------------------------------------------
@@ -99,7 +126,11 @@ def _written(rows: list[list[str]]) -> bytes:
 def _cells(data: bytes, random: Random) -> bytes:
     """Values of a column, in some rows or all of them."""
     rows = _rows(data)
-    column, value, share = random.randrange(len(rows[0])), random.choice(_CELLS), random.choice((0.02, 0.3, 1.0))
+    column, value, share = (
+        random.randrange(len(rows[0])),
+        random.choice(_CELLS),
+        random.choice((0.02, 0.3, 1.0)),
+    )
     for row in rows[1:]:
         if column < len(row) and random.random() < share:
             row[column] = value if random.random() < 0.8 else random.choice(_CELLS)
@@ -157,7 +188,9 @@ def _lines(data: bytes, random: Random) -> bytes:
     elif what == 4:
         rows[at] += ["1"] * random.choice((1, 5000))
     else:
-        rows += (rows[1:] * (_MOST_ROWS // max(len(rows) - 1, 1)))[: _MOST_ROWS if random.random() < 0.05 else 300]
+        rows += (rows[1:] * (_MOST_ROWS // max(len(rows) - 1, 1)))[
+            : _MOST_ROWS if random.random() < 0.05 else 300
+        ]
     return _written(rows)
 
 
@@ -175,7 +208,25 @@ def _as_text(data: bytes, random: Random) -> bytes:
 # JSON -----------------------------------------------------------------------------------------
 
 _WILD: tuple[Any, ...] = (
-    *(None, True, -1, 0, 1.5, 1e308, 10**400, float("nan"), float("inf"), "", [], {}, [[]], {"a": 1}, [None], 2**63, -(2**63)),
+    *(
+        None,
+        True,
+        -1,
+        0,
+        1.5,
+        1e308,
+        10**400,
+        float("nan"),
+        float("inf"),
+        "",
+        [],
+        {},
+        [[]],
+        {"a": 1},
+        [None],
+        2**63,
+        -(2**63),
+    ),
     *("/etc/passwd", "../../x", "/dev/zero", *FORGED),
 )
 
@@ -191,7 +242,11 @@ def _json_value(data: bytes, random: Random) -> bytes:
         if random.random() < 0.15:
             del holder[key]
         else:
-            holder[key] = random.choice(_WILD) if random.random() < 0.95 else [holder[key]] * random.choice((2, 1000))
+            holder[key] = (
+                random.choice(_WILD)
+                if random.random() < 0.95
+                else [holder[key]] * random.choice((2, 1000))
+            )
     else:
         values = random.choice((*_WILD, [values]))
     lines[at] = json.dumps(values).encode()
@@ -209,7 +264,13 @@ def _is_lines(data: bytes) -> bool:
 
 
 def _holders(value: Any) -> Any:
-    pairs = list(value.items()) if isinstance(value, dict) else list(enumerate(value)) if isinstance(value, list) else []
+    pairs = (
+        list(value.items())
+        if isinstance(value, dict)
+        else list(enumerate(value))
+        if isinstance(value, list)
+        else []
+    )
     for key, inner in pairs:
         yield value, key
         yield from _holders(inner)
@@ -231,7 +292,10 @@ def _parquet(data: bytes, random: Random) -> bytes:
             table = table.drop_columns([name])
         elif what == 1:
             table = table.rename_columns(
-                [random.choice(FORGED) if k == at else each for k, each in enumerate(table.column_names)]
+                [
+                    random.choice(FORGED) if k == at else each
+                    for k, each in enumerate(table.column_names)
+                ]
             )
         elif what == 2:
             table = table.append_column(name, table.column(at))
@@ -244,7 +308,11 @@ def _parquet(data: bytes, random: Random) -> bytes:
                 if pa.types.is_floating(table.column(at).type)
                 else [None]
             )
-            wild = [None, "", "\x1b[31m", "x" * 70_000, *FORGED] if pa.types.is_string(table.column(at).type) else wild
+            wild = (
+                [None, "", "\x1b[31m", "x" * 70_000, *FORGED]
+                if pa.types.is_string(table.column(at).type)
+                else wild
+            )
             column = [random.choice(wild) if random.random() < 0.3 else each for each in column]
             table = table.set_column(at, name, pa.array(column, table.column(at).type))
         elif what == 5:
@@ -259,7 +327,12 @@ def _parquet(data: bytes, random: Random) -> bytes:
         else:
             many = count > 0 and random.random() < 0.03
             table = (
-                pa.table({each: pa.repeat(table.column(each)[0], 2_000_000) for each in table.column_names})
+                pa.table(
+                    {
+                        each: pa.repeat(table.column(each)[0], 2_000_000)
+                        for each in table.column_names
+                    }
+                )
                 if many
                 else table.slice(count // 2)
             )
@@ -283,7 +356,12 @@ def _npy(data: bytes, random: Random) -> bytes:
         "{'descr': '<U99999999', 'fortran_order': 1, 'shape': (1,)}",
         "__import__('os').getcwd()", "{'shape': (" + "1," * 5000 + ")}", "{" * 5000,
     )).encode() + b"\n"  # fmt: skip
-    return data[:8] + struct.pack("<H", len(header) & 0xFFFF) + header + data[10 + struct.unpack("<H", data[8:10])[0] :]
+    return (
+        data[:8]
+        + struct.pack("<H", len(header) & 0xFFFF)
+        + header
+        + data[10 + struct.unpack("<H", data[8:10])[0] :]
+    )
 
 
 def _tensors(data: bytes, random: Random) -> bytes:
@@ -294,7 +372,9 @@ def _tensors(data: bytes, random: Random) -> bytes:
         body = bytearray(body)
         for _ in range(random.choice((1, 10))):
             at = random.randrange(max(len(body) - 4, 1)) & ~3
-            body[at : at + 4] = random.choice((b"\0\0\xc0\x7f", b"\0\0\x80\x7f", b"\xff" * 4, random.randbytes(4)))
+            body[at : at + 4] = random.choice(
+                (b"\0\0\xc0\x7f", b"\0\0\x80\x7f", b"\xff" * 4, random.randbytes(4))
+            )
         return data[: 8 + size] + bytes(body[: len(data) - 8 - size])
     about = header.get("__metadata__", {}).get("about")
     if about and random.random() < 0.4:
@@ -317,9 +397,9 @@ def _zip(data: bytes, random: Random) -> bytes:
     )
     what, out = random.randrange(6), io.BytesIO()
     if what < 3:
-        members[name] = (_json_value if name.endswith(".json") else _npy if random.random() < 0.3 else _flip)(
-            members[name], random
-        )
+        members[name] = (
+            _json_value if name.endswith(".json") else _npy if random.random() < 0.3 else _flip
+        )(members[name], random)
     elif what == 3:
         del members[name]
     elif what == 4:

@@ -36,11 +36,13 @@ class Kind(NamedTuple):
     """A kind of input.
 
     Attributes:
-        make: writes an input into an empty folder; the second folder keeps seeds that take time to make.
+        make: writes an input into an empty folder; the second folder keeps seeds that take time to
+            make.
         call: gets the arguments, with folders in them.
         codes: exit codes that what a file holds may lead to.
         weight: how often it is drawn, of all kinds.
-        checked: end of the names of rules; a green answer is a defect where a file breaks one and nothing is remarked.
+        checked: end of the names of rules; a green answer is a defect where a file breaks one and
+            nothing is remarked.
     """
 
     make: Callable[[Path, Random, Path], Input]
@@ -52,13 +54,15 @@ class Kind(NamedTuple):
 
 def kinds(sources: Sequence[Source]) -> dict[str, Kind]:
     """All kinds by name, those of scenarios made from the sources."""
-    from runner.exports import TARGETS
+    from runner.exchange.exports import TARGETS
 
     run = ("--world", "kinematic", "--max-time", "2", "--sample", "2")
     formats = ("text", "json", "junit", "xqar", "sarif")
     lists, of_file, of_run = ("text", "json", "csv"), {0, 3, 4}, frozenset({0, 1, 3, 4, 6})
 
-    def scenario(arguments: Sequence[str], *more: Sequence[str]) -> Callable[[Path, Random, Path], Input]:
+    def scenario(
+        arguments: Sequence[str], *more: Sequence[str]
+    ) -> Callable[[Path, Random, Path], Input]:
         return partial(_scenario, sources, arguments, more)
 
     found = {
@@ -82,12 +86,19 @@ def kinds(sources: Sequence[Source]) -> dict[str, Kind]:
             0.4 if target.of_run else 1.0,
             "" if target.of_run else "valid_schema",
         )
-    from tests.recognition.datasets.test_corruption import EXAMPLES
+    from tests.recognition.recordings.test_corruption import EXAMPLES
 
     for name in EXAMPLES:
-        found[f"recordings {name}"] = Kind(partial(_recording, name, EXAMPLES[name].write), _read, frozenset(of_file), 3)
-    for name, (write, weight) in _WITH_MAPS.items():  # exit code 2: the recording has lost its map, and no option names one
-        found[f"sites {name}"] = Kind(partial(_recording, name, write), _read_site, frozenset(of_file | {2}), weight)
+        found[f"recordings {name}"] = Kind(
+            partial(_recording, name, EXAMPLES[name].write), _read, frozenset(of_file), 3
+        )
+    for name, (
+        write,
+        weight,
+    ) in _WITH_MAPS.items():  # exit code 2: the recording has lost its map, and no option names one
+        found[f"sites {name}"] = Kind(
+            partial(_recording, name, write), _read_site, frozenset(of_file | {2}), weight
+        )
     return found
 
 
@@ -95,31 +106,50 @@ def kinds(sources: Sequence[Source]) -> dict[str, Kind]:
 
 
 def _scenario(
-    sources: Sequence[Source], arguments: Sequence[str], more: Sequence[Sequence[str]], folder: Path, random: Random, seeds: Path
+    sources: Sequence[Source],
+    arguments: Sequence[str],
+    more: Sequence[Sequence[str]],
+    folder: Path,
+    random: Random,
+    seeds: Path,
 ) -> Input:
-    (source,) = random.choices(sources, [1.0 / sum(file.stat().st_size for file in each.files) for each in sources])
+    (source,) = random.choices(
+        sources, [1.0 / sum(file.stat().st_size for file in each.files) for each in sources]
+    )
     further = random.choice(more) if more else ()
     mutant = write_mutant(source, folder, random)
     path = f"{CASE}/{mutant.path.relative_to(folder).as_posix()}"
     given = [CASE if each == CASE else each for each in arguments]
-    return Input((*given, *(() if CASE in given else (path,)), *further), source.path.name, mutant.changes)
+    return Input(
+        (*given, *(() if CASE in given else (path,)), *further), source.path.name, mutant.changes
+    )
 
 
-def _changed(seed: Path, folder: Path, random: Random, endings: tuple[str, ...] = ()) -> tuple[str, ...]:
+def _changed(
+    seed: Path, folder: Path, random: Random, endings: tuple[str, ...] = ()
+) -> tuple[str, ...]:
     """Copy a seed's files, and change one to three of them."""
     shutil.copytree(seed, folder, dirs_exist_ok=True)
-    files = sorted(file for file in folder.rglob("*") if file.is_file() and (not endings or file.suffix in endings))
+    files = sorted(
+        file
+        for file in folder.rglob("*")
+        if file.is_file() and (not endings or file.suffix in endings)
+    )
     changes = []
     for _ in range(random.choice((1, 1, 1, 2, 3))):
         file = random.choice(files)
         if file.is_file():
             in_xml = file.suffix in _XML and random.random() < 0.8
-            with suppress(SyntaxError, ValueError, OSError):  # no tree is left that a further change could be made of
+            with suppress(
+                SyntaxError, ValueError, OSError
+            ):  # no tree is left that a further change could be made of
                 changes += mutate(file, random) if in_xml else [damage(file, random)]
     return tuple(changes)
 
 
-def _recording(name: str, write: Callable[[Path], object], folder: Path, random: Random, seeds: Path) -> Input:
+def _recording(
+    name: str, write: Callable[[Path], object], folder: Path, random: Random, seeds: Path
+) -> Input:
     seed = seeds / name
     if not seed.is_dir():
         unfinished = seed.with_name(f"{name} unfinished")  # what a killed process leaves is no seed
@@ -131,25 +161,25 @@ def _recording(name: str, write: Callable[[Path], object], folder: Path, random:
 
 
 def _argoverse_scenario(folder: Path) -> None:
-    from tests.recognition.datasets.test_argoverse import write_scenario
+    from tests.recognition.recordings.test_argoverse import write_scenario
 
     write_scenario(folder)
 
 
 def _argoverse_log(folder: Path) -> None:
-    from tests.recognition.datasets.test_argoverse import write_log
+    from tests.recognition.recordings.test_argoverse import write_log
 
     write_log(folder / "log1")
 
 
 def _nuscenes(folder: Path) -> None:
-    from tests.recognition.datasets.test_nuscenes import write
+    from tests.recognition.recordings.test_nuscenes import write
 
     write(folder)
 
 
 def _waymo(folder: Path) -> None:
-    from tests.recognition.datasets.test_waymo import scene
+    from tests.recognition.recordings.test_waymo import scene
 
     (folder / "scene.json").write_text(json.dumps(scene()), encoding="utf-8")
 
@@ -158,7 +188,15 @@ def _osi(folder: Path) -> None:
     from tests.runner.files import scenario
 
     scenario(folder / "files", stop=1.0)
-    answer = command(["xosc-export", *_TRACE, str(folder / "files" / "scenario.xosc"), "--out", str(folder / "out")])
+    answer = command(
+        [
+            "xosc-export",
+            *_TRACE,
+            str(folder / "files" / "scenario.xosc"),
+            "--out",
+            str(folder / "out"),
+        ]
+    )
     assert answer.code == 0, answer
     for trace in folder.glob("out/**/*.mcap"):
         trace.rename(folder / trace.name)
@@ -188,7 +226,7 @@ _WITH_MAPS: dict[str, tuple[Callable[[Path], None], float]] = {
 
 
 def _lanelets(folder: Path, random: Random, seeds: Path) -> Input:
-    from tests.xodr.lanelet2.lanelet_maps import four_way, two_lanes
+    from tests.xodr.formats.lanelet2.lanelet_maps import four_way, two_lanes
 
     seed = seeds / "lanelet2" / random.choice(("two", "four"))
     if not seed.is_dir():
@@ -212,27 +250,35 @@ def _replay(folder: Path, random: Random, seeds: Path) -> Input:
     if random.random() < 0.5:
         return Input(("xosc-replay", CASE), "batch", changes)
     page = ".html" if random.random() < 0.9 else ".png"
-    return Input(("xosc-replay", f"{CASE}/{random.choice(runs)}", "--out", f"{OUT}/page{page}"), "run", changes)
+    return Input(
+        ("xosc-replay", f"{CASE}/{random.choice(runs)}", "--out", f"{OUT}/page{page}"),
+        "run",
+        changes,
+    )
 
 
 def _windows(folder: Path, random: Random, seeds: Path) -> Input:
     import numpy as np
 
-    from recognition.training.windows import Windows
+    from recognition.trfe.training.windows import Windows
 
     seed = seeds / "windows"
     if not seed.is_dir():
         names, numbers = np.array([f"r{k}" for k in range(12)]), np.arange(12)
-        Windows(np.zeros((12, 4, 3, 5), np.float16), numbers % 3, names, names, numbers / 2.0).save(seed)
+        Windows(np.zeros((12, 4, 3, 5), np.float16), numbers % 3, names, names, numbers / 2.0).save(
+            seed
+        )
     return Input((CASE,), "windows", _changed(seed, folder, random))
 
 
 def _model(folder: Path, random: Random, seeds: Path) -> Input:
-    import_module("recognition.catalogue.model")  # with PyTorch, whose time and memory are no input's
+    import_module(
+        "recognition.catalogue.model"
+    )  # with PyTorch, whose time and memory are no input's
     seed = seeds / "model"
     if not seed.is_dir():
-        from recognition.trfe.clustering import Clustering
         from recognition.trfe.config import Config
+        from recognition.trfe.discovery.clustering import Clustering
         from recognition.trfe.storage import save
         from recognition.trfe.trfe import TRFE
         from tests.recognition.clouds import clouds
@@ -262,7 +308,9 @@ def _started(name: str, arguments: Sequence[str]) -> None:
 
 def _captured(call: Callable[[], object]) -> Answer:
     streams = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = (io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True, newline="\n") for _ in streams)
+    sys.stdout, sys.stderr = (
+        io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True, newline="\n") for _ in streams
+    )
     code = 0
     try:
         call()
@@ -272,7 +320,10 @@ def _captured(call: Callable[[], object]) -> Answer:
         code = 5
         traceback.print_exc()
     finally:
-        texts = [stream.buffer.getvalue().decode("utf-8", "backslashreplace") for stream in (sys.stdout, sys.stderr)]  # type: ignore[attr-defined]
+        texts = [
+            stream.buffer.getvalue().decode("utf-8", "backslashreplace")
+            for stream in (sys.stdout, sys.stderr)
+        ]  # type: ignore[attr-defined]
         sys.stdout, sys.stderr = streams
     return Answer(code, *texts)
 
@@ -298,7 +349,7 @@ def _reader(read: Callable[..., object]) -> Callable[[Sequence[str]], Answer]:
 
 @_reader
 def _read(folder: Path, out: Path) -> None:
-    from recognition import datasets
+    from recognition import recordings as datasets
 
     for source in datasets.open(folder, roads=out).sources:
         source.load()
@@ -306,8 +357,8 @@ def _read(folder: Path, out: Path) -> None:
 
 @_reader
 def _read_site(folder: Path, out: Path) -> None:
-    from recognition import datasets
-    from recognition.sites import site_of
+    from recognition import recordings as datasets
+    from recognition.scenes import site_of
 
     for source in datasets.open(folder, roads=out).sources:
         site_of(source, source.load(), out)
@@ -315,14 +366,14 @@ def _read_site(folder: Path, out: Path) -> None:
 
 @_reader
 def _convert(map: Path, road: Path) -> None:
-    from xodr.lanelet2 import convert
+    from xodr.formats.lanelet2 import convert
 
     convert(map, None, road)
 
 
 @_reader
 def _load_windows(folder: Path) -> None:
-    from recognition.training.windows import Windows
+    from recognition.trfe.training.windows import Windows
 
     windows = Windows.load(folder)
     len(windows.inputs)
@@ -347,7 +398,9 @@ def warm_up(folder: Path) -> None:
     folder.mkdir(parents=True)
     for file in (*files, *roads):
         text = file.read_text(encoding="utf-8")
-        text = text.replace("<FileHeader ", '<FileHeader odd="1" ').replace("<header ", '<header odd="1" ')
+        text = text.replace("<FileHeader ", '<FileHeader odd="1" ').replace(
+            "<header ", '<header odd="1" '
+        )
         (folder / file.name).write_text(text, encoding="utf-8")
     command(["xosc-check", str(folder), *map(str, files), *map(str, roads)])
     command(["xosc-list", *map(str, files)])

@@ -5,7 +5,8 @@ Each input has a folder that is laid out as
     case/   the input's files                       out/   where results may be written
     cwd/    the working directory, to stay empty
 
-and beside it are tmp/, to be empty after each input, cache/ (road networks) and seeds/ (what inputs are made from).
+and beside it are tmp/, to be empty after each input, cache/ (road networks) and seeds/ (what inputs
+are made from).
 """
 
 from __future__ import annotations
@@ -110,7 +111,11 @@ def run(
     """
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(theirs, sources, seed, numbers, scratch, only, limits, keep), daemon=True)
+    process = context.Process(
+        target=_serve,
+        args=(theirs, sources, seed, numbers, scratch, only, limits, keep),
+        daemon=True,
+    )
     process.start()
     theirs.close()
     try:
@@ -136,12 +141,15 @@ def _serve(
 ) -> None:
     """Import and read all that inputs share, then run them in forked children, `_GROUP` by `_GROUP`.
 
-    The server itself runs no input and starts no simulator. An input with a defect is run again in a child of its own: its
-    answer there counts, and a defect that it has only after other inputs is reported as such.
+    The server itself runs no input and starts no simulator. An input with a defect is run again in
+    a child of its own: its answer there counts, and a defect that it has only after other inputs is
+    reported as such.
     """
     silence()
     sys.dont_write_bytecode = True
-    server = Server(Runner(scratch, limits), kinds(sources) if sources else own_kinds(), seed, only, keep)
+    server = Server(
+        Runner(scratch, limits), kinds(sources) if sources else own_kinds(), seed, only, keep
+    )
     done = 0
     while done < len(numbers):
         doubted = []
@@ -159,11 +167,18 @@ def _serve(
 class Server:
     """Runs inputs in forked children of this process.
 
-    Each child has a session of its own, all of which is killed at its end, and a limit of processor time for each input.
+    Each child has a session of its own, all of which is killed at its end, and a limit of processor
+    time for each input.
     """
 
     def __init__(
-        self, runner: Runner, found: Mapping[str, Kind], seed: int, only: str = "", keep: Path | None = None, warm: bool = True
+        self,
+        runner: Runner,
+        found: Mapping[str, Kind],
+        seed: int,
+        only: str = "",
+        keep: Path | None = None,
+        warm: bool = True,
     ) -> None:
         self._runner, self._seed, self._keep = runner, seed, keep
         self._chosen = {name: kind for name, kind in found.items() if name.startswith(only)}
@@ -195,7 +210,11 @@ class Server:
         (alone,) = self.group([result.number])
         folder = self._runner.folder(result.number)
         if self._keep is not None:
-            _keep(self._keep, folder, f"{(alone.kind or 'died').replace(' ', '_')}-{self._seed}-{result.number}")
+            _keep(
+                self._keep,
+                folder,
+                f"{(alone.kind or 'died').replace(' ', '_')}-{self._seed}-{result.number}",
+            )
         shutil.rmtree(folder, ignore_errors=True)
         if alone.defect:
             return alone
@@ -223,7 +242,17 @@ class Server:
         signalled = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
         hung = signalled in (signal.SIGXCPU, signal.SIGKILL)
         self._runner.clear()
-        return Result(number, "", "", (), 5, HUNG if hung else f"{DIED} ({signalled or status})", "", _WAITED, 0.0)
+        return Result(
+            number,
+            "",
+            "",
+            (),
+            5,
+            HUNG if hung else f"{DIED} ({signalled or status})",
+            "",
+            _WAITED,
+            0.0,
+        )
 
 
 def _answer(answers: BinaryIO) -> Result | None:
@@ -249,7 +278,9 @@ def _import_all() -> None:
     """Import all product modules, and let typer build each command once: neither time nor memory of that is an input's."""
     typer.main.get_command = cache(typer.main.get_command)
     for package in ("schemas", "xosc", "xodr", "runner", "recognition"):
-        for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
+        for module in pkgutil.walk_packages(
+            importlib.import_module(package).__path__, f"{package}."
+        ):
             if not module.name.endswith("__main__"):
                 with suppress(ImportError):  # of an extra
                     importlib.import_module(module.name)
@@ -272,14 +303,23 @@ class Runner:
 
     def __init__(self, scratch: Path, limits: Limits, addresses: int | None = _ADDRESSES) -> None:
         self.limits, self._scratch, self._written = limits, scratch, list[str]()
-        os.environ["XOSC_CACHE_DIR"], os.environ["TMPDIR"] = str(scratch / "cache"), str(scratch / "tmp")
-        os.environ["MPLCONFIGDIR"] = str(scratch / "cache")  # Matplotlib lists the machine's fonts there once
+        os.environ["XOSC_CACHE_DIR"], os.environ["TMPDIR"] = (
+            str(scratch / "cache"),
+            str(scratch / "tmp"),
+        )
+        os.environ["MPLCONFIGDIR"] = str(
+            scratch / "cache"
+        )  # Matplotlib lists the machine's fonts there once
         (scratch / "seeds").mkdir(exist_ok=True, parents=True)
         self.clear()
-        sys.addaudithook(lambda event, args: self._written.append(os.fsdecode(args[0])) if _is_writing(event, args) else None)
+        sys.addaudithook(
+            lambda event, args: (
+                self._written.append(os.fsdecode(args[0])) if _is_writing(event, args) else None
+            )
+        )
         for module in (
-            "runner.interpreter.execution",
-            "runner.outputs.tables",
+            "runner.judging.execution",
+            "runner.batch.outputs.tables",
             "pyarrow.parquet",
             "pyproj",
             "scipy.special",
@@ -317,7 +357,10 @@ class Runner:
 
     def run(self, name: str, kind: Kind, made: Input, folder: Path, number: int = 0) -> Result:
         """Run an input that is in its folder, and judge it."""
-        arguments = [each.replace(CASE, str(folder / "case")).replace(OUT, str(folder / "out")) for each in made.arguments]
+        arguments = [
+            each.replace(CASE, str(folder / "case")).replace(OUT, str(folder / "out"))
+            for each in made.arguments
+        ]
         home = os.getcwd()
         os.chdir(folder / "cwd")
         files, start, before = _files(folder), _processor_time(), _reset_peak()
@@ -329,26 +372,44 @@ class Runner:
         seconds, growth = _processor_time() - start, _peak() - before
         defect = "; ".join(self._defects(kind, answer, folder, files, seconds, growth))
         if not all(map(_is_finite, (folder / "out").glob("**/trajectories.parquet"))):
-            defect = "; ".join(filter(None, (defect, "trajectories with numbers that are not finite")))
+            defect = "; ".join(
+                filter(None, (defect, "trajectories with numbers that are not finite"))
+            )
         if not defect and kind.checked is not None and answer.code in (0, 1):
             defect = _green(arguments, answer, kind.checked)
         message = answer.err.strip()[-1500:].replace(f"{folder}/", "")
-        return Result(number, name, made.source, made.changes, answer.code, defect, message, seconds, growth)
+        return Result(
+            number, name, made.source, made.changes, answer.code, defect, message, seconds, growth
+        )
 
     def _defects(
-        self, kind: Kind, answer: Answer, folder: Path, files: set[Path], seconds: float, growth: float
+        self,
+        kind: Kind,
+        answer: Answer,
+        folder: Path,
+        files: set[Path],
+        seconds: float,
+        growth: float,
     ) -> Iterator[str]:
         if "Traceback (most recent call last)" in answer.err:
             yield f"traceback: {answer.err.strip().splitlines()[-1][:160]}"
         elif "internal error" in answer.err + answer.out:
             yield "internal error"
-        if answer.code not in kind.codes and not (answer.code == 2 and "this stands for no" in answer.err):  # a folder
+        if answer.code not in kind.codes and not (
+            answer.code == 2 and "this stands for no" in answer.err
+        ):  # a folder
             yield f"exit code {answer.code}"
         if answer.code not in _VERDICTS and f"{folder.name}/" not in answer.err:
             yield "an error that names no file of the input"
         printed = answer.out + answer.err
-        odd = None if printed.replace("\n", " ").isprintable() else next(c for c in printed if not (c.isprintable() or c == "\n"))
-        if odd is not None and not (answer.out.startswith(("<", "{", "name,")) and odd not in answer.err):
+        odd = (
+            None
+            if printed.replace("\n", " ").isprintable()
+            else next(c for c in printed if not (c.isprintable() or c == "\n"))
+        )
+        if odd is not None and not (
+            answer.out.startswith(("<", "{", "name,")) and odd not in answer.err
+        ):
             yield f"the character {odd!r} on the console"
         if _COMMAND.search(answer.out + "\n" + answer.err):
             yield "a line that CI services take for a command"
@@ -356,9 +417,26 @@ class Runner:
             yield f"{seconds:.0f} s of processor time"
         if growth >= self.limits.memory or "more memory than there is" in answer.err:
             yield f"{growth:.0f} MiB of memory"
-        allowed = tuple(map(str, (folder / "out", folder / "case", self._scratch / "cache", self._scratch / "tmp", os.devnull)))
-        written = {path for path in {*self._written, *map(str, _files(folder) - files)} if "/__pycache__/" not in path}
-        outside = {path for path in written if not path.startswith(allowed)}  # modules are compiled when they are first imported
+        allowed = tuple(
+            map(
+                str,
+                (
+                    folder / "out",
+                    folder / "case",
+                    self._scratch / "cache",
+                    self._scratch / "tmp",
+                    os.devnull,
+                ),
+            )
+        )
+        written = {
+            path
+            for path in {*self._written, *map(str, _files(folder) - files)}
+            if "/__pycache__/" not in path
+        }
+        outside = {
+            path for path in written if not path.startswith(allowed)
+        }  # modules are compiled when they are first imported
         left = _files(self._scratch / "tmp")
         if outside or left:
             yield f"files written outside of the output folder: {', '.join(sorted({*outside, *map(str, left)}))}"
@@ -373,11 +451,23 @@ def _green(arguments: Sequence[str], answer: Answer, rules: str) -> str:
     file = next((each for each in arguments if each.endswith(".xosc")), None)
     if file is None or _RULE.search(answer.out + answer.err) or "remark" in answer.out:
         return ""
-    errors = (problem for problem in check(file) if problem.level == "error" and problem.rule.endswith(rules))
-    untold = (problem for problem in errors if f"{Path(file).name}:{problem.line}: " not in answer.out + answer.err)
-    broken = (problem for problem in untold if ":naming." not in problem.rule)  # a name with `::` is run like any other
+    errors = (
+        problem
+        for problem in check(file)
+        if problem.level == "error" and problem.rule.endswith(rules)
+    )
+    untold = (
+        problem
+        for problem in errors
+        if f"{Path(file).name}:{problem.line}: " not in answer.out + answer.err
+    )
+    broken = (
+        problem for problem in untold if ":naming." not in problem.rule
+    )  # a name with `::` is run like any other
     fault = next(map(str, broken), "")
-    return f"green without a word, though invalid: {fault.rpartition('/')[2][:200]}" if fault else ""
+    return (
+        f"green without a word, though invalid: {fault.rpartition('/')[2][:200]}" if fault else ""
+    )
 
 
 def _is_finite(table: Path) -> bool:
@@ -385,7 +475,9 @@ def _is_finite(table: Path) -> bool:
     import numpy as np
     import pyarrow.parquet as parquet
 
-    columns = parquet.read_table(table, columns=["x", "y", "z", "h", "pitch", "roll", "speed", "acceleration"])
+    columns = parquet.read_table(
+        table, columns=["x", "y", "z", "h", "pitch", "roll", "speed", "acceleration"]
+    )
     return all(bool(np.isfinite(column.to_numpy()).all()) for column in columns.columns)
 
 
@@ -414,5 +506,9 @@ def _peak() -> float:
 
 
 def _status(name: str) -> float:
-    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith(f"{name}:"))
+    line = next(
+        line
+        for line in Path("/proc/self/status").read_text().splitlines()
+        if line.startswith(f"{name}:")
+    )
     return int(line.split()[1]) / 1024

@@ -10,15 +10,46 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from schemas.registry import available_schemas
+from schemas.versions.registry import available_schemas
 
 XSD = "{http://www.w3.org/2001/XMLSchema}"
 NUMBERS = (
-    *("NaN", "nan", "INF", "-INF", "Infinity", "1e400", "-1e400", "1e-400", "-0", "1e308", "5e-324", "9" * 400, "0" * 5000 + "1"),
-    *("2147483648", "-2147483649", "4294967296", "18446744073709551616", "9007199254740993", "1e15", "-1", "0", "1e-9", "0x1p3"),
+    *(
+        "NaN",
+        "nan",
+        "INF",
+        "-INF",
+        "Infinity",
+        "1e400",
+        "-1e400",
+        "1e-400",
+        "-0",
+        "1e308",
+        "5e-324",
+        "9" * 400,
+        "0" * 5000 + "1",
+    ),
+    *(
+        "2147483648",
+        "-2147483649",
+        "4294967296",
+        "18446744073709551616",
+        "9007199254740993",
+        "1e15",
+        "-1",
+        "0",
+        "1e-9",
+        "0x1p3",
+    ),
 )
 FORGED = (
-    *("::error file=a::forged", "x\n::set-output name=a::b", "##[error]forged", "##vso[task.complete]", "\u2028::error::x"),
+    *(
+        "::error file=a::forged",
+        "x\n::set-output name=a::b",
+        "##[error]forged",
+        "##vso[task.complete]",
+        "\u2028::error::x",
+    ),
     *(
         "=cmd|' /C calc'!A0",
         "+1+1",
@@ -31,10 +62,28 @@ FORGED = (
         "a\u202eb",
         "\x7f",
     ),
-    *("`$(touch x)`", "'; touch x; '", '"; rm -rf .; "', "../../x", "a/b", "CON", "%n%s", "{0}", "$", "${1+", "x" * 300),
+    *(
+        "`$(touch x)`",
+        "'; touch x; '",
+        '"; rm -rf .; "',
+        "../../x",
+        "a/b",
+        "CON",
+        "%n%s",
+        "{0}",
+        "$",
+        "${1+",
+        "x" * 300,
+    ),
 )
 """Names that mean something to a CI service, a spreadsheet, a browser, a shell, a file system or a terminal"""
-_FOREIGN = ("http://example.org/other", "relative/uri", "", "urn:x", "http://www.w3.org/2001/XMLSchema-instance")
+_FOREIGN = (
+    "http://example.org/other",
+    "relative/uri",
+    "",
+    "urn:x",
+    "http://www.w3.org/2001/XMLSchema-instance",
+)
 _COUNTS = (1, 2, 20, 300, 2000)
 _MANY = (50, 500, 3000)
 
@@ -64,16 +113,25 @@ def standard(root: str) -> Standard:
     trees = [newest.tree(), *map(etree.parse, parts)]
     types, words = {}, {}
     for tree in sorted(trees, key=lambda tree: str(tree.docinfo.URL)):
-        types |= {str(each.get("name")): each for tag in ("complexType", "group") for each in tree.iter(f"{XSD}{tag}")}
+        types |= {
+            str(each.get("name")): each
+            for tag in ("complexType", "group")
+            for each in tree.iter(f"{XSD}{tag}")
+        }
         for each in tree.iter(f"{XSD}simpleType"):
-            words[str(each.get("name"))] = tuple(str(one.get("value")) for one in each.iter(f"{XSD}enumeration"))
+            words[str(each.get("name"))] = tuple(
+                str(one.get("value")) for one in each.iter(f"{XSD}enumeration")
+            )
     elements: dict[str, Declared] = {}
     for tree in trees:
         for each in tree.iter(f"{XSD}element"):
             if name := each.get("name"):
                 known = elements.get(name, Declared({}, ()))
                 attributes, children = _content(types, each.get("type"), each, 0)
-                elements[name] = Declared(known.attributes | attributes, tuple(dict.fromkeys((*known.children, *children))))
+                elements[name] = Declared(
+                    known.attributes | attributes,
+                    tuple(dict.fromkeys((*known.children, *children))),
+                )
     return Standard(elements, {name: values for name, values in words.items() if values})
 
 
@@ -84,8 +142,16 @@ def _content(
     kind = types.get(name) if name else own
     if kind is None or depth > 5:
         return {}, ()
-    attributes = {str(each.get("name")): str(each.get("type", "")) for each in kind.iter(f"{XSD}attribute") if each.get("name")}
-    children = tuple(str(each.get("name")) for each in kind.iter(f"{XSD}element") if each.get("name") and each is not own)
+    attributes = {
+        str(each.get("name")): str(each.get("type", ""))
+        for each in kind.iter(f"{XSD}attribute")
+        if each.get("name")
+    }
+    children = tuple(
+        str(each.get("name"))
+        for each in kind.iter(f"{XSD}element")
+        if each.get("name") and each is not own
+    )
     for reference in (*kind.iter(f"{XSD}extension"), *kind.iter(f"{XSD}group")):
         more, below = _content(types, reference.get("base") or reference.get("ref"), own, depth + 1)
         attributes, children = more | attributes, (*children, *below)
@@ -110,7 +176,11 @@ def value_of(root: etree._Element, kind: str, random: Random) -> str:
     if words and random.random() < 0.7:
         word = random.choice(words)
         return random.choice((word, word, word.upper(), word[:-1], f" {word} "))
-    if kind.rpartition(":")[2].lower().startswith(("double", "int", "unsigned", "e_", "t_", "float", "decimal")):
+    if (
+        kind.rpartition(":")[2]
+        .lower()
+        .startswith(("double", "int", "unsigned", "e_", "t_", "float", "decimal"))
+    ):
         return (
             random.choice(NUMBERS)
             if random.random() < 0.5
@@ -120,7 +190,11 @@ def value_of(root: etree._Element, kind: str, random: Random) -> str:
 
 
 def _legal(text: str) -> str:
-    return "".join(c for c in text if c in "\t\n\r" or (c >= " " and not "\ud800" <= c <= "\udfff" and c not in "\ufffe\uffff"))
+    return "".join(
+        c
+        for c in text
+        if c in "\t\n\r" or (c >= " " and not "\ud800" <= c <= "\udfff" and c not in "\ufffe\uffff")
+    )
 
 
 # attributes -----------------------------------------------------------------------------------
@@ -147,7 +221,12 @@ def declared_attribute(root: etree._Element, random: Random) -> str:
 
 def extreme_number(root: etree._Element, random: Random) -> str:
     """A number that is none, or too great, in an attribute that has a number."""
-    found = [(element, name) for element in _elements(root) for name, value in element.attrib.items() if _numeric(str(value))]
+    found = [
+        (element, name)
+        for element in _elements(root)
+        for name, value in element.attrib.items()
+        if _numeric(str(value))
+    ]
     if not found:
         return "nothing"
     element, name = random.choice(found)
@@ -190,9 +269,14 @@ def doubled_name(root: etree._Element, random: Random) -> str:
 def crossed_reference(root: etree._Element, random: Random) -> str:
     """A reference to something there, of another kind or to its own element."""
     references = [
-        (e, str(n)) for e in _elements(root) for n in e.attrib if str(n).endswith(("Ref", "Id", "contactPoint", "Name"))
+        (e, str(n))
+        for e in _elements(root)
+        for n in e.attrib
+        if str(n).endswith(("Ref", "Id", "contactPoint", "Name"))
     ]
-    names = [str(value) for e in _elements(root) for n, value in e.attrib.items() if n in ("name", "id")]
+    names = [
+        str(value) for e in _elements(root) for n, value in e.attrib.items() if n in ("name", "id")
+    ]
     if not references or not names:
         return "nothing"
     element, name = random.choice(references)
@@ -229,7 +313,9 @@ def _made(root: etree._Element, name: str, random: Random, depth: int) -> etree.
         if random.random() < 0.9:
             element.set(attribute, _legal(value_of(root, kind, random)))
     if depth and declared.children:
-        for child in random.sample(declared.children, min(len(declared.children), random.randint(0, 2))):
+        for child in random.sample(
+            declared.children, min(len(declared.children), random.randint(0, 2))
+        ):
             element.append(_made(root, child, random, depth - 1))
     return element
 
@@ -274,7 +360,11 @@ def enumeration(root: etree._Element, random: Random) -> str:
 
 def explosion(root: etree._Element, random: Random) -> str:
     """A range with as many values as there is no time for, where a distribution has one."""
-    found = [element for element in _elements(root) if _name(element) in ("DistributionRange", "Range", "Bin")]
+    found = [
+        element
+        for element in _elements(root)
+        if _name(element) in ("DistributionRange", "Range", "Bin")
+    ]
     if not found:
         return extreme_number(root, random)
     element = random.choice(found)
@@ -304,8 +394,23 @@ def long_value(root: etree._Element, random: Random) -> str:
 
 
 CHANGES: tuple[Callable[[etree._Element, Random], str], ...] = (
-    *(unknown_attributes, declared_attribute, declared_attribute, declared_attribute, extreme_number, extreme_number),
-    *(forged_name, doubled_name, crossed_reference, unknown_elements, declared_child, declared_child, declared_child),
+    *(
+        unknown_attributes,
+        declared_attribute,
+        declared_attribute,
+        declared_attribute,
+        extreme_number,
+        extreme_number,
+    ),
+    *(
+        forged_name,
+        doubled_name,
+        crossed_reference,
+        unknown_elements,
+        declared_child,
+        declared_child,
+        declared_child,
+    ),
     *(wrong_parent, nested, enumeration, explosion, namespaces, long_value),
 )
 """Changes of a document's tree"""
@@ -316,7 +421,11 @@ CHANGES: tuple[Callable[[etree._Element, Random], str], ...] = (
 
 def _inside_tags(data: bytes, random: Random, text: bytes) -> bytes:
     """Text put behind the name of one of the elements."""
-    places = [at for at in range(len(data)) if data[at : at + 1] == b"<" and data[at + 1 : at + 2].isalpha()]
+    places = [
+        at
+        for at in range(len(data))
+        if data[at : at + 1] == b"<" and data[at + 1 : at + 2].isalpha()
+    ]
     if not places:
         return data
     at = random.choice(places) + 1
@@ -334,18 +443,39 @@ def doubled_attributes(data: bytes, random: Random) -> bytes:
 def declared_namespaces(data: bytes, random: Random) -> bytes:
     """Namespaces declared: relative, empty, doubled, by the prefix of XML itself."""
     uri = random.choice(_FOREIGN).encode()
-    declared = random.choice((b' xmlns="%s"', b' xmlns:x="%s"', b' xmlns:xml="%s"', b' xmlns:x="%s" x:name="a" y:name="b"'))
+    declared = random.choice(
+        (
+            b' xmlns="%s"',
+            b' xmlns:x="%s"',
+            b' xmlns:xml="%s"',
+            b' xmlns:x="%s" x:name="a" y:name="b"',
+        )
+    )
     return _inside_tags(data, random, declared % uri)
 
 
 def forbidden_characters(data: bytes, random: Random) -> bytes:
     """Characters that XML does not have, as themselves or by number."""
     what = random.choice(
-        (b"\x00", b"\x1b[31m", b"\x08", b"&#0;", b"&#x1b;", b"&#xD800;", b"&#x110000;", b"\xff\xfe", b"\xed\xa0\x80")
+        (
+            b"\x00",
+            b"\x1b[31m",
+            b"\x08",
+            b"&#0;",
+            b"&#x1b;",
+            b"&#xD800;",
+            b"&#x110000;",
+            b"\xff\xfe",
+            b"\xed\xa0\x80",
+        )
     )
     at = data.find(b'="', random.randrange(len(data) + 1))
     return data[: at + 2] + what + data[at + 2 :] if at >= 0 else what + data
 
 
-TEXT_CHANGES: tuple[Callable[[bytes, Random], bytes], ...] = (doubled_attributes, declared_namespaces, forbidden_characters)
+TEXT_CHANGES: tuple[Callable[[bytes, Random], bytes], ...] = (
+    doubled_attributes,
+    declared_namespaces,
+    forbidden_characters,
+)
 """Changes of a document's bytes"""

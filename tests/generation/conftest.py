@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.models.kernels import KDE
 from generation.search.problem import Realism, Reward, SearchProblem
+from generation.space.density.models.kernels import KDE
 from tests.generation.kinematic import SPACE, Kinematic, driven
 
 
 @pytest.fixture(scope="session")
 def realism() -> Realism:
     """Realism of driven parameters."""
-    return Realism.of(KDE(0.7).fit(driven(300)), KDE(0.7).fit(driven(300)).log_density(driven(300, seed=1)))
+    return Realism.of(
+        KDE(0.7).fit(driven(300)), KDE(0.7).fit(driven(300)).log_density(driven(300, seed=1))
+    )
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """A stand-in for the evaluator where a test needs thousands of episodes: the kinematics of a cut-in, all rows at once.
 
-The ego drives at 30 m/s and brakes at 8 m/s² while its RSS distances to the other vehicle within 10 m are violated.
+The ego drives at 30 m/s and brakes at 8 m/s² while its RSS distances to the other vehicle within 10
+m are violated.
 """
 
 from __future__ import annotations
@@ -9,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from generation.outcomes import Outcomes
-from generation.search.space import Space
-from recognition.maneuvers.parameters import PARAMETERS
-from runner.measures.rss import lateral_distance, longitudinal_distance, parameter_set
+from generation.search.outcomes import Outcomes
+from generation.space.space import Space
+from recognition.labels.maneuvers.parameters import PARAMETERS
+from runner.judging.measures.rss import lateral_distance, longitudinal_distance, parameter_set
 from schemas.common.array_types import FloatArray
 
 STEP, LENGTH, WIDTH, LANE, EGO, SENSOR, BRAKE = 0.1, 4.5, 1.8, 3.5, 30.0, 10.0, 8.0
@@ -36,17 +37,34 @@ class Kinematic:
             t = number * STEP
             active = (t < end) & ~collision
             share = np.clip((t - t0) / duration, 0.0, 1.0)
-            speed = np.where(share < 1.0, v0 + share * (v1 - v0), v1 + np.clip((t - t0 - duration) / 2.0, 0.0, 1.0) * (v2 - v1))
+            speed = np.where(
+                share < 1.0,
+                v0 + share * (v1 - v0),
+                v1 + np.clip((t - t0 - duration) / 2.0, 0.0, 1.0) * (v2 - v1),
+            )
             aside = LANE * (1.0 - share)
             drift = np.where((share > 0.0) & (share < 1.0), LANE / duration, 0.0)
-            between, beside = np.maximum(np.abs(ahead) - LENGTH, 0.0), np.maximum(aside - WIDTH, 0.0)
-            safe = np.where(ahead > 0, longitudinal_distance(ego, speed, rss), longitudinal_distance(speed, ego, rss))
-            danger = (between < safe) & (beside < lateral_distance(drift, 0.0, rss.response_other, rss.response, rss))
+            between, beside = (
+                np.maximum(np.abs(ahead) - LENGTH, 0.0),
+                np.maximum(aside - WIDTH, 0.0),
+            )
+            safe = np.where(
+                ahead > 0,
+                longitudinal_distance(ego, speed, rss),
+                longitudinal_distance(speed, ego, rss),
+            )
+            danger = (between < safe) & (
+                beside < lateral_distance(drift, 0.0, rss.response_other, rss.response, rss)
+            )
             steps += active
             risky += active & danger
             collision |= active & (between == 0.0) & (beside == 0.0)
             closing = (ego - speed) * (ahead > 0) * (beside == 0.0)
-            least = np.where(active & (closing > 0), np.minimum(least, between / np.maximum(closing, 1e-9)), least)
+            least = np.where(
+                active & (closing > 0),
+                np.minimum(least, between / np.maximum(closing, 1e-9)),
+                least,
+            )
             braking = danger & (between < SENSOR) & (ahead > 0)
             ego = np.where(braking, np.maximum(ego - BRAKE * STEP, 0.0), ego)
             ahead = ahead + (speed - ego) * STEP
@@ -66,5 +84,15 @@ def driven(n: int, seed: int = 0) -> FloatArray:
     end = start + generator.normal(0.3, 1.0, n)
     gap = np.exp(generator.normal(3.2, 0.5, n)) * start / 29.0
     times = generator.gamma([6.0, 20.0, 6.0], [0.6, 0.23, 0.6], (n, 3))
-    rows = np.column_stack([gap, start, times[:, 0], end, times[:, 1], end + generator.normal(0.0, 1.5, n), times[:, 2]])
+    rows = np.column_stack(
+        [
+            gap,
+            start,
+            times[:, 0],
+            end,
+            times[:, 1],
+            end + generator.normal(0.0, 1.5, n),
+            times[:, 2],
+        ]
+    )
     return SPACE.clip(rows)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.logical.library import SCENARIOS
-from generation.search.space import Space
-from generation.settings import Ask
-from generation.variations import asked_of, freed, mapped, with_literals
+from generation.search.settings import Ask
+from generation.search.variations import asked_of, freed, mapped, with_literals
+from generation.space.logical.library import SCENARIOS
+from generation.space.space import Space
 from schemas import check
 from schemas.common.errors import UsageError
 from xosc.distributions import (
@@ -24,7 +24,7 @@ from xosc.distributions import (
     ParameterValueDistribution,
     Range,
 )
-from xosc.files import FileHeader
+from xosc.writing.files import FileHeader
 
 SIMPLE = SCENARIOS / "simple_cut_in.xosc"
 
@@ -38,18 +38,29 @@ def variation(path: Path, *distributions: object) -> Path:
 def test_a_variation_file_says_what_is_searched_and_what_is_pinned(tmp_path: Path) -> None:
     path = variation(
         tmp_path / "variation.xosc",
-        DeterministicSingleParameterDistribution("CutIn_Gap_m", DistributionRange(Range(6.0, 30.0), 2.0)),
+        DeterministicSingleParameterDistribution(
+            "CutIn_Gap_m", DistributionRange(Range(6.0, 30.0), 2.0)
+        ),
         DeterministicSingleParameterDistribution("CutIn_Speed_mps", DistributionSet(("22",))),
     )
     asked = asked_of(Ask(), path)
     assert asked.scenario == SIMPLE
-    space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
-    assert (space.names, space.low.tolist(), space.high.tolist()) == (("CutIn_Gap_m",), [6.0], [30.0])
+    space = Space.of(
+        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
+    )
+    assert (space.names, space.low.tolist(), space.high.tolist()) == (
+        ("CutIn_Gap_m",),
+        [6.0],
+        [30.0],
+    )
     assert space.pinned["CutIn_Speed_mps"] == "22"
     theta = asked.recorded(space).prior(space, "kde").sample(20, np.random.default_rng(0))
     assert ((theta >= 6.0) & (theta <= 30.0)).all()
     pinned = asked_of(Ask(pinned={"CutIn_Gap_m": "9"}, free=["CutIn_Speed_mps=15..30"]), path)
-    assert (dict(pinned.pinned), list(pinned.marginals)) == ({"CutIn_Gap_m": "9"}, ["CutIn_Speed_mps"])
+    assert (dict(pinned.pinned), list(pinned.marginals)) == (
+        {"CutIn_Gap_m": "9"},
+        ["CutIn_Speed_mps"],
+    )
 
 
 def test_sets_of_values_are_searched_as_sets(tmp_path: Path) -> None:
@@ -58,34 +69,51 @@ def test_sets_of_values_are_searched_as_sets(tmp_path: Path) -> None:
         {"CutIn_LaneChangeTime_s": "3", "CutIn_Gap_m": gap, "CutIn_Speed_mps": speed}
         for gap, speed in (("9.5", "20"), ("8", "25"))
     ]
-    path = variation(tmp_path / "variation.xosc", DeterministicMultiParameterDistribution(tuple(rows)))
+    path = variation(
+        tmp_path / "variation.xosc", DeterministicMultiParameterDistribution(tuple(rows))
+    )
     asked = asked_of(Ask(), path)
-    space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
-    assert (space.names, space.low.tolist(), space.high.tolist()) == (("CutIn_Gap_m",), [8.0], [9.5])
+    space = Space.of(
+        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
+    )
+    assert (space.names, space.low.tolist(), space.high.tolist()) == (
+        ("CutIn_Gap_m",),
+        [8.0],
+        [9.5],
+    )
     assert not set(rows[0]) & set(space.pinned)
     assert [space.values([gap]) for gap in (9.1, 8.2)] == rows
     drawn = asked.recorded(space).prior(space, "mixture").sample(50, np.random.default_rng(0))
     assert set(drawn[:, 0].tolist()) == {8.0, 9.5}
     with pytest.raises(
-        UsageError, match="CutIn_Speed_mps belongs to the values of CutIn_Gap_m, and is searched or pinned itself"
+        UsageError,
+        match="CutIn_Speed_mps belongs to the values of CutIn_Gap_m, and is searched or pinned itself",
     ):
         Space.of(asked.scenario, {"CutIn_Speed_mps": "20"}, ranges=asked.marginals, default=False)
 
 
 def test_sets_of_values_that_no_number_tells_apart_are_refused(tmp_path: Path) -> None:
     sets = DeterministicMultiParameterDistribution(({"CutIn_Gap_m": "9"}, {"CutIn_Gap_m": "9"}))
-    with pytest.raises(UsageError, match="no number tells its sets of values apart: search simple_cut_in"):
+    with pytest.raises(
+        UsageError, match="no number tells its sets of values apart: search simple_cut_in"
+    ):
         asked_of(Ask(), variation(tmp_path / "variation.xosc", sets))
 
 
 def test_a_literal_becomes_a_parameter_of_a_copy_that_stands_by_itself(tmp_path: Path) -> None:
-    line = next(number for number, text in enumerate(SIMPLE.read_text().splitlines(), 1) if 'dynamicsShape="step"' in text)
+    line = next(
+        number
+        for number, text in enumerate(SIMPLE.read_text().splitlines(), 1)
+        if 'dynamicsShape="step"' in text
+    )
     free = [f"{line}@value=0..2", "CutIn_Gap_m=6..30"]
     ask, copy = with_literals(Ask(free=free), SIMPLE, tmp_path / "source")
     name = f"SpeedActionDynamics_value_{line}"
     assert list(ask.free) == ["CutIn_Gap_m=6..30", f"{name}=0..2"]
     asked = asked_of(ask, copy)
-    space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+    space = Space.of(
+        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
+    )
     assert set(space.names) == {name, "CutIn_Gap_m"}
     assert f'value="${name}"' in copy.read_text() and name not in SIMPLE.read_text()
     assert check(copy) == []
@@ -99,8 +127,14 @@ def test_a_literal_becomes_a_parameter_of_a_copy_that_stands_by_itself(tmp_path:
         ("2@author=0..2", "author is 'xosc-toolchain', not a number"),
     ],
 )
-def test_what_is_no_literal_number_is_refused_by_line(literal: str, reason: str, tmp_path: Path) -> None:
-    header = next(number for number, text in enumerate(SIMPLE.read_text().splitlines(), 1) if "<FileHeader" in text)
+def test_what_is_no_literal_number_is_refused_by_line(
+    literal: str, reason: str, tmp_path: Path
+) -> None:
+    header = next(
+        number
+        for number, text in enumerate(SIMPLE.read_text().splitlines(), 1)
+        if "<FileHeader" in text
+    )
     with pytest.raises(UsageError, match=reason):
         with_literals(Ask(free=[literal.replace("2@author", f"{header}@author")]), SIMPLE, tmp_path)
 
@@ -108,7 +142,9 @@ def test_what_is_no_literal_number_is_refused_by_line(literal: str, reason: str,
 def test_parameters_are_mapped_to_roles_with_a_factor() -> None:
     maps = ["CutIn_Gap_m=gap", "CutIn_LaneChangeTime_s=duration", "Ego_Speed_mps=ego_speed*1.0"]
     asked = asked_of(Ask(kind="cut_in", maps=maps), SIMPLE)
-    space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+    space = Space.of(
+        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
+    )
     assert set(space.names) == {"CutIn_Gap_m", "CutIn_LaneChangeTime_s", "Ego_Speed_mps"}
     assert len(asked.recorded(space).theta) > 1000
     assert mapped(["Ego_speed_kph=ego_speed*3.6"])["Ego_speed_kph"].factor == 3.6
@@ -117,8 +153,12 @@ def test_parameters_are_mapped_to_roles_with_a_factor() -> None:
 def test_where_all_ranges_have_roles_recordings_say_everything_within_them() -> None:
     ranges = {"CutIn_Gap_m": (10.0, 30.0), "Ego_Speed_mps": (15.0, 25.0)}
     free = [f"{name}={low}..{high}" for name, (low, high) in ranges.items()]
-    asked = asked_of(Ask(kind="cut_in", maps=["CutIn_Gap_m=gap", "Ego_Speed_mps=ego_speed"], free=free), SIMPLE)
-    space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+    asked = asked_of(
+        Ask(kind="cut_in", maps=["CutIn_Gap_m=gap", "Ego_Speed_mps=ego_speed"], free=free), SIMPLE
+    )
+    space = Space.of(
+        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
+    )
     prior = asked.recorded(space).prior(space, "mixture")
     drawn = prior.sample(200, np.random.default_rng(0))
     assert prior.inside(drawn).all()
@@ -129,7 +169,9 @@ def test_a_scenario_of_which_nothing_is_known_is_uniform_or_refused() -> None:
     with pytest.raises(UsageError, match="--kind"):
         asked_of(Ask(), SIMPLE)
     asked = asked_of(Ask(density="uniform"), SIMPLE)
-    space = Space.of(asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default)
+    space = Space.of(
+        asked.scenario, asked.pinned, asked.free, ranges=asked.marginals, default=asked.default
+    )
     assert len(space.names) == 4
     assert asked.recorded(space).prior(space, "uniform").names == space.names
 
@@ -157,7 +199,9 @@ def test_roles_that_are_none_are_refused(texts: list[str], reason: str) -> None:
 
 def test_parameters_without_limits_or_numbers_are_refused_by_name() -> None:
     corpus = SCENARIOS / "unsignalised_left_turn_t_junction.xosc"
-    with pytest.raises(UsageError, match="Oncoming_Model can't be searched: it is of the type string"):
+    with pytest.raises(
+        UsageError, match="Oncoming_Model can't be searched: it is of the type string"
+    ):
         Space.of(corpus, ranges=freed(["Oncoming_Model=1..2"])[1])
     with pytest.raises(UsageError, match=r"--free Ego_SlowingStart_s=LOW\.\.HIGH"):
         Space.of(corpus, free=["Ego_SlowingStart_s"])

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from generation.logical.library import SCENARIOS
 from generation.pipeline import LEAST, Generated, generate
-from generation.recorded import Recorded, of_recordings, of_samples
-from generation.search.space import Space
-from generation.settings import SearchSettings
-from runner.settings import RunSettings
+from generation.search.settings import SearchSettings
+from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import Recorded, of_recordings, of_samples
+from generation.space.space import Space
+from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -63,7 +63,9 @@ def test_too_few_recorded_manoeuvres_are_no_prior(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_search_is_extended_in_its_folder(tmp_path: Path) -> None:
     def search(seed: int) -> Generated:
-        return generate(CUT_IN, lambda space: drawn(40), tmp_path, replace(QUICK, budget=6, seed=seed))
+        return generate(
+            CUT_IN, lambda space: drawn(40), tmp_path, replace(QUICK, budget=6, seed=seed)
+        )
 
     assert search(0).reused == 0
     assert search(1).reused == 0
@@ -77,9 +79,15 @@ def test_a_search_is_extended_in_its_folder(tmp_path: Path) -> None:
 def test_what_was_found_so_far_is_written_after_each_so_many_runs(tmp_path: Path) -> None:
     told = list[Generated]()
     settings = replace(QUICK, budget=230, every=100)
-    whole = generate(CUT_IN, lambda space: drawn(200), tmp_path / "a", replace(settings, every=None))
-    again = generate(CUT_IN, lambda space: drawn(200), tmp_path / "b", settings, interim=told.append)
-    assert [len(each.history.theta) for each in told] == [50, 150], "57 draws before, runs in batches of 50"
+    whole = generate(
+        CUT_IN, lambda space: drawn(200), tmp_path / "a", replace(settings, every=None)
+    )
+    again = generate(
+        CUT_IN, lambda space: drawn(200), tmp_path / "b", settings, interim=told.append
+    )
+    assert [len(each.history.theta) for each in told] == [50, 150], (
+        "57 draws before, runs in batches of 50"
+    )
     assert told[0].statement.draws == 57 and told[0].estimate is None
     np.testing.assert_array_equal(told[1].history.theta, whole.history.theta[:150])
     np.testing.assert_array_equal(again.history.theta, whole.history.theta)
@@ -104,9 +112,15 @@ def test_a_search_ends_with_its_time_and_goes_on_in_the_next_call(tmp_path: Path
 def test_failures_outside_the_operational_domain_are_no_edge_cases(tmp_path: Path) -> None:
     settings = replace(QUICK, budget=120, run=replace(RUN, sut="cas:brake=2"))
     free = generate(CUT_IN, TRAFFIC, tmp_path / "a", settings)
-    limited = generate(CUT_IN, TRAFFIC, tmp_path / "b", replace(settings, domain=("Ego_Speed_mps=0..30",)))
+    limited = generate(
+        CUT_IN, TRAFFIC, tmp_path / "b", replace(settings, domain=("Ego_Speed_mps=0..30",))
+    )
     speed = free.space.names.index("Ego_Speed_mps")
     assert (free.cases.theta[:, speed] > 30.0).any()
     assert len(limited.cases) and (limited.cases.theta[:, speed] <= 30.0).all()
-    assert limited.statement == free.statement, "the bound is under the density, whatever the domain"
-    assert json.loads((tmp_path / "b" / "cut_in_highway_search.json").read_text())["domain"] == {"Ego_Speed_mps": [0.0, 30.0]}
+    assert limited.statement == free.statement, (
+        "the bound is under the density, whatever the domain"
+    )
+    assert json.loads((tmp_path / "b" / "cut_in_highway_search.json").read_text())["domain"] == {
+        "Ego_Speed_mps": [0.0, 30.0]
+    }

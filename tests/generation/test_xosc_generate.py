@@ -13,9 +13,9 @@ from types import CodeType, FrameType
 import pytest
 
 import schemas
-from generation.logical.library import SCENARIOS
+from generation.space.logical.library import SCENARIOS
 from generation.xosc_generate import main
-from runner.sut import Control, Observation, Participant
+from runner.systems import Control, Observation, Participant
 from schemas.common.storage import alone
 
 CUT_IN = str(SCENARIOS / "cut_in_highway.xosc")
@@ -78,11 +78,19 @@ def test_a_scenario_becomes_edge_cases(
     assert "7 unguided draws of the density: " in told and "8 sought runs: " in told
     assert "with 95 % confidence failures that were not found have a probability below 0.35" in told
     numbers = json.loads((tmp_path / "out" / "cut_in_highway_search.json").read_text())
-    assert (numbers["draws"]["runs"], numbers["sought"]["runs"], numbers["plays_on_twin"]) == (7, 8, 0)
+    assert (numbers["draws"]["runs"], numbers["sought"]["runs"], numbers["plays_on_twin"]) == (
+        7,
+        8,
+        0,
+    )
     assert numbers["statement"]["unknown_below"] == pytest.approx(1.0 - 0.05 ** (1.0 / 7))
     files = sorted(path.name for path in (tmp_path / "out").glob("*.xosc"))
     assert files[0] == "cut_in_highway.xosc"
-    assert {"cut_in_highway_edge_cases.xosc", "cut_in_highway_density.xosc", "cut_in_highway_edge_case_000002.xosc"} <= set(files)
+    assert {
+        "cut_in_highway_edge_cases.xosc",
+        "cut_in_highway_density.xosc",
+        "cut_in_highway_edge_case_000002.xosc",
+    } <= set(files)
     assert not any(schemas.check(path) for path in (tmp_path / "out").rglob("*.xosc"))
 
 
@@ -95,7 +103,10 @@ def test_a_search_that_finds_nothing_says_why(
     assert re.search(r"0 edge cases: collisions: [1-9]\d*, foreseeable: 0", capsys.readouterr().out)
     far = ("--pin", "CutIn_Gap_m=100", "--pin", "Ego_Speed_mps=20")
     assert call(monkeypatch, CUT_IN, "--out", tmp_path / "one", *QUICK, *far, "--budget", 1) == 1
-    assert "0 edge cases: no run collides; the least distance of the ego to another one is " in capsys.readouterr().out
+    assert (
+        "0 edge cases: no run collides; the least distance of the ego to another one is "
+        in capsys.readouterr().out
+    )
 
 
 def test_a_wrong_method_is_named_before_a_folder_is_asked_for(
@@ -126,7 +137,10 @@ def test_an_edited_file_is_in_the_way_unless_it_may_be_replaced(
     edited.write_bytes(content + b"<!-- mine -->")
     search = (CUT_IN, "--out", folder, *QUICK, "--violations", "-q")
     assert call(monkeypatch, *search) == 2
-    assert "cut_in_highway.xosc: another file is in the way; --overwrite replaces it" in capsys.readouterr().err
+    assert (
+        "cut_in_highway.xosc: another file is in the way; --overwrite replaces it"
+        in capsys.readouterr().err
+    )
     assert call(monkeypatch, *search, "--overwrite") == 0
     assert edited.read_bytes() == content
 
@@ -180,7 +194,11 @@ def again(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Visits]:
 @pytest.mark.slow
 def test_the_same_call_gives_the_same_bytes(old: Path, again: tuple[Path, Visits]) -> None:
     one, other = (
-        {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+        {
+            path.relative_to(folder): path.read_bytes()
+            for path in sorted(folder.rglob("*"))
+            if path.is_file()
+        }
         for folder in (old, again[0])
     )
     assert one == other
@@ -188,7 +206,9 @@ def test_the_same_call_gives_the_same_bytes(old: Path, again: tuple[Path, Visits
 
 @pytest.mark.slow
 def test_a_search_is_read_in_few_files(again: tuple[Path, Visits]) -> None:
-    assert {"xosc_generate.py", "pipeline.py", "twin/motion.py", "report/report.py"} < again[1].files
+    assert {"xosc_generate.py", "pipeline.py", "twin/motion.py", "report/report.py"} < again[
+        1
+    ].files
     assert len(again[1].files) <= MOST_VISITED, sorted(again[1].files)
 
 
@@ -198,7 +218,11 @@ def test_a_search_is_read_in_few_files(again: tuple[Path, Visits]) -> None:
         (("nothing.xosc",), 3, "no such file"),
         ((CUT_IN, "--method", "magic"), 2, "methods: cover"),
         ((str(SCENARIOS / "r157_cut_in.xosc"), "--method", "magic"), 2, "methods: cover"),
-        ((str(SCENARIOS / "r157_cut_in.xosc"), "--map", "Speed=ego_speed"), 2, "there is no parameter 'Speed'"),
+        (
+            (str(SCENARIOS / "r157_cut_in.xosc"), "--map", "Speed=ego_speed"),
+            2,
+            "there is no parameter 'Speed'",
+        ),
         ((CUT_IN, "--fail-if", "new"), 2, "--against says where"),
         ((CUT_IN, "--against", str(SCENARIOS), "--fail-if", "old"), 2, "one of new, still-there"),
         ((CUT_IN, "--against", str(SCENARIOS)), 2, "no search of cut_in_highway.xosc"),
@@ -208,7 +232,11 @@ def test_a_search_is_read_in_few_files(again: tuple[Path, Visits]) -> None:
         ((CUT_IN, "--sut", "nobody", *QUICK), 2, "nobody"),
         ((CUT_IN, "--world", "moon", *QUICK), 2, "sumo, kinematic"),
         ((str(SCENARIOS / "r157_cut_in.xosc"),), 2, "--kind"),
-        ((str(SCENARIOS / "cut_in_highway_variation.xosc"),), 2, "search cut_in_highway.xosc itself"),
+        (
+            (str(SCENARIOS / "cut_in_highway_variation.xosc"),),
+            2,
+            "search cut_in_highway.xosc itself",
+        ),
         ((str(SCENARIOS), "--kind", "cut_in"), 2, "for single scenarios"),
         ((str(Path(__file__).parent),), 2, "no scenario with parameters to search"),
         ((CUT_IN, "--method", "no-maneuver"), 2, "methods: cover, draws, mcsg, mcsg-published"),

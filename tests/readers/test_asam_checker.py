@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import xosc
-from runner.exports import TARGETS
-from runner.exports.exporting import export_documents
+from runner.exchange.exports import TARGETS
+from runner.exchange.exports.exporting import export_documents
 from tests.readers.conftest import Read
 from xosc.exports.draft import Folder
 
@@ -41,10 +41,16 @@ print(json.dumps(found))
 @pytest.mark.slow
 @pytest.mark.parametrize("target", ["1.0", "1.1", "1.2", "1.3", "esmini", "carla"])
 def test_the_exported_library_passes_all_checks(target: str, read: Read, tmp_path: Path) -> None:
-    exported = [done for done in export_documents(LIBRARY, TARGETS[target], Folder(tmp_path)) if done.exit_code == 0]
+    exported = [
+        done
+        for done in export_documents(LIBRARY, TARGETS[target], Folder(tmp_path))
+        if done.exit_code == 0
+    ]
     files = sorted(tmp_path.rglob("*.xosc"))
     assert exported and len(files) > len(exported) / 2
     found = read(READ, *files)
     issues = [(path, *issue) for path, (_, listed) in found.items() for issue in listed]
-    assert [each for each in issues if each[1] != OPERATORS or xosc.load(each[0]).version < (1, 3)] == []
+    assert [
+        each for each in issues if each[1] != OPERATORS or xosc.load(each[0]).version < (1, 3)
+    ] == []
     assert {schema for schema, _ in found.values()} == {"completed"}

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import runner
-from runner.exports import osi
+from runner.exchange.exports import osi
 from runner.recording import Track
 from tests.readers.conftest import Read
 
@@ -39,11 +39,19 @@ def test_a_trace_says_what_was_driven(read: Read, tmp_path: Path, suffix: str) -
     path = tmp_path / f"trace{suffix}"
     osi.write_trace(result, path)
     rows, topics = read(READ, path)
-    assert [row[0] for row in rows] == pytest.approx(next(iter(result.recording.tracks.values())).columns["time"])
+    assert [row[0] for row in rows] == pytest.approx(
+        next(iter(result.recording.tracks.values())).columns["time"]
+    )
     assert all(lanes > 0 for _, _, lanes in rows)
-    assert topics == ({"ground_truth": 41, "traffic_command": 1, "traffic_update": 41} if suffix == ".mcap" else {})
+    assert topics == (
+        {"ground_truth": 41, "traffic_command": 1, "traffic_update": 41}
+        if suffix == ".mcap"
+        else {}
+    )
     for step, (_, places, _) in enumerate(rows):
-        driven = sorted((*centre(track, step), track.box.length) for track in result.recording.tracks.values())
+        driven = sorted(
+            (*centre(track, step), track.box.length) for track in result.recording.tracks.values()
+        )
         assert places == [pytest.approx(place, abs=1e-6) for place in driven]
 
 
@@ -51,4 +59,6 @@ def centre(track: Track, step: int) -> tuple[float, float]:
     """The place of the middle of an entity's box."""
     x, y, h = (float(track.columns[name][step]) for name in ("x", "y", "h"))
     ahead, left = track.box.x, track.box.y
-    return x + ahead * math.cos(h) - left * math.sin(h), y + ahead * math.sin(h) + left * math.cos(h)
+    return x + ahead * math.cos(h) - left * math.sin(h), y + ahead * math.sin(h) + left * math.cos(
+        h
+    )

@@ -11,7 +11,9 @@ import xodr
 from tests.readers.conftest import Read
 
 LIBRARY = sorted(
-    path for path in (Path(xodr.__file__).parent / "library").glob("*.xodr") if b'layer="temporary"' not in path.read_bytes()
+    path
+    for path in (Path(xodr.__file__).parent / "library").glob("*.xodr")
+    if b'layer="temporary"' not in path.read_bytes()
 )
 """Without roads of several lane layers, which CARLA does not know."""
 
@@ -30,7 +32,15 @@ print(json.dumps(rows))
 def test_carla_finds_the_lanes_where_they_are(path: Path, read: Read) -> None:
     network = xodr.load(path)
     rows = read(READ, path)
-    for road_id, lane_id, s, width, x, y, yaw in rows:  # CARLA's axes are left-handed, its headings those of the traffic
+    for (
+        road_id,
+        lane_id,
+        s,
+        width,
+        x,
+        y,
+        yaw,
+    ) in rows:  # CARLA's axes are left-handed, its headings those of the traffic
         road = network.road(road_id)
         here = road.pose(s, road.lane_point(s, lane_id).t)
         assert (x, -y) == pytest.approx((here.x, here.y), abs=0.02)

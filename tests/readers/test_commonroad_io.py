@@ -11,9 +11,9 @@ import pytest
 import runner
 import xodr
 import xosc
-from runner.exports import commonroad
-from runner.exports.lanelets import lanelets
-from runner.exports.moments import box_centre
+from runner.exchange.exports import commonroad
+from runner.exchange.exports.lanelets import lanelets
+from runner.exchange.exports.moments import box_centre
 from tests.readers.conftest import Read
 from tests.runner.files import ROADS, car, place, scenario
 from xosc.exports.draft import Folder
@@ -72,12 +72,18 @@ def test_everyone_is_where_they_were(read: Read, tmp_path: Path) -> None:
     assert got["reached"][-1] and not got["reached"][0], "the ego's own way solves the problem"
     assert got["id"] == "ZAM_Curve-1_1_T-1"
     beside = [lanelet.beside[0] for lanelet in lanelets(xodr.load(ROADS / "curve.xodr")).values()]
-    assert [left and same for _, left, same in got["lanelets"].values()] == [left and left[1] for left in beside]
+    assert [left and same for _, left, same in got["lanelets"].values()] == [
+        left and left[1] for left in beside
+    ]
 
 
-@pytest.mark.parametrize("name", ["lane_change_left_four_way_intersection", "cut_in_sharp_curve", "merging_highway"])
+@pytest.mark.parametrize(
+    "name", ["lane_change_left_four_way_intersection", "cut_in_sharp_curve", "merging_highway"]
+)
 def test_the_library_is_valid_and_on_its_lanelets(name: str, read: Read, tmp_path: Path) -> None:
-    result = runner.run(LIBRARY / f"{name}.xosc", world="kinematic", timestep=0.1, sut="none", max_time=1.0)
+    result = runner.run(
+        LIBRARY / f"{name}.xosc", world="kinematic", timestep=0.1, sut="none", max_time=1.0
+    )
     commonroad.export(result, name, Folder(tmp_path))
     got = read(READ, tmp_path / f"{name}.xml", json.dumps(states(result, result.ego).tolist()))
     assert got["valid"], got["errors"]

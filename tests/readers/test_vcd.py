@@ -6,11 +6,11 @@ from pathlib import Path
 
 import runner
 import xodr
-from runner.exports import openlabel
+from runner.exchange.exports import openlabel
 from tests.readers.conftest import Read
 from tests.runner.files import car, place, scenario
 from xosc.exports.draft import Folder
-from xosc.tags import ASAM, Tag, to_bytes
+from xosc.writing.tags import ASAM, Tag, to_bytes
 
 LIBRARY = Path(xodr.__file__).parent / "library"
 
@@ -33,11 +33,18 @@ print(json.dumps(found))
 
 def test_labels_of_a_run_are_valid_and_name_everyone(read: Read, tmp_path: Path) -> None:
     path = scenario(
-        tmp_path, road="curve", entities=[car("Ego"), car("Ö")], init=place("Ego", 20, 10) + place("Ö", 150, 9, lane=1)
+        tmp_path,
+        road="curve",
+        entities=[car("Ego"), car("Ö")],
+        init=place("Ego", 20, 10) + place("Ö", 150, 9, lane=1),
     )
     tags = [Tag("RoadUserCar", None, ASAM), Tag("scenarioClass", "cut in"), Tag("metric", 1.5)]
     path.with_name("scenario.openlabel.json").write_bytes(to_bytes(tags, path.name, "tests"))
-    openlabel.export(runner.run(path, world="kinematic", timestep=0.1, sut="none"), "run", Folder(tmp_path / "out"))
+    openlabel.export(
+        runner.run(path, world="kinematic", timestep=0.1, sut="none"),
+        "run",
+        Folder(tmp_path / "out"),
+    )
     (told,) = read(READ, tmp_path / "out" / "run.openlabel.json")
     assert told == [sorted(tag.type for tag in tags), ["Ego", "Ö"]]
 

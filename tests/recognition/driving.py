@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from recognition.datasets.source import participant
 from recognition.labels import Label, LabelledEvent, Rules, label
-from recognition.sites import Site, site_at
+from recognition.recordings.source import participant
+from recognition.scenes import Site, site_at
 from runner.recording import Recording, Track
 from schemas.common.array_types import FloatArray
 from xodr.builders import RoadMap
-from xodr.network import RoadNetwork
+from xodr.graph.network import RoadNetwork
 
 STEP = 0.1
 USUAL = Rules()
@@ -51,7 +51,13 @@ def track(
         "s": zero, "t": zero, "lane_offset": zero,
     }  # fmt: skip
     kept = np.setdiff1d(np.arange(len(x)), missing)
-    return Track(name, who.kind, category, who.box, lambda: {key: values[kept].copy() for key, values in columns.items()})
+    return Track(
+        name,
+        who.kind,
+        category,
+        who.box,
+        lambda: {key: values[kept].copy() for key, values in columns.items()},
+    )
 
 
 def ahead(x: float, speed: float, seconds: float) -> FloatArray:
@@ -66,7 +72,11 @@ def sideways(y: float, end: float, at: float, seconds: float, duration: float = 
 
 
 def route(
-    network: RoadNetwork, start: tuple[str, int, float], speed: float, seconds: float, roads: Sequence[str] = ()
+    network: RoadNetwork,
+    start: tuple[str, int, float],
+    speed: float,
+    seconds: float,
+    roads: Sequence[str] = (),
 ) -> tuple[FloatArray, FloatArray]:
     """x and y of a vehicle that keeps to the middle of its lane, through the roads named where ways part.
 

@@ -49,7 +49,9 @@ def write_motorway(folder: Path, name: str = "01") -> Path:
     for drive in DRIVES:
         x, y = drive.x, drive.y
         shape = Car(drive.id, 0.0, 0.0, 1.0, length=drive.length, kind=drive.kind, frames=1)
-        cars.append(shape._replace(vx=drive.velocity(0.0)[0], first=drive.first, frames=drive.frames))
+        cars.append(
+            shape._replace(vx=drive.velocity(0.0)[0], first=drive.first, frames=drive.frames)
+        )
         (row,) = highd_rows([shape])
         for frame in range(drive.frames):
             vx, vy = drive.velocity(frame / RATE)

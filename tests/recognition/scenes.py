@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runner.participants.declaration import BoundingBox
+from runner.engine.participants.declaration import BoundingBox
 from runner.recording import COLUMNS, Recording, Track
 
 STEP = 0.1
@@ -28,7 +28,9 @@ class Driver(NamedTuple):
     end: float = 4.0
 
 
-def recording(drivers: Iterable[Driver], turn: float = 0.0, shift: tuple[float, float] = (0.0, 0.0)) -> Recording:
+def recording(
+    drivers: Iterable[Driver], turn: float = 0.0, shift: tuple[float, float] = (0.0, 0.0)
+) -> Recording:
     """Their recording, with the world turned (rad) about the origin and then shifted (m)."""
     return Recording([_track(driver, turn, shift) for driver in drivers], STEP, None)
 

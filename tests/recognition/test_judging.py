@@ -31,10 +31,19 @@ from benchmarks.judging.draws import (
 )
 from benchmarks.judging.items import COLUMNS, write_items
 from benchmarks.judging.kinematics import instants
-from benchmarks.judging.report import Answers, Event, bootstrap, interval, precision_cases, read_answers, recall_cases, report
+from benchmarks.judging.report import (
+    Answers,
+    Event,
+    bootstrap,
+    interval,
+    precision_cases,
+    read_answers,
+    recall_cases,
+    report,
+)
 from recognition.catalogue.detect import Moment
 from recognition.catalogue.pipeline import ByRules
-from runner.participants.declaration import BoundingBox
+from runner.engine.participants.declaration import BoundingBox
 from runner.recording import Recording, Track
 from schemas.common.errors import InvalidFile
 from tests.recognition import motorway
@@ -49,7 +58,10 @@ class Model(ByRules):
     def moments(self, name: str) -> list[Moment]:
         """The rules' moments with other classes."""
         ours = super().moments(name)
-        return [one if "lane change" in one.title else replace(one, title="ramp entering", partner=None) for one in ours]
+        return [
+            one if "lane change" in one.title else replace(one, title="ramp entering", partner=None)
+            for one in ours
+        ]
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +79,9 @@ def found(recordings: Path) -> list[Finding]:
 @pytest.fixture(scope="module")
 def drawn(recordings: Path, found: list[Finding]) -> Path:
     out = recordings.parent / "drawn"
-    write_items(draw_findings(found, 1, 1), Library([recordings]), out, recordings.parent / "key.json")
+    write_items(
+        draw_findings(found, 1, 1), Library([recordings]), out, recordings.parent / "key.json"
+    )
     return out
 
 
@@ -75,15 +89,24 @@ def key(drawn: Path) -> list[dict[str, Any]]:
     return json.loads((drawn.parent / "key.json").read_text())["items"]
 
 
-def test_findings_are_of_rules_of_the_model_or_of_both(found: list[Finding], tmp_path: Path) -> None:
-    assert {one.title for one in found if one.source == BOTH} == {"left lane change", "right lane change"}
+def test_findings_are_of_rules_of_the_model_or_of_both(
+    found: list[Finding], tmp_path: Path
+) -> None:
+    assert {one.title for one in found if one.source == BOTH} == {
+        "left lane change",
+        "right lane change",
+    }
     assert {one.title for one in found if one.source == MODEL} == {"ramp entering"}
-    assert {"highway cut in", "highway car following"} <= {one.title for one in found if one.source == RULES}
+    assert {"highway cut in", "highway car following"} <= {
+        one.title for one in found if one.source == RULES
+    }
     write_findings(found, tmp_path / "findings.json")
     assert read_findings(tmp_path / "findings.json") == found
 
 
-def test_unreadable_recordings_are_named_and_left_out(recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_unreadable_recordings_are_named_and_left_out(
+    recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
     shutil.copytree(recordings, tmp_path / "all")
     tracks = next((tmp_path / "all").glob("*_tracks.csv"))
     tracks.write_text(tracks.read_text()[:5000])
@@ -91,7 +114,9 @@ def test_unreadable_recordings_are_named_and_left_out(recordings: Path, tmp_path
     assert capsys.readouterr().err.startswith(f"left out: {tracks}")
 
 
-def test_a_draw_has_every_source_and_class_and_weights_of_the_population(found: list[Finding]) -> None:
+def test_a_draw_has_every_source_and_class_and_weights_of_the_population(
+    found: list[Finding],
+) -> None:
     items = draw_findings(found, 9, 1)
     chosen = [item.finding for item in items if item.finding]
     assert {(one.source, one.title) for one in chosen} == {(one.source, one.title) for one in found}
@@ -102,14 +127,18 @@ def test_a_draw_has_every_source_and_class_and_weights_of_the_population(found: 
     assert chosen != sorted(chosen, key=lambda one: one.source), "sources are mixed"
 
 
-def test_vehicles_are_drawn_once_with_what_was_found_in_their_stretch(recordings: Path, found: list[Finding]) -> None:
+def test_vehicles_are_drawn_once_with_what_was_found_in_their_stretch(
+    recordings: Path, found: list[Finding]
+) -> None:
     library = Library([recordings])
     items = draw_vehicles(found, library, 3, 0)
     assert len({item.vehicle for item in items}) == len(items) == 3
     for item in items:
         expected = [one for one in found if one.vehicle == item.vehicle]
         own = {one for one in item.found if one.source != BASELINE}
-        assert own <= {*expected} and all(one.end > item.start and one.start < item.end for one in own)
+        assert own <= {*expected} and all(
+            one.end > item.start and one.start < item.end for one in own
+        )
     assert draw_vehicles(found, library, 3, 1) != items
 
 
@@ -119,7 +148,14 @@ def moving(name: str, place: Callable[[float], tuple[float, float]]) -> Track:
     x, y = np.array([place(each) for each in time.tolist()]).T
     vx, vy = np.gradient(x, time), np.gradient(y, time)
     speed = np.hypot(vx, vy)
-    columns = {"time": time, "x": x, "y": y, "h": np.arctan2(vy, vx), "speed": speed, "acceleration": np.gradient(speed, time)}
+    columns = {
+        "time": time,
+        "x": x,
+        "y": y,
+        "h": np.arctan2(vy, vx),
+        "speed": speed,
+        "acceleration": np.gradient(speed, time),
+    }
     return Track(name, "vehicle", "car", BoundingBox(0.0, 0.0, 0.0, 4.5, 1.8, 1.5), lambda: columns)
 
 
@@ -133,7 +169,9 @@ def corner(time: float) -> tuple[float, float]:
     """A left turn of 90 degrees in 3 s, from 8 s on."""
     angle = min(max(time - 8.0, 0.0), 3.0) * math.pi / 6.0
     after = max(time - 11.0, 0.0)
-    return 10.0 * min(time, 8.0) + 19.1 * math.sin(angle), 19.1 * (1.0 - math.cos(angle)) + 10.0 * after
+    return 10.0 * min(time, 8.0) + 19.1 * math.sin(angle), 19.1 * (
+        1.0 - math.cos(angle)
+    ) + 10.0 * after
 
 
 def beside(time: float) -> tuple[float, float]:
@@ -145,42 +183,58 @@ def beside(time: float) -> tuple[float, float]:
 def test_kinematics_single_out_what_turns_shifts_brakes_meets_parts_and_crosses() -> None:
     straight = {"steady": lambda t: (15.0 * t, 0.0)}
     assert ways(**straight) == {"steady": set()}
-    assert ways(turning=corner) == {"turning": {"turns", "shifts"}}, "the beginning of a turn shifts it"
+    assert ways(turning=corner) == {"turning": {"turns", "shifts"}}, (
+        "the beginning of a turn shifts it"
+    )
     assert ways(**straight, changing=beside) == {"steady": {"meets"}, "changing": {"shifts"}}
     leaving = ways(**straight, leaving=lambda t: (beside(t)[0], 3.5 - beside(t)[1]))
     assert leaving == {"steady": {"parts"}, "leaving": {"shifts"}}
-    assert ways(braking=lambda t: (30.0 * t - 2.0 * min(t, 7.0) ** 2 - 28.0 * max(t - 7.0, 0.0), 0.0)) == {"braking": {"brakes"}}
+    assert ways(
+        braking=lambda t: (30.0 * t - 2.0 * min(t, 7.0) ** 2 - 28.0 * max(t - 7.0, 0.0), 0.0)
+    ) == {"braking": {"brakes"}}
     crossing = ways(**straight, crossing=lambda t: (150.0, 12.0 * (t - 11.5)))
-    assert crossing == {"steady": {"crosses"}, "crossing": {"crosses", "meets", "parts"}}, "the other one passes ahead of it"
+    assert crossing == {"steady": {"crosses"}, "crossing": {"crosses", "meets", "parts"}}, (
+        "the other one passes ahead of it"
+    )
     late = ways(**straight, late=lambda t: (150.0, 12.0 * (t - 18.0)))
     assert late == {"steady": set(), "late": set()}
 
 
-def test_stretches_that_are_singled_out_hold_their_moment(recordings: Path, found: list[Finding]) -> None:
+def test_stretches_that_are_singled_out_hold_their_moment(
+    recordings: Path, found: list[Finding]
+) -> None:
     library = Library([recordings])
     items = draw_vehicles(found, library, 10, 0, singled_out=True)
     (name,) = {item.recording for item in items}
     moments = library.instants(name)
-    assert {item.vehicle for item in items} == {vehicle for vehicle, each in moments.items() if each}
+    assert {item.vehicle for item in items} == {
+        vehicle for vehicle, each in moments.items() if each
+    }
     for item in items:
         assert any(item.start <= one.time <= item.end for one in moments[item.vehicle])
         assert item.end - item.start <= 10.0
 
 
-def test_recordings_that_cannot_be_read_are_left_out_of_a_draw(recordings: Path, tmp_path: Path) -> None:
+def test_recordings_that_cannot_be_read_are_left_out_of_a_draw(
+    recordings: Path, tmp_path: Path
+) -> None:
     shutil.copytree(recordings, tmp_path / "all")
     tracks = next((tmp_path / "all").glob("*_tracks.csv"))
     tracks.write_text(tracks.read_text()[:5000])
     assert draw_vehicles([], Library([tmp_path / "all"]), 3, 0) == []
 
 
-def test_the_plain_baseline_sees_lanes_and_headings_only(recordings: Path, found: list[Finding]) -> None:
+def test_the_plain_baseline_sees_lanes_and_headings_only(
+    recordings: Path, found: list[Finding]
+) -> None:
     library = Library([recordings])
     name = found[0].recording
     for vehicle in library.recording(name).tracks:
         plain = baseline(library, name, "", vehicle, 0.0, 1000.0)
         assert {one.title for one in plain} == {
-            one.title for one in found if one.vehicle == vehicle and one.source == BOTH and "lane change" in one.title
+            one.title
+            for one in found
+            if one.vehicle == vehicle and one.source == BOTH and "lane change" in one.title
         }
     assert {one.source for one in plain} <= {BASELINE}
 
@@ -189,13 +243,19 @@ def test_nothing_that_reviewers_see_tells_who_found_it(drawn: Path) -> None:
     items = key(drawn)
     assert {item["finding"]["source"] for item in items} == {RULES, MODEL, BOTH}
     for path in (*drawn.glob("*.txt"), drawn / "answers.csv"):
-        assert not any(word in path.read_text() for word in ("rules", "model", "both", "trust", "confidence"))
+        assert not any(
+            word in path.read_text() for word in ("rules", "model", "both", "trust", "confidence")
+        )
     text = (drawn / "index.html").read_text()
     shown = json.loads(text[text.index('id="data">') + len('id="data">') : text.index("</script>")])
     assert {*shown["items"][0]} == {"title", "text"} and "weight" not in shown
     assert len([*drawn.glob("*.png")]) == len(items) == len(shown["films"])
     text = (drawn / "000.txt").read_text()
-    assert items[0]["finding"]["title"] in text.splitlines()[0] and "ego road" in text and "ahead" in text
+    assert (
+        items[0]["finding"]["title"] in text.splitlines()[0]
+        and "ego road" in text
+        and "ahead" in text
+    )
 
 
 def test_keys_answer_and_the_table_holds_verdicts_and_events(drawn: Path, tmp_path: Path) -> None:
@@ -228,11 +288,23 @@ def judged(source: str, title: str, time: float = 5.0) -> dict[str, Any]:
 
 
 def item(site: str, **more: Any) -> dict[str, Any]:
-    return {"site": site, "set": "x", "weight": 1.0, "start": 0.0, "end": 20.0, "finding": None, "found": [], **more}
+    return {
+        "site": site,
+        "set": "x",
+        "weight": 1.0,
+        "start": 0.0,
+        "end": 20.0,
+        "finding": None,
+        "found": [],
+        **more,
+    }
 
 
 def test_precision_counts_unclear_as_wrong_and_both_for_either_source() -> None:
-    items = [item("a", finding=judged(BOTH, "left lane change")), item("b", finding=judged(RULES, "highway cut in"))]
+    items = [
+        item("a", finding=judged(BOTH, "left lane change")),
+        item("b", finding=judged(RULES, "highway cut in")),
+    ]
     cases = precision_cases(items, Answers({0: "right", 1: "unclear"}, {}))
     assert sorted((case.source, case.yes) for case in cases) == [
         ("both agree", True),
@@ -245,8 +317,14 @@ def test_precision_counts_unclear_as_wrong_and_both_for_either_source() -> None:
 
 def test_recall_wants_the_class_at_the_time() -> None:
     found = [judged(RULES, "left lane change"), judged(MODEL, "highway cut in")]
-    answers = Answers({0: "complete", 1: "complete"}, {0: [Event("left lane change", 7.5), Event("highway cut in", 9.0)]})
-    cases = {(case.source, case.title): case.yes for case in recall_cases([item("a", found=found), item("b")], answers)}
+    answers = Answers(
+        {0: "complete", 1: "complete"},
+        {0: [Event("left lane change", 7.5), Event("highway cut in", 9.0)]},
+    )
+    cases = {
+        (case.source, case.title): case.yes
+        for case in recall_cases([item("a", found=found), item("b")], answers)
+    }
     assert cases["rules", "left lane change"] and not cases["model", "left lane change"]
     assert not cases["model", "highway cut in"], "3.25 s after the window"
 
@@ -254,8 +332,12 @@ def test_recall_wants_the_class_at_the_time() -> None:
 def test_intervals() -> None:
     assert interval(9, 10) == pytest.approx((0.596, 0.982), abs=1e-3)
     items = [item(site, finding=judged(RULES, "highway cut in")) for site in "aabb"]
-    cases = precision_cases(items, Answers(dict(enumerate(("right", "right", "wrong", "wrong"))), {}))
-    assert bootstrap([case for case in cases if case.source == "rules"]) == (0.0, 1.0), "two sites differ in all"
+    cases = precision_cases(
+        items, Answers(dict(enumerate(("right", "right", "wrong", "wrong"))), {})
+    )
+    assert bootstrap([case for case in cases if case.source == "rules"]) == (0.0, 1.0), (
+        "two sites differ in all"
+    )
 
 
 @pytest.mark.parametrize(

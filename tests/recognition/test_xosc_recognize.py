@@ -14,7 +14,7 @@ import pytest
 from recognition import xosc_recognize
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from schemas.common.packages import version
 from tests.recognition import motorway
 from tests.recognition.traffic import Car, write_highd
@@ -49,7 +49,9 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_recordings_become_a_catalogue(recognize: Command, recordings: Path, tmp_path: Path) -> None:
+def test_recordings_become_a_catalogue(
+    recognize: Command, recordings: Path, tmp_path: Path
+) -> None:
     answer = recognize(recordings, "--out", tmp_path, "--labels", "rules")
     assert (answer.code, answer.err) == (0, "")
     _, *table, place = answer.out.splitlines()
@@ -60,7 +62,9 @@ def test_recordings_become_a_catalogue(recognize: Command, recordings: Path, tmp
 
 
 def test_options_may_come_first(recognize: Command, recordings: Path, tmp_path: Path) -> None:
-    answer = recognize("--scenes", "vehicles", "-q", "--labels", "rules", "--out", tmp_path, recordings)
+    answer = recognize(
+        "--scenes", "vehicles", "-q", "--labels", "rules", "--out", tmp_path, recordings
+    )
     assert answer == (0, "", "")
     assert len(list((tmp_path / "vehicles").glob("*.xosc"))) == 6
 
@@ -72,11 +76,17 @@ def test_a_folder_may_have_the_name_of_a_command(
     (tmp_path / "train").symlink_to(recordings)
     for number, folder in enumerate((["catalogue", "train"], ["./train"], ["-q", "train"])):
         assert recognize(*folder, "--out", f"out{number}", "--labels", "rules").code == 0
-        assert (tmp_path / f"out{number}" / "index.json").read_bytes() == (tmp_path / "out0" / "index.json").read_bytes()
+        assert (tmp_path / f"out{number}" / "index.json").read_bytes() == (
+            tmp_path / "out0" / "index.json"
+        ).read_bytes()
 
 
-def test_verbose_tells_why_vehicles_have_no_scene(recognize: Command, recordings: Path, tmp_path: Path) -> None:
-    answer = recognize(recordings, "--out", tmp_path, "--scenes", "vehicles", "--labels", "rules", "-v")
+def test_verbose_tells_why_vehicles_have_no_scene(
+    recognize: Command, recordings: Path, tmp_path: Path
+) -> None:
+    answer = recognize(
+        recordings, "--out", tmp_path, "--scenes", "vehicles", "--labels", "rules", "-v"
+    )
     assert "1 vehicles are no ego of a scene\n" in answer.out
     assert "vehicle 7: moves within 2.0 m only" in answer.out
     assert "passages: 6 straight" in answer.out
@@ -87,7 +97,10 @@ def test_edited_files_are_reported(recognize: Command, recordings: Path, tmp_pat
     (tmp_path / "index.csv").write_text("mine")
     answer = recognize(recordings, "--out", tmp_path, "--labels", "rules", "-q")
     assert (answer.code, answer.out) == (0, "")
-    assert answer.err == "xosc-recognize: index.csv was edited since it was written, it is left as it is\n"
+    assert (
+        answer.err
+        == "xosc-recognize: index.csv was edited since it was written, it is left as it is\n"
+    )
 
 
 @pytest.mark.parametrize(
@@ -98,14 +111,25 @@ def test_edited_files_are_reported(recognize: Command, recordings: Path, tmp_pat
         (["in"], "--out"),
         (["in", "--out", "out", "--scenes", "all"], "--scenes"),
         (["in", "--out", "out", "--standard", "2.0"], "--standard"),
-        (["in", "--out", "out", "--labels", "rules", "--model", "m"], "--model and --labels rules exclude each other"),
-        (["in", "--out", "out", "--labels", "rules", "--keep-model", "m"], "--keep-model is for a model that labels"),
+        (
+            ["in", "--out", "out", "--labels", "rules", "--model", "m"],
+            "--model and --labels rules exclude each other",
+        ),
+        (
+            ["in", "--out", "out", "--labels", "rules", "--keep-model", "m"],
+            "--keep-model is for a model that labels",
+        ),
         (["in", "--out", "out", "--model", "absent"], "absent: there is no model in this folder"),
         (["in", "--out", "/dev/null/out", "--labels", "rules"], "/dev/null"),
     ],
 )
 def test_2_wrong_usage(
-    recognize: Command, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], complaint: str
+    recognize: Command,
+    recordings: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    complaint: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "in").symlink_to(recordings)
@@ -117,7 +141,9 @@ def test_2_wrong_usage(
 
 def test_2_recordings_of_one_name(recognize: Command, tmp_path: Path) -> None:
     one, two = (motorway.write_motorway(tmp_path / folder / "site") for folder in ("a", "b"))
-    answer = recognize(tmp_path / "a", tmp_path / "b", "--out", tmp_path / "out", "--labels", "rules")
+    answer = recognize(
+        tmp_path / "a", tmp_path / "b", "--out", tmp_path / "out", "--labels", "rules"
+    )
     assert (answer.code, answer.err.count("\n")) == (2, 1)
     assert f"{two}: {one} has a recording called 'site/01' too" in answer.err
     assert recognize(tmp_path, "--out", tmp_path / "out", "--labels", "rules").code == 0
@@ -129,12 +155,16 @@ def test_nothing_recognised_is_said(recognize: Command, tmp_path: Path) -> None:
     assert answer == (0, "no scenario was recognised\n", "")
 
 
-def test_5_internal_error(recognize: Command, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_5_internal_error(
+    recognize: Command, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("recognition.catalogue.recordings.label", lambda *_: 1 // 0)
     answer = recognize(recordings, "--out", tmp_path, "--labels", "rules")
     assert answer.code == 5
     assert "Traceback" in answer.err
-    assert answer.err.endswith("xosc-recognize: internal error: ZeroDivisionError: integer division or modulo by zero\n")
+    assert answer.err.endswith(
+        "xosc-recognize: internal error: ZeroDivisionError: integer division or modulo by zero\n"
+    )
 
 
 def test_3_no_recordings(recognize: Command, tmp_path: Path) -> None:
@@ -152,7 +182,10 @@ def test_3_an_invalid_recording_among_others(recognize: Command, tmp_path: Path)
     answer = recognize(tmp_path / "in", "--out", tmp_path / "out", "--labels", "rules")
     assert answer.code == 3
     assert "highway cut in" in answer.out
-    assert answer.err.startswith("xosc-recognize: ") and "02_tracks.csv:2: column xVelocity" in answer.err
+    assert (
+        answer.err.startswith("xosc-recognize: ")
+        and "02_tracks.csv:2: column xVelocity" in answer.err
+    )
 
 
 # commands -----------------------------------------------------------------------------------
@@ -163,7 +196,10 @@ def test_runs_are_labelled(recognize: Command, tmp_path: Path, recordings: Path)
     scenario = next((tmp_path / "in" / "highway_cut_in").glob("*1_0*_maneuver.xosc"))
     (tmp_path / "runs").mkdir()
     job = Job("run", scenario, scenario)
-    assert execute(job, RunSettings(sut="none", world="kinematic"), tmp_path / "runs").status == "completed"
+    assert (
+        execute(job, RunSettings(sut="none", world="kinematic"), tmp_path / "runs").status
+        == "completed"
+    )
     answer = recognize("label", tmp_path / "runs", "--labels", "rules")
     assert (answer.code, answer.err) == (0, "")
     assert "run: highway cut in of Ego at " in answer.out

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from recognition import datasets
+from recognition import recordings as datasets
 from runner.recording import Recording
 
 UPPER, LOWER = (8.0, 12.0, 16.0), (20.0, 24.0, 28.0)
@@ -79,10 +79,22 @@ def write_highd(
     }  # fmt: skip
     write_csv(folder / f"{name}_tracksMeta.csv", meta)
     write_csv(folder / f"{name}_recordingMeta.csv", [recording])
-    return write_csv(folder / f"{name}_tracks.csv", highd_rows(cars, rate) if rows is None else rows)
+    return write_csv(
+        folder / f"{name}_tracks.csv", highd_rows(cars, rate) if rows is None else rows
+    )
 
 
-def ind_rows(track: int, x: float, y: float, vx: float, vy: float, *, first: int = 0, n: int = 20, **other: object) -> list:
+def ind_rows(
+    track: int,
+    x: float,
+    y: float,
+    vx: float,
+    vy: float,
+    *,
+    first: int = 0,
+    n: int = 20,
+    **other: object,
+) -> list:
     """Rows of NN_tracks.csv of inD: a participant with a constant velocity, 10 frames a second."""
     return [
         {
@@ -95,21 +107,41 @@ def ind_rows(track: int, x: float, y: float, vx: float, vy: float, *, first: int
 
 
 def write_ind(
-    folder: Path, rows: Sequence[Mapping[str, object]], kinds: Mapping[int, str] | None = None, **recording: object
+    folder: Path,
+    rows: Sequence[Mapping[str, object]],
+    kinds: Mapping[int, str] | None = None,
+    **recording: object,
 ) -> Path:
     """Write the three files of a recording of inD in Aachen; the path of its track file. Tracks without a kind are cars."""
     meta: dict[object, dict[str, object]] = {}
     for row in rows:
-        own = {"trackId": row["trackId"], "initialFrame": row["frame"], "width": row["width"], "length": row["length"]}
+        own = {
+            "trackId": row["trackId"],
+            "initialFrame": row["frame"],
+            "width": row["width"],
+            "length": row["length"],
+        }
         kind = (kinds or {}).get(int(str(row["trackId"])), "car")
-        meta.setdefault(row["trackId"], {"recordingId": 0, **own, "class": kind})["finalFrame"] = row["frame"]
+        meta.setdefault(row["trackId"], {"recordingId": 0, **own, "class": kind})["finalFrame"] = (
+            row["frame"]
+        )
     write_csv(folder / "00_tracksMeta.csv", list(meta.values()))
-    place = {"latLocation": 50.78, "lonLocation": 6.13, "xUtmOrigin": 297631.3187, "yUtmOrigin": 5629917.3465}
-    write_csv(folder / "00_recordingMeta.csv", [{"recordingId": 0, "locationId": 1, "frameRate": 10.0, **place, **recording}])
+    place = {
+        "latLocation": 50.78,
+        "lonLocation": 6.13,
+        "xUtmOrigin": 297631.3187,
+        "yUtmOrigin": 5629917.3465,
+    }
+    write_csv(
+        folder / "00_recordingMeta.csv",
+        [{"recordingId": 0, "locationId": 1, "frameRate": 10.0, **place, **recording}],
+    )
     return write_csv(folder / "00_tracks.csv", rows)
 
 
-def interaction_rows(track: object, x: float, y: float, vx: float, vy: float, h: float, n: int = 20, **other: object) -> list:
+def interaction_rows(
+    track: object, x: float, y: float, vx: float, vy: float, h: float, n: int = 20, **other: object
+) -> list:
     """Rows of a vehicle with a constant velocity."""
     return [
         {
@@ -123,12 +155,16 @@ def interaction_rows(track: object, x: float, y: float, vx: float, vy: float, h:
 def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> Path:
     """Write rows below a header of their keys; None is blank."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    lines = [",".join(rows[0])] + [",".join("" if value is None else str(value) for value in row.values()) for row in rows]
+    lines = [",".join(rows[0])] + [
+        ",".join("" if value is None else str(value) for value in row.values()) for row in rows
+    ]
     path.write_text("\n".join(lines) + "\n")
     return path
 
 
-def commonroad_state(name: str, step: int, x: float, y: float, h: float, speed: float, more: str = "") -> str:
+def commonroad_state(
+    name: str, step: int, x: float, y: float, h: float, speed: float, more: str = ""
+) -> str:
     """A state of an obstacle in CommonRoad XML, with exact values; `more` is what else it has."""
     return (
         f"<{name}><position><point><x>{x}</x><y>{y}</y></point></position><orientation><exact>{h}</exact></orientation>"
@@ -145,10 +181,13 @@ def obstacle(
 ) -> str:  # fmt: skip
     """A dynamic obstacle that goes straight ahead, at 10 steps a second; `more` is what else its states have."""
     first, *others = (
-        (k, x + 0.1 * k * speed * math.cos(h), y + 0.1 * k * speed * math.sin(h), h, speed, more) for k in range(steps)
+        (k, x + 0.1 * k * speed * math.cos(h), y + 0.1 * k * speed * math.sin(h), h, speed, more)
+        for k in range(steps)
     )
     trajectory = "".join(commonroad_state("state", *state) for state in others)
-    tag, role = ("obstacle", "<role>dynamic</role>") if version == "2018b" else ("dynamicObstacle", "")
+    tag, role = (
+        ("obstacle", "<role>dynamic</role>") if version == "2018b" else ("dynamicObstacle", "")
+    )
     return (
         f'<{tag} id="{id}">{role}<type>{kind}</type><shape>{shape}</shape>{commonroad_state("initialState", *first)}'
         f"<trajectory>{trajectory}</trajectory></{tag}>"
@@ -171,7 +210,9 @@ def write_archive(path: Path, members: Mapping[str, str]) -> Path:
     return path
 
 
-def ngsim_rows(vehicle: int, along: float, across: float, speed: float, n: int = 20, **other: object) -> list[dict[str, object]]:
+def ngsim_rows(
+    vehicle: int, along: float, across: float, speed: float, n: int = 20, **other: object
+) -> list[dict[str, object]]:
     """Rows of NGSIM's public layout for a constant speed along the road: lengths in feet, front bumper, 10 Hz."""
     return [
         {
@@ -183,7 +224,9 @@ def ngsim_rows(vehicle: int, along: float, across: float, speed: float, n: int =
     ]  # fmt: skip
 
 
-def metric_rows(vehicle: int, x: float, y: float, heading: float, speed: float, n: int = 20, **other: object) -> list[dict]:
+def metric_rows(
+    vehicle: int, x: float, y: float, heading: float, speed: float, n: int = 20, **other: object
+) -> list[dict]:
     """Rows of NGSIM's metric layout for a constant velocity: m, rad, box centres, 10 Hz."""
     return [
         {
@@ -204,7 +247,9 @@ def write_parquet(path: Path, rows: Sequence[Mapping[str, object]]) -> Path:
 
 def read(path: Path) -> tuple[Recording, datasets.Report]:
     """The recording of the only source in a file or folder, and what reading it found; roads go beside it."""
-    (source,) = datasets.open(path, roads=(path if path.is_dir() else path.parent) / "roads").sources
+    (source,) = datasets.open(
+        path, roads=(path if path.is_dir() else path.parent) / "roads"
+    ).sources
     recording = source.load()
     assert source.report is not None
     return recording, source.report

@@ -27,7 +27,18 @@ _FLAGS = (
 )
 _GRAPHICS = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 """What makes WebGL work without a graphics card"""
-_CONTROLS = {"button", "link", "searchbox", "textbox", "slider", "combobox", "checkbox", "image", "img", "DisclosureTriangle"}
+_CONTROLS = {
+    "button",
+    "link",
+    "searchbox",
+    "textbox",
+    "slider",
+    "combobox",
+    "checkbox",
+    "image",
+    "img",
+    "DisclosureTriangle",
+}
 """Roles in the tree that screen readers see"""
 
 
@@ -53,11 +64,18 @@ class Browser:
         ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (to_child, from_child)]
 
         def connect() -> None:
-            for end, wanted in zip(ends, (3, 4), strict=True):  # the numbers that the DevTools pipe has
+            for end, wanted in zip(
+                ends, (3, 4), strict=True
+            ):  # the numbers that the DevTools pipe has
                 os.dup2(end, wanted)
 
         self._process = subprocess.Popen(
-            [chromium(), *_FLAGS, *(_GRAPHICS if graphics else ("--disable-gpu",)), f"--user-data-dir={folder}"],
+            [
+                chromium(),
+                *_FLAGS,
+                *(_GRAPHICS if graphics else ("--disable-gpu",)),
+                f"--user-data-dir={folder}",
+            ],
             preexec_fn=connect,
             pass_fds=(3, 4),
             stdout=subprocess.DEVNULL,
@@ -71,7 +89,9 @@ class Browser:
         self.requests: list[str] = []
         """Addresses that pages have asked for"""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session: str | None = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._session: str | None = self.call(
+            "Target.attachToTarget", targetId=target, flatten=True
+        )["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
@@ -80,7 +100,12 @@ class Browser:
     def __enter__(self) -> Browser:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self._process.terminate()
         self._process.wait(10)
         os.close(self._out)
@@ -115,26 +140,48 @@ class Browser:
         elif method == "Runtime.exceptionThrown":
             details = values["exceptionDetails"]
             self.errors.append(details.get("exception", {}).get("description", details["text"]))
-        elif method == "Runtime.consoleAPICalled" or (method == "Log.entryAdded" and values["entry"]["level"] == "error"):
+        elif method == "Runtime.consoleAPICalled" or (
+            method == "Log.entryAdded" and values["entry"]["level"] == "error"
+        ):
             self.errors.append(json.dumps(values))
 
-    def open(self, path: Path, fragment: str = "", *, width: int = 1280, height: int = 900, dark: bool = False) -> None:
+    def open(
+        self,
+        path: Path,
+        fragment: str = "",
+        *,
+        width: int = 1280,
+        height: int = 900,
+        dark: bool = False,
+    ) -> None:
         """Show a file in a window of a size, and wait until it is drawn."""
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600)
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 600,
+        )
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
         self.call("Page.navigate", url="about:blank")
         self.call("Page.navigate", url=path.as_uri() + (f"#{fragment}" if fragment else ""))
-        self.run("new Promise(done => document.readyState === 'complete' ? done() : addEventListener('load', () => done()))")
+        self.run(
+            "new Promise(done => document.readyState === 'complete' ? done() : addEventListener('load', () => done()))"
+        )
         self.settle()
 
     def settle(self) -> None:
         """Wait until what has changed is drawn."""
-        self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done())))")
+        self.run(
+            "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done())))"
+        )
 
     def run(self, script: str) -> Any:
         """The value of a JavaScript expression; promises are awaited."""
-        answer = self.call("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        answer = self.call(
+            "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
+        )
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
@@ -145,25 +192,53 @@ class Browser:
     def unnamed(self) -> list[str]:
         """Roles of the controls that a screen reader has no name for."""
         nodes = self.call("Accessibility.getFullAXTree")["nodes"]
-        shown = [node for node in nodes if not node.get("ignored") and node.get("role", {}).get("value") in _CONTROLS]
+        shown = [
+            node
+            for node in nodes
+            if not node.get("ignored") and node.get("role", {}).get("value") in _CONTROLS
+        ]
         assert shown, "there are controls"
-        return [node["role"]["value"] for node in shown if not node.get("name", {}).get("value", "").strip()]
+        return [
+            node["role"]["value"]
+            for node in shown
+            if not node.get("name", {}).get("value", "").strip()
+        ]
 
     def press(self, key: str, *, shift: bool = False) -> None:
         """Press and release a key."""
         text = {"text": key} if len(key) == 1 else {}
         for kind in ("keyDown", "keyUp"):
             self.call(
-                "Input.dispatchKeyEvent", type=kind, key=key, modifiers=8 if shift else 0, **(text if kind == "keyDown" else {})
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                modifiers=8 if shift else 0,
+                **(text if kind == "keyDown" else {}),
             )
         self.settle()
 
     def drag(self, x: float, y: float, dx: float = 0.0, dy: float = 0.0) -> None:
         """Press at a place of the window, move by some pixels, and release; without movement this is a click."""
-        self.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1)
+        self.call(
+            "Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1
+        )
         if dx or dy:
-            self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + dx, y=y + dy, button="left", buttons=1)
-        self.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + dx, y=y + dy, button="left", clickCount=1)
+            self.call(
+                "Input.dispatchMouseEvent",
+                type="mouseMoved",
+                x=x + dx,
+                y=y + dy,
+                button="left",
+                buttons=1,
+            )
+        self.call(
+            "Input.dispatchMouseEvent",
+            type="mouseReleased",
+            x=x + dx,
+            y=y + dy,
+            button="left",
+            clickCount=1,
+        )
         self.settle()
 
     def wheel(self, x: float, y: float, down: float) -> None:
@@ -173,6 +248,8 @@ class Browser:
 
     def picture(self, path: Path, *, whole: bool = False) -> Path:
         """Write a PNG of what is seen, or of the whole page."""
-        data = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)["data"]
+        data = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)[
+            "data"
+        ]
         path.write_bytes(base64.b64decode(data))
         return path

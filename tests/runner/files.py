@@ -13,7 +13,7 @@ HEADER = '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" autho
 SLOW_SYSTEM = """
 import os
 import time
-from runner.sut import Control
+from runner.systems import Control
 
 class Slow:
     def reset(self, ego, timestep, seed): pass
@@ -48,7 +48,9 @@ def car(name: str, controller: str = "", performance: str = "") -> str:
     </ScenarioObject>"""
 
 
-def speed_action(value: object, dynamics: str = 'dynamicsShape="step" dynamicsDimension="time" value="0"') -> str:
+def speed_action(
+    value: object, dynamics: str = 'dynamicsShape="step" dynamicsDimension="time" value="0"'
+) -> str:
     """A PrivateAction that brings its actor to an absolute speed (m/s), at once unless other dynamics are given."""
     return (
         f"<PrivateAction><LongitudinalAction><SpeedAction><SpeedActionDynamics {dynamics}/>"
@@ -101,8 +103,13 @@ def scenario(
     road: str = "straight",
 ) -> Path:
     """Write a scenario beside its road; by default Ego at 20 m/s, 50 m behind Lead at 10 m/s, for `stop` seconds."""
-    values = {"Gap": 50.0, "Ego_Speed": 20.0, "Lead_Speed": 10.0} if parameters is None else parameters
-    declared = "".join(f'<ParameterDeclaration name="{k}" parameterType="double" value="{v}"/>' for k, v in values.items())
+    values = (
+        {"Gap": 50.0, "Ego_Speed": 20.0, "Lead_Speed": 10.0} if parameters is None else parameters
+    )
+    declared = "".join(
+        f'<ParameterDeclaration name="{k}" parameterType="double" value="{v}"/>'
+        for k, v in values.items()
+    )
     objects = "".join(entities) or car("Ego") + car("Lead")
     start = init or place("Ego", 100, "$Ego_Speed") + place("Lead", "${100 + $Gap}", "$Lead_Speed")
     folder.mkdir(parents=True, exist_ok=True)
@@ -129,7 +136,9 @@ def scenario(
     return path
 
 
-def distribution(folder: Path, name: str, ranges: Mapping[str, tuple[float, float, float]], of: str = "scenario") -> Path:
+def distribution(
+    folder: Path, name: str, ranges: Mapping[str, tuple[float, float, float]], of: str = "scenario"
+) -> Path:
     """Write a distribution over a scenario in the same folder: parameter → lower limit, upper limit, step width."""
     inner = "".join(
         f'<DeterministicSingleParameterDistribution parameterName="{parameter}"><DistributionRange stepWidth="{step}">'

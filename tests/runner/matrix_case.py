@@ -54,12 +54,23 @@ _LANE = """<lane id="{id}" type="{type}"><link>{link}</link><width sOffset="0" a
 
 def _lanes(link: str) -> str:
     def lane(number: int, kind: str, width: float, speed: str = "", height: str = "") -> str:
-        return _LANE.format(id=number, type=kind, width=width, link=f'<{link} id="{number}"/>', speed=speed, height=height)
+        return _LANE.format(
+            id=number,
+            type=kind,
+            width=width,
+            link=f'<{link} id="{number}"/>',
+            speed=speed,
+            height=height,
+        )
 
     kerb = '<height sOffset="0" inner="0.15" outer="0.15"/>'
     limit = '<speed sOffset="0" max="30" unit="km/h"/>'
     left = lane(2, "sidewalk", 2.0, height=kerb) + lane(1, "driving", 3.5)
-    right = lane(-1, "driving", 3.5) + lane(-2, "driving", 3.25, limit) + lane(-3, "sidewalk", 1.5, height=kerb)
+    right = (
+        lane(-1, "driving", 3.5)
+        + lane(-2, "driving", 3.25, limit)
+        + lane(-3, "sidewalk", 1.5, height=kerb)
+    )
     return _LANES.format(left=left, right=right)
 
 
@@ -68,7 +79,10 @@ def road(turn: float = 0.0) -> str:
     import math
 
     k, h = 0.04, 0.3  # where the arc ends, and the line after it
-    x, y = 10 + (math.sin(h + 60 * k) - math.sin(h)) / k, 20 - (math.cos(h + 60 * k) - math.cos(h)) / k
+    x, y = (
+        10 + (math.sin(h + 60 * k) - math.sin(h)) / k,
+        20 - (math.cos(h + 60 * k) - math.cos(h)) / k,
+    )
     end = x + 60 * math.cos(2.7), y + 60 * math.sin(2.7)
     text = ROAD.replace('x="36.47" y="68.9"', f'x="{x!r}" y="{y!r}"')
     first, second = text.split("{lanes}", 1)
@@ -127,9 +141,15 @@ def write(folder: Path, turn: float = 0.0) -> Path:
     """Write the files of the case; the scenario's path."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "matrix.xodr").write_text(road(turn), encoding="utf-8")
-    ego = _VEHICLE.format(name="Ego", category="car", role="civil", mass=1500, x=1.4, width=1.9, length=4.7)
-    other = _VEHICLE.format(name="Other", category="van", role="ambulance", mass=2500, x=1.8, width=2.1, length=6.2)
-    init = _PRIVATE.format(name="Ego", lane=-1, s=10, speed=12) + _PRIVATE.format(name="Other", lane=-2, s=40, speed=10)
+    ego = _VEHICLE.format(
+        name="Ego", category="car", role="civil", mass=1500, x=1.4, width=1.9, length=4.7
+    )
+    other = _VEHICLE.format(
+        name="Other", category="van", role="ambulance", mass=2500, x=1.8, width=2.1, length=6.2
+    )
+    init = _PRIVATE.format(name="Ego", lane=-1, s=10, speed=12) + _PRIVATE.format(
+        name="Other", lane=-2, s=40, speed=10
+    )
     path = folder / "case.xosc"
     path.write_text(_SCENARIO.format(entities=ego + other, init=init), encoding="utf-8")
     return path

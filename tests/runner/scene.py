@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import xodr
-from runner.interpreter.compiler import Scenario
-from runner.interpreter.simulation import Simulation
-from runner.interpreter.storyboard import Storyboard
-from runner.motion.placement import wrap
-from runner.participants.declaration import BoundingBox, Declaration
-from runner.participants.entity import Entities, Entity
-from runner.positions.world import Orientation, on_road
-from runner.worlds.base import KinematicWorld
+from runner.engine.compile.compiler import Scenario
+from runner.engine.motion.placement import wrap
+from runner.engine.participants.declaration import BoundingBox, Declaration
+from runner.engine.participants.entity import Entities, Entity
+from runner.engine.positions.world import Orientation, on_road
+from runner.engine.storyboard.simulation import Simulation
+from runner.engine.storyboard.storyboard import Storyboard
+from runner.engine.worlds.base import KinematicWorld
 
 ROADS = Path(__file__).parents[1] / "conformance" / "roads"
 CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)
@@ -29,15 +29,28 @@ def vehicle(name: str, box: BoundingBox = CAR, category: str = "car", **state: A
     return made
 
 
-def scene(*names: str, road: str | None = "straight", version: tuple[int, int] = (1, 3)) -> Simulation:
+def scene(
+    *names: str, road: str | None = "straight", version: tuple[int, int] = (1, 3)
+) -> Simulation:
     """A simulation of cars with these names, not yet placed, on a road of the conformance tests."""
     entities = Entities({name: vehicle(name) for name in names})
     network = xodr.load(ROADS / f"{road}.xodr") if road else None
-    return Simulation(Scenario(Path("test.xosc"), version, network, entities, Storyboard()), KinematicWorld(), 0.1, 0)
+    return Simulation(
+        Scenario(Path("test.xosc"), version, network, entities, Storyboard()),
+        KinematicWorld(),
+        0.1,
+        0,
+    )
 
 
 def put(
-    sim: Simulation, name: str, lane: int, s: float, offset: float = 0.0, speed: float = 0.0, backwards: bool = False
+    sim: Simulation,
+    name: str,
+    lane: int,
+    s: float,
+    offset: float = 0.0,
+    speed: float = 0.0,
+    backwards: bool = False,
 ) -> Entity:
     """Put a car on a lane of road 1, facing its traffic's direction or against it, with a speed."""
     entity = sim.entities[name]
@@ -50,7 +63,9 @@ def put(
     return entity
 
 
-def put_free(sim: Simulation, name: str, x: float, y: float, h: float = 0.0, speed: float = 0.0) -> Entity:
+def put_free(
+    sim: Simulation, name: str, x: float, y: float, h: float = 0.0, speed: float = 0.0
+) -> Entity:
     """Put a car anywhere in the world, off any lane."""
     entity = sim.entities[name]
     entity.x, entity.y, entity.h, entity.placed = x, y, wrap(h), True

@@ -7,8 +7,8 @@ import random
 
 import pytest
 
-from runner.motion.paths import Corner, Polyline
-from runner.motion.standstill import steadied
+from runner.engine.motion.paths import Corner, Polyline
+from runner.engine.motion.standstill import steadied
 
 
 def noisy(x: float, count: int, amount: float, seed: int = 1) -> list[Corner]:
@@ -42,7 +42,12 @@ def test_motion_in_short_steps_keeps_its_own_headings(spacing: float, radius: fl
 
 
 def test_a_single_short_line_at_a_stop_has_no_heading_of_its_own() -> None:
-    corners = [Corner(0.0, 0.0, 0.0), Corner(10.0, 0.0, 0.0), Corner(10.0, 0.003, 0.0), Corner(20.0, 0.0, 0.0)]
+    corners = [
+        Corner(0.0, 0.0, 0.0),
+        Corner(10.0, 0.0, 0.0),
+        Corner(10.0, 0.003, 0.0),
+        Corner(20.0, 0.0, 0.0),
+    ]
     steady = steadied(corners)
     assert steady is not None
     assert steady[1].h == pytest.approx(0.0, abs=1e-3)

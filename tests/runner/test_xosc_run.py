@@ -36,7 +36,9 @@ def passing(tmp_path: Path) -> Path:
 
 
 def collision(folder: Path) -> Path:
-    return scenario(folder, "collision", init=place("Ego", 100, 20) + place("Lead", 103, 20), stop=0.2)
+    return scenario(
+        folder, "collision", init=place("Ego", 100, 20) + place("Lead", 103, 20), stop=0.2
+    )
 
 
 # exit codes ---------------------------------------------------------------------------------
@@ -66,7 +68,10 @@ def test_1_the_ego_collides(xosc_run: Command, tmp_path: Path) -> None:
         (["--param", "=3"], "NAME=VALUE"),
         (["--param", "Gapp=3"], "did you mean 'Gap'?"),
         (["--param", "Gap=wide"], "'wide' is not a number"),
-        (["--sut", "absent"], "there are adas, aeb, bridge, cas, fmu, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module"),
+        (
+            ["--sut", "absent"],
+            "there are adas, aeb, bridge, cas, fmu, fsm, idm, none, r157-cc, r157-reg, rss, sumo, and module",
+        ),
         (["--sut", ":Class"], "there are adas, aeb, bridge, cas"),
         (["--sut", "absent_module:Class"], "No module named 'absent_module'"),
         (["--sut", "json:Absent"], "Absent"),
@@ -87,7 +92,9 @@ def test_1_the_ego_collides(xosc_run: Command, tmp_path: Path) -> None:
         (["--junit", "/"], "/"),
     ],
 )
-def test_2_wrong_usage(xosc_run: Command, passing: Path, options: list[str], complaint: str) -> None:
+def test_2_wrong_usage(
+    xosc_run: Command, passing: Path, options: list[str], complaint: str
+) -> None:
     answer = xosc_run(*options, passing)
     assert answer.code == 2
     assert complaint in answer.err
@@ -98,7 +105,9 @@ def test_2_wrong_usage(xosc_run: Command, passing: Path, options: list[str], com
         assert answer.err.count("\n") == 1
 
 
-@pytest.mark.parametrize("text", ["", "no XML", "<OpenSCENARIO/>", "<OpenDRIVE/>", "<!DOCTYPE a><a/>"])
+@pytest.mark.parametrize(
+    "text", ["", "no XML", "<OpenSCENARIO/>", "<OpenDRIVE/>", "<!DOCTYPE a><a/>"]
+)
 def test_3_invalid_file(xosc_run: Command, tmp_path: Path, text: str) -> None:
     (tmp_path / "bad.xosc").write_text(text)
     answer = xosc_run(tmp_path / "bad.xosc")
@@ -108,22 +117,40 @@ def test_3_invalid_file(xosc_run: Command, tmp_path: Path, text: str) -> None:
     assert answer.err.count("\n") == 1
 
 
-def test_no_such_file_and_a_folder_or_glob_without_scenarios(xosc_run: Command, tmp_path: Path) -> None:
-    assert xosc_run(tmp_path / "absent.xosc")[::2] == (3, f"xosc-run: {tmp_path / 'absent.xosc'}: no such file\n")
-    (tmp_path / "cars.xosc").write_text(f'<OpenSCENARIO>{HEADER}<Catalog name="cars"/></OpenSCENARIO>')
+def test_no_such_file_and_a_folder_or_glob_without_scenarios(
+    xosc_run: Command, tmp_path: Path
+) -> None:
+    assert xosc_run(tmp_path / "absent.xosc")[::2] == (
+        3,
+        f"xosc-run: {tmp_path / 'absent.xosc'}: no such file\n",
+    )
+    (tmp_path / "cars.xosc").write_text(
+        f'<OpenSCENARIO>{HEADER}<Catalog name="cars"/></OpenSCENARIO>'
+    )
     for nothing in (tmp_path, tmp_path / "*.xosc"):
         answer = xosc_run(nothing)
-        assert answer[::2] == (2, f"xosc-run: {nothing}: this stands for no scenario or variation file\n")
+        assert answer[::2] == (
+            2,
+            f"xosc-run: {nothing}: this stands for no scenario or variation file\n",
+        )
 
 
-def test_folders_and_globs_stand_for_what_can_be_run_in_them(xosc_run: Command, tmp_path: Path) -> None:
+def test_folders_and_globs_stand_for_what_can_be_run_in_them(
+    xosc_run: Command, tmp_path: Path
+) -> None:
     for name in ("a/one", "a/b/two", "c/three"):
         scenario(tmp_path / Path(name).parent, Path(name).name, stop=0.1)
-    (tmp_path / "a" / "cars.xosc").write_text(f'<OpenSCENARIO>{HEADER}<Catalog name="cars"/></OpenSCENARIO>')
+    (tmp_path / "a" / "cars.xosc").write_text(
+        f'<OpenSCENARIO>{HEADER}<Catalog name="cars"/></OpenSCENARIO>'
+    )
     (tmp_path / "a" / "broken.xosc").write_text("<OpenSCENARIO>")
 
     def shown(*arguments: object) -> list[str]:
-        return [line.split()[1] for line in xosc_run(*arguments).out.splitlines() if line.startswith(("PASSED", "ERROR "))]
+        return [
+            line.split()[1]
+            for line in xosc_run(*arguments).out.splitlines()
+            if line.startswith(("PASSED", "ERROR "))
+        ]
 
     assert shown(tmp_path / "a") == ["two", "broken", "one"]
     assert shown(tmp_path / "*" / "*e.xosc", tmp_path / "a" / "one.xosc") == ["one", "three"]
@@ -138,13 +165,20 @@ def test_4_not_supported(xosc_run: Command, tmp_path: Path) -> None:
     assert "ExternalObjectReference" in answer.err
 
 
-def test_5_internal_error(xosc_run: Command, passing: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runner.interpreter.simulation.Simulation.tick", lambda _: 1 // 0)
+def test_5_internal_error(
+    xosc_run: Command, passing: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("runner.engine.storyboard.simulation.Simulation.tick", lambda _: 1 // 0)
     answer = xosc_run(passing)
-    assert (answer.code, answer.err) == (5, "xosc-run: internal error: ZeroDivisionError: integer division or modulo by zero\n")
+    assert (answer.code, answer.err) == (
+        5,
+        "xosc-run: internal error: ZeroDivisionError: integer division or modulo by zero\n",
+    )
 
 
-def test_5_a_system_under_test_fails(xosc_run: Command, passing: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_5_a_system_under_test_fails(
+    xosc_run: Command, passing: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     (tmp_path / "failing_system.py").write_text(
         "class Failing:\n"
         "    def reset(self, ego, timestep, seed): pass\n"
@@ -158,7 +192,9 @@ def test_5_a_system_under_test_fails(xosc_run: Command, passing: Path, monkeypat
     assert answer.err == f"xosc-run: {failed}: ValueError: no idea ({place}:3)\n"
 
 
-def test_of_several_runs_the_gravest_counts_and_none_is_left_out(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+def test_of_several_runs_the_gravest_counts_and_none_is_left_out(
+    xosc_run: Command, tmp_path: Path, passing: Path
+) -> None:
     failing = collision(tmp_path)
     assert xosc_run(passing, failing).code == 1
     answer = xosc_run(failing, tmp_path / "absent.xosc", passing)
@@ -179,7 +215,18 @@ def test_parameters_are_given_by_name(xosc_run: Command, tmp_path: Path, passing
 
 
 def test_the_settings_reach_the_run(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
-    settings = ["--timestep", "0.1", "--seed", "7", "--max-time", "0.1", "--sut", "none", "--ego", "Lead"]
+    settings = [
+        "--timestep",
+        "0.1",
+        "--seed",
+        "7",
+        "--max-time",
+        "0.1",
+        "--sut",
+        "none",
+        "--ego",
+        "Lead",
+    ]
     assert "time limit" in xosc_run(passing, *settings, "--out", tmp_path / "out").out
     result = json.loads((tmp_path / "out" / "passing" / "result.json").read_text())
     assert result["settings"] == {"timestep": 0.1, "seed": 7, "world": "kinematic", "max_time": 0.1}
@@ -201,14 +248,22 @@ def test_constraints_can_be_left_aside(xosc_run: Command, tmp_path: Path, passin
     names = [line.split()[1] for line in xosc_run(variation).out.splitlines() if "~" in line][:2]
     assert names == ["variation~000000", "variation~000001"]
     excluded = xosc_run(variation, "--only", "1,3")
-    assert excluded.code == 3 and "Gap = 12" in excluded.err and "variation~000001 Gap=8" in excluded.out
+    assert (
+        excluded.code == 3
+        and "Gap = 12" in excluded.err
+        and "variation~000001 Gap=8" in excluded.out
+    )
 
 
 def test_sets_that_constraints_leave_out_are_told_and_none_left_is_an_error(
     xosc_run: Command, tmp_path: Path, passing: Path
 ) -> None:
     group = '<ConstraintGroup><ValueConstraint rule="lessThan" value="10"/></ConstraintGroup>'
-    passing.write_text(passing.read_text().replace('value="50.0"/>', f'value="5">{group}</ParameterDeclaration>', 1))
+    passing.write_text(
+        passing.read_text().replace(
+            'value="50.0"/>', f'value="5">{group}</ParameterDeclaration>', 1
+        )
+    )
     variation = distribution(tmp_path, "variation", {"Gap": (6, 12, 2)}, of="passing")
     told = f"remark: {variation}: 2 parameter sets left out: the values violate the scenario's constraints"
     for options in ([], ["--dry-run"], ["--sample", "4"]):
@@ -218,24 +273,38 @@ def test_sets_that_constraints_leave_out_are_told_and_none_left_is_an_error(
     for options in ([], ["--dry-run"], ["--sample", "2"], ["-q"]):
         answer = xosc_run(none, *options)
         assert answer.code == 3, options
-        assert re.search(rf"^xosc-run: {none}:\d+: .*none of \d (parameter sets|samples) satisfies the constraints", answer.err)
+        assert re.search(
+            rf"^xosc-run: {none}:\d+: .*none of \d (parameter sets|samples) satisfies the constraints",
+            answer.err,
+        )
 
 
-def test_files_that_break_their_standard_are_told_of_under_quiet_too(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+def test_files_that_break_their_standard_are_told_of_under_quiet_too(
+    xosc_run: Command, tmp_path: Path, passing: Path
+) -> None:
     assert xosc_run(passing, "-q") == (0, "", "")
-    passing.write_text(passing.read_text().replace(' mass="1500"', "").replace("<CatalogLocations/>", ""))
+    passing.write_text(
+        passing.read_text().replace(' mass="1500"', "").replace("<CatalogLocations/>", "")
+    )
     for options in (["-q"], ["-q", "--dry-run"]):
         answer = xosc_run(passing, *options)
         assert (answer.code, answer.out) == (0, "")
-        assert answer.err.startswith(f"xosc-run: read though it breaks its standard: {passing}:"), answer.err
+        assert answer.err.startswith(f"xosc-run: read though it breaks its standard: {passing}:"), (
+            answer.err
+        )
         assert answer.err.count("\n") == 1
 
 
-def test_a_dry_run_compiles_and_writes_nothing(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+def test_a_dry_run_compiles_and_writes_nothing(
+    xosc_run: Command, tmp_path: Path, passing: Path
+) -> None:
     bad = scenario(tmp_path, "bad", stories=story("Nobody", []))
     answer = xosc_run(passing, bad, "--dry-run", "--out", tmp_path / "out")
     assert answer.code == 3
-    assert [line.split()[:2] for line in answer.out.splitlines()[:2]] == [["LOADED", "passing"], ["ERROR", "bad"]]
+    assert [line.split()[:2] for line in answer.out.splitlines()[:2]] == [
+        ["LOADED", "passing"],
+        ["ERROR", "bad"],
+    ]
     assert "not run (--dry-run)" in answer.out and "PASSED" not in answer.out
     assert answer.out.splitlines()[-1] == "2 files: 1 error, 1 loaded"
     assert not (tmp_path / "out").exists()
@@ -251,19 +320,38 @@ def test_a_dry_run_begins_the_scenario(xosc_run: Command) -> None:
     assert assumed.code == 6 and "its end is assumed" in assumed.out + assumed.err
 
 
-def test_a_dry_run_of_a_variation_file_is_one_line(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+def test_a_dry_run_of_a_variation_file_is_one_line(
+    xosc_run: Command, tmp_path: Path, passing: Path
+) -> None:
     good = distribution(tmp_path, "good", {"Gap": (20, 60, 10)}, of="passing")
     answer = xosc_run(good, "--dry-run")
-    assert answer.out.split() == ["LOADED", "good", "not", "run", "(--dry-run):", "5", "parameter", "sets"]
-    scenario(tmp_path, "short", init=place("Ego", 100, 20) + place("Lead", "${100 + sqrt($Gap - 20)}", 20))
+    assert answer.out.split() == [
+        "LOADED",
+        "good",
+        "not",
+        "run",
+        "(--dry-run):",
+        "5",
+        "parameter",
+        "sets",
+    ]
+    scenario(
+        tmp_path,
+        "short",
+        init=place("Ego", 100, 20) + place("Lead", "${100 + sqrt($Gap - 20)}", 20),
+    )
     partly = distribution(tmp_path, "partly", {"Gap": (0, 40, 10)}, of="short")
     answer = xosc_run(partly, passing, "--dry-run", "--junit", tmp_path / "junit.xml")
     assert answer.code == 3
-    assert answer.err.startswith("xosc-run: 2 of 5 parameter sets: ") and answer.err.count("\n") == 1
+    assert (
+        answer.err.startswith("xosc-run: 2 of 5 parameter sets: ") and answer.err.count("\n") == 1
+    )
     assert etree.parse(tmp_path / "junit.xml").xpath("count(//testcase)") == 2
 
 
-def test_quiet_prints_failures_and_errors_only(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+def test_quiet_prints_failures_and_errors_only(
+    xosc_run: Command, tmp_path: Path, passing: Path
+) -> None:
     assert xosc_run("-q", passing) == (0, "", "")
     answer = xosc_run("-q", passing, collision(tmp_path))
     assert answer.out.split()[:2] == ["FAILED", "collision"]
@@ -286,7 +374,9 @@ def test_a_batch_is_resumed(xosc_run: Command, tmp_path: Path, passing: Path) ->
     assert xosc_run(passing, "--out", out, "--resume") == first
 
 
-def test_junit_is_written_for_runs_and_dry_runs(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+def test_junit_is_written_for_runs_and_dry_runs(
+    xosc_run: Command, tmp_path: Path, passing: Path
+) -> None:
     report = tmp_path / "new" / "folder" / "report.xml"
     xosc_run(passing, "--junit", report)
     assert etree.parse(report).xpath("string(//testcase/@name)") == "passing"
@@ -306,7 +396,18 @@ def test_version_and_help(xosc_run: Command) -> None:
     answer = xosc_run("--help")
     assert answer.code == 0
     assert xosc_run("-h") == answer
-    for option in ("--param", "--sut", "--ego", "--timestep", "--seed", "--max-time", "--out", "--junit", "--jobs", "--dry-run"):
+    for option in (
+        "--param",
+        "--sut",
+        "--ego",
+        "--timestep",
+        "--seed",
+        "--max-time",
+        "--out",
+        "--junit",
+        "--jobs",
+        "--dry-run",
+    ):
         assert option in answer.out
 
 
@@ -314,10 +415,16 @@ def test_version_and_help(xosc_run: Command) -> None:
 
 
 def test_numbers_choose_parameter_sets(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
-    variation = distribution(tmp_path, "variation", {"Gap": (20, 70, 10), "Ego_Speed": (10, 12, 1)}, of="passing")
+    variation = distribution(
+        tmp_path, "variation", {"Gap": (20, 70, 10), "Ego_Speed": (10, 12, 1)}, of="passing"
+    )
     answer = xosc_run(variation, "--only", "4, 0-1,17", "--out", tmp_path / "out")
     assert answer.code == 0
-    shown = [line[13:].rpartition("0.20 s")[0].strip() for line in answer.out.splitlines() if line.startswith("PASSED")]
+    shown = [
+        line[13:].rpartition("0.20 s")[0].strip()
+        for line in answer.out.splitlines()
+        if line.startswith("PASSED")
+    ]
     assert shown == [
         "variation~000000 Gap=20, Ego_Speed=10",
         "variation~000001 Gap=20, Ego_Speed=11",
@@ -332,12 +439,16 @@ def test_numbers_choose_parameter_sets(xosc_run: Command, tmp_path: Path, passin
 
 
 @pytest.mark.parametrize("text", ["", "a", "3-1", "1,,2", "-1", "1-", "1.5"])
-def test_what_is_no_number_of_a_parameter_set_is_refused(text: str, xosc_run: Command, passing: Path) -> None:
+def test_what_is_no_number_of_a_parameter_set_is_refused(
+    text: str, xosc_run: Command, passing: Path
+) -> None:
     answer = xosc_run(passing, f"--only={text}")
     assert answer.code == 2 and "such as 3,7-9" in answer.err
 
 
-def test_numbers_of_parameter_sets_are_refused_where_no_file_has_any(xosc_run: Command, passing: Path, tmp_path: Path) -> None:
+def test_numbers_of_parameter_sets_are_refused_where_no_file_has_any(
+    xosc_run: Command, passing: Path, tmp_path: Path
+) -> None:
     answer = xosc_run(passing, "--only", "7")
     assert answer.code == 2 and "there is none among the files" in answer.err
     sets = distribution(tmp_path, "sets", {"Gap": (20, 22, 1)}, of="passing")
@@ -345,13 +456,17 @@ def test_numbers_of_parameter_sets_are_refused_where_no_file_has_any(xosc_run: C
     assert [line.split()[1] for line in answer.out.splitlines()[1:-1]] == ["passing", "sets~000001"]
 
 
-def test_values_with_many_digits_are_shortened_in_the_table(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+def test_values_with_many_digits_are_shortened_in_the_table(
+    xosc_run: Command, tmp_path: Path, passing: Path
+) -> None:
     sets = distribution(tmp_path, "long", {"Gap": (20.123456789, 21.2, 1.0)}, of="passing")
     answer = xosc_run(sets, "--sut", "none", "--max-time", "0.05")
     assert "Gap=20.1235 " in answer.out and "Gap=21.1235 " in answer.out
 
 
-def test_a_sample_of_a_space_of_any_size_is_the_same_for_a_seed(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+def test_a_sample_of_a_space_of_any_size_is_the_same_for_a_seed(
+    xosc_run: Command, tmp_path: Path, passing: Path
+) -> None:
     ranges = {"Gap": (20.0, 120.0, 0.0001), "Ego_Speed": (10.0, 11.0, 0.001)}
     huge = distribution(tmp_path, "huge", ranges, of="passing")
 
@@ -367,10 +482,14 @@ def test_a_sample_of_a_space_of_any_size_is_the_same_for_a_seed(xosc_run: Comman
     assert "5 runs: 5 passed" in xosc_run(few, "--sample", "9").out
 
 
-def test_runs_are_repeated_with_seeds_that_count_up(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
+def test_runs_are_repeated_with_seeds_that_count_up(
+    xosc_run: Command, tmp_path: Path, passing: Path
+) -> None:
     answer = xosc_run(passing, "--repeat", "3", "--seed", "7", "--out", tmp_path / "out")
     names = [f"passing~seed{seed}" for seed in (7, 8, 9)]
-    assert [line.split()[1] for line in answer.out.splitlines() if line.startswith("PASSED")] == names
+    assert [
+        line.split()[1] for line in answer.out.splitlines() if line.startswith("PASSED")
+    ] == names
     results = [json.loads((tmp_path / "out" / name / "result.json").read_text()) for name in names]
     assert [result["settings"]["seed"] for result in results] == [7, 8, 9]
     again = xosc_run(passing, "--repeat", "3", "--seed", "7", "--out", tmp_path / "out", "--resume")
@@ -380,7 +499,9 @@ def test_runs_are_repeated_with_seeds_that_count_up(xosc_run: Command, tmp_path:
 
 
 def test_the_summary_names_failures_by_cause(xosc_run: Command, tmp_path: Path) -> None:
-    scenario(tmp_path, "near", init=place("Ego", 100, 20) + place("Lead", "${100 + $Gap}", 10), stop=1.0)
+    scenario(
+        tmp_path, "near", init=place("Ego", 100, 20) + place("Lead", "${100 + $Gap}", 10), stop=1.0
+    )
     variation = distribution(tmp_path, "variation", {"Gap": (3, 33, 3)}, of="near")
     answer = xosc_run(variation, tmp_path / "absent.xosc", "--sut", "none")
     summary = answer.out.splitlines()[13:]
@@ -401,18 +522,35 @@ def test_the_summary_names_failures_by_cause(xosc_run: Command, tmp_path: Path) 
 
 def test_an_error_that_many_runs_share_is_told_once(xosc_run: Command, tmp_path: Path) -> None:
     path = scenario(tmp_path, "lost")
-    path.write_text(path.read_text(encoding="utf-8").replace(".xodr", "_lost.xodr"), encoding="utf-8")
+    path.write_text(
+        path.read_text(encoding="utf-8").replace(".xodr", "_lost.xodr"), encoding="utf-8"
+    )
     answer = xosc_run(distribution(tmp_path, "variation", {"Gap": (3, 9, 3)}, of="lost"))
     assert answer.out.count("invalid file") == 3
     assert answer.err.count("does not exist") == 1
 
 
-def test_the_terminal_shows_totals_and_names_as_wide_as_it_is(tmp_path: Path, passing: Path) -> None:
-    variation = distribution(tmp_path, "variation", {"Gap": (20, 70, 10), "Ego_Speed": (10, 12, 1)}, of="passing")
-    command = [sys.executable, "-m", "runner.xosc_run", "--world", "kinematic", str(variation), "--only", "0-3"]
+def test_the_terminal_shows_totals_and_names_as_wide_as_it_is(
+    tmp_path: Path, passing: Path
+) -> None:
+    variation = distribution(
+        tmp_path, "variation", {"Gap": (20, 70, 10), "Ego_Speed": (10, 12, 1)}, of="passing"
+    )
+    command = [
+        sys.executable,
+        "-m",
+        "runner.xosc_run",
+        "--world",
+        "kinematic",
+        str(variation),
+        "--only",
+        "0-3",
+    ]
     ours, theirs = os.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
-    environment = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+    environment = {
+        name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")
+    }
     process = subprocess.Popen(command, stdout=theirs, stderr=theirs, env=environment)
     os.close(theirs)
     shown = b""
@@ -446,11 +584,26 @@ def test_a_closed_pipe_is_no_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_any_bytes_in_a_file_name_and_any_encoding_of_the_terminal(tmp_path: Path, passing: Path) -> None:
+def test_any_bytes_in_a_file_name_and_any_encoding_of_the_terminal(
+    tmp_path: Path, passing: Path
+) -> None:
     name = bytes(tmp_path) + b"/odd-\xff-\xc3\xa4.xosc"
     Path(name.decode("utf-8", "surrogateescape")).write_bytes(passing.read_bytes())
-    command = [sys.executable, "-m", "runner.xosc_run", "--world", "kinematic", name, "--out", "out", "--junit", "junit.xml"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, env={"PYTHONIOENCODING": "ascii"}, timeout=60)
+    command = [
+        sys.executable,
+        "-m",
+        "runner.xosc_run",
+        "--world",
+        "kinematic",
+        name,
+        "--out",
+        "out",
+        "--junit",
+        "junit.xml",
+    ]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, env={"PYTHONIOENCODING": "ascii"}, timeout=60
+    )
     assert (done.returncode, done.stderr) == (0, b"")
     assert b"PASSED" in done.stdout
     (result,) = (tmp_path / "out").rglob("result.json")
@@ -460,4 +613,9 @@ def test_any_bytes_in_a_file_name_and_any_encoding_of_the_terminal(tmp_path: Pat
 
 def test_help_imports_no_simulator_and_no_numerics() -> None:
     code = "import sys, runner.xosc_run; print(*[m for m in ('libsumo', 'numpy', 'lxml', 'pyarrow', 'xosc') if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == ""
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        == ""
+    )

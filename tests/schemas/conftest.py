@@ -367,7 +367,12 @@ class Project:
             "catalog": self.folder / "catalogs" / "vehicles.xosc",
             "distribution": self.folder / "variation.xosc",
         }
-        for name, text in (("scenario", SCENARIO), ("road", ROAD), ("catalog", CATALOG), ("distribution", DISTRIBUTION)):
+        for name, text in (
+            ("scenario", SCENARIO),
+            ("road", ROAD),
+            ("catalog", CATALOG),
+            ("distribution", DISTRIBUTION),
+        ):
             self.files[name].write_text(text, encoding="utf-8")
 
     def edit(self, name: str, *replacements: tuple[str, str]) -> None:

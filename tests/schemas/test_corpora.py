@@ -14,9 +14,19 @@ BROKEN = {
 
 FAULTY_ROADS = {
     "multi_intersections": {"id_unique_in_class", "lanes_across_lane_sections"},
-    "parking_demo": {"zero_width_at_end", "zero_width_at_start", "new_lane_appear", "one_connection_element"},
+    "parking_demo": {
+        "zero_width_at_end",
+        "zero_width_at_start",
+        "new_lane_appear",
+        "one_connection_element",
+    },
     "soderleden": {
-        *("contact_point_no_horizontal_gaps", "zero_width_at_end", "lanes_across_lane_sections", "contact_point"),
+        *(
+            "contact_point_no_horizontal_gaps",
+            "zero_width_at_end",
+            "lanes_across_lane_sections",
+            "contact_point",
+        ),
         *("is_junction_needed", "new_lane_appear"),
     },
     "straight_500m_signs": {"id_unique_in_class"},

@@ -20,7 +20,7 @@ from lxml import etree
 
 import xodr
 from schemas import check
-from schemas.registry import OPENDRIVE, OPENSCENARIO, SCHEMA_DIR, schema_for
+from schemas.versions.registry import OPENDRIVE, OPENSCENARIO, SCHEMA_DIR, schema_for
 from tests.conftest import SHARED
 from tests.fuzz import standard
 from tests.schemas.test_road_rules import SOUND
@@ -100,7 +100,10 @@ def mutant(tree: etree._ElementTree, random: Random) -> etree._ElementTree:
             case 3 if declared and declared.children:
                 child = random.choice(declared.children)
                 found = next((each for other in own() for each in other.iter(child)), None)
-                element.insert(random.randint(0, len(element)), etree.Element(child) if found is None else copy.deepcopy(found))
+                element.insert(
+                    random.randint(0, len(element)),
+                    etree.Element(child) if found is None else copy.deepcopy(found),
+                )
             case 4 if element.attrib:
                 del element.attrib[random.choice(list(element.attrib))]
             case _ if declared and declared.attributes:
@@ -109,13 +112,17 @@ def mutant(tree: etree._ElementTree, random: Random) -> etree._ElementTree:
     return changed
 
 
-def test_documents_of_1_4_are_valid_by_both(verdicts: tuple[etree.XMLSchema, etree.XMLSchema]) -> None:
+def test_documents_of_1_4_are_valid_by_both(
+    verdicts: tuple[etree.XMLSchema, etree.XMLSchema],
+) -> None:
     assert own()
     for tree in own():
         assert [schema.validate(tree) for schema in verdicts] == [True, True], tree.docinfo.URL
 
 
-def test_public_files_stamped_1_4_have_the_same_verdict(verdicts: tuple[etree.XMLSchema, etree.XMLSchema], corpora: Path) -> None:
+def test_public_files_stamped_1_4_have_the_same_verdict(
+    verdicts: tuple[etree.XMLSchema, etree.XMLSchema], corpora: Path
+) -> None:
     paths = sorted([*corpora.rglob("*.xosc"), *(SHARED / "wild").rglob("*.xosc")])
     found = [
         [schema.validate(tree) for schema in verdicts]
@@ -136,12 +143,22 @@ def test_mutants_have_the_same_verdict(verdicts: tuple[etree.XMLSchema, etree.XM
     assert 0.05 * MUTANTS < valid < 0.95 * MUTANTS
 
 
-def test_1_4_is_checked_without_any_official_file_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_1_4_is_checked_without_any_official_file_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.delenv(SCHEMA_DIR, raising=False)
-    text = (SCENARIOS / "LanePosition.xosc").read_text(encoding="utf-8").replace('revMinor="3"', 'revMinor="4"')
+    text = (
+        (SCENARIOS / "LanePosition.xosc")
+        .read_text(encoding="utf-8")
+        .replace('revMinor="3"', 'revMinor="4"')
+    )
     path = tmp_path / "a.xosc"
     for layer, wrong in (("temporary", False), ("painted", True)):
-        path.write_text(text.replace("<LanePosition ", f'<LanePosition layer="{layer}" ').replace('revMinor="2"', 'revMinor="4"'))
+        path.write_text(
+            text.replace("<LanePosition ", f'<LanePosition layer="{layer}" ').replace(
+                'revMinor="2"', 'revMinor="4"'
+            )
+        )
         messages = [each.message for each in check(path) if each.rule.endswith("valid_schema")]
         assert bool(messages) == wrong
         assert all("layer" in message for message in messages)
@@ -149,7 +166,10 @@ def test_1_4_is_checked_without_any_official_file_of_it(tmp_path: Path, monkeypa
 
 STANDARDS = SHARED / "standards"
 ROAD_MUTANTS = MUTANTS // 10
-ROAD_XSDS = {8: STANDARDS / "opendrive-schemas" / "1.8.0", 9: STANDARDS / "opendrive-1.9.0" / "schema"}
+ROAD_XSDS = {
+    8: STANDARDS / "opendrive-schemas" / "1.8.0",
+    9: STANDARDS / "opendrive-1.9.0" / "schema",
+}
 
 
 @pytest.fixture(scope="module", params=[8, 9])
@@ -163,24 +183,48 @@ def road_schemas(request: pytest.FixtureRequest) -> Iterator[tuple[int, Any, Any
         assert schema is not None
         assert schema.path.name == "opendrive_17_core.xsd"
         made = xmlschema.XMLSchema11(etree.tostring(schema.tree(), encoding="unicode"))
-        yield request.param, made, xmlschema.XMLSchema11(str(ROAD_XSDS[request.param] / "OpenDRIVE_Core.xsd"))
+        yield (
+            request.param,
+            made,
+            xmlschema.XMLSchema11(str(ROAD_XSDS[request.param] / "OpenDRIVE_Core.xsd")),
+        )
 
 
 @cache
 def roads() -> tuple[etree._ElementTree, ...]:
     """Road networks as OpenDRIVE 1.9: with layers, objects of every kind that has an assertion, signals with semantics."""
-    library = [etree.parse(path) for path in sorted((Path(xodr.__file__).parent / "library").glob("highway*.xodr"))]
+    library = [
+        etree.parse(path)
+        for path in sorted((Path(xodr.__file__).parent / "library").glob("highway*.xodr"))
+    ]
     for tree in library:
         tree.getroot()[0].set("revMinor", "9")
-    kinds = ("barrier", "building", "crosswalk", "gantry", "obstacle", "pole", "roadMark", "roadSurface", "tree", "vegetation")
+    kinds = (
+        "barrier",
+        "building",
+        "crosswalk",
+        "gantry",
+        "obstacle",
+        "pole",
+        "roadMark",
+        "roadSurface",
+        "tree",
+        "vegetation",
+    )
     objects = "".join(
         f'<object id="{number}" type="{kind}" s="1" t="2" zOffset="0" radius="1"><repeat s="0" length="5" distance="1" tStart="0"'
         ' tEnd="0" heightStart="1" heightEnd="1" zOffsetStart="0" zOffsetEnd="0"/><outlines><outline id="0">'
         '<curveLocal hdg="0" height="1" length="2" u="0" v="0" z="0"><line/></curveLocal></outline></outlines></object>'
         for number, kind in enumerate(kinds)
     )
-    layered = SOUND.replace("</lanes>\n</road>", f"</lanes>\n<objects>{objects}</objects></road>", 1)
-    return (*library, etree.ElementTree(etree.fromstring(SOUND.encode())), etree.ElementTree(etree.fromstring(layered.encode())))
+    layered = SOUND.replace(
+        "</lanes>\n</road>", f"</lanes>\n<objects>{objects}</objects></road>", 1
+    )
+    return (
+        *library,
+        etree.ElementTree(etree.fromstring(SOUND.encode())),
+        etree.ElementTree(etree.fromstring(layered.encode())),
+    )
 
 
 @pytest.mark.slow
@@ -201,7 +245,9 @@ def test_mutants_of_road_networks_have_the_same_verdict(road_schemas: tuple[int,
     verdicts = []
     for _ in range(ROAD_MUTANTS):
         tree = copy.deepcopy(random.choice(bases))
-        elements = [each for each in tree.getroot().iter(etree.Element) if each.getparent() is not None]
+        elements = [
+            each for each in tree.getroot().iter(etree.Element) if each.getparent() is not None
+        ]
         element, other = random.choice(elements), random.choice(elements)
         parent = element.getparent()
         assert parent is not None
@@ -261,9 +307,14 @@ def content(kind: etree._Element) -> object:
     """Base, children in order, attributes and assertions of a type."""
     extension = kind.find(f"{XSD}complexContent/{XSD}extension")
     holder = kind if extension is None else extension
-    base = None if extension is None or extension.get("base") == "_OpenDriveElement" else extension.get("base")
+    base = (
+        None
+        if extension is None or extension.get("base") == "_OpenDriveElement"
+        else extension.get("base")
+    )
     attributes = sorted(
-        tuple(each.get(name) or "" for name in ("name", "type", "use", "fixed")) for each in holder.iter(f"{XSD}attribute")
+        tuple(each.get(name) or "" for name in ("name", "type", "use", "fixed"))
+        for each in holder.iter(f"{XSD}attribute")
     )
     required = [each for each in attributes if each[2] == "required"]
     tests = sorted(str(each.get("test")) for each in holder.iterchildren(f"{XSD}assert"))
@@ -274,11 +325,24 @@ def content(kind: etree._Element) -> object:
 def particles(model: etree._Element) -> list[object]:
     """Children of a sequence or choice with their occurrences, types and conditional types."""
     found: list[object] = []
-    for each in model.iterchildren(f"{XSD}element", f"{XSD}group", f"{XSD}choice", f"{XSD}sequence"):
-        conditions = [(other.get("test"), other.get("type")) for other in each.iterchildren(f"{XSD}alternative")]
+    for each in model.iterchildren(
+        f"{XSD}element", f"{XSD}group", f"{XSD}choice", f"{XSD}sequence"
+    ):
+        conditions = [
+            (other.get("test"), other.get("type"))
+            for other in each.iterchildren(f"{XSD}alternative")
+        ]
         times = each.get("minOccurs", "1"), each.get("maxOccurs", "1")
         found.append(
-            (each.tag, each.get("name") or each.get("ref"), each.get("type"), times, conditions, keys(each), particles(each))
+            (
+                each.tag,
+                each.get("name") or each.get("ref"),
+                each.get("type"),
+                times,
+                conditions,
+                keys(each),
+                particles(each),
+            )
         )
     return found
 

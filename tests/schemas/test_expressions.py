@@ -10,9 +10,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from schemas.common.errors import ToolchainError
-from schemas.expressions import FUNCTIONS, ExpressionError, evaluate, functions, is_expression, literal, references, substitute
+from schemas.expressions import (
+    FUNCTIONS,
+    ExpressionError,
+    evaluate,
+    functions,
+    is_expression,
+    literal,
+    references,
+    substitute,
+)
 
-VALUES = {"a": 3, "b": 2.5, "yes": True, "text": "Ego", "number_text": "5", "inf": math.inf, "nan": math.nan, "huge": 10**400}
+VALUES = {
+    "a": 3,
+    "b": 2.5,
+    "yes": True,
+    "text": "Ego",
+    "number_text": "5",
+    "inf": math.inf,
+    "nan": math.nan,
+    "huge": 10**400,
+}
 
 
 def lookup(name: str) -> float | int | bool | str:
@@ -166,8 +184,17 @@ _numbers = st.one_of(st.integers(0, 10**6), st.floats(0, 1e6, allow_nan=False)).
 _expressions = st.recursive(
     _numbers | st.sampled_from(["$a", "$b", "$yes", "pi", "true"]),
     lambda inner: (
-        st.builds("({} {} {})".format, inner, st.sampled_from(["+", "-", "*", "/", "%", "and", "or"]), inner)
-        | st.builds("{}({})".format, st.sampled_from([name for name, each in FUNCTIONS.items() if each.arity == 1]), inner)
+        st.builds(
+            "({} {} {})".format,
+            inner,
+            st.sampled_from(["+", "-", "*", "/", "%", "and", "or"]),
+            inner,
+        )
+        | st.builds(
+            "{}({})".format,
+            st.sampled_from([name for name, each in FUNCTIONS.items() if each.arity == 1]),
+            inner,
+        )
         | st.builds("-{}".format, inner)
     ),
     max_leaves=12,
@@ -184,7 +211,13 @@ def test_generated_expressions_have_a_finite_value_or_a_clear_error(text):
     assert evaluate(substitute("${" + text + "}", lookup), lookup) == value
 
 
-@given(st.recursive(_numbers, lambda inner: st.builds("({} {} {})".format, inner, st.sampled_from("+-*"), inner), max_leaves=10))
+@given(
+    st.recursive(
+        _numbers,
+        lambda inner: st.builds("({} {} {})".format, inner, st.sampled_from("+-*"), inner),
+        max_leaves=10,
+    )
+)
 def test_arithmetic_agrees_with_python(text):
     expected = eval(text)
     assert evaluate(text, lookup) == pytest.approx(float(expected), rel=1e-12, abs=1e-9)

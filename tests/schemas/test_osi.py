@@ -9,10 +9,10 @@ from typer.testing import CliRunner
 
 import runner
 import xosc
-from runner.exports import osi
+from runner.exchange.exports import osi
 from schemas import check, xosc_check
-from schemas.osi_rules import MOST, READABLE, all_osi_rules
-from tests.runner.test_traces import mcap, truths, write
+from schemas.osi.rules import MOST, READABLE, all_osi_rules
+from tests.runner.exchange.test_traces import mcap, truths, write
 
 pytest.importorskip("osi3", reason="the extra `osi` is not installed")
 
@@ -20,9 +20,13 @@ LIBRARY = Path(xosc.__file__).parent / "library"
 
 
 @pytest.mark.parametrize("suffix", osi.FORMATS)
-@pytest.mark.parametrize("name", ["roundabout_exiting", "intersection_pedestrian_crossing", "ramp_entering_highway"])
+@pytest.mark.parametrize(
+    "name", ["roundabout_exiting", "intersection_pedestrian_crossing", "ramp_entering_highway"]
+)
 def test_our_own_traces_are_sound(name: str, suffix: str, tmp_path: Path) -> None:
-    result = runner.run(LIBRARY / f"{name}.xosc", world="kinematic", timestep=0.5, sut="none", max_time=10.0)
+    result = runner.run(
+        LIBRARY / f"{name}.xosc", world="kinematic", timestep=0.5, sut="none", max_time=10.0
+    )
     osi.write_trace(result, tmp_path / f"trace{suffix}")
     assert check(tmp_path / f"trace{suffix}") == []
 
@@ -34,7 +38,10 @@ def test_a_problem_of_all_messages_is_told_once(tmp_path: Path) -> None:
 
 
 def test_multi_channel_files_have_metadata(tmp_path: Path) -> None:
-    found = {each.rule.rpartition(".")[2]: each.message for each in check(mcap(tmp_path / "trace.mcap", truths()))}
+    found = {
+        each.rule.rpartition(".")[2]: each.message
+        for each in check(mcap(tmp_path / "trace.mcap", truths()))
+    }
     assert found["metadata"] == "there are 0 metadata records net.asam.osi.trace, one is expected"
     assert found["channel"].startswith("channel 'ground_truth' has no net.asam.osi.trace.channel.")
 
@@ -42,7 +49,10 @@ def test_multi_channel_files_have_metadata(tmp_path: Path) -> None:
 def test_publish_times_are_timestamps(tmp_path: Path) -> None:
     messages = truths()
     path = mcap(tmp_path / "trace.mcap", messages, late=7)
-    assert any(each.message == "message 1 and 19 more: the publish time is not the timestamp" for each in check(path))
+    assert any(
+        each.message == "message 1 and 19 more: the publish time is not the timestamp"
+        for each in check(path)
+    )
 
 
 def test_of_one_rule_no_more_is_reported_than_can_be_read(tmp_path: Path) -> None:

@@ -6,7 +6,15 @@ import pytest
 from lxml import etree
 
 from schemas.common.errors import InvalidFile, UsageError
-from schemas.registry import OPENDRIVE, OPENSCENARIO, SCHEMA_DIR, FileType, available_schemas, detect, schema_for
+from schemas.versions.registry import (
+    OPENDRIVE,
+    OPENSCENARIO,
+    SCHEMA_DIR,
+    FileType,
+    available_schemas,
+    detect,
+    schema_for,
+)
 
 
 def document(text: str) -> etree._ElementTree:
@@ -16,7 +24,10 @@ def document(text: str) -> etree._ElementTree:
 @pytest.mark.parametrize(
     "text,expected",
     [
-        ('<OpenSCENARIO><FileHeader revMajor="1" revMinor="0"/></OpenSCENARIO>', FileType(OPENSCENARIO, (1, 0), "scenario")),
+        (
+            '<OpenSCENARIO><FileHeader revMajor="1" revMinor="0"/></OpenSCENARIO>',
+            FileType(OPENSCENARIO, (1, 0), "scenario"),
+        ),
         (
             '<OpenSCENARIO><FileHeader revMajor="1" revMinor="3"/><Catalog/></OpenSCENARIO>',
             FileType(OPENSCENARIO, (1, 3), "catalog"),
@@ -25,8 +36,14 @@ def document(text: str) -> etree._ElementTree:
             '<OpenSCENARIO><FileHeader revMajor="1" revMinor="1"/><ParameterValueDistribution/></OpenSCENARIO>',
             FileType(OPENSCENARIO, (1, 1), "distribution"),
         ),
-        ('<OpenDRIVE><!-- --><header revMajor="1" revMinor="4"/></OpenDRIVE>', FileType(OPENDRIVE, (1, 4), "road")),
-        ('<OpenDRIVE xmlns="http://a"><header revMajor=" 1" revMinor="5"/></OpenDRIVE>', FileType(OPENDRIVE, (1, 5), "road")),
+        (
+            '<OpenDRIVE><!-- --><header revMajor="1" revMinor="4"/></OpenDRIVE>',
+            FileType(OPENDRIVE, (1, 4), "road"),
+        ),
+        (
+            '<OpenDRIVE xmlns="http://a"><header revMajor=" 1" revMinor="5"/></OpenDRIVE>',
+            FileType(OPENDRIVE, (1, 5), "road"),
+        ),
     ],
 )
 def test_standard_version_and_kind_are_detected(text, expected):

@@ -12,19 +12,39 @@ from schemas import Problem
 from schemas.checks.registry import all_rules
 from schemas.checks.report import FORMATS, summary
 
-ERROR = Problem("asam.net:xosc:1.0.0:xml.valid_schema", "error", "<bad> & worse", "dir/a b.xosc", 7, "/OpenSCENARIO/Init")
-WARNING = Problem(
-    "xosc.toolchain:xosc:1.0.0:scenario_logic.condition_is_not_constant", "warning", "never", "dir/a b.xosc", 9, "/x"
+ERROR = Problem(
+    "asam.net:xosc:1.0.0:xml.valid_schema",
+    "error",
+    "<bad> & worse",
+    "dir/a b.xosc",
+    7,
+    "/OpenSCENARIO/Init",
 )
-MISSING = Problem("asam.net:xodr:1.0.0:xml.valid_xml_document", "error", "no such\x00file\x1b", "c.xodr")
-RESULTS = [(Path("dir/a b.xosc"), [ERROR, WARNING]), (Path("sound.xosc"), []), (Path("c.xodr"), [MISSING])]
+WARNING = Problem(
+    "xosc.toolchain:xosc:1.0.0:scenario_logic.condition_is_not_constant",
+    "warning",
+    "never",
+    "dir/a b.xosc",
+    9,
+    "/x",
+)
+MISSING = Problem(
+    "asam.net:xodr:1.0.0:xml.valid_xml_document", "error", "no such\x00file\x1b", "c.xodr"
+)
+RESULTS = [
+    (Path("dir/a b.xosc"), [ERROR, WARNING]),
+    (Path("sound.xosc"), []),
+    (Path("c.xodr"), [MISSING]),
+]
 
 
 def test_text_has_a_line_a_problem_and_a_summary():
     lines = FORMATS["text"](RESULTS).splitlines()
     assert lines[0] == "dir/a b.xosc:7: error: <bad> & worse [asam.net:xosc:1.0.0:xml.valid_schema]"
     assert len(lines) == 4
-    assert lines[-1] == summary(RESULTS) == "3 files checked, 1 accepted: 2 errors, 1 warning, 0 info"
+    assert (
+        lines[-1] == summary(RESULTS) == "3 files checked, 1 accepted: 2 errors, 1 warning, 0 info"
+    )
 
 
 def test_json_holds_everything():
@@ -57,7 +77,10 @@ def test_xqar_has_a_bundle_a_file_and_a_checker_a_rule():
     rules = {each.get("ruleUID") for each in first.iter("AddressedRule")}
     assert rules == {rule.uid for rule in all_rules() if rule.uid.split(":")[1] == "xosc"}
     issues = list(first.iter("Issue"))
-    assert [(issue.get("ruleUID"), issue.get("level")) for issue in issues] == [(ERROR.rule, "1"), (WARNING.rule, "2")]
+    assert [(issue.get("ruleUID"), issue.get("level")) for issue in issues] == [
+        (ERROR.rule, "1"),
+        (WARNING.rule, "2"),
+    ]
     assert len({issue.get("issueId") for issue in issues}) == 2
     for issue in issues:
         addressed = issue.getparent().find("AddressedRule").get("ruleUID")
@@ -77,7 +100,10 @@ def test_sarif_is_version_2_1_0_with_rules_and_places():
         assert rules[result["ruleIndex"]]["id"] == result["ruleId"]
     assert [result["level"] for result in run["results"]] == ["error", "warning", "error"]
     place = run["results"][0]["locations"][0]
-    assert place["physicalLocation"] == {"artifactLocation": {"uri": "dir/a%20b.xosc"}, "region": {"startLine": 7}}
+    assert place["physicalLocation"] == {
+        "artifactLocation": {"uri": "dir/a%20b.xosc"},
+        "region": {"startLine": 7},
+    }
     assert place["logicalLocations"][0]["fullyQualifiedName"] == "/OpenSCENARIO/Init"
 
 

@@ -12,7 +12,13 @@ from schemas.checks import Problem
 from schemas.checks.registry import all_rules
 
 MODULE = "xodr.rules.lanes"
-CURVES = ("elem_asc_order", "length_match", "arclength_range", "valid_parameters", "avoid_redundant_info")
+CURVES = (
+    "elem_asc_order",
+    "length_match",
+    "arclength_range",
+    "valid_parameters",
+    "avoid_redundant_info",
+)
 TOUCHING = (
     "road.geometry.contact_point",
     "lane_smoothness.contact_point_no_horizontal_gaps",
@@ -39,7 +45,15 @@ def _section(s: float, width: str, before: str, after: str, length: str = "") ->
     return f'<laneSection s="{s}"{length}>{center}\n<right>\n{lanes}</right></laneSection>\n'
 
 
-def _road(number: int, start: float, length: float, shape: str, lanes: str, link: str = "", junction: int = -1) -> str:
+def _road(
+    number: int,
+    start: float,
+    length: float,
+    shape: str,
+    lanes: str,
+    link: str = "",
+    junction: int = -1,
+) -> str:
     geometry = f'<geometry s="0" x="{start}" y="0" hdg="0" length="{length}">{shape}</geometry>'
     return (
         f'<road name="" length="{length}" id="{number}" junction="{junction}" rule="RHT">\n<link>{link}</link>\n'
@@ -114,22 +128,44 @@ FAULTS = [
     _fault("level_true_one_side", INNER, INNER.replace('"false"', '"true"')),
     _fault("no_mix_of_deny_or_allow", W, W + ACCESS.format("deny") + ACCESS.format("allow")),
     _fault("overlap_with_inner_lanes", 'a="-7" b="0"', 'a="-7" b="0.1"'),
-    _fault("lanes_across_lane_sections", INNER, INNER.replace(f'<predecessor id="-1" layer="{P}"/>', "")),
+    _fault(
+        "lanes_across_lane_sections",
+        INNER,
+        INNER.replace(f'<predecessor id="-1" layer="{P}"/>', ""),
+    ),
     _fault("zero_width_at_start", INNER, OPENS),
     _fault("zero_width_at_end", BEFORE, BEFORE.replace('a="3.5" b="0"', 'a="4" b="-0.1"', 1)),
     _fault("new_lane_appear", INNER, OPENS),
     _fault("layer_limits", '<lanes layer="temporary">', '<lanes layer="permanent">'),
     _fault("layer_mandatory_permanent", _section(0, W, P, ""), NO_LANES),
-    _fault("center_lane_permanent", '<laneSection s="0"><center><lane id="0"/></center>', '<laneSection s="0">'),
+    _fault(
+        "center_lane_permanent",
+        '<laneSection s="0"><center><lane id="0"/></center>',
+        '<laneSection s="0">',
+    ),
     _fault("length_only_temporary", '<laneSection s="70">', '<laneSection s="70" length="30">'),
     _fault("lane_phys_attr_temporary", N, N + '<height sOffset="0" inner="1" outer="1"/>'),
     _fault("lanesec_length_limit_road", LENGTH, ' length="61"'),
     _fault("new_lanesec_link_temp_to_perm", '<laneSection s="40"', '<laneSection s="41"'),
     _fault("temporary_layer_section_link_permanent", TEMPORARY, _lane(-2, N, P, "")),
-    _fault("lane_group_width_temporary", WORKS_AT, f'<laneOffset s="0" a="-1.1" b="0" c="0" d="0"/>{WORKS_AT}'),
+    _fault(
+        "lane_group_width_temporary",
+        WORKS_AT,
+        f'<laneOffset s="0" a="-1.1" b="0" c="0" d="0"/>{WORKS_AT}',
+    ),
     _fault("connect_road_no_incoming_road", 'incomingRoad="2"', 'incomingRoad="10"'),
-    _fault("one_connection_element", "</junction>", ENTERED.format(1, 3, "end") + "</connection></junction>", '"9"', '"7"'),
-    _fault("one_link_to_incoming", "</connection>", "</connection>" + ENTERED.format(1, 2, "start") + "</connection>"),
+    _fault(
+        "one_connection_element",
+        "</junction>",
+        ENTERED.format(1, 3, "end") + "</connection></junction>",
+        '"9"',
+        '"7"',
+    ),
+    _fault(
+        "one_link_to_incoming",
+        "</connection>",
+        "</connection>" + ENTERED.format(1, 2, "start") + "</connection>",
+    ),
     _fault("start_along_linkage", BACK, ONE),
     _fault("end_opposite_linkage", ENTERED.format(0, 2, "start"), ENTERED.format(0, 2, "end")),
     _fault("is_junction_needed", '<predecessor elementType="junction" elementId="5"/>', ONE),
@@ -139,7 +175,11 @@ FAULTS = [
     _fault("paramPoly3.valid_parameters", 'aU="0" bU="1"', 'aU="1" bU="1"'),
     _fault("avoid_redundant_info", WHOLE, FIRST + SECOND),
     _fault("road.geometry.contact_point", 'x="100" y="0"', 'x="100" y="0.5"'),
-    _fault("cross_path.lane_linkage", '<startLaneLink s="50" from="-1"', '<startLaneLink s="50" from="-2"'),
+    _fault(
+        "cross_path.lane_linkage",
+        '<startLaneLink s="50" from="-1"',
+        '<startLaneLink s="50" from="-2"',
+    ),
     _fault("contact_point_no_horizontal_gaps", WHOLE, FIRST + HALF.format(s=50, y=0.02)),
 ]
 
@@ -164,11 +204,17 @@ def test_rule_catches_its_fault(tmp_path, fault) -> None:
 
 
 def test_every_rule_of_lanes_curves_and_gaps_has_a_fault() -> None:
-    uids = [rule.uid for rule in all_rules() if rule.check.__module__ == MODULE or rule.uid.endswith(CURVES + TOUCHING)]
+    uids = [
+        rule.uid
+        for rule in all_rules()
+        if rule.check.__module__ == MODULE or rule.uid.endswith(CURVES + TOUCHING)
+    ]
     assert [uid for uid in uids if not any(uid.endswith(fault.rule) for fault in FAULTS)] == []
 
 
 def test_gaps_of_old_files_are_warnings(tmp_path) -> None:
     text = _edited(SOUND, ('x="100" y="0"', 'x="103" y="0"'), ('revMinor="9"', 'revMinor="4"'))
-    found = {problem.level for problem in check(tmp_path, text) if problem.rule.endswith("contact_point")}
+    found = {
+        problem.level for problem in check(tmp_path, text) if problem.rule.endswith("contact_point")
+    }
     assert found == {"warning"}

@@ -26,8 +26,20 @@ class Fault(NamedTuple):
 FAULTS = [
     Fault(ASAM + "1.0.0:xml.valid_xml_document", "scenario", "</Init>", "", "</Storyboard>"),
     Fault(ASAM + "1.0.0:xml.root_tag_is_openscenario", "scenario", "", "", ""),
-    Fault(ASAM + "1.0.0:xml.fileheader_is_present", "scenario", "FileHeader", "FileHead", "<OpenSCENARIO>"),
-    Fault(ASAM + "1.0.0:xml.version_is_defined", "scenario", 'revMinor="3"', 'revMinor="x"', "FileHeader"),
+    Fault(
+        ASAM + "1.0.0:xml.fileheader_is_present",
+        "scenario",
+        "FileHeader",
+        "FileHead",
+        "<OpenSCENARIO>",
+    ),
+    Fault(
+        ASAM + "1.0.0:xml.version_is_defined",
+        "scenario",
+        'revMinor="3"',
+        'revMinor="x"',
+        "FileHeader",
+    ),
     Fault(ASAM + "1.0.0:xml.valid_schema", "scenario", "<Init>", '<Init colour="red">', "<Init"),
     Fault(ASAM + "1.0.0:general.file_ending", "scenario", "", "", ""),
     Fault(
@@ -93,7 +105,13 @@ FAULTS = [
         'maxSpeed="$topSpeed" ',
         'maxSpeed="$topSpeed"  ',
     ),
-    Fault(OWN + "1.0.0:storyboard.elements_are_not_empty", "scenario", "<Init>", '<Story name="none"/><Init>', '"none"'),
+    Fault(
+        OWN + "1.0.0:storyboard.elements_are_not_empty",
+        "scenario",
+        "<Init>",
+        '<Story name="none"/><Init>',
+        '"none"',
+    ),
     Fault(
         OWN + "1.0.0:storyboard.entities_get_a_position",
         "scenario",
@@ -128,7 +146,13 @@ FAULTS = [
           </ByEntityCondition><Init>""",
         "RelativeSpeedCondition",
     ),
-    Fault(ASAM + "1.2.0:data_type.allowed_operators", "scenario", "${$twice / 2}", "${$twice ** 2}", "**"),
+    Fault(
+        ASAM + "1.2.0:data_type.allowed_operators",
+        "scenario",
+        "${$twice / 2}",
+        "${$twice ** 2}",
+        "**",
+    ),
     Fault(
         OWN + "1.0.0:parameters.value_is_of_the_declared_type",
         "scenario",
@@ -150,7 +174,13 @@ FAULTS = [
         '<ParameterDeclaration name="topSpeed" parameterType="double" value="60"/></ParameterDeclarations>',
         '"60"',
     ),
-    Fault(OWN + "1.1.0:expressions.expression_has_a_value", "scenario", "${$twice / 2}", "${1 / ($twice - 40)}", "- 40"),
+    Fault(
+        OWN + "1.1.0:expressions.expression_has_a_value",
+        "scenario",
+        "${$twice / 2}",
+        "${1 / ($twice - 40)}",
+        "- 40",
+    ),
     Fault(
         ASAM + "1.0.0:parameters.parameter_declaration_parameter_type_inference",
         "scenario",
@@ -158,8 +188,20 @@ FAULTS = [
         'variableType="int" value="none"',
         '"none"',
     ),
-    Fault(OWN + "1.1.0:parameters.default_value_obeys_constraints", "scenario", 'value="20"', 'value="31"', '"31"'),
-    Fault(OWN + "1.0.0:parameters.no_cyclic_definitions", "scenario", "${2 * $speed}", "${2 * $twice}", "* $twice"),
+    Fault(
+        OWN + "1.1.0:parameters.default_value_obeys_constraints",
+        "scenario",
+        'value="20"',
+        'value="31"',
+        '"31"',
+    ),
+    Fault(
+        OWN + "1.0.0:parameters.no_cyclic_definitions",
+        "scenario",
+        "${2 * $speed}",
+        "${2 * $twice}",
+        "* $twice",
+    ),
     Fault(
         OWN + "1.0.0:reference_control.no_cyclic_entity_selections",
         "scenario",
@@ -202,9 +244,27 @@ FAULTS = [
         'transitionTime="-0.5"',
         "-0.5",
     ),
-    Fault(ASAM + "1.2.0:data_type.positive_duration_in_phase", "scenario", 'duration="10"', 'duration="-10"', "-10"),
-    Fault(ASAM + "1.0.0:data_type.condition_delay_not_negative", "scenario", 'delay="0"', 'delay="-1"', 'delay="-1"'),
-    Fault(ASAM + "1.1.0:data_type.distances_are_not_negative", "scenario", 'distance="20"', 'distance="-20"', "-20"),
+    Fault(
+        ASAM + "1.2.0:data_type.positive_duration_in_phase",
+        "scenario",
+        'duration="10"',
+        'duration="-10"',
+        "-10",
+    ),
+    Fault(
+        ASAM + "1.0.0:data_type.condition_delay_not_negative",
+        "scenario",
+        'delay="0"',
+        'delay="-1"',
+        'delay="-1"',
+    ),
+    Fault(
+        ASAM + "1.1.0:data_type.distances_are_not_negative",
+        "scenario",
+        'distance="20"',
+        'distance="-20"',
+        "-20",
+    ),
     Fault(
         OWN + "1.0.0:data_type.durations_and_radii_are_not_negative",
         "scenario",
@@ -219,7 +279,13 @@ FAULTS = [
         'dynamicsDimension="rate" value="-4"',
         '"-4"',
     ),
-    Fault(OWN + "1.0.0:reference_control.resolvable_file_reference", "scenario", "road.xodr", "rod.xodr", "rod.xodr"),
+    Fault(
+        OWN + "1.0.0:reference_control.resolvable_file_reference",
+        "scenario",
+        "road.xodr",
+        "rod.xodr",
+        "rod.xodr",
+    ),
     Fault(
         ASAM + "1.0.0:reference_control.catalogs_referenced_by_directory",
         "scenario",
@@ -227,7 +293,13 @@ FAULTS = [
         'path="catalog"',
         "Directory",
     ),
-    Fault(ASAM + "1.0.0:reference_control.catalog_reference_resolvability", "scenario", '"van"', '"vann"', '"vann"'),
+    Fault(
+        ASAM + "1.0.0:reference_control.catalog_reference_resolvability",
+        "scenario",
+        '"van"',
+        '"vann"',
+        '"vann"',
+    ),
     Fault(
         OWN + "1.0.0:parameters.assigned_parameter_is_declared",
         "scenario",
@@ -279,7 +351,8 @@ FAULTS = [
         '"14"',
     ),
     Fault(
-        ASAM + "1.2.0:reference_control.resolvable_traffic_signal_controller_by_traffic_signal_controller_ref",
+        ASAM
+        + "1.2.0:reference_control.resolvable_traffic_signal_controller_by_traffic_signal_controller_ref",
         "scenario",
         'trafficSignalControllerRef="north"',
         'trafficSignalControllerRef="nord"',
@@ -292,7 +365,13 @@ FAULTS = [
         'reference="south"',
         'reference="south"',
     ),
-    Fault(OWN + "1.0.0:reference_control.resolvable_phase_reference", "scenario", 'phase="go"', 'phase="gone"', "gone"),
+    Fault(
+        OWN + "1.0.0:reference_control.resolvable_phase_reference",
+        "scenario",
+        'phase="go"',
+        'phase="gone"',
+        "gone",
+    ),
     Fault(
         ASAM + "1.0.0:routing.trajectory_timing_exists_if_requested",
         "scenario",
@@ -300,9 +379,19 @@ FAULTS = [
         "<ControlPoint >",
         "<ControlPoint >",
     ),
-    Fault(OWN + "1.4.0:routing.motion_is_not_empty", "scenario", "<Init>", "<Init><Motion/>", "<Init>"),
-    Fault(OWN + "1.0.0:routing.nurbs_knots_fit_order", "scenario", '<Knot value="1"/>', "", "<Nurbs"),
-    Fault(ASAM + "1.0.0:naming.no_double_colon_prefix_in_names", "scenario", 'Story name="story"', 'Story name="a::b"', "a::b"),
+    Fault(
+        OWN + "1.4.0:routing.motion_is_not_empty", "scenario", "<Init>", "<Init><Motion/>", "<Init>"
+    ),
+    Fault(
+        OWN + "1.0.0:routing.nurbs_knots_fit_order", "scenario", '<Knot value="1"/>', "", "<Nurbs"
+    ),
+    Fault(
+        ASAM + "1.0.0:naming.no_double_colon_prefix_in_names",
+        "scenario",
+        'Story name="story"',
+        'Story name="a::b"',
+        "a::b",
+    ),
     Fault(
         OWN + "1.1.0:reference_control.distributed_parameter_is_declared",
         "distribution",
@@ -310,7 +399,13 @@ FAULTS = [
         'parameterName="sped"',
         "sped",
     ),
-    Fault(OWN + "1.1.0:data_type.distributions_are_well_formed", "distribution", 'lowerLimit="10"', 'lowerLimit="40"', "<Range"),
+    Fault(
+        OWN + "1.1.0:data_type.distributions_are_well_formed",
+        "distribution",
+        'lowerLimit="10"',
+        'lowerLimit="40"',
+        "<Range",
+    ),
     Fault(
         OWN + "1.0.0:scenario_logic.condition_is_not_constant",
         "scenario",
@@ -325,13 +420,27 @@ FAULTS = [
         "</ManeuverGroup>\n        <StartTrigger />\n        <StartTrigger>",
         "<StartTrigger />",
     ),
-    Fault(ASAM_ROAD + "1.0.0:xml.valid_xml_document", "road", "</OpenDRIVE>", "</OpenDRIV>", "</OpenDRIV>"),
+    Fault(
+        ASAM_ROAD + "1.0.0:xml.valid_xml_document",
+        "road",
+        "</OpenDRIVE>",
+        "</OpenDRIV>",
+        "</OpenDRIV>",
+    ),
     Fault(ASAM_ROAD + "1.0.0:xml.root_tag_is_opendrive", "road", "", "", ""),
     Fault(ASAM_ROAD + "1.0.0:xml.fileheader_is_present", "road", "", "", ""),
     Fault(ASAM_ROAD + "1.0.0:xml.version_is_defined", "road", 'revMajor="1"', "", "<header"),
-    Fault(ASAM_ROAD + "1.0.0:xml.valid_schema", "road", 'type="driving"', 'type="flying"', "flying"),
+    Fault(
+        ASAM_ROAD + "1.0.0:xml.valid_schema", "road", 'type="driving"', 'type="flying"', "flying"
+    ),
     Fault(ASAM_ROAD + "1.4.0:ids.id_unique_in_class", "road", 'id="12"', "id='11'", "id='11'"),
-    Fault(OWN_ROAD + "1.4.0:road.linkage.linked_elements_exist", "road", 'elementId="2"', 'elementId="22"', '"22"'),
+    Fault(
+        OWN_ROAD + "1.4.0:road.linkage.linked_elements_exist",
+        "road",
+        'elementId="2"',
+        'elementId="22"',
+        '"22"',
+    ),
     Fault(
         OWN_ROAD + "1.4.0:road.geometry.reference_line_is_complete",
         "road",
@@ -339,7 +448,13 @@ FAULTS = [
         'hdg="0" length="-60"',
         '"-60"',
     ),
-    Fault(OWN_ROAD + "1.4.0:road.lane.lane_sections_are_whole", "road", 'id="-2"', 'id="-3"', '<laneSection s="0"'),
+    Fault(
+        OWN_ROAD + "1.4.0:road.lane.lane_sections_are_whole",
+        "road",
+        'id="-2"',
+        'id="-3"',
+        '<laneSection s="0"',
+    ),
     Fault(
         OWN_ROAD + "1.4.0:road.lane.link.linked_lanes_exist",
         "road",
@@ -354,7 +469,13 @@ FAULTS = [
         'a="3.5" b="0" c="0" d="0"/>\n<width sOffset="-1" a="3" b="0" c="0" d="0"/></lane>',
         'sOffset="-1"',
     ),
-    Fault(OWN_ROAD + "1.4.0:numbers_are_plausible", "road", 'a="3.5" b="0"', 'a="3.5" b="1e13"', "1e13"),
+    Fault(
+        OWN_ROAD + "1.4.0:numbers_are_plausible",
+        "road",
+        'a="3.5" b="0"',
+        'a="3.5" b="1e13"',
+        "1e13",
+    ),
 ]
 WHOLE_FILE = {
     ASAM + "1.0.0:xml.root_tag_is_openscenario": (
@@ -362,8 +483,16 @@ WHOLE_FILE = {
         [("<OpenSCENARIO>", "<Scenario>"), ("</OpenSCENARIO>", "</Scenario>")],
         2,
     ),
-    ASAM_ROAD + "1.0.0:xml.root_tag_is_opendrive": ("road", [("<OpenDRIVE>", "<Roads>"), ("</OpenDRIVE>", "</Roads>")], 2),
-    ASAM_ROAD + "1.0.0:xml.fileheader_is_present": ("road", [("<header", "<head"), ("</header>", "</head>")], 2),
+    ASAM_ROAD + "1.0.0:xml.root_tag_is_opendrive": (
+        "road",
+        [("<OpenDRIVE>", "<Roads>"), ("</OpenDRIVE>", "</Roads>")],
+        2,
+    ),
+    ASAM_ROAD + "1.0.0:xml.fileheader_is_present": (
+        "road",
+        [("<header", "<head"), ("</header>", "</head>")],
+        2,
+    ),
 }
 """Faults that take more than one replacement, with the line of the problem."""
 
@@ -374,11 +503,19 @@ def test_the_sound_project_has_no_problem(project):
 
 
 def test_every_rule_has_a_fault_here_or_among_those_of_roads():
-    others = {rule.uid for rule in all_rules() if any(rule.uid.endswith(fault.rule) for fault in test_road_rules.FAULTS)}
+    others = {
+        rule.uid
+        for rule in all_rules()
+        if any(rule.uid.endswith(fault.rule) for fault in test_road_rules.FAULTS)
+    }
     assert {fault.rule for fault in FAULTS} == {rule.uid for rule in all_rules()} - others
 
 
-@pytest.mark.parametrize("fault", [fault for fault in FAULTS if fault.old], ids=lambda fault: fault.rule.rpartition(":")[2])
+@pytest.mark.parametrize(
+    "fault",
+    [fault for fault in FAULTS if fault.old],
+    ids=lambda fault: fault.rule.rpartition(":")[2],
+)
 def test_rule_catches_its_fault_at_its_line(project, fault):
     project.edit(fault.file, (fault.old, fault.new))
     lines = [problem.line for problem in project.check(fault.file) if problem.rule == fault.rule]
@@ -400,7 +537,9 @@ def test_scenario_with_another_file_ending_is_a_warning(project):
 
 
 def test_geo_position_without_geo_reference_is_found(project):
-    project.edit("road", ("<geoReference>+proj=utm +zone=32 +ellps=WGS84 +units=m</geoReference>", ""))
+    project.edit(
+        "road", ("<geoReference>+proj=utm +zone=32 +ellps=WGS84 +units=m</geoReference>", "")
+    )
     (problem,) = project.check("scenario")
     assert problem.rule.endswith("geodetic_datum_defined")
     assert problem.line == project.line("scenario", "GeoPosition")
@@ -416,8 +555,14 @@ def test_message_suggests_the_nearest_name(project):
 def test_ambiguous_storyboard_reference_is_a_warning(project):
     project.edit("scenario", ('storyboardElementType="event"', 'storyboardElementType="action"'))
     project.edit("scenario", ("act::group::maneuver::follow", "twin"))
-    project.edit("scenario", ('<Action name="path">', '<Action name="twin">'), ('<Action name="blink">', '<Action name="twin">'))
-    found = {(problem.rule.rpartition(".")[2], problem.level) for problem in project.check("scenario")}
+    project.edit(
+        "scenario",
+        ('<Action name="path">', '<Action name="twin">'),
+        ('<Action name="blink">', '<Action name="twin">'),
+    )
+    found = {
+        (problem.rule.rpartition(".")[2], problem.level) for problem in project.check("scenario")
+    }
     assert ("resolvable_storyboard_element_reference", "warning") in found
 
 
@@ -432,20 +577,27 @@ def test_parameter_is_resolved_before_a_reference_is_judged(project):
     project.edit("scenario", ('value="-1"', 'value="-2"'))
     assert project.check("scenario") == []  # lane -2 exists at s=10
     project.edit("scenario", ('laneId="$lane" s="10"', 'laneId="$lane" s="60"'))
-    assert [problem.rule.rpartition(".")[2] for problem in project.check("scenario")] == ["lane_exists_on_road"]
+    assert [problem.rule.rpartition(".")[2] for problem in project.check("scenario")] == [
+        "lane_exists_on_road"
+    ]
 
 
 def test_reference_through_an_undeclared_parameter_is_reported_once(project):
     project.edit("scenario", ('<Private entityRef="Target">', '<Private entityRef="$who">'))
-    assert [problem.rule.rpartition(".")[2] for problem in project.check("scenario")] == ["parameter_declaration_parameter_scope"]
+    assert [problem.rule.rpartition(".")[2] for problem in project.check("scenario")] == [
+        "parameter_declaration_parameter_scope"
+    ]
 
 
 def test_parameters_that_double_each_other_cost_nothing(project):
     declared = "".join(
-        f'<ParameterDeclaration name="p{n}" parameterType="double" value="${{$p{n - 1} + $p{n - 1}}}"/>' for n in range(1, 200)
+        f'<ParameterDeclaration name="p{n}" parameterType="double" value="${{$p{n - 1} + $p{n - 1}}}"/>'
+        for n in range(1, 200)
     )
     first = '<ParameterDeclaration name="p0" parameterType="double" value="1"/>'
-    project.edit("scenario", ("<ParameterDeclarations>", f"<ParameterDeclarations>{first}{declared}"))
+    project.edit(
+        "scenario", ("<ParameterDeclarations>", f"<ParameterDeclarations>{first}{declared}")
+    )
     assert project.check("scenario") == []
 
 
@@ -460,15 +612,19 @@ def test_catalogue_entry_that_contains_itself_ends(project):
 
 
 def test_names_are_text_and_not_expressions(project):
-    project.edit("scenario", ('<Condition name="later"', '<Condition name="${not + an expression}"'))
+    project.edit(
+        "scenario", ('<Condition name="later"', '<Condition name="${not + an expression}"')
+    )
     assert project.check("scenario") == []
 
 
 def test_functions_newer_than_the_file_are_warnings(project):
-    project.edit("catalog", ('revMinor="3"', 'revMinor="2"'), ('maxSpeed="40"', 'maxSpeed="${abs(-40)}"'))
-    assert [(problem.rule.rpartition(".")[2], problem.level) for problem in project.check("catalog")] == [
-        ("allowed_operators", "warning")
-    ]
+    project.edit(
+        "catalog", ('revMinor="3"', 'revMinor="2"'), ('maxSpeed="40"', 'maxSpeed="${abs(-40)}"')
+    )
+    assert [
+        (problem.rule.rpartition(".")[2], problem.level) for problem in project.check("catalog")
+    ] == [("allowed_operators", "warning")]
 
 
 def test_entry_of_a_catalogue_known_by_its_file_name_is_a_warning(project):
@@ -493,7 +649,11 @@ def test_absolute_path_that_is_not_here_is_a_warning(project):
 
 def test_parameter_false_by_default_is_for_the_record(project):
     project.edit(
-        "scenario", ('name="wet" parameterType="boolean" value="true"', 'name="wet" parameterType="boolean" value="false"')
+        "scenario",
+        (
+            'name="wet" parameterType="boolean" value="true"',
+            'name="wet" parameterType="boolean" value="false"',
+        ),
     )
     (problem,) = project.check("scenario")
     assert (problem.level, problem.line) == ("info", project.line("scenario", "ParameterCondition"))
@@ -502,7 +662,9 @@ def test_parameter_false_by_default_is_for_the_record(project):
 def test_malformed_catalogue_and_road_do_not_disturb_the_scenario(project):
     project.files["road"].write_text("<OpenDRIVE")
     project.files["catalog"].write_text("")
-    assert [problem.rule.rpartition(".")[2] for problem in project.check("scenario")] == ["catalog_reference_resolvability"] * 2
+    assert [problem.rule.rpartition(".")[2] for problem in project.check("scenario")] == [
+        "catalog_reference_resolvability"
+    ] * 2
 
 
 def test_rules_describe_themselves():

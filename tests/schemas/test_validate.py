@@ -5,14 +5,22 @@ from __future__ import annotations
 import pytest
 
 from schemas.common.errors import UsageError
-from schemas.registry import SCHEMA_DIR
+from schemas.versions.registry import SCHEMA_DIR
 
 CASES = {
-    "unknown element": ("<Init>", "<Foo/><Init>", "the element Foo is not expected here; expected is Init"),
+    "unknown element": (
+        "<Init>",
+        "<Foo/><Init>",
+        "the element Foo is not expected here; expected is Init",
+    ),
     "missing attribute": (' author="tests"', "", "missing required attribute 'author'"),
     "unknown attribute": ("<Init>", '<Init foo="1">', "'foo' attribute not allowed"),
     "enumeration": ('conditionEdge="rising"', 'conditionEdge="sideways"', "'rising'"),
-    "number": ('delay="0"', 'delay="soon"', "a number or a parameter $name or an expression ${…} is expected"),
+    "number": (
+        'delay="0"',
+        'delay="soon"',
+        "a number or a parameter $name or an expression ${…} is expected",
+    ),
     "boolean": ('continuous="false"', 'continuous="maybe"', "true or false"),
     "text": ("<Init>", "<Init>hello", "character data"),
     "incomplete": ('<EntityRef entityRef="all"/>', "", "not complete"),
@@ -23,15 +31,24 @@ CASES = {
 def test_violation_is_explained_where_it_is(project, old, new, message):
     line = project.line("scenario", old)
     project.edit("scenario", (old, new))
-    problems = [problem for problem in project.check("scenario") if problem.rule.endswith("valid_schema")]
+    problems = [
+        problem for problem in project.check("scenario") if problem.rule.endswith("valid_schema")
+    ]
     assert message in problems[0].message
-    assert problems[0].line in (line, line - 1)  # what is missing from an element is missing at its start
+    assert problems[0].line in (
+        line,
+        line - 1,
+    )  # what is missing from an element is missing at its start
     assert problems[0].element.startswith("/OpenSCENARIO/")
 
 
 def test_endless_violations_are_cut_off(project):
-    project.edit("scenario", ("<Properties/>", "<Properties>" + "<Property/>" * 500 + "</Properties>"))
-    found = [problem for problem in project.check("scenario") if problem.rule.endswith("valid_schema")]
+    project.edit(
+        "scenario", ("<Properties/>", "<Properties>" + "<Property/>" * 500 + "</Properties>")
+    )
+    found = [
+        problem for problem in project.check("scenario") if problem.rule.endswith("valid_schema")
+    ]
     assert len(found) == 101
     assert [problem.level for problem in found].count("info") == 1
 
@@ -45,12 +62,21 @@ def test_version_without_schema_is_said_and_never_passed_in_silence(project):
 
 
 def test_a_road_in_the_namespace_of_asam_is_validated_without_it(project):
-    project.edit("road", ("<OpenDRIVE", '<OpenDRIVE xmlns="http://code.asam.net/simulation/standard/opendrive_schema"'))
+    project.edit(
+        "road",
+        (
+            "<OpenDRIVE",
+            '<OpenDRIVE xmlns="http://code.asam.net/simulation/standard/opendrive_schema"',
+        ),
+    )
     (problem,) = project.check("road")
     assert (problem.level, problem.line) == ("warning", 2)
     assert "namespace" in problem.message
     project.edit("road", ("<planView>", "<planVieww/><planView>"))
-    assert any(problem.level == "error" and "planVieww" in problem.message for problem in project.check("road"))
+    assert any(
+        problem.level == "error" and "planVieww" in problem.message
+        for problem in project.check("road")
+    )
 
 
 def test_rules_run_without_a_schema(project):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.values import TYPES, holds, literal, meant, number, type_named, typed
+from schemas.expressions.values import TYPES, holds, literal, meant, number, type_named, typed
 
 RIGHT = [
     ("double", " 1.50 ", 1.5),
@@ -100,7 +100,10 @@ def test_texts_have_an_order_only_as_numbers():
 
 
 def test_times_compare_across_zones():
-    noon, same = typed("dateTime", "2024-05-31T12:00:00"), typed("dateTime", "2024-05-31T14:00:00+02:00")
+    noon, same = (
+        typed("dateTime", "2024-05-31T12:00:00"),
+        typed("dateTime", "2024-05-31T14:00:00+02:00"),
+    )
     assert holds("equalTo", noon, same)
     assert holds("lessThan", noon, typed("dateTime", "2024-05-31T12:00:00.500Z"))
 

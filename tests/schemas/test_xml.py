@@ -10,7 +10,7 @@ from lxml import etree
 
 from schemas.common import storage
 from schemas.common.errors import InvalidFile
-from schemas.xml import line_of, parse
+from schemas.common.xml import line_of, parse
 
 BOMB = b"""<?xml version="1.0"?>
 <!DOCTYPE lolz [
@@ -26,7 +26,9 @@ REFUSED = {
     "external entity": (EXTERNAL, "DOCTYPE"),
     "external subset": (b'<!DOCTYPE a SYSTEM "http://example.com/a.dtd"><a/>', "DOCTYPE"),
     "document type in UTF-16": (
-        '<?xml version="1.0" encoding="utf-16"?><!DOCTYPE a [<!ENTITY b "c">]><a/>'.encode("utf-16"),
+        '<?xml version="1.0" encoding="utf-16"?><!DOCTYPE a [<!ENTITY b "c">]><a/>'.encode(
+            "utf-16"
+        ),
         "DOCTYPE",
     ),
     "undeclared entity": (b"<a>&nowhere;</a>", "nowhere"),
@@ -39,8 +41,14 @@ REFUSED = {
     "blank": (b" \n\t\n", "the file is empty"),
     "deep nesting": (b"<a>" * 100_000, "depth"),
     "unknown encoding": (b'<?xml version="1.0" encoding="klingon"?><a/>', "encoding"),
-    "wrong encoding": (b'<?xml version="1.0" encoding="utf-8"?>\n<a b="\xff\xfe"/>', "not well-formed"),
-    "huge attribute": (b'<a b="' + b"x" * 11_000_000 + b'"/>', "a tag of more than the 1048576 bytes"),
+    "wrong encoding": (
+        b'<?xml version="1.0" encoding="utf-8"?>\n<a b="\xff\xfe"/>',
+        "not well-formed",
+    ),
+    "huge attribute": (
+        b'<a b="' + b"x" * 11_000_000 + b'"/>',
+        "a tag of more than the 1048576 bytes",
+    ),
 }
 
 
@@ -66,12 +74,19 @@ def test_errors_name_the_line(tmp_path):
 def test_encodings_that_are_declared_are_read(tmp_path, encoding):
     file = tmp_path / "good.xosc"
     declared = encoding.removesuffix("-sig")
-    file.write_bytes(f'<?xml version="1.0" encoding="{declared}"?>\n<a b="Straße"/>'.encode(encoding))
+    file.write_bytes(
+        f'<?xml version="1.0" encoding="{declared}"?>\n<a b="Straße"/>'.encode(encoding)
+    )
     assert parse(file).getroot().get("b") == "Straße"
 
 
 def test_missing_file_folder_and_device_are_refused(tmp_path):
-    for path, reason in ((tmp_path / "none", "no such file"), (tmp_path, "folder"), (os.devnull, "regular"), ("a\0b", "read")):
+    for path, reason in (
+        (tmp_path / "none", "no such file"),
+        (tmp_path, "folder"),
+        (os.devnull, "regular"),
+        ("a\0b", "read"),
+    ):
         with pytest.raises(InvalidFile, match=reason):
             parse(path)
 
@@ -96,7 +111,9 @@ def test_many_comments_before_the_root_are_no_burden(tmp_path):
     assert parse(file).getroot().tag == "a"
 
 
-def test_a_shortage_of_memory_of_the_parser_is_no_invalid_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_shortage_of_memory_of_the_parser_is_no_invalid_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def short(*_: object, **__: object) -> None:
         raise etree.XMLSyntaxError("Memory allocation failed", etree.ErrorTypes.ERR_NO_MEMORY, 1, 1)
 

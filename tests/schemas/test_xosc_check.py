@@ -52,7 +52,9 @@ def test_road_networks_are_looked_for_where_it_is_asked_for(project, tmp_path, m
     monkeypatch.setenv("XOSC_ROAD_PATH", str(moved))
     assert run(project.files["scenario"])[0] == 0
     project.edit("scenario", ('roadId="1"', 'roadId="77"'))
-    assert "77" in run(project.files["scenario"])[1], "references are checked against the network that was found"
+    assert "77" in run(project.files["scenario"])[1], (
+        "references are checked against the network that was found"
+    )
 
 
 def test_severity_hides_lesser_levels(project):
@@ -73,11 +75,15 @@ def test_report_goes_to_the_file(project, tmp_path, format):
     assert code == 0
     assert "1 file checked" in output
     assert target.stat().st_size > 100
-    assert run(project.files["scenario"], "--format", format)[1] == target.read_text(encoding="utf-8")
+    assert run(project.files["scenario"], "--format", format)[1] == target.read_text(
+        encoding="utf-8"
+    )
 
 
 def test_globs_folders_and_files_count_once(project):
-    code, output = run(project.folder / "**" / "*.xosc", project.files["scenario"], project.folder / "catalogs")
+    code, output = run(
+        project.folder / "**" / "*.xosc", project.files["scenario"], project.folder / "catalogs"
+    )
     assert code == 0
     assert output.startswith("3 files checked")
 
@@ -107,9 +113,14 @@ def test_wrong_usage_exits_with_2(arguments, tmp_path, monkeypatch, capsys):
     assert "Traceback" not in capsys.readouterr().err
 
 
-def test_folder_without_scenarios_and_unwritable_report_are_usage_errors(project, tmp_path, monkeypatch, capsys):
+def test_folder_without_scenarios_and_unwritable_report_are_usage_errors(
+    project, tmp_path, monkeypatch, capsys
+):
     (tmp_path / "empty").mkdir()
-    for arguments in ((tmp_path / "empty",), (project.folder, "--output", tmp_path / "none" / "report")):
+    for arguments in (
+        (tmp_path / "empty",),
+        (project.folder, "--output", tmp_path / "none" / "report"),
+    ):
         monkeypatch.setattr(sys, "argv", ["xosc-check", *map(str, arguments)])
         with pytest.raises(SystemExit) as caught:
             main()

@@ -10,8 +10,8 @@ import pytest
 from schemas import check
 from schemas.checks import road_elements
 from schemas.common.errors import InvalidFile
-from schemas.registry import OPENDRIVE, schema_for
-from schemas.xml import parse
+from schemas.common.xml import parse
+from schemas.versions.registry import OPENDRIVE, schema_for
 from tests.runner.files import ROADS
 from xodr import load
 
@@ -35,8 +35,16 @@ FAULTS = {
     "lane that is none": (r'<lane id="-1"', '<lane id="one"', "id='one': an integer is expected"),
     "lane type": (r'type="driving"', 'type="flying"', "type='flying': one of none, driving"),
     "no plan view": (r"<planView>.*?</planView>", "", "the element planView is missing"),
-    "unknown element": (r"<planView>", "<evil/><planView>", "the element evil is not expected here"),
-    "misplaced element": (r"<planView>", '<laneSection s="0"/><planView>', "the element laneSection is not expected here"),
+    "unknown element": (
+        r"<planView>",
+        "<evil/><planView>",
+        "the element evil is not expected here",
+    ),
+    "misplaced element": (
+        r"<planView>",
+        '<laneSection s="0"/><planView>',
+        "the element laneSection is not expected here",
+    ),
     "no start": (r'<geometry s="[^"]*"', "<geometry", "the attribute 's' is missing"),
 }
 
@@ -54,7 +62,9 @@ def test_a_fault_is_an_error_without_an_xsd(fault: str, minor: int, tmp_path: Pa
 def test_a_fault_is_an_error_by_the_xsd(fault: str, minor: int, tmp_path: Path) -> None:
     old, new, _ = FAULTS[fault]
     before = {
-        problem.message for problem in check(write(tmp_path, minor, "<planView>", "<planView>")) if problem.level == "error"
+        problem.message
+        for problem in check(write(tmp_path, minor, "<planView>", "<planView>"))
+        if problem.level == "error"
     }
     problems = check(write(tmp_path, minor, old, new))
     assert {problem.message for problem in problems if problem.level == "error"} - before
@@ -69,14 +79,21 @@ def test_a_file_of_other_elements_is_no_road_network(content: str, tmp_path: Pat
 
 @pytest.mark.parametrize("minor", [4, 5, 6, 8])
 def test_sound_roads_of_all_versions_are_accepted(minor: int, tmp_path: Path) -> None:
-    assert not any(problem.level == "error" for problem in check(write(tmp_path, minor, "<planView>", "<planView>")))
+    assert not any(
+        problem.level == "error"
+        for problem in check(write(tmp_path, minor, "<planView>", "<planView>"))
+    )
 
 
 @pytest.mark.parametrize("minor", [4, 7])
 def test_lanes_of_one_id_are_an_error_in_checks_and_runs(minor: int, tmp_path: Path) -> None:
     assert LANE is not None
     path = write(tmp_path, minor, re.escape(LANE[0]), LANE[0] * 3)
-    assert any("lane ids on the side right are -1, -1, -1" in each.message for each in check(path) if each.level == "error")
+    assert any(
+        "lane ids on the side right are -1, -1, -1" in each.message
+        for each in check(path)
+        if each.level == "error"
+    )
     with pytest.raises(InvalidFile, match="the lane id -1 is there twice in one lane section"):
         load(path)
 
@@ -91,9 +108,27 @@ def test_what_the_xsd_rejects_of_these_faults_the_table_rejects_too(tmp_path: Pa
 
 
 UNKNOWN = {
-    "a misspelt lane": (r'<lane id="-1"(.*?)</lane>', '<lanne id="-1"></lanne>', "'lanne'", "did you mean 'lane'?", "ignored"),
-    "many": (r"<planView>", "<evil/>" * 5000 + "<planView>", "'evil'", "(and 4999 more)", "ignored"),
-    "beside signals": (r"<planView>", "<signals><singal/></signals><planView>", "'singal'", "did you mean 'signal'?", ""),
+    "a misspelt lane": (
+        r'<lane id="-1"(.*?)</lane>',
+        '<lanne id="-1"></lanne>',
+        "'lanne'",
+        "did you mean 'lane'?",
+        "ignored",
+    ),
+    "many": (
+        r"<planView>",
+        "<evil/>" * 5000 + "<planView>",
+        "'evil'",
+        "(and 4999 more)",
+        "ignored",
+    ),
+    "beside signals": (
+        r"<planView>",
+        "<signals><singal/></signals><planView>",
+        "'singal'",
+        "did you mean 'signal'?",
+        "",
+    ),
 }
 
 
@@ -101,7 +136,9 @@ UNKNOWN = {
 def test_unknown_elements_are_one_remark_of_a_run(fault: str, tmp_path: Path) -> None:
     old, new, name, told, cause = UNKNOWN[fault]
     path = write(tmp_path, 6, old, new)
-    (remark,) = [each for each in load(path).remarks if "in no version of the standard" in each.message]
+    (remark,) = [
+        each for each in load(path).remarks if "in no version of the standard" in each.message
+    ]
     assert name in remark.message and told in remark.message and remark.cause == cause
     with pytest.raises(InvalidFile, match="in no version of the standard"):
         load(path, strict=True)
@@ -111,4 +148,7 @@ def test_signals_of_one_id_are_a_remark_and_the_first_is_meant(tmp_path: Path) -
     signals = "".join(f'<signal id="1" s="{s}" t="-4" name="{s}"/>' for s in (5, 6, 7))
     network = load(write(tmp_path, 6, r"<planView>", f"<signals>{signals}</signals><planView>"))
     (remark,) = network.remarks
-    assert "the id '1' is that of another signal, too (and 1 more" in remark.message and network.signals["1"].name == "5"
+    assert (
+        "the id '1' is that of another signal, too (and 1 more" in remark.message
+        and network.signals["1"].name == "5"
+    )

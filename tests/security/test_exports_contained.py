@@ -58,7 +58,9 @@ def evil(folder: Path, road: str | None = None, model: str = "") -> Path:
     text = path.read_text()
     start, end = text.index("<RoadNetwork>"), text.index("</RoadNetwork>")
     logic = f'<LogicFile filepath="{road}"/>' if road else text[text.index("<LogicFile") : end]
-    path.write_text(text[:start] + f'<RoadNetwork>{logic}<SceneGraphFile filepath="{model}"/>' + text[end:])
+    path.write_text(
+        text[:start] + f'<RoadNetwork>{logic}<SceneGraphFile filepath="{model}"/>' + text[end:]
+    )
     return path
 
 
@@ -68,17 +70,32 @@ def exported(command: Command, *more: str, to: str = "1.3") -> Answer:
 
 def copies(folder: Path) -> list[str]:
     """Files of an export whose content is none of its own."""
-    return [path.name for path in folder.glob("out/**/*") if path.is_file() and path.suffix not in (".xosc", ".xodr")]
+    return [
+        path.name
+        for path in folder.glob("out/**/*")
+        if path.is_file() and path.suffix not in (".xosc", ".xodr")
+    ]
 
 
 @pytest.mark.parametrize("target", ["1.0", "1.3", "esmini", "carla"])
 @pytest.mark.parametrize(
     "road",
-    ["/proc/self/environ", "/etc/passwd", "../secret.txt", "no_road.xodr", "empty.xodr", "scenario.xosc", "link.xodr", "pipe"],
+    [
+        "/proc/self/environ",
+        "/etc/passwd",
+        "../secret.txt",
+        "no_road.xodr",
+        "empty.xodr",
+        "scenario.xosc",
+        "link.xodr",
+        "pipe",
+    ],
 )
 def test_a_road_network_is_one(contributed: Path, command: Command, road: str, target: str) -> None:
     (contributed / "no_road.xodr").write_text("<evil/>")
-    (contributed / "empty.xodr").write_text('<OpenDRIVE><header revMajor="1" revMinor="4"/></OpenDRIVE>')
+    (contributed / "empty.xodr").write_text(
+        '<OpenDRIVE><header revMajor="1" revMinor="4"/></OpenDRIVE>'
+    )
     (contributed / "link.xodr").symlink_to("../secret.txt")
     os.mkfifo(contributed / "pipe")
     evil(contributed, road)
@@ -89,14 +106,20 @@ def test_a_road_network_is_one(contributed: Path, command: Command, road: str, t
     assert not (contributed / "out").exists()
 
 
-@pytest.mark.parametrize("model", ["/proc/self/environ", "/etc/passwd", "../secret.txt", "model.osgb"])
-def test_a_model_that_is_none_is_not_taken_along(contributed: Path, command: Command, model: str) -> None:
+@pytest.mark.parametrize(
+    "model", ["/proc/self/environ", "/etc/passwd", "../secret.txt", "model.osgb"]
+)
+def test_a_model_that_is_none_is_not_taken_along(
+    contributed: Path, command: Command, model: str
+) -> None:
     (contributed / "model.osgb").symlink_to("../secret.txt")
     evil(contributed, model=model)
     answer = exported(command)
     assert (answer.code, copies(contributed)) == (0, [])
     assert "is no 3-D model of a known format" in answer.out
-    assert f'SceneGraphFile filepath="{model}"' in (contributed / "out" / "scenario.xosc").read_text()
+    assert (
+        f'SceneGraphFile filepath="{model}"' in (contributed / "out" / "scenario.xosc").read_text()
+    )
     assert exported(command, "--strict", "--out", "strict").code == 3
 
 
@@ -110,13 +133,17 @@ def test_other_files_are_no_models(content: bytes) -> None:
     assert not is_model(content)
 
 
-def test_references_to_neighbouring_folders_go_on_working(contributed: Path, command: Command) -> None:
+def test_references_to_neighbouring_folders_go_on_working(
+    contributed: Path, command: Command
+) -> None:
     (contributed / "xodr").mkdir()
     (contributed / "scenarios").mkdir()
     (contributed / "xodr" / "road.xodr").write_bytes((ROADS / "straight.xodr").read_bytes())
     (contributed / "xodr" / "town.glb").write_bytes(MODELS["glb"])
     evil(contributed / "scenarios", "../xodr/road.xodr", "../xodr/town.glb")
-    answer = command("xosc-export", "scenarios/scenario.xosc", "--to", "1.3", "--out", "out", "--untrusted")
+    answer = command(
+        "xosc-export", "scenarios/scenario.xosc", "--to", "1.3", "--out", "out", "--untrusted"
+    )
     assert (answer.code, "lies outside" in answer.out) == (0, False), answer.err
     assert copies(contributed) == ["town.glb"]
     named = command("xosc-export", "scenarios", "--to", "1.3", "--out", "two")
@@ -163,7 +190,9 @@ def test_a_replay_replaces_a_link_of_its_name(contributed: Path, command: Comman
     ],
 )
 def test_a_projection_reads_no_file(projection: str) -> None:
-    with pytest.raises(Unsupported, match=r"^road.xodr: geoReference: the geoReference reads files"):
+    with pytest.raises(
+        Unsupported, match=r"^road.xodr: geoReference: the geoReference reads files"
+    ):
         without_files(projection, Path("road.xodr"))
 
 
@@ -171,7 +200,10 @@ def test_a_projection_reads_no_file(projection: str) -> None:
     ("projection", "read"),
     [
         ("+proj=utm +zone=32 +datum=WGS84", "+proj=utm +zone=32 +datum=WGS84"),
-        ("+proj=tmerc +lat_0=4.9e1 +geoidgrids=/etc/passwd +vunits=m +no_defs", "+proj=tmerc +lat_0=4.9e1 +no_defs"),
+        (
+            "+proj=tmerc +lat_0=4.9e1 +geoidgrids=/etc/passwd +vunits=m +no_defs",
+            "+proj=tmerc +lat_0=4.9e1 +no_defs",
+        ),
         ("+proj=merc +a=6378137 +nadgrids=@null +no_defs", "+proj=merc +a=6378137 +no_defs"),
         ("+init=epsg:25832 +no_defs", "EPSG:25832"),
         ("EPSG:25832", "EPSG:25832"),
@@ -186,4 +218,6 @@ def test_roads_of_a_repaired_file_are_roads() -> None:
     assert need_roads(content, Path("road.xodr")) == []
     assert need_roads(content.replace(b"<?xml", b"\n<?xml", 1), Path("road.xodr"))
     with pytest.raises(InvalidFile, match="OpenDRIVE file is expected"):
-        need_roads(b'<OpenSCENARIO><FileHeader revMajor="1" revMinor="3"/></OpenSCENARIO>', Path("x"))
+        need_roads(
+            b'<OpenSCENARIO><FileHeader revMajor="1" revMinor="3"/></OpenSCENARIO>', Path("x")
+        )

@@ -1,8 +1,9 @@
 """Every command that writes, on a disk whose operations fail one after the other.
 
-Each call is done once undisturbed. Then an operation fails: the command ends with exit code 2 and one line that says why, and no
-file has half of its content under its final name. The same call again must leave the bytes of the undisturbed one. The first test
-fails operations by their number, the second limits the size of files, which libraries that write by themselves meet as well.
+Each call is done once undisturbed. Then an operation fails: the command ends with exit code 2 and
+one line that says why, and no file has half of its content under its final name. The same call
+again must leave the bytes of the undisturbed one. The first test fails operations by their number,
+the second limits the size of files, which libraries that write by themselves meet as well.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from pathlib import Path
 
 import pytest
 
-from recognition.encoder.config import PRESETS, Preset, TokenArchitecture, TrainingSchedule
+from recognition.trfe.encoder.config import PRESETS, Preset, TokenArchitecture, TrainingSchedule
 from recognition.trfe.storage import load
 from schemas.common.storage import DRAFT
 from tests.commands import SCRIPTS, Answer, Command
 from tests.disk import Disk, Failure, files, watched
-from tests.recognition.training.test_command import windows
+from tests.recognition.trfe.training.test_command import windows
 from tests.runner.files import scenario
 
 QUICK = ("--world", "kinematic", "--sut", "none")
@@ -76,21 +77,30 @@ UNTOLD = "the trace can't be written"
 
 
 def _trace(folder: Path, command: Command, patch: pytest.MonkeyPatch) -> None:
-    assert command("xosc-run", folder / "scenario.xosc", *QUICK, "--osi", folder / "trace.osi").code == 0
+    assert (
+        command("xosc-run", folder / "scenario.xosc", *QUICK, "--osi", folder / "trace.osi").code
+        == 0
+    )
 
 
 def _catalogue(folder: Path, command: Command, patch: pytest.MonkeyPatch) -> None:
-    made = command("xosc-recognize", folder / "results", "--labels", "rules", "--out", folder / "catalogue")
+    made = command(
+        "xosc-recognize", folder / "results", "--labels", "rules", "--out", folder / "catalogue"
+    )
     assert made.code == 0, made
 
 
 def _model(folder: Path, command: Command, patch: pytest.MonkeyPatch) -> None:
     """Windows, and a model whose encoders are taken; it is trained once only."""
-    patch.setitem(PRESETS, "tokens", Preset(TokenArchitecture(dim=32, depth=1, heads=2), *[TrainingSchedule(1, 64, 1e-3)] * 2))
+    patch.setitem(
+        PRESETS,
+        "tokens",
+        Preset(TokenArchitecture(dim=32, depth=1, heads=2), *[TrainingSchedule(1, 64, 1e-3)] * 2),
+    )
     train = ("xosc-recognize", "train", windows(folder / "windows"), "-q")
     assert command(*train, "--out", folder / "model").code == 0
     trained = load(folder / "model")
-    patch.setattr("recognition.training.command.fitted", lambda *_: trained)
+    patch.setattr("recognition.trfe.training.command.fitted", lambda *_: trained)
 
 
 NEEDED = {"replay of a trace": _trace, "list of a catalogue, copied": _catalogue, "train": _model}
@@ -99,7 +109,10 @@ NEEDED = {"replay of a trace": _trace, "list of a catalogue, copied": _catalogue
 
 @pytest.fixture
 def fresh(
-    tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+    tmp_path: Path,
+    command: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
 ) -> Callable[[str], Path]:
     """Makes the folder `out` anew for a call, beside inputs in `in`."""
     monkeypatch.chdir(tmp_path)
@@ -108,7 +121,10 @@ def fresh(
 
     def inputs(folder: Path) -> None:
         scenario(folder, stop=0.2)
-        assert command("xosc-run", folder / "scenario.xosc", *QUICK, "--out", folder / "results").code == 0
+        assert (
+            command("xosc-run", folder / "scenario.xosc", *QUICK, "--out", folder / "results").code
+            == 0
+        )
 
     inputs(tmp_path / "in")
     scenario(tmp_path / "in" / "library", stop=0.2)
@@ -128,8 +144,14 @@ def fresh(
 
 def check(answer: Answer, error: str, left: dict[str, bytes], expected: dict[str, bytes]) -> None:
     """What holds after a failure."""
-    assert (answer.code, answer.err.count("\n")) == (2, 1) and (error in answer.err or UNTOLD in answer.err), answer
-    half = [name for name, content in left.items() if expected.get(name, b"").startswith(content) and content != expected[name]]
+    assert (answer.code, answer.err.count("\n")) == (2, 1) and (
+        error in answer.err or UNTOLD in answer.err
+    ), answer
+    half = [
+        name
+        for name, content in left.items()
+        if expected.get(name, b"").startswith(content) and content != expected[name]
+    ]
     assert [name for name in half if not name.endswith(".jsonl")] == []  # these are added to
 
 
@@ -152,7 +174,10 @@ def test_an_operation_that_fails(call: str, fresh: Callable[[str], Path], comman
             answer = command(*CALLS[call])
         assert failure.error is not None
         if answer.code == usual.code:
-            assert failure.name in ("unlink", "rmdir")  # what was to be removed stays, which harms nothing
+            assert failure.name in (
+                "unlink",
+                "rmdir",
+            )  # what was to be removed stays, which harms nothing
             continue
         check(answer, str(failure.error.strerror), files(out), expected)
         assert command(*CALLS[call]).code == usual.code, failure.name
@@ -161,10 +186,13 @@ def test_an_operation_that_fails(call: str, fresh: Callable[[str], Path], comman
 
 @pytest.mark.every
 @pytest.mark.parametrize("call", CALLS)
-def test_every_operation_fails_or_is_the_last(call: str, fresh: Callable[[str], Path], command: Command, tmp_path: Path) -> None:
+def test_every_operation_fails_or_is_the_last(
+    call: str, fresh: Callable[[str], Path], command: Command, tmp_path: Path
+) -> None:
     """All operations, none left out; and before each the machine goes down, or the process is killed, and the call is repeated.
 
-    Not in the suite: `pytest -m every --basetemp /dev/shm/every tests/security`, where numbers of files are not used twice.
+    Not in the suite: `pytest -m every --basetemp /dev/shm/every tests/security`, where numbers of
+    files are not used twice.
     """
     out = fresh(call)
     disk, pictures = Disk(out), list[tuple[str, dict[str, Path]]]()
@@ -178,7 +206,9 @@ def test_every_operation_fails_or_is_the_last(call: str, fresh: Callable[[str], 
     expected, wrong, seen = files(out), list[str](), list[dict[str, bytes]]()
 
     def left(folder: Path) -> dict[str, bytes]:
-        return {name: content for name, content in files(folder).items() if DRAFT not in name}  # hidden: no command reads them
+        return {
+            name: content for name, content in files(folder).items() if DRAFT not in name
+        }  # hidden: no command reads them
 
     for place in range(len(pictures)):
         out, failure = fresh(call), Failure(place)
@@ -198,7 +228,9 @@ def test_every_operation_fails_or_is_the_last(call: str, fresh: Callable[[str], 
             shutil.rmtree(out)
             shutil.copytree(shot, out)
             answer = command(*CALLS[call])
-            if left(out) != expected or (answer.code != usual.code and picture != expected):  # all is there: some overwrite none
+            if left(out) != expected or (
+                answer.code != usual.code and picture != expected
+            ):  # all is there: some overwrite none
                 odd = [each for each in expected if files(out).get(each) != expected[each]]
                 wrong.append(f"{kind} before {place} {name}: {answer}, {odd}")
     print(f"{call}: {len(pictures)} operations, {len(seen)} states after a loss")

@@ -57,7 +57,8 @@ def serve(scratch: Path) -> tuple[list[Result], list[str]]:
 def play(scratch: Path) -> tuple[list[Result], list[Result]]:
     """Return results of the inputs of the corpus and of a short round.
 
-    An entry of the corpus is a folder with the files and `input.json` (kind, arguments, allowed exit codes).
+    An entry of the corpus is a folder with the files and `input.json` (kind, arguments, allowed
+    exit codes).
     """
     import recognition.trfe.storage  # noqa: F401  # neither its time nor its memory is an input's
 
@@ -68,9 +69,20 @@ def play(scratch: Path) -> tuple[list[Result], list[Result]]:
         for part in ("cwd", "out"):
             (folder / part).mkdir(parents=True)
         shutil.copytree(entry / "case", folder / "case")
-        result = runner.run(about["kind"], kinds[about["kind"]], Input(tuple(about["arguments"]), entry.name, ()), folder)
-        results.append(result if result.code in about["codes"] else result._replace(defect=f"exit code {result.code}"))
-    return results, [runner.draw(kinds, _SEED, number, scratch / f"input{number}") for number in range(_COUNT)]
+        result = runner.run(
+            about["kind"],
+            kinds[about["kind"]],
+            Input(tuple(about["arguments"]), entry.name, ()),
+            folder,
+        )
+        results.append(
+            result
+            if result.code in about["codes"]
+            else result._replace(defect=f"exit code {result.code}")
+        )
+    return results, [
+        runner.draw(kinds, _SEED, number, scratch / f"input{number}") for number in range(_COUNT)
+    ]
 
 
 Played = tuple[list[Result], list[Result], list[Result], list[str]]
@@ -101,9 +113,13 @@ def test_what_ever_failed_fails_no_more_and_a_short_round_finds_nothing(played: 
 @pytest.mark.slow
 def test_an_input_has_the_same_answer_in_a_forked_child(played: Played) -> None:
     _, round_, forked, _ = played
-    told = [(each.number, each.kind, each.source, each.changes, each.code, each.defect, each.message) for each in forked]
+    told = [
+        (each.number, each.kind, each.source, each.changes, each.code, each.defect, each.message)
+        for each in forked
+    ]
     assert told == [
-        (each.number, each.kind, each.source, each.changes, each.code, each.defect, each.message) for each in round_[::4]
+        (each.number, each.kind, each.source, each.changes, each.code, each.defect, each.message)
+        for each in round_[::4]
     ]
 
 
@@ -125,12 +141,18 @@ def test_defects_are_found(tmp_path: Path) -> None:
                 assert len(bytearray(b"x") * 80_000_000)
             return answer
 
-        return Kind(lambda folder, random, seeds: Input((CASE,), "", ()), call, frozenset({0, 3}), 1.0)
+        return Kind(
+            lambda folder, random, seeds: Input((CASE,), "", ()), call, frozenset({0, 3}), 1.0
+        )
 
     judge = _judge(tmp_path)
     name = "input0/case/a.xosc: "
-    assert judge(answers(Answer(0, "", ""))) == judge(answers(Answer(3, "", f"x: {name}bad\n"))) == ""
-    assert "traceback" in judge(answers(Answer(3, "", f"{name}\nTraceback (most recent call last):\nX: y\n")))
+    assert (
+        judge(answers(Answer(0, "", ""))) == judge(answers(Answer(3, "", f"x: {name}bad\n"))) == ""
+    )
+    assert "traceback" in judge(
+        answers(Answer(3, "", f"{name}\nTraceback (most recent call last):\nX: y\n"))
+    )
     assert "internal error" in judge(answers(Answer(3, "", f"{name}internal error: X\n")))
     assert "exit code 5" in judge(answers(Answer(5, "", name)))
     assert "names no file" in judge(answers(Answer(3, "", "bad\n")))

@@ -14,7 +14,7 @@ import pytest
 from schemas import check
 from schemas.common.errors import InvalidFile
 from schemas.common.storage import read_parquet
-from schemas.xml import LONGEST_TAG, parse
+from schemas.common.xml import LONGEST_TAG, parse
 from tests.runner.files import place, scenario
 
 _SECONDS, _BYTES = 10, 2 * 1024**3
@@ -58,13 +58,17 @@ def nurbs(folder: Path) -> Path:
         "</ControlPoint>"
         for i in range(3_000)
     )
-    knots = "".join(f'<Knot value="{value}"/>' for value in [0] * 3 + list(range(1, 2_998)) + [2_998] * 3)
+    knots = "".join(
+        f'<Knot value="{value}"/>' for value in [0] * 3 + list(range(1, 2_998)) + [2_998] * 3
+    )
     follow = (
         '<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="P" closed="false"><Shape>'
         f'<Nurbs order="3">{points}{knots}</Nurbs></Shape></Trajectory></TrajectoryRef><TimeReference><None/></TimeReference>'
         '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
     )
-    return scenario(folder, "bad", stop=0.2, init=place("Ego", 100, 20, more=follow) + place("Lead", 150, 10))
+    return scenario(
+        folder, "bad", stop=0.2, init=place("Ego", 100, 20, more=follow) + place("Lead", 150, 10)
+    )
 
 
 def parameter(number: int, value: str, kind: str) -> str:
@@ -82,29 +86,56 @@ def doubling(count: int, kind: str, last: str) -> str:
 
 ATTACKS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...], int]] = {
     "attributes, checked": (
-        changed("<Storyboard>", lambda: "<Storyboard " + "".join(f' e{i}="x"' for i in range(4000)) + ">"),
+        changed(
+            "<Storyboard>",
+            lambda: "<Storyboard " + "".join(f' e{i}="x"' for i in range(4000)) + ">",
+        ),
         CHECK,
         1,
     ),
     "unknown elements": (changed("<Entities>", lambda: "<Entities>" + "<evil/>" * 10_000), RUN, 0),
     "unknown elements, far inside": (
-        changed("<Entities>", lambda: "<Entities>" + "<Entities>" * 120 + "<Entities/>" * 10_000 + "</Entities>" * 120),
+        changed(
+            "<Entities>",
+            lambda: (
+                "<Entities>" + "<Entities>" * 120 + "<Entities/>" * 10_000 + "</Entities>" * 120
+            ),
+        ),
         RUN,
         6,
     ),
     "unknown elements of many names": (
-        changed("<Storyboard>", lambda: "<Storyboard>" + "".join(f"<Evil{i}/>" for i in range(10_000))),
+        changed(
+            "<Storyboard>", lambda: "<Storyboard>" + "".join(f"<Evil{i}/>" for i in range(10_000))
+        ),
         RUN,
         0,
     ),
     "namespaces": (
-        changed("<Storyboard>", lambda: "<Storyboard>" + "".join(f'<q{i}:x xmlns:q{i}="urn:{i}"/>' for i in range(10_000))),
+        changed(
+            "<Storyboard>",
+            lambda: (
+                "<Storyboard>" + "".join(f'<q{i}:x xmlns:q{i}="urn:{i}"/>' for i in range(10_000))
+            ),
+        ),
         RUN,
         0,
     ),
-    "doubled attributes": (changed("<Storyboard>", lambda: "<Storyboard>" + '<a b="1" b="1"/>' * 100_000), CHECK, 1),
-    "doubled attributes of one tag": (changed("<Storyboard>", lambda: "<Storyboard" + ' e="x"' * 100_000 + ">"), CHECK, 1),
-    "a long tag": (changed("<Storyboard>", lambda: "<Storyboard" + ' a="x"' * 5_000_000 + ">"), RUN, 3),
+    "doubled attributes": (
+        changed("<Storyboard>", lambda: "<Storyboard>" + '<a b="1" b="1"/>' * 100_000),
+        CHECK,
+        1,
+    ),
+    "doubled attributes of one tag": (
+        changed("<Storyboard>", lambda: "<Storyboard" + ' e="x"' * 100_000 + ">"),
+        CHECK,
+        1,
+    ),
+    "a long tag": (
+        changed("<Storyboard>", lambda: "<Storyboard" + ' a="x"' * 5_000_000 + ">"),
+        RUN,
+        3,
+    ),
     "a long value": (changed('name="Ego"', lambda: f'name="{"E" * 50_000_000}"'), CHECK, 1),
     "texts that double": (changed(FIRST, lambda: doubling(60, "string", "text")), RUN, 3),
     "numbers that double": (changed(FIRST, lambda: doubling(5000, "double", "1")), RUN, 3),
@@ -117,7 +148,9 @@ ATTACKS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...], int]] = {
 def test_an_attack_takes_seconds_and_bounded_memory(attack: str, tmp_path: Path) -> None:
     write, command, code = ATTACKS[attack]
     answer, lines = limited(command, write(tmp_path))
-    assert answer in (code, 6 if code == 0 else code), lines[-3:]  # a run with elements that were ignored may be inconclusive
+    assert answer in (code, 6 if code == 0 else code), lines[
+        -3:
+    ]  # a run with elements that were ignored may be inconclusive
     assert len(lines) <= 110
     assert max(map(len, lines)) < 2000
 
@@ -135,7 +168,9 @@ def test_a_long_text_is_no_long_tag(tmp_path: Path) -> None:
     assert len(parse(path).getroot()) == 1
 
 
-def test_a_file_that_cannot_be_checked_is_a_problem_and_not_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_cannot_be_checked_is_a_problem_and_not_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def exhausted(*_: object) -> None:
         raise MemoryError
 
@@ -152,8 +187,12 @@ def test_a_file_that_cannot_be_checked_is_a_problem_and_not_the_end(tmp_path: Pa
     "column",
     [
         pa.array([0.0]).take(pa.array([0] * 20_000_000, pa.int32())),
-        pa.DictionaryArray.from_arrays(pa.array([0] * 100_000, pa.int32()), pa.array(["x" * 100_000])),
-        pa.ListArray.from_arrays(pa.array([0, 20_000_000], pa.int32()), pa.nulls(20_000_000, pa.float64()).fill_null(0.0)),
+        pa.DictionaryArray.from_arrays(
+            pa.array([0] * 100_000, pa.int32()), pa.array(["x" * 100_000])
+        ),
+        pa.ListArray.from_arrays(
+            pa.array([0, 20_000_000], pa.int32()), pa.nulls(20_000_000, pa.float64()).fill_null(0.0)
+        ),
     ],
     ids=["numbers", "texts", "a list"],
 )

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from schemas.common.text import cell, csv_text, markdown, of_service, one_line, sarif_text
+from schemas.common.terminal.text import cell, csv_text, markdown, of_service, one_line, sarif_text
 from tests.commands import Command
-from tests.recognition.datasets.test_corruption import EXAMPLES
+from tests.recognition.recordings.test_corruption import EXAMPLES
 from tests.runner.files import scenario
 from xosc.listing import LIBRARY
 
@@ -28,17 +28,26 @@ _ATTRIBUTE = NASTY.replace("\n", "&#10;").replace("\x1b", "\u202e")
 def nasty_scenario(folder: Path) -> Path:
     """A scenario that can be run, whose name, entities, parameters and description are nasty."""
     path = scenario(folder, "plain", stop=0.2)
-    text = path.read_text(encoding="utf-8").replace('"Lead"', f'"{_ATTRIBUTE}"').replace('"Ego"', f'"{FORMULA}"')
+    text = (
+        path.read_text(encoding="utf-8")
+        .replace('"Lead"', f'"{_ATTRIBUTE}"')
+        .replace('"Ego"', f'"{FORMULA}"')
+    )
     path.unlink()
     nasty = folder / f"{NASTY}.xosc"
-    nasty.write_text(re.sub(r'description="[^"]*"', f'description="{_ATTRIBUTE}"', text), encoding="utf-8")
+    nasty.write_text(
+        re.sub(r'description="[^"]*"', f'description="{_ATTRIBUTE}"', text), encoding="utf-8"
+    )
     return nasty
 
 
 def broken_scenario(folder: Path) -> Path:
     """One that every command refuses, with a message about nasty names."""
     path = nasty_scenario(folder)
-    path.write_text(path.read_text(encoding="utf-8").replace(' s="', f' s="{_ATTRIBUTE}" was="'), encoding="utf-8")
+    path.write_text(
+        path.read_text(encoding="utf-8").replace(' s="', f' s="{_ATTRIBUTE}" was="'),
+        encoding="utf-8",
+    )
     return path
 
 
@@ -51,9 +60,18 @@ def assert_obeyed_by_nobody(answer: tuple[int, str, str]) -> None:
 CALLS: dict[str, tuple[str, ...]] = {
     "run": ("xosc-run", "--world", "kinematic", "--ego", FORMULA, "--verbose"),
     "dry run": ("xosc-run", "--dry-run"),
-    **{f"check {each}": ("xosc-check", "--format", each, "--verbose") for each in ("text", "json", "junit", "xqar", "sarif")},
-    **{f"list {each}": ("xosc-list", "--format", each, "--verbose") for each in ("text", "json", "csv")},
-    **{f"export {each}": ("xosc-export", "--to", each, "--out", "{out}") for each in ("1.1", "carla", "openlabel", "parquet")},
+    **{
+        f"check {each}": ("xosc-check", "--format", each, "--verbose")
+        for each in ("text", "json", "junit", "xqar", "sarif")
+    },
+    **{
+        f"list {each}": ("xosc-list", "--format", each, "--verbose")
+        for each in ("text", "json", "csv")
+    },
+    **{
+        f"export {each}": ("xosc-export", "--to", each, "--out", "{out}")
+        for each in ("1.1", "carla", "openlabel", "parquet")
+    },
     "generate": ("xosc-generate", "--out", "{out}", "--budget", "2"),
     "label": ("xosc-recognize", "label"),
     "recognise": ("xosc-recognize", "--labels", "rules", "--out", "{out}"),
@@ -65,7 +83,9 @@ CALLS: dict[str, tuple[str, ...]] = {
 
 @pytest.mark.parametrize("write", [nasty_scenario, broken_scenario])
 @pytest.mark.parametrize("call", CALLS)
-def test_no_command_prints_what_is_obeyed(call: str, write: object, command: Command, tmp_path: Path) -> None:
+def test_no_command_prints_what_is_obeyed(
+    call: str, write: object, command: Command, tmp_path: Path
+) -> None:
     folder = tmp_path / "files"
     folder.mkdir()
     path = write(folder)  # type: ignore[operator]
@@ -84,14 +104,26 @@ def test_an_option_that_a_file_is_called_like_is_no_command(command: Command) ->
 
 def test_results_of_runs_are_obeyed_by_nobody(command: Command, tmp_path: Path) -> None:
     path = nasty_scenario(tmp_path)
-    options = ("--world", "kinematic", "--ego", FORMULA, "--junit", tmp_path / "runs.xml", "--out", tmp_path / "out", "--replay")
+    options = (
+        "--world",
+        "kinematic",
+        "--ego",
+        FORMULA,
+        "--junit",
+        tmp_path / "runs.xml",
+        "--out",
+        tmp_path / "out",
+        "--replay",
+    )
     answer = command("xosc-run", path, *options)
     assert answer.code in (0, 1, 6), answer.err
     assert etree.parse(tmp_path / "runs.xml").find(".//testcase") is not None
     table = next((tmp_path / "out").glob("*/trajectories.csv")).read_text(encoding="utf-8")
     assert f"'{FORMULA}" in table and f", {FORMULA}" not in table
     assert not any(line.lstrip().startswith("::") for line in table.splitlines())
-    assert_obeyed_by_nobody(command("xosc-replay", next((tmp_path / "out").glob("*/result.json")).parent))
+    assert_obeyed_by_nobody(
+        command("xosc-replay", next((tmp_path / "out").glob("*/result.json")).parent)
+    )
     label = command("xosc-recognize", "label", tmp_path / "out", "--labels", "rules")
     assert_obeyed_by_nobody(label)
 
@@ -104,7 +136,9 @@ def test_names_inside_recordings_are_obeyed_by_nobody(command: Command, tmp_path
         for file in [each for each in folder.rglob("*") if each.suffix in (".csv", ".xml")]:
             file.write_bytes(file.read_bytes().replace(b"1", b"##[error]", 3))
             shutil.copy(file, folder / f"{NASTY}{file.suffix}")
-    answer = command("xosc-recognize", tmp_path / "recordings", "--labels", "rules", "--out", tmp_path / "out")
+    answer = command(
+        "xosc-recognize", tmp_path / "recordings", "--labels", "rules", "--out", tmp_path / "out"
+    )
     assert answer.code in (3, 4)
     assert_obeyed_by_nobody(answer)
 

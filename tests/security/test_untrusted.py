@@ -15,23 +15,34 @@ import pytest
 
 import runner.batch.pool
 from runner.batch.jobs import Job, Outcome
-from runner.sut import find_system
+from runner.systems import find_system
 from schemas.checks.checker import check_many
-from schemas.common import command_line
 from schemas.common.errors import InvalidFile, Unsupported, UsageError
-from schemas.common.policy import UNTRUSTED, CommandPolicy, LimitReached, current, in_force, limited, of_command
+from schemas.common.policy import (
+    UNTRUSTED,
+    CommandPolicy,
+    LimitReached,
+    current,
+    in_force,
+    limited,
+    of_command,
+)
 from schemas.common.storage import read_bytes
+from schemas.common.terminal import command_line
 from tests.commands import SCRIPTS, Command
 from tests.runner.files import ROADS, SLOW_SYSTEM, distribution, scenario
 from xosc.distributions.values import UserDefinedDistribution
 
-COMMANDS = [*([name] for name in SCRIPTS), *(["xosc-recognize", each] for each in ("catalogue", "label", "record", "train"))]
+COMMANDS = [
+    *([name] for name in SCRIPTS),
+    *(["xosc-recognize", each] for each in ("catalogue", "label", "record", "train")),
+]
 FUNCTIONS = (
-    "schemas.xosc_check:xosc_check", "xosc.xosc_list:xosc_list", "runner.xosc_run:xosc_run",
-    "runner.exports.xosc_export:xosc_export", "runner.replay.xosc_replay:xosc_replay",
+    "schemas.xosc_check:xosc_check", "xosc.listing.xosc_list:xosc_list", "runner.xosc_run:xosc_run",
+    "runner.exchange.xosc_export:xosc_export", "runner.view.xosc_replay:xosc_replay",
     "generation.xosc_generate:xosc_generate", "generation.loop.xosc_loop:xosc_loop",
     "recognition.xosc_recognize:catalogue", "recognition.xosc_recognize:label", "recognition.xosc_recognize:record",
-    "recognition.training.command:train",
+    "recognition.trfe.training.command:train",
 )  # fmt: skip
 """All commands, as functions"""
 
@@ -66,9 +77,13 @@ def naming(folder: Path, road: str) -> Path:
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_every_command_has_it_and_knows_which_arguments_are_files(name: str) -> None:
     module, _, function = name.partition(":")
-    parameters = inspect.signature(getattr(import_module(module), function), eval_str=True).parameters
+    parameters = inspect.signature(
+        getattr(import_module(module), function), eval_str=True
+    ).parameters
     assert {"untrusted", "max_memory", "max_seconds"} <= parameters.keys()
-    assert ("max_runs" in parameters) == (function in {"xosc_run", "xosc_export", "xosc_generate", "xosc_loop"})
+    assert ("max_runs" in parameters) == (
+        function in {"xosc_run", "xosc_export", "xosc_generate", "xosc_loop"}
+    )
     paths = {each for each, what in parameters.items() if "Path" in str(what.annotation)}
     assert paths <= {*command_line._INPUTS, *command_line._OUTPUTS}
 
@@ -91,9 +106,14 @@ REFUSING = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("road", ["../outside/road.xodr", "link.xodr", "{}/outside/road.xodr", "file://{}/outside/road.xodr"])
+@pytest.mark.parametrize(
+    "road",
+    ["../outside/road.xodr", "link.xodr", "{}/outside/road.xodr", "file://{}/outside/road.xodr"],
+)
 @pytest.mark.parametrize("call", REFUSING)
-def test_a_road_outside_is_refused_by_all_commands(contributed: Path, command: Command, call: str, road: str) -> None:
+def test_a_road_outside_is_refused_by_all_commands(
+    contributed: Path, command: Command, call: str, road: str
+) -> None:
     (contributed / "link.xodr").symlink_to("../outside/road.xodr")
     naming(contributed, road.format(contributed.parent))
     answer = command(*REFUSING[call], "--untrusted")
@@ -109,11 +129,18 @@ def test_roads_are_not_sought_in_the_folders_above(contributed: Path, command: C
     answer = command("xosc-run", "scenario.xosc", "--world", "kinematic", "--untrusted")
     assert answer.code == 3
     assert "does not exist" in answer.err
-    assert command("xosc-run", "scenario.xosc", "--world", "kinematic", "--untrusted", "--road-path", "..").code == 0
+    assert (
+        command(
+            "xosc-run", "scenario.xosc", "--world", "kinematic", "--untrusted", "--road-path", ".."
+        ).code
+        == 0
+    )
 
 
 @pytest.mark.parametrize("directory", ["../outside/catalogs", "link"])
-def test_catalogues_outside_are_refused(contributed: Path, command: Command, directory: str) -> None:
+def test_catalogues_outside_are_refused(
+    contributed: Path, command: Command, directory: str
+) -> None:
     (contributed / "link").symlink_to("../outside/catalogs")
     path = scenario(contributed, stop=0.2)
     locations = f'<CatalogLocations><VehicleCatalog><Directory path="{directory}"/></VehicleCatalog></CatalogLocations>'
@@ -121,10 +148,14 @@ def test_catalogues_outside_are_refused(contributed: Path, command: Command, dir
     assert directory in text
     path.write_text(text)
     answer = command("xosc-export", "scenario.xosc", "--to", "1.3", "--out", "out", "--untrusted")
-    assert (answer.code, "lies outside of" in answer.out) == (0, True), "no entry is used: the scenario is worked out without"
+    assert (answer.code, "lies outside of" in answer.out) == (0, True), (
+        "no entry is used: the scenario is worked out without"
+    )
     assert not (contributed / "out" / "catalogs").exists()
     path.write_text(
-        text.replace("<Vehicle name", '<CatalogReference catalogName="secret" entryName="x"/><!--').replace("</Vehicle>", "-->")
+        text.replace(
+            "<Vehicle name", '<CatalogReference catalogName="secret" entryName="x"/><!--'
+        ).replace("</Vehicle>", "-->")
     )
     answer = command("xosc-run", "scenario.xosc", "--world", "kinematic", "--untrusted")
     assert answer.code == 3
@@ -132,9 +163,13 @@ def test_catalogues_outside_are_refused(contributed: Path, command: Command, dir
 
 
 def test_recordings_behind_links_are_refused(contributed: Path, command: Command) -> None:
-    (contributed.parent / "outside" / "vehicle_tracks_000.csv").write_text("case_id,track_id,secret\n")
+    (contributed.parent / "outside" / "vehicle_tracks_000.csv").write_text(
+        "case_id,track_id,secret\n"
+    )
     (contributed / "site").mkdir()
-    (contributed / "site" / "vehicle_tracks_000.csv").symlink_to("../../outside/vehicle_tracks_000.csv")
+    (contributed / "site" / "vehicle_tracks_000.csv").symlink_to(
+        "../../outside/vehicle_tracks_000.csv"
+    )
     answer = command("xosc-recognize", "site", "--out", "out", "--labels", "rules", "--untrusted")
     assert answer.code == 3
     assert "lies outside of" in answer.err and "secret" not in answer.err
@@ -146,7 +181,9 @@ def test_results_of_runs_name_no_road_outside(contributed: Path, command: Comman
     result = contributed / "out" / "scenario" / "result.json"
     text = result.read_text()
     place = text.index('"road": "')
-    result.write_text(text[:place] + '"road": "/proc/self/environ' + text[text.index('"', place + 9) :])
+    result.write_text(
+        text[:place] + '"road": "/proc/self/environ' + text[text.index('"', place + 9) :]
+    )
     answer = command("xosc-replay", "out/scenario", "--untrusted")
     assert (answer.code, "lies outside of" in answer.err) == (3, True), answer
 
@@ -182,7 +219,9 @@ def test_no_plug_in_is_loaded(contributed: Path, command: Command, name: str) ->
             _ = UserDefinedDistribution("normal", "").plugin
 
 
-def test_python_that_imports_from_the_folder_is_refused(contributed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_that_imports_from_the_folder_is_refused(
+    contributed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (contributed / "src").mkdir()
     monkeypatch.setattr(sys, "path", [*sys.path, str(contributed / "src")])
     with pytest.raises(UsageError, match="Python imports from this folder"):
@@ -207,7 +246,9 @@ def test_python_that_imports_from_the_folder_is_refused(contributed: Path, monke
     ],
     ids=" ".join,
 )
-def test_links_that_lead_out_are_refused(contributed: Path, command: Command, call: list[str]) -> None:
+def test_links_that_lead_out_are_refused(
+    contributed: Path, command: Command, call: list[str]
+) -> None:
     scenario(contributed, stop=0.2)
     (contributed / "elsewhere").symlink_to("../outside")
     (contributed / "report.xml").symlink_to("../outside/report.xml")
@@ -230,10 +271,20 @@ def test_what_a_name_stands_for(contributed: Path) -> None:
     assert named("deep/a.xosc") == named(".") == (contributed,)
     assert named("deep") == (contributed / "deep",)
     assert named("../outside/road.xodr") == named("../outside") == (contributed.parent / "outside",)
-    assert command_line._named({"paths": ["deep/**/*.xosc", "a?.xosc"]}, ["paths"]) == [Path("deep"), Path()]
+    assert command_line._named({"paths": ["deep/**/*.xosc", "a?.xosc"]}, ["paths"]) == [
+        Path("deep"),
+        Path(),
+    ]
     with in_force(of_command(["deep"], ["out"], [], UNTRUSTED)):
-        assert current().allows("out/new") and not current().allows("beside") and not current().allows("\0")
-        with pytest.raises(InvalidFile, match="at most"), (contributed / "deep" / "large").open("wb") as file:
+        assert (
+            current().allows("out/new")
+            and not current().allows("beside")
+            and not current().allows("\0")
+        )
+        with (
+            pytest.raises(InvalidFile, match="at most"),
+            (contributed / "deep" / "large").open("wb") as file,
+        ):
             file.truncate(UNTRUSTED.max_bytes + 1)
             read_bytes(contributed / "deep" / "large")
 
@@ -275,27 +326,45 @@ def lost(job: Job, signal_number: int | None = None) -> Outcome:
 
 @pytest.mark.slow
 def test_limits_hold_in_worker_processes_and_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    taken = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize() / 2**30  # GiB, by tests before this one
+    taken = (
+        int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize() / 2**30
+    )  # GiB, by tests before this one
     monkeypatch.setattr("schemas.common.policy._GRACE", 0.2)
     monkeypatch.setattr("os.cpu_count", lambda: 1)
     names = ["first", "waits", "swallows", "blocks", "grows", "last"]
     jobs = [Job(name, Path(name), Path(name)) for name in names]
-    with in_force(CommandPolicy(max_seconds=0.3, max_memory=taken + 2.5)), runner.batch.pool.Pool(2, done, lost) as pool:
+    with (
+        in_force(CommandPolicy(max_seconds=0.3, max_memory=taken + 2.5)),
+        runner.batch.pool.Pool(2, done, lost) as pool,
+    ):
         found = {outcome.job.name: outcome for outcome in pool.execute(iter(jobs))}
     assert [found[name].state for name in ("first", "last")] == ["passed", "passed"]
     assert all(
-        found[name].exit_code == 4 and "longer than the 0.3 s of --max-seconds" in found[name].message
+        found[name].exit_code == 4
+        and "longer than the 0.3 s of --max-seconds" in found[name].message
         for name in ("waits", "swallows")
     )
     assert found["blocks"].message == "died"
     assert (found["grows"].exit_code, "memory" in found["grows"].message) == (4, True)
 
 
-def test_a_run_that_takes_too_long_ends_and_the_others_go_on(contributed: Path, command: Command) -> None:
+def test_a_run_that_takes_too_long_ends_and_the_others_go_on(
+    contributed: Path, command: Command
+) -> None:
     (contributed / "slow_one.py").write_text(SLOW_SYSTEM)
     scenario(contributed, "long", stop=60.0)
     scenario(contributed, "short", stop=0.1)
-    call = ["xosc-run", "long.xosc", "short.xosc", "--world", "kinematic", "--sut", "slow_one:Slow", "--max-seconds", "1"]
+    call = [
+        "xosc-run",
+        "long.xosc",
+        "short.xosc",
+        "--world",
+        "kinematic",
+        "--sut",
+        "slow_one:Slow",
+        "--max-seconds",
+        "1",
+    ]
     answer = command(*call)
     assert (answer.code, answer.err.count("\n")) == (4, 1), answer
     assert "long.xosc: this takes longer than the 1 s of --max-seconds" in answer.err
@@ -314,23 +383,25 @@ def test_a_file_that_takes_too_long_to_check_is_one_problem_and_the_others_go_on
     monkeypatch.setattr(checker, "check", slow)
     with in_force(CommandPolicy(max_seconds=0.2)):
         found = dict(check_many(["slow", "sound"]))
-    assert [problem.message for problem in found[Path("slow")]] == ["this takes longer than the 0.2 s of --max-seconds"]
+    assert [problem.message for problem in found[Path("slow")]] == [
+        "this takes longer than the 0.2 s of --max-seconds"
+    ]
     assert found[Path("sound")] == []
 
 
 SLOW = {
     "xosc-check scenario.xosc": "schemas.checks.checker.check",
     "xosc-list .": "xosc.listing.load",
-    "xosc-run scenario.xosc --world kinematic": "runner.interpreter.execution.run",
-    "xosc-run scenario.xosc --dry-run": "runner.interpreter.execution.prepare",
+    "xosc-run scenario.xosc --world kinematic": "runner.judging.execution.run",
+    "xosc-run scenario.xosc --dry-run": "runner.judging.execution.prepare",
     "xosc-export scenario.xosc --to 1.3 --out out": "xosc.exports.standard.export",
-    "xosc-export scenario.xosc --to parquet --out out --world kinematic": "runner.interpreter.execution.run",
-    "xosc-replay results/scenario": "runner.outputs.folder.load_run",
-    "xosc-recognize results --labels rules --out out": "recognition.datasets.Source.load",
-    "xosc-recognize replay results --out out/a.xosc": "recognition.datasets.Source.load",
-    "xosc-recognize label results --labels rules": "recognition.datasets.Source.load",
+    "xosc-export scenario.xosc --to parquet --out out --world kinematic": "runner.judging.execution.run",
+    "xosc-replay results/scenario": "runner.batch.outputs.folder.load_run",
+    "xosc-recognize results --labels rules --out out": "recognition.recordings.Source.load",
+    "xosc-recognize replay results --out out/a.xosc": "recognition.recordings.Source.load",
+    "xosc-recognize label results --labels rules": "recognition.recordings.Source.load",
     "xosc-recognize record out --families 1": "recognition.recorder.recorder._attempt",
-    "xosc-recognize train results --out out": "recognition.datasets.Source.load",
+    "xosc-recognize train results --out out": "recognition.recordings.Source.load",
 }
 """A call of each command that works on files one by one, and what takes long in it"""
 
@@ -351,7 +422,16 @@ def test_every_command_ends_work_that_takes_too_long(
 
 def test_a_search_spends_no_more_runs_than_allowed(contributed: Path, command: Command) -> None:
     scenario(contributed, stop=0.1)
-    call = [*REFUSING["generate"][:4], "--method", "draws", "--density", "uniform", "--free", "Gap=20..70", "--quiet"]
+    call = [
+        *REFUSING["generate"][:4],
+        "--method",
+        "draws",
+        "--density",
+        "uniform",
+        "--free",
+        "Gap=20..70",
+        "--quiet",
+    ]
     answer = command(*call, "--max-runs", "3", "--world", "kinematic")
     assert answer.code == 1 and "--max-runs 3 leaves 3 of 3000 runs to the search" in answer.err
     refused = command(*call, "--max-runs", "600", "--estimate")
@@ -367,9 +447,13 @@ def test_the_inner_of_two_limits_does_not_end_the_outer() -> None:
 
 
 @pytest.mark.parametrize(
-    "call", [["xosc-run"], ["xosc-run", "--dry-run"], ["xosc-export", "--to", "1.0", "--out", "out"]], ids=" ".join
+    "call",
+    [["xosc-run"], ["xosc-run", "--dry-run"], ["xosc-export", "--to", "1.0", "--out", "out"]],
+    ids=" ".join,
 )
-def test_a_file_with_too_many_runs_is_refused_and_the_others_go_on(contributed: Path, command: Command, call: list[str]) -> None:
+def test_a_file_with_too_many_runs_is_refused_and_the_others_go_on(
+    contributed: Path, command: Command, call: list[str]
+) -> None:
     scenario(contributed, stop=0.1)
     distribution(contributed, "varied", {"Gap": (20, 70, 10)})
     files = ["varied.xosc", "scenario.xosc", "--world", "kinematic"]
@@ -377,12 +461,22 @@ def test_a_file_with_too_many_runs_is_refused_and_the_others_go_on(contributed: 
     assert answer.code == 4
     assert "this file stands for 6 runs, --max-runs allows 5" in answer.err
     assert "scenario" in answer.out
-    assert command(*call, *files, "--max-runs", "6", "--out", "two" if "--out" in call else "three").code == 0
+    assert (
+        command(
+            *call, *files, "--max-runs", "6", "--out", "two" if "--out" in call else "three"
+        ).code
+        == 0
+    )
 
 
-def test_limits_of_untrusted_can_be_changed(contributed: Path, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limits_of_untrusted_can_be_changed(
+    contributed: Path, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     seen: list[CommandPolicy] = []
-    monkeypatch.setattr("xosc.listing.listing", lambda *_: seen.append(current()) or (_ for _ in ()).throw(UsageError("seen")))
+    monkeypatch.setattr(
+        "xosc.listing.listing",
+        lambda *_: seen.append(current()) or (_ for _ in ()).throw(UsageError("seen")),
+    )
     for more in ([], ["--max-seconds", "7"], ["--untrusted"], ["--untrusted", "--max-memory", "1"]):
         command("xosc-list", ".", *more)
     assert [(each.untrusted, each.max_memory, each.max_seconds) for each in seen] == [

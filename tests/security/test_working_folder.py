@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 import typer
 
-from generation.logical.library import SCENARIOS
+from generation.space.logical.library import SCENARIOS
 from runner.batch.pool import connect
-from runner.sut import find_system
+from runner.systems import find_system
 from schemas.common.errors import UsageError
 from schemas.common.packages import _EXTRAS, installed, leave_working_folder_out
 from tests.commands import SCRIPTS as COMMANDS
@@ -23,14 +23,49 @@ from tests.runner.files import distribution, scenario
 
 SCRIPTS = Path(sys.executable).parent
 NAMES = sorted(
-    {*_EXTRAS, "IPython", "pandas", "mcap", "cupy", "numexpr", "bottleneck", "psutil", "yaml", "tqdm", "defusedxml", "cycler_ext"}
-    | {"sitecustomize", "usercustomize", "multiprocessing", "pickle", "json", "lxml", "typer", "rich", "numpy", "pyarrow"}
-    | {"schemas", "xosc", "xodr", "runner", "recognition", "generation", "ray_setproctitle", "setproctitle", "colorama", "sut"}
+    {
+        *_EXTRAS,
+        "IPython",
+        "pandas",
+        "mcap",
+        "cupy",
+        "numexpr",
+        "bottleneck",
+        "psutil",
+        "yaml",
+        "tqdm",
+        "defusedxml",
+        "cycler_ext",
+    }
+    | {
+        "sitecustomize",
+        "usercustomize",
+        "multiprocessing",
+        "pickle",
+        "json",
+        "lxml",
+        "typer",
+        "rich",
+        "numpy",
+        "pyarrow",
+    }
+    | {
+        "schemas",
+        "xosc",
+        "xodr",
+        "runner",
+        "recognition",
+        "generation",
+        "ray_setproctitle",
+        "setproctitle",
+        "colorama",
+        "sut",
+    }
 )
 """Libraries that something tries to import, ours or theirs, installed or not"""
 
 SYSTEM = """
-from runner.sut import Control
+from runner.systems import Control
 import beside  # a neighbour, with it
 
 class Mine:
@@ -58,7 +93,9 @@ def trapped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     metadata = folder / "innocent-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: innocent\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text("[xosc.sut]\ninnocent = sut:System\n[xosc.distribution]\ntricky = sut:System\n")
+    (metadata / "entry_points.txt").write_text(
+        "[xosc.sut]\ninnocent = sut:System\n[xosc.distribution]\ntricky = sut:System\n"
+    )
     (folder / "matplotlibrc").write_text("backend: module://sut\ntext.usetex: True\n")
     scenario(folder, stop=0.2)
     monkeypatch.chdir(folder)
@@ -71,8 +108,14 @@ def executed(folder: Path) -> list[str]:
 
 
 def started(*call: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")} | variables
-    program = [str(SCRIPTS / call[0]), *call[1:]] if call[0].startswith("xosc") else [sys.executable, *call]
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith("PYTHON")
+    } | variables
+    program = (
+        [str(SCRIPTS / call[0]), *call[1:]]
+        if call[0].startswith("xosc")
+        else [sys.executable, *call]
+    )
     return subprocess.run(program, capture_output=True, text=True, env=environment, timeout=120)
 
 
@@ -114,7 +157,9 @@ def test_processes_that_are_started_anew_do_not_either(trapped: Path) -> None:
     assert executed(trapped), "the trap works"
 
 
-def test_workers_of_a_ray_cluster_do_not_either(trapped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_of_a_ray_cluster_do_not_either(
+    trapped: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Ray puts the folder that it is started in first on the path of its workers."""
     ray = pytest.importorskip("ray", reason="Ray is not installed (extra: ray)")
     places = []
@@ -125,7 +170,9 @@ def test_workers_of_a_ray_cluster_do_not_either(trapped: Path, monkeypatch: pyte
     assert Path.cwd() == trapped
 
 
-def test_python_m_leaves_the_folder_out_once_the_command_begins(trapped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_m_leaves_the_folder_out_once_the_command_begins(
+    trapped: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Before, Python itself imports from there: docs/security.md says to type the command, or `python -P -m`."""
     for first in ("", str(trapped), "."):
         monkeypatch.setattr(sys, "path", [first, *sys.path])
@@ -141,19 +188,27 @@ def test_python_m_leaves_the_folder_out_once_the_command_begins(trapped: Path, m
 
 
 @pytest.mark.parametrize("entry", ["", ".", "{folder}", "{folder}/src"])
-def test_entry_points_of_the_working_folder_are_none(trapped: Path, monkeypatch: pytest.MonkeyPatch, entry: str) -> None:
+def test_entry_points_of_the_working_folder_are_none(
+    trapped: Path, monkeypatch: pytest.MonkeyPatch, entry: str
+) -> None:
     (trapped / "src").mkdir()
-    (trapped / "innocent-1.0.dist-info").rename(trapped / entry.format(folder=trapped) / "innocent-1.0.dist-info")
+    (trapped / "innocent-1.0.dist-info").rename(
+        trapped / entry.format(folder=trapped) / "innocent-1.0.dist-info"
+    )
     monkeypatch.setattr(sys, "path", [entry.format(folder=trapped), *sys.path])
     assert "innocent" not in installed("xosc.sut")
     assert "tricky" not in installed("xosc.distribution")
     (trapped.parent / "elsewhere").mkdir()
     monkeypatch.chdir(trapped.parent / "elsewhere")
     if entry.startswith("{"):
-        assert "innocent" in installed("xosc.sut"), "elsewhere a folder of the path may hold packages (pip install --target)"
+        assert "innocent" in installed("xosc.sut"), (
+            "elsewhere a folder of the path may hold packages (pip install --target)"
+        )
 
 
-def test_packages_of_an_environment_in_the_working_folder_are_installed(trapped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_packages_of_an_environment_in_the_working_folder_are_installed(
+    trapped: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     packages = trapped / ".venv" / "site-packages"
     packages.mkdir(parents=True)
     (trapped / "innocent-1.0.dist-info").rename(packages / "innocent-1.0.dist-info")
@@ -175,9 +230,14 @@ def test_a_scenario_names_no_code(trapped: Path, command: Command) -> None:
     assert (answer.code, executed(trapped)) == (0, []), answer.out
     varied = distribution(trapped, "varied", {"Gap": (20, 30, 10)})
     content = varied.read_text()
-    start, end = content.index("<DistributionRange"), content.index("</DeterministicSingleParameterDistribution>")
+    start, end = (
+        content.index("<DistributionRange"),
+        content.index("</DeterministicSingleParameterDistribution>"),
+    )
     varied.write_text(
-        content[:start] + '<UserDefinedDistribution type="tricky">sut:System</UserDefinedDistribution>' + content[end:]
+        content[:start]
+        + '<UserDefinedDistribution type="tricky">sut:System</UserDefinedDistribution>'
+        + content[end:]
     )
     answer = command("xosc-run", varied, "--world", "kinematic")
     assert (answer.code, executed(trapped)) == (4, []), answer.out
@@ -188,11 +248,21 @@ def test_a_scenario_names_no_code(trapped: Path, command: Command) -> None:
 
 
 @pytest.fixture
-def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Iterator[str]:
+def own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> Iterator[str]:
     """A system under test in the working folder, under a name of its own, with neighbours; and a trap."""
     name = f"own_{abs(hash(request.node.name))}"
-    files = {name: SYSTEM, "beside": "LOADED = True", "later": "ACCELERATION = 0.5", "parts/__init__": ""}
-    files |= {"parts/inner": "def more():\n    from . import factor\n    return factor.FACTOR", "parts/factor": "FACTOR = 1.0"}
+    files = {
+        name: SYSTEM,
+        "beside": "LOADED = True",
+        "later": "ACCELERATION = 0.5",
+        "parts/__init__": "",
+    }
+    files |= {
+        "parts/inner": "def more():\n    from . import factor\n    return factor.FACTOR",
+        "parts/factor": "FACTOR = 1.0",
+    }
     for module, text in files.items():
         path = tmp_path / f"{module}.py"
         path.parent.mkdir(exist_ok=True)
@@ -222,7 +292,9 @@ CALLS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
-def test_a_class_of_the_working_folder_is_found_by_all_commands_alike(own: str, command: Command, call: str) -> None:
+def test_a_class_of_the_working_folder_is_found_by_all_commands_alike(
+    own: str, command: Command, call: str
+) -> None:
     scenario(Path(), stop=0.2)
     scenario(Path("files"), stop=0.2)
     answer = command(*CALLS[call], "--sut", own)
@@ -242,7 +314,9 @@ def parameters(module: str) -> set[str]:
 
 
 @pytest.mark.parametrize("call", CALLS)
-def test_one_that_is_not_there_is_refused_by_all_commands_alike(own: str, command: Command, call: str) -> None:
+def test_one_that_is_not_there_is_refused_by_all_commands_alike(
+    own: str, command: Command, call: str
+) -> None:
     scenario(Path(), stop=0.2)
     answer = command(*CALLS[call], "--sut", "nowhere_at_all:Mine")
     assert (answer.code, answer.err.count("\n")) == (2, 1)
@@ -255,7 +329,11 @@ def test_what_others_import_is_not_found_there(own: str) -> None:
         import gym_of_nobody  # noqa: F401
     with pytest.raises(ModuleNotFoundError):
         exec("import gym_of_nobody", {"__name__": "pandas"})
-    assert not any(hasattr(finder, "find_distributions") for finder in sys.meta_path if "WorkingFolder" in type(finder).__name__)
+    assert not any(
+        hasattr(finder, "find_distributions")
+        for finder in sys.meta_path
+        if "WorkingFolder" in type(finder).__name__
+    )
 
 
 def test_an_error_in_it_is_told_with_its_line(own: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import xodr
-from xodr.network import RoadNetwork
+from xodr.graph.network import RoadNetwork
 
 
 class Files:
@@ -26,7 +26,9 @@ class Files:
         """Write a file with these roads and junctions."""
         path = self.folder / f"{next(self.numbers)}.xodr"
         body = "\n".join(elements)
-        path.write_text(f'{root}\n<header revMajor="1" revMinor="6" name="test">{header}</header>\n{body}\n</OpenDRIVE>\n')
+        path.write_text(
+            f'{root}\n<header revMajor="1" revMinor="6" name="test">{header}</header>\n{body}\n</OpenDRIVE>\n'
+        )
         return path
 
     @staticmethod
@@ -51,19 +53,32 @@ class Files:
         )
 
     @staticmethod
-    def geometry(shape: str, length: float, s: float = 0.0, start: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> str:
+    def geometry(
+        shape: str,
+        length: float,
+        s: float = 0.0,
+        start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> str:
         """A plan-view element."""
         x, y, h = start
         return f'<geometry s="{s!r}" x="{x!r}" y="{y!r}" hdg="{h!r}" length="{length!r}">{shape}</geometry>'
 
     @staticmethod
     def section(
-        left: int = 0, right: int = 0, s: float = 0.0, width: str = '<width sOffset="0" a="3.5"/>', linked: bool = True
+        left: int = 0,
+        right: int = 0,
+        s: float = 0.0,
+        width: str = '<width sOffset="0" a="3.5"/>',
+        linked: bool = True,
     ) -> str:
         """A lane section with driving lanes, each linked to the same id before and after."""
 
         def lane(lane_id: int) -> str:
-            link = f'<link><predecessor id="{lane_id}"/><successor id="{lane_id}"/></link>' if linked else ""
+            link = (
+                f'<link><predecessor id="{lane_id}"/><successor id="{lane_id}"/></link>'
+                if linked
+                else ""
+            )
             return f'<lane id="{lane_id}" type="driving">{link}{width}</lane>'
 
         sides = {"left": range(left, 0, -1), "right": range(-1, -right - 1, -1)}
@@ -74,7 +89,9 @@ class Files:
         )
 
     @staticmethod
-    def connection(incoming: str, other: str, lane_from: int = -1, lane_to: int = -1, direct: bool = False) -> str:
+    def connection(
+        incoming: str, other: str, lane_from: int = -1, lane_to: int = -1, direct: bool = False
+    ) -> str:
         """A junction's connection that enters the other road at its start."""
         road = "linkedRoad" if direct else "connectingRoad"
         return (
@@ -120,7 +137,8 @@ def two_ways(files: Files) -> RoadNetwork:
             length=10.0,
             lanes=single,
             junction="a",
-            link=files.to_road("predecessor", "1", "end") + files.to_road("successor", "2", "start"),
+            link=files.to_road("predecessor", "1", "end")
+            + files.to_road("successor", "2", "start"),
         ),
         files.road(
             "2",

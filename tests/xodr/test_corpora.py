@@ -20,7 +20,9 @@ def test_every_road_file_loads_and_its_points_are_found_again(corpora: Path) -> 
                 s = rng.uniform(0.0, road.length)
                 pose = road.pose(s, rng.uniform(*road.edges(s)))
                 found = network.pose(network.locate(pose.x, pose.y, pose.z))
-                assert math.dist(pose[:3], found[:3]) < 1e-3, f"{path.name}, road {road.id}, s = {s}"
+                assert math.dist(pose[:3], found[:3]) < 1e-3, (
+                    f"{path.name}, road {road.id}, s = {s}"
+                )
 
 
 def test_driving_never_jumps(corpora: Path) -> None:

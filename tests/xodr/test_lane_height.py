@@ -7,13 +7,15 @@ from pathlib import Path
 import pytest
 
 import xodr
-from xodr.network import RoadNetwork
+from xodr.graph.network import RoadNetwork
 
 KERB = '<height sOffset="0" inner="0.1" outer="0.2"/><height sOffset="50" inner="0.1" outer="0.2"/>'
 
 
 def road(folder: Path, heights: str, superelevation: float = 0.0) -> RoadNetwork:
-    tilt = f'<superelevation s="0" a="{superelevation}" b="0" c="0" d="0"/>' if superelevation else ""
+    tilt = (
+        f'<superelevation s="0" a="{superelevation}" b="0" c="0" d="0"/>' if superelevation else ""
+    )
     path = folder / "kerb.xodr"
     path.write_text(
         f"""<OpenDRIVE><header revMajor="1" revMinor="7"/><road id="1" length="100" junction="-1"><planView>
@@ -28,7 +30,8 @@ def road(folder: Path, heights: str, superelevation: float = 0.0) -> RoadNetwork
 
 
 @pytest.mark.parametrize(
-    ("t", "z"), [(-1.75, 0.0), (-3.5, 0.0), (-4.0, 0.125), (-4.5, 0.15), (-5.5, 0.2), (-6.0, 0.0), (1.0, 0.0)]
+    ("t", "z"),
+    [(-1.75, 0.0), (-3.5, 0.0), (-4.0, 0.125), (-4.5, 0.15), (-5.5, 0.2), (-6.0, 0.0), (1.0, 0.0)],
 )
 def test_the_height_lies_between_inner_and_outer(t: float, z: float, tmp_path: Path) -> None:
     assert road(tmp_path, KERB).point("1", 20.0, t) is not None
@@ -36,13 +39,20 @@ def test_the_height_lies_between_inner_and_outer(t: float, z: float, tmp_path: P
 
 
 def test_the_height_changes_evenly_between_records(tmp_path: Path) -> None:
-    heights = '<height sOffset="20" inner="0" outer="0"/><height sOffset="30" inner="0.2" outer="0.2"/>'
+    heights = (
+        '<height sOffset="20" inner="0" outer="0"/><height sOffset="30" inner="0.2" outer="0.2"/>'
+    )
     found = road(tmp_path, heights).road("1")
-    assert [found.pose(s, -4.5).z for s in (10.0, 20.0, 25.0, 30.0, 90.0)] == pytest.approx([0.0, 0.0, 0.1, 0.2, 0.2])
+    assert [found.pose(s, -4.5).z for s in (10.0, 20.0, 25.0, 30.0, 90.0)] == pytest.approx(
+        [0.0, 0.0, 0.1, 0.2, 0.2]
+    )
 
 
 def test_the_height_is_above_a_tilted_road(tmp_path: Path) -> None:
-    plain, raised = (road(tmp_path, heights, superelevation=0.05).road("1").pose(20.0, -4.5).z for heights in ("", KERB))
+    plain, raised = (
+        road(tmp_path, heights, superelevation=0.05).road("1").pose(20.0, -4.5).z
+        for heights in ("", KERB)
+    )
     assert raised - plain == pytest.approx(0.15, abs=1e-3)
 
 

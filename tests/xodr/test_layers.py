@@ -8,14 +8,21 @@ from lxml import etree
 import xodr
 from xodr.builders.elements import LaneDesign, PlanPose, RoadDesign, RoadMap, SectionDesign, arc
 from xodr.builders.roads_and_ramps import constant, for_traffic
-from xodr.geometry import Cubic
+from xodr.formats.sumo_net.plain import plain_network
+from xodr.graph.network import RoadNetwork
 from xodr.lookup.placing import place
 from xodr.model import PERMANENT, TEMPORARY, RoadPoint
-from xodr.network import RoadNetwork
-from xodr.sumo_net.plain import plain_network
+from xodr.model.geometry import Cubic
 
 
-def _lane(lane_id: int, width: str, before: str = "", after: str = "", kind: str = "driving", more: str = "") -> str:
+def _lane(
+    lane_id: int,
+    width: str,
+    before: str = "",
+    after: str = "",
+    kind: str = "driving",
+    more: str = "",
+) -> str:
     links = "".join(
         f'<{tag} id="{name}" layer="{layer}"/>'
         for tag, text in (("predecessor", before), ("successor", after))
@@ -24,7 +31,9 @@ def _lane(lane_id: int, width: str, before: str = "", after: str = "", kind: str
     return f'<lane id="{lane_id}" type="{kind}"><link>{links}</link>{width}{more}</lane>'
 
 
-def _section(s: float, right: str = "", left: str = "", length: float | None = None, single: bool = False) -> str:
+def _section(
+    s: float, right: str = "", left: str = "", length: float | None = None, single: bool = False
+) -> str:
     groups = (("left", left), ("center", '<lane id="0"/>'), ("right", right))
     sides = "".join(f"<{side}>{lanes}</{side}>" for side, lanes in groups if lanes)
     more = (f' length="{length}"' if length else "") + (' singleSide="true"' if single else "")
@@ -46,9 +55,13 @@ def works(files) -> RoadNetwork:
         "".join(_lane(n, WIDE, f"{P} {n},{T} {n}", "") for n in (-1, -2)),
     ]
     temporary = "".join(_lane(n, NARROW, f"{P} {n}", f"{P} {n}") for n in (-1, -2))
-    permanent = "".join(_section(s, side, usual) for s, side in zip((0, 100, 180), right, strict=True))
+    permanent = "".join(
+        _section(s, side, usual) for s, side in zip((0, 100, 180), right, strict=True)
+    )
     moved = f'<laneOffset s="0" a="-0.6" b="0" c="0" d="0"/>{_section(100, temporary, length=80.0)}'
-    return files.load(files.road(length=300.0, lanes=f'{permanent}</lanes><lanes layer="temporary">{moved}'))
+    return files.load(
+        files.road(length=300.0, lanes=f'{permanent}</lanes><lanes layer="temporary">{moved}')
+    )
 
 
 @pytest.mark.parametrize(
@@ -66,7 +79,9 @@ def works(files) -> RoadNetwork:
         (140.0, 2, P, 5.25),
     ],
 )
-def test_each_layer_has_its_lanes_at_their_places(works, s: float, lane: int, layer: str, t: float) -> None:
+def test_each_layer_has_its_lanes_at_their_places(
+    works, s: float, lane: int, layer: str, t: float
+) -> None:
     point = works.lane_point("1", lane, s, layer=layer)
     pose = works.pose(point)
     assert (pose.x, pose.y) == pytest.approx((s, t), abs=1e-9)
@@ -102,7 +117,12 @@ def test_travel_follows_the_layer_that_a_point_keeps_to(works, layer: str, insid
     there, _, _ = works.travel(start, 90.0, True)
     after, _, _ = works.travel(start, 200.0, True)
     assert (there.s, there.t, there.layer) == (pytest.approx(140.0), pytest.approx(inside), layer)
-    assert (after.s, after.t, after.lane_id, after.layer) == (pytest.approx(250.0), pytest.approx(-5.25), -2, layer)
+    assert (after.s, after.t, after.lane_id, after.layer) == (
+        pytest.approx(250.0),
+        pytest.approx(-5.25),
+        -2,
+        layer,
+    )
     back, forward, _ = works.travel(after, -200.0, True)
     assert (back.s, back.t, forward) == (pytest.approx(50.0), pytest.approx(-5.25), True)
 
@@ -129,7 +149,9 @@ def test_relative_places_count_in_the_layer_of_the_origin(works) -> None:
 
 
 def _one_way(before: str, after: str, width: str) -> str:
-    return _section(0.0, "".join(_lane(n, width, before.format(n), after.format(n)) for n in (-1, -2)))
+    return _section(
+        0.0, "".join(_lane(n, width, before.format(n), after.format(n)) for n in (-1, -2))
+    )
 
 
 @pytest.mark.parametrize("declared", ["both", "permanent only"])
@@ -148,7 +170,9 @@ def test_a_temporary_layer_goes_on_over_the_border_of_roads(files, declared: str
         ),
     )
     for layer, t in ((T, -3.75), (P, -5.25)):
-        reached, _, left = network.travel(network.lane_point("1", -2, 90.0, layer=layer), 30.0, True)
+        reached, _, left = network.travel(
+            network.lane_point("1", -2, 90.0, layer=layer), 30.0, True
+        )
         assert (reached.road_id, reached.lane_id, left) == ("2", -2, 0.0)
         assert network.road_of(reached).lane_t(reached.s, reached.lane_id) == pytest.approx(t)
 
@@ -170,8 +194,17 @@ def test_sections_of_one_side_hold_for_their_own_length(files) -> None:
     left = _section(50, "", _lane(1, NARROW), single=True, length=10.0)
     network = files.load(files.road(lanes=f'{usual}</lanes><lanes layer="temporary">{right}{left}'))
     road = network.road("1")
-    found = {s: (road.lane(s, -1).layer[0], road.lane(s, 1).layer[0]) for s in (10.0, 30.0, 55.0, 70.0, 90.0)}
-    assert found == {10.0: ("p", "p"), 30.0: ("t", "p"), 55.0: ("t", "t"), 70.0: ("t", "p"), 90.0: ("p", "p")}
+    found = {
+        s: (road.lane(s, -1).layer[0], road.lane(s, 1).layer[0])
+        for s in (10.0, 30.0, 55.0, 70.0, 90.0)
+    }
+    assert found == {
+        10.0: ("p", "p"),
+        30.0: ("t", "p"),
+        55.0: ("t", "t"),
+        70.0: ("t", "p"),
+        90.0: ("p", "p"),
+    }
     assert road.sections[-1].end == 100.0
 
 
@@ -204,7 +237,18 @@ def test_written_layers_are_read_again(tmp_path, rule: str) -> None:
     wide, narrow = constant(3.5), constant(2.75)
     usual = [
         SectionDesign(
-            s, {-1: LaneDesign("driving", wide, "broken", before, after, other_predecessor=since, other_successor=until)}
+            s,
+            {
+                -1: LaneDesign(
+                    "driving",
+                    wide,
+                    "broken",
+                    before,
+                    after,
+                    other_predecessor=since,
+                    other_successor=until,
+                )
+            },
         )
         for s, before, after, since, until in (
             (0.0, None, -1, None, -1),
@@ -213,7 +257,9 @@ def test_written_layers_are_read_again(tmp_path, rule: str) -> None:
         )
     ]
     works = SectionDesign(
-        60.0, {-1: LaneDesign("driving", narrow, "solid", other_predecessor=-1, other_successor=-1)}, length=60.0
+        60.0,
+        {-1: LaneDesign("driving", narrow, "solid", other_predecessor=-1, other_successor=-1)},
+        length=60.0,
     )
     road = RoadDesign(
         "1", "works", PlanPose(3.0, 4.0, 0.5), (arc(200.0, 0.01),), tuple(usual), "rural", 20.0,
@@ -224,13 +270,22 @@ def test_written_layers_are_read_again(tmp_path, rule: str) -> None:
     side = -1 if rule == "RHT" else 1
     for s, layer, t in ((30.0, T, 1.75), (90.0, T, 0.5 + 1.375), (90.0, P, 1.75), (150.0, T, 1.75)):
         assert network.lane_point("1", side, s, layer=layer).t == pytest.approx(side * t)
-    assert [section.lanes[side].successor for section in network.road("1").sections] == [side, side, None]
+    assert [section.lanes[side].successor for section in network.road("1").sections] == [
+        side,
+        side,
+        None,
+    ]
 
 
 def test_nobody_drives_on_lanes_with_road_works(files) -> None:
-    lanes = _section(0.0, _lane(-1, WIDE) + _lane(-2, WIDE).replace("<lane ", '<lane roadWorks="true" '))
+    lanes = _section(
+        0.0, _lane(-1, WIDE) + _lane(-2, WIDE).replace("<lane ", '<lane roadWorks="true" ')
+    )
     onward = files.to_road("successor", "2", "start")
-    network = files.load(files.road("1", lanes=lanes, link=onward), files.road("2", lanes=lanes, start=(100.0, 0.0, 0.0)))
+    network = files.load(
+        files.road("1", lanes=lanes, link=onward),
+        files.road("2", lanes=lanes, start=(100.0, 0.0, 0.0)),
+    )
     closed = {
         lane.get("index"): lane.get("disallow")
         for lane in plain_network(network).edges.iter("lane")
@@ -238,7 +293,9 @@ def test_nobody_drives_on_lanes_with_road_works(files) -> None:
     }
     assert closed["0"] == "all"
     assert closed["1"] != "all"
-    (leg, _) = network.route([network.lane_point("1", -1, 10.0), network.lane_point("2", -1, 10.0)]).legs
+    (leg, _) = network.route(
+        [network.lane_point("1", -1, 10.0), network.lane_point("2", -1, 10.0)]
+    ).legs
     assert leg.exit_lanes == (-1,)
 
 
@@ -247,9 +304,16 @@ def test_links_of_the_other_layer_lead_to_the_lane_at_their_place(files) -> None
     ahead, works = _one_way("", f"{P} {{0}}", WIDE), _one_way("", "", NARROW)
     link = '<laneLink from="-2" to="-1" fromLayer="temporary" toLayer="permanent"/>'
     network = files.load(
-        files.road("1", lanes=f'{ahead}</lanes><lanes layer="temporary">{works}', link=files.to_junction("successor", "9")),
         files.road(
-            "2", lanes=_section(0.0, _lane(-1, WIDE)), start=(100.0, -3.0, 0.0), link=files.to_junction("predecessor", "9")
+            "1",
+            lanes=f'{ahead}</lanes><lanes layer="temporary">{works}',
+            link=files.to_junction("successor", "9"),
+        ),
+        files.road(
+            "2",
+            lanes=_section(0.0, _lane(-1, WIDE)),
+            start=(100.0, -3.0, 0.0),
+            link=files.to_junction("predecessor", "9"),
         ),
         f'<junction id="9" type="direct"><connection id="0" incomingRoad="1" linkedRoad="2" contactPoint="start">{link}'
         "</connection></junction>",

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from xodr.geometry import ZERO, Cubic, Profile, exceeding
+from xodr.model.geometry import ZERO, Cubic, Profile, exceeding
 
 coefficient = st.floats(-3, 3)
 pieces = st.lists(
@@ -34,7 +34,9 @@ def test_a_constant_profile_says_so() -> None:
 
 
 @given(profiles, profiles, st.floats(-1, 1), st.floats(0, 60))
-def test_a_sum_has_the_sum_of_the_values(one: Profile, other: Profile, factor: float, s: float) -> None:
+def test_a_sum_has_the_sum_of_the_values(
+    one: Profile, other: Profile, factor: float, s: float
+) -> None:
     s = max(s, one.starts[0], other.starts[0])
     expected = one(s) + factor * other(s)
     assert one.plus(other, factor)(s) == pytest.approx(expected, rel=1e-9, abs=1e-6)
@@ -44,7 +46,9 @@ def test_a_sum_has_the_sum_of_the_values(one: Profile, other: Profile, factor: f
 def test_a_part_has_the_same_values(profile: Profile, start: float, share: float) -> None:
     start = max(start, profile.starts[0])
     s = start + share * 20.0
-    assert profile.within(start, start + 20.0)(min(s, start + 19.999)) == pytest.approx(profile(min(s, start + 19.999)), abs=1e-6)
+    assert profile.within(start, start + 20.0)(min(s, start + 19.999)) == pytest.approx(
+        profile(min(s, start + 19.999)), abs=1e-6
+    )
 
 
 @pytest.mark.parametrize(
@@ -54,7 +58,10 @@ def test_a_part_has_the_same_values(profile: Profile, start: float, share: float
         ([Cubic(0.0, 0.0)], (math.inf, -math.inf)),
         ([Cubic(0.0, 3.0, -0.1)], (-math.inf, 30.0)),
         ([Cubic(0.0, 0.0), Cubic(40.0, 0.0, 0.1)], (40.0, math.inf)),
-        ([Cubic(0.0, 0.0), Cubic(10.0, 0.0, 0.1), Cubic(30.0, 2.0, -0.2), Cubic(60.0, -1.0)], (10.0, 40.0)),
+        (
+            [Cubic(0.0, 0.0), Cubic(10.0, 0.0, 0.1), Cubic(30.0, 2.0, -0.2), Cubic(60.0, -1.0)],
+            (10.0, 40.0),
+        ),
     ],
 )
 def test_where_a_profile_exceeds_a_level(found: list[Cubic], expected: tuple[float, float]) -> None:

@@ -35,7 +35,9 @@ def scenario(tmp_path: Path) -> Writer:
 
     def write(name: str = "scenario.xosc", minor: int = 3, **parts: str) -> Path:
         path = tmp_path / name
-        path.write_text(SCENARIO.format(minor=minor, **dict.fromkeys(PARTS, "") | parts), encoding="utf-8")
+        path.write_text(
+            SCENARIO.format(minor=minor, **dict.fromkeys(PARTS, "") | parts), encoding="utf-8"
+        )
         return path
 
     return write

@@ -1,6 +1,7 @@
 """What scenario_runner's parser takes, in our words: a stand-in for tests where the parser itself is not at hand.
 
-Facts of scenario_runner 0.9.16. `test_exports_carla.py` holds exports against the parser itself where there is one.
+Facts of scenario_runner 0.9.16. `test_exports_carla.py` holds exports against the parser itself
+where there is one.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Callable, Iterator
 
 from lxml import etree
 
-from runner.criteria.criterion import kinds
+from runner.judging.criteria.criterion import kinds
 
 _STORY = {
     "TeleportAction", "SpeedAction", "LongitudinalDistanceAction", "LaneChangeAction", "LaneOffsetAction",
@@ -39,7 +40,9 @@ _CRITERIA = "Storyboard/StopTrigger"
 _DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d")
 
 _NEEDS: dict[str, Callable[[etree._Element], bool]] = {
-    "ControllerAction": lambda e: e.find("OverrideControllerValueAction") is not None and e.find(".//Properties") is not None,
+    "ControllerAction": lambda e: (
+        e.find("OverrideControllerValueAction") is not None and e.find(".//Properties") is not None
+    ),
     "OverrideControllerValueAction": lambda e: all(child.get("active") == "false" for child in e),
     "LaneChangeAction": lambda e: e.find("LaneChangeTarget/RelativeTargetLane") is not None,
     "LongitudinalDistanceAction": lambda e: "distance" in e.attrib,
@@ -64,8 +67,14 @@ def _stops(root: etree._Element) -> Iterator[etree._Element]:
     for holder in (*root.iter("Action"), *root.findall("Storyboard/Init/Actions//PrivateAction")):
         taken = _STORY if holder.tag == "Action" else _INIT
         yield from (action for action in _actions(holder) if action.tag not in taken)
-    for place, taken in (("Position", _POSITIONS), ("EntityCondition", _CONDITIONS), ("ByValueCondition", _CONDITIONS)):
-        yield from (child for holder in root.iter(place) for child in holder if child.tag not in taken)
+    for place, taken in (
+        ("Position", _POSITIONS),
+        ("EntityCondition", _CONDITIONS),
+        ("ByValueCondition", _CONDITIONS),
+    ):
+        yield from (
+            child for holder in root.iter(place) for child in holder if child.tag not in taken
+        )
     for element in root.iter(*_NEEDS):
         if not _NEEDS[str(element.tag)](element):
             yield element

@@ -1,11 +1,12 @@
 """Reads scenarios with CARLA scenario_runner's own parser, on CARLA's own map, without a server.
 
-For a Python that has `carla` and what scenario_runner needs, started by tests/xosc/test_exports_carla.py as
+For a Python that has `carla` and what scenario_runner needs, started by
+tests/xosc/test_exports_carla.py as
 
     python scenario_runner_reader.py FOLDER-WITH-SRUNNER FILE…
 
-Prints a line of JSON for each file: what it stops at, or its egos, where everyone starts (x, y, heading, speed, in the
-world frame of OpenDRIVE), and how many actions and conditions were made.
+Prints a line of JSON for each file: what it stops at, or its egos, where everyone starts (x, y,
+heading, speed, in the world frame of OpenDRIVE), and how many actions and conditions were made.
 """
 
 import json
@@ -20,7 +21,9 @@ for _name in ("", ".navigation", ".tools", ".tools.misc", *(
     f".navigation.{each}" for each in ("global_route_planner", "basic_agent", "local_planner", "controller", "behavior_agent",
                                        "constant_velocity_agent")
 )):  # fmt: skip
-    sys.modules[f"agents{_name}"] = MagicMock()  # drives, and is no part of what is installed by pip
+    sys.modules[f"agents{_name}"] = (
+        MagicMock()
+    )  # drives, and is no part of what is installed by pip
 
 import carla  # noqa: E402
 from srunner.scenarioconfigs.openscenario_configuration import OpenScenarioConfiguration  # noqa: E402
@@ -60,7 +63,12 @@ def read(path):
 
 def place(transform, speed):
     """CARLA's axes are left-handed."""
-    return [transform.location.x, -transform.location.y, -math.radians(transform.rotation.yaw), speed]
+    return [
+        transform.location.x,
+        -transform.location.y,
+        -math.radians(transform.rotation.yaw),
+        speed,
+    ]
 
 
 def outcome(path):

@@ -11,7 +11,9 @@ from schemas.catalogs import EXPECTED, KINDS
 from schemas.common.errors import InvalidFile
 from xosc.resolve import MAX_NESTING
 
-LOCATIONS = "".join(f'<{kind}Catalog><Directory path="{kind.lower()}"/></{kind}Catalog>' for kind in KINDS)
+LOCATIONS = "".join(
+    f'<{kind}Catalog><Directory path="{kind.lower()}"/></{kind}Catalog>' for kind in KINDS
+)
 CAR = """
 <Vehicle name="car" mass="$mass">
   <ParameterDeclarations>
@@ -23,7 +25,10 @@ CAR = """
 
 
 def reference(name="Cars", entry="car", **assignments):
-    items = "".join(f'<ParameterAssignment parameterRef="{key}" value="{value}"/>' for key, value in assignments.items())
+    items = "".join(
+        f'<ParameterAssignment parameterRef="{key}" value="{value}"/>'
+        for key, value in assignments.items()
+    )
     return (
         f'<CatalogReference catalogName="{name}" entryName="{entry}">'
         f"<ParameterAssignments>{items}</ParameterAssignments></CatalogReference>"
@@ -61,7 +66,9 @@ def test_every_kind_of_entry_has_its_places(scenario, catalog, place):
 def test_assignments_set_the_parameters_of_the_entry(scenario, catalog):
     catalog("vehicle/cars.xosc", CAR, name="Cars")
     declared = '<ParameterDeclaration name="m" parameterType="double" value="1000"/>'
-    path = scenario(locations=LOCATIONS, parameters=declared, entities=ego(mass="${$m * 2}") + ego())
+    path = scenario(
+        locations=LOCATIONS, parameters=declared, entities=ego(mass="${$m * 2}") + ego()
+    )
     first, second = resolved(path, {"m": 700}).need("Entities").children("ScenarioObject")
     assert first.need("Vehicle", "Performance").get("maxSpeed") == "700"
     assert second.need("Vehicle", "Performance").get("maxSpeed") == "750"
@@ -105,15 +112,23 @@ def test_two_assignments_of_one_parameter_are_refused(scenario, catalog):
 
 def test_constraints_of_an_entry_hold_for_assigned_values(scenario, catalog):
     group = '<ConstraintGroup><ValueConstraint rule="lessThan" value="2000"/></ConstraintGroup>'
-    catalog("vehicle/cars.xosc", CAR.replace('value="1500"/>', f'value="1500">{group}</ParameterDeclaration>'), name="Cars")
+    catalog(
+        "vehicle/cars.xosc",
+        CAR.replace('value="1500"/>', f'value="1500">{group}</ParameterDeclaration>'),
+        name="Cars",
+    )
     path = scenario(locations=LOCATIONS, entities=ego(mass=2500))
     with pytest.raises(InvalidFile, match=r"cars\.xosc:7: .*mass = 2500 violates"):
         resolved(path)
     assert xosc.resolve(xosc.load(path), enforce_constraints=False)
 
 
-@pytest.mark.parametrize(("minor", "open_to_the_scenario"), [(0, True), (1, True), (2, False), (3, False)])
-def test_entries_see_the_scenario_only_in_catalogues_before_1_2(scenario, catalog, minor, open_to_the_scenario):
+@pytest.mark.parametrize(
+    ("minor", "open_to_the_scenario"), [(0, True), (1, True), (2, False), (3, False)]
+)
+def test_entries_see_the_scenario_only_in_catalogues_before_1_2(
+    scenario, catalog, minor, open_to_the_scenario
+):
     file = catalog("vehicle/cars.xosc", '<Vehicle name="car" mass="$m"/>', name="Cars", minor=minor)
     declared = '<ParameterDeclaration name="m" parameterType="double" value="1000"/>'
     path = scenario(locations=LOCATIONS, parameters=declared, entities=ego())
@@ -127,11 +142,13 @@ def test_entries_see_the_scenario_only_in_catalogues_before_1_2(scenario, catalo
 
 def test_entries_may_refer_to_further_entries(scenario, catalog):
     catalog("trajectory/t.xosc", '<Trajectory name="t" closed="${not true}"/>', name="T")
-    follow = (
-        f"<Event><FollowTrajectoryAction><TrajectoryRef>{reference('T', 't')}</TrajectoryRef></FollowTrajectoryAction></Event>"
-    )
+    follow = f"<Event><FollowTrajectoryAction><TrajectoryRef>{reference('T', 't')}</TrajectoryRef></FollowTrajectoryAction></Event>"
     catalog("maneuver/m.xosc", f'<Maneuver name="m">{follow}</Maneuver>', name="M")
-    root = resolved(scenario(locations=LOCATIONS, storyboard=f"<ManeuverGroup>{reference('M', 'm')}</ManeuverGroup>"))
+    root = resolved(
+        scenario(
+            locations=LOCATIONS, storyboard=f"<ManeuverGroup>{reference('M', 'm')}</ManeuverGroup>"
+        )
+    )
     trajectory = root.need("Storyboard", "ManeuverGroup", "Maneuver", "Event").need(
         "FollowTrajectoryAction", "TrajectoryRef", "Trajectory"
     )
@@ -145,12 +162,16 @@ def truck(name, trailer):
 
 def test_entries_that_refer_to_each_other_in_a_circle_are_refused(scenario, catalog):
     catalog("vehicle/cars.xosc", truck("a", "b") + truck("b", "a"), name="Cars")
-    with pytest.raises(InvalidFile, match=r"in a circle: Vehicle 'a' .* → Vehicle 'b' .* → Vehicle 'a'"):
+    with pytest.raises(
+        InvalidFile, match=r"in a circle: Vehicle 'a' .* → Vehicle 'b' .* → Vehicle 'a'"
+    ):
         resolved(scenario(locations=LOCATIONS, entities=ego("Cars", "a")))
 
 
 def test_deep_nesting_is_refused(scenario, catalog):
-    chain = "".join(truck(f"v{i}", f"v{i + 1}") for i in range(MAX_NESTING + 300)) + truck(f"v{MAX_NESTING + 300}", "none")
+    chain = "".join(truck(f"v{i}", f"v{i + 1}") for i in range(MAX_NESTING + 300)) + truck(
+        f"v{MAX_NESTING + 300}", "none"
+    )
     catalog("vehicle/cars.xosc", chain, name="Cars")
     with pytest.raises(InvalidFile, match=f"deeper than {MAX_NESTING} levels"):
         resolved(scenario(locations=LOCATIONS, entities=ego("Cars", "v0")))
@@ -159,7 +180,10 @@ def test_deep_nesting_is_refused(scenario, catalog):
 def test_exponential_growth_is_refused(scenario, catalog, monkeypatch):
     monkeypatch.setattr(import_module("xosc.resolve"), "MAX_INLINED", 1000)
     parts = (f"<Trailer>{2 * reference('Cars', f'v{i + 1}')}</Trailer>" for i in range(30))
-    doubling = "".join(f'<Vehicle name="v{i}">{part}</Vehicle>' for i, part in enumerate(parts)) + '<Vehicle name="v30"/>'
+    doubling = (
+        "".join(f'<Vehicle name="v{i}">{part}</Vehicle>' for i, part in enumerate(parts))
+        + '<Vehicle name="v30"/>'
+    )
     catalog("vehicle/cars.xosc", doubling, name="Cars")
     with pytest.raises(InvalidFile, match="more than 1000 elements"):
         resolved(scenario(locations=LOCATIONS, entities=ego("Cars", "v0")))
@@ -169,8 +193,12 @@ def test_a_missing_directory_matters_only_when_it_is_needed(scenario, catalog):
     catalog("vehicle/cars.xosc", CAR, name="Cars")
     path = scenario(locations=LOCATIONS, entities=ego())
     assert resolved(path)
-    path = scenario(locations=LOCATIONS, storyboard=f"<RouteRef>{reference('Routes', 'r')}</RouteRef>")
-    with pytest.raises(InvalidFile, match=r"no catalogue 'Routes'; the directory \S+route .* does not exist"):
+    path = scenario(
+        locations=LOCATIONS, storyboard=f"<RouteRef>{reference('Routes', 'r')}</RouteRef>"
+    )
+    with pytest.raises(
+        InvalidFile, match=r"no catalogue 'Routes'; the directory \S+route .* does not exist"
+    ):
         resolved(path)
 
 
@@ -212,39 +240,68 @@ def test_one_name_may_be_spread_over_files_but_an_entry_must_be_unique(scenario,
     path = scenario(locations=LOCATIONS, entities=ego() + ego("Cars", "van"))
     assert len(list(resolved(path).iter("Vehicle"))) == 2
     catalog("vehicle/c.xosc", CAR, name="Cars")
-    with pytest.raises(InvalidFile, match=r"more than one entry is meant: .*a\.xosc:5\) and .*c\.xosc:5"):
+    with pytest.raises(
+        InvalidFile, match=r"more than one entry is meant: .*a\.xosc:5\) and .*c\.xosc:5"
+    ):
         resolved(path)
 
 
 def test_unknown_names_are_answered_with_the_nearest(scenario, catalog):
     catalog("vehicle/cars.xosc", CAR, name="Cars")
     catalog("vehicle/broken.xosc", "").write_text("<broken")
-    with pytest.raises(InvalidFile, match=r"no catalogue 'Carts', did you mean 'Cars'\?;.* not readable: \S+broken\.xosc:1"):
+    with pytest.raises(
+        InvalidFile,
+        match=r"no catalogue 'Carts', did you mean 'Cars'\?;.* not readable: \S+broken\.xosc:1",
+    ):
         resolved(scenario(locations=LOCATIONS, entities=ego("Carts")))
-    with pytest.raises(InvalidFile, match=r"'Cars' has no Vehicle or Pedestrian or MiscObject 'cat', did you mean 'car'"):
+    with pytest.raises(
+        InvalidFile,
+        match=r"'Cars' has no Vehicle or Pedestrian or MiscObject 'cat', did you mean 'car'",
+    ):
         resolved(scenario(locations=LOCATIONS, entities=ego("Cars", "cat")))
 
 
 def test_an_entry_of_another_kind_is_not_the_entry(scenario, catalog):
     catalog("vehicle/cars.xosc", CAR, name="Cars")
     path = scenario(
-        locations=LOCATIONS.replace("controller", "vehicle"), storyboard=f"<ObjectController>{reference()}</ObjectController>"
+        locations=LOCATIONS.replace("controller", "vehicle"),
+        storyboard=f"<ObjectController>{reference()}</ObjectController>",
     )
     document = xosc.resolve(xosc.load(path))
-    assert [node.tag for node in document.node.need("Storyboard", "ObjectController").children()] == ["Controller"]
-    assert any("has no Controller 'car', there are none" in remark.message for remark in document.remarks)
+    assert [
+        node.tag for node in document.node.need("Storyboard", "ObjectController").children()
+    ] == ["Controller"]
+    assert any(
+        "has no Controller 'car', there are none" in remark.message for remark in document.remarks
+    )
 
 
 @pytest.mark.parametrize(
     ("locations", "body", "message"),
     [
-        ("", ego(), "CatalogLocations has no VehicleCatalog or PedestrianCatalog or MiscObjectCatalog"),
-        (LOCATIONS, f"<Entities>{reference()}</Entities>", "no catalogue entry can stand in Entities"),
+        (
+            "",
+            ego(),
+            "CatalogLocations has no VehicleCatalog or PedestrianCatalog or MiscObjectCatalog",
+        ),
+        (
+            LOCATIONS,
+            f"<Entities>{reference()}</Entities>",
+            "no catalogue entry can stand in Entities",
+        ),
         (LOCATIONS, ego().replace("</C", f"{reference()}</C"), "can stand in CatalogReference"),
-        (LOCATIONS, '<ScenarioObject><CatalogReference entryName="car"/></ScenarioObject>', "'catalogName' is missing"),
+        (
+            LOCATIONS,
+            '<ScenarioObject><CatalogReference entryName="car"/></ScenarioObject>',
+            "'catalogName' is missing",
+        ),
         ("<VehicleCatalog/>", ego(), "Directory is missing"),
         ("<VehicleCatalog><Directory/></VehicleCatalog>", ego(), "'path' is missing"),
-        (f'<VehicleCatalog><Directory path="{"x" * 5000}"/></VehicleCatalog>', ego(), "can't be read"),
+        (
+            f'<VehicleCatalog><Directory path="{"x" * 5000}"/></VehicleCatalog>',
+            ego(),
+            "can't be read",
+        ),
     ],
 )
 def test_malformed_references_are_refused(scenario, catalog, locations, body, message):

@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from schemas.common.errors import InvalidFile, Unsupported, UsageError
-from schemas.registry import OPENSCENARIO, schema_for
 from schemas.validate import violations
+from schemas.versions.registry import OPENSCENARIO, schema_for
 from xosc.distributions import (
     Deterministic,
     DeterministicMultiParameterDistribution,
@@ -43,12 +43,14 @@ from xosc.distributions import (
 )
 from xosc.distributions import values as shared
 from xosc.document import load
-from xosc.files import FileHeader
-from xosc.node import Node
-from xosc.parameters import Assignment, ParameterScope
+from xosc.document.node import Node
+from xosc.resolve.parameters import Assignment, ParameterScope
+from xosc.writing.files import FileHeader
 
 FILE_HEADER = FileHeader("a test", "a tester", datetime(2024, 1, 31))
-HEADER = '<FileHeader revMajor="1" revMinor="3" date="2024-01-01T00:00:00" description="" author=""/>'
+HEADER = (
+    '<FileHeader revMajor="1" revMinor="3" date="2024-01-01T00:00:00" description="" author=""/>'
+)
 SCENARIO = f"""<OpenSCENARIO>{HEADER}
 <ParameterDeclarations>
   <ParameterDeclaration name="Speed" parameterType="double" value="10">
@@ -63,9 +65,7 @@ SCENARIO = f"""<OpenSCENARIO>{HEADER}
 
 
 def single(name: str, content: str) -> str:
-    return (
-        f'<DeterministicSingleParameterDistribution parameterName="{name}">{content}</DeterministicSingleParameterDistribution>'
-    )
+    return f'<DeterministicSingleParameterDistribution parameterName="{name}">{content}</DeterministicSingleParameterDistribution>'
 
 
 def values(*texts: str) -> str:
@@ -106,8 +106,15 @@ def parameters(path: Path, enforce_constraints: bool = False) -> list[dict[str, 
 
 
 def test_the_last_listed_distribution_varies_fastest(written) -> None:
-    path = written(f"<Deterministic>{single('Lane', values('1', '2'))}{single('Model', values('car', 'van'))}</Deterministic>")
-    assert [tuple(each.values()) for each in parameters(path)] == [("1", "car"), ("1", "van"), ("2", "car"), ("2", "van")]
+    path = written(
+        f"<Deterministic>{single('Lane', values('1', '2'))}{single('Model', values('car', 'van'))}</Deterministic>"
+    )
+    assert [tuple(each.values()) for each in parameters(path)] == [
+        ("1", "car"),
+        ("1", "van"),
+        ("2", "car"),
+        ("2", "van"),
+    ]
 
 
 def test_value_sets_belong_together_and_may_differ_in_what_they_assign(written) -> None:
@@ -141,10 +148,14 @@ def test_value_sets_belong_together_and_may_differ_in_what_they_assign(written) 
         ("1e20", "2e20", "1e20", ["1E+20", "2E+20"]),
     ],
 )
-def test_ranges_reach_their_upper_limit_in_clean_decimals(written, lower, upper, step, expected) -> None:
+def test_ranges_reach_their_upper_limit_in_clean_decimals(
+    written, lower, upper, step, expected
+) -> None:
     found = [
         each["Speed"]
-        for each in parameters(written(f"<Deterministic>{single('Speed', steps(lower, upper, step))}</Deterministic>"))
+        for each in parameters(
+            written(f"<Deterministic>{single('Speed', steps(lower, upper, step))}</Deterministic>")
+        )
     ]
     assert found == expected if expected else len(found) == 4
 
@@ -181,9 +192,18 @@ def test_scenario_paths_are_relative_to_the_distribution(written, tmp_path: Path
 
 
 def test_combinations_outside_the_constraints_are_left_out_and_counted(written) -> None:
-    path = written(f"<Deterministic>{single('Limit', values('1', '2'))}{single('Speed', steps('1', '4', '1'))}</Deterministic>")
+    path = written(
+        f"<Deterministic>{single('Limit', values('1', '2'))}{single('Speed', steps('1', '4', '1'))}</Deterministic>"
+    )
     found = variations(path)
-    assert [tuple(each.values()) for _, each in found] == [("1", "1"), ("1", "2"), ("2", "1"), ("2", "2"), ("2", "3"), ("2", "4")]
+    assert [tuple(each.values()) for _, each in found] == [
+        ("1", "1"),
+        ("1", "2"),
+        ("2", "1"),
+        ("2", "2"),
+        ("2", "3"),
+        ("2", "4"),
+    ]
     assert found.excluded == 2
     assert len(parameters(path)) == ParameterSpace(path).size == 8
 
@@ -202,9 +222,15 @@ LINKED = """
 def test_constraints_hold_by_groups_as_they_do_together(written) -> None:
     draws = random.Random(0)
     names = ("Speed", "Limit", "Lane", "Alone", "Half")
-    path = written("<Deterministic>" + "".join(single(name, values("1", "2")) for name in names) + "</Deterministic>")
+    path = written(
+        "<Deterministic>"
+        + "".join(single(name, values("1", "2")) for name in names)
+        + "</Deterministic>"
+    )
     scenario = path.parent / "scenario.xosc"
-    scenario.write_text(SCENARIO.replace("</ParameterDeclarations>", LINKED + "</ParameterDeclarations>"))
+    scenario.write_text(
+        SCENARIO.replace("</ParameterDeclarations>", LINKED + "</ParameterDeclarations>")
+    )
     declarations = load(scenario).node.need("ParameterDeclarations").children()
     found, verdicts = ParameterSpace(path), []
     for _ in range(300):
@@ -217,10 +243,16 @@ def test_constraints_hold_by_groups_as_they_do_together(written) -> None:
 
 def test_an_astronomic_space_is_counted_and_reached_into_but_never_enumerated(written) -> None:
     many = steps("0", "1e10", "1e-5")
-    path = written(f"<Deterministic>{single('Speed', many)}{single('Limit', many)}{single('Lane', values('1'))}</Deterministic>")
+    path = written(
+        f"<Deterministic>{single('Speed', many)}{single('Limit', many)}{single('Lane', values('1'))}</Deterministic>"
+    )
     wide = ParameterSpace(path)
     assert wide.size == (10**15 + 1) ** 2
-    assert wide.variation(wide.size - 1)[1] == {"Speed": "10000000000", "Limit": "10000000000", "Lane": "1"}
+    assert wide.variation(wide.size - 1)[1] == {
+        "Speed": "10000000000",
+        "Limit": "10000000000",
+        "Lane": "1",
+    }
     assert [each["Limit"] for _, each in islice(variations(path, False), 2)] == ["0", "0.00001"]
     assert len(list(sample(path, 3, enforce_constraints=False))) == 3
     with pytest.raises(UsageError, match="no variation"):
@@ -247,17 +279,23 @@ def test_names_of_sets_fit_into_file_names_whatever_their_number(written) -> Non
     wide = f"<Deterministic>{single('Speed', steps('0', '1e308', '1'))}</Deterministic>"
     number = ParameterSpace(written(wide)).size - 1
     assert space.numbered("a", 7) == "a~000007"
-    assert len(space.numbered("a", number)) < 20 and space.numbered("a", number) != space.numbered("a", number - 1)
+    assert len(space.numbered("a", number)) < 20 and space.numbered("a", number) != space.numbered(
+        "a", number - 1
+    )
 
 
 def test_an_error_in_the_scenario_names_the_file_that_refers_to_it(written) -> None:
     path = written(f"<Deterministic>{single('Speed', values('1'))}</Deterministic>")
     (path.parent / "scenario.xosc").write_text("no XML")
-    with pytest.raises(InvalidFile, match=rf"scenario\.xosc:1: not well-formed.*; {path}:\d+ refers to this file"):
+    with pytest.raises(
+        InvalidFile, match=rf"scenario\.xosc:1: not well-formed.*; {path}:\d+ refers to this file"
+    ):
         ParameterSpace(path)
 
 
-def test_an_enumeration_without_end_inside_impossible_constraints_ends(written, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_enumeration_without_end_inside_impossible_constraints_ends(
+    written, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(space, "MAX_EXCLUDED", 100)
     path = written(f"<Deterministic>{single('Speed', steps('99', '1e12', '1'))}</Deterministic>")
     with pytest.raises(InvalidFile, match="100 variations in a row"):
@@ -266,18 +304,32 @@ def test_an_enumeration_without_end_inside_impossible_constraints_ends(written, 
 
 def test_a_value_that_the_parameter_can_not_have_is_refused_where_it_is_listed(written) -> None:
     path = written(f"<Deterministic>{single('Speed', values('9', 'fast'))}</Deterministic>")
-    with pytest.raises(InvalidFile, match=r"variation\.xosc:\d+: .*the value of the parameter Speed: 'fast' is not a number"):
+    with pytest.raises(
+        InvalidFile,
+        match=r"variation\.xosc:\d+: .*the value of the parameter Speed: 'fast' is not a number",
+    ):
         list(variations(path))
 
 
 def test_a_type_that_is_an_expression_counts_as_what_it_says(written, tmp_path: Path) -> None:
-    symbolic = SCENARIO.replace('name="Speed" parameterType="double"', 'name="Speed" parameterType="$Kind"')
+    symbolic = SCENARIO.replace(
+        'name="Speed" parameterType="double"', 'name="Speed" parameterType="$Kind"'
+    )
     kind = '<ParameterDeclaration name="Kind" parameterType="string" value="double"/>'
-    (tmp_path / "symbolic.xosc").write_text(symbolic.replace("<ParameterDeclarations>", f"<ParameterDeclarations>{kind}"))
-    path = written(f"<Deterministic>{single('Speed', values('9', 'fast'))}</Deterministic>", "symbolic.xosc")
-    with pytest.raises(InvalidFile, match=r"variation\.xosc:\d+: .*the value of the parameter Speed: 'fast' is not a number"):
+    (tmp_path / "symbolic.xosc").write_text(
+        symbolic.replace("<ParameterDeclarations>", f"<ParameterDeclarations>{kind}")
+    )
+    path = written(
+        f"<Deterministic>{single('Speed', values('9', 'fast'))}</Deterministic>", "symbolic.xosc"
+    )
+    with pytest.raises(
+        InvalidFile,
+        match=r"variation\.xosc:\d+: .*the value of the parameter Speed: 'fast' is not a number",
+    ):
         parameters(path)
-    uniform = '<UniformDistribution><Range lowerLimit="3.1" upperLimit="3.9"/></UniformDistribution>'
+    uniform = (
+        '<UniformDistribution><Range lowerLimit="3.1" upperLimit="3.9"/></UniformDistribution>'
+    )
     drawn_speeds = parameters(written(stochastic(drawn("Speed", uniform)), "symbolic.xosc"))
     assert all(3.1 <= float(each["Speed"]) <= 3.9 for each in drawn_speeds)
 
@@ -291,7 +343,9 @@ def test_the_name_of_a_scenario_may_be_of_any_length(written) -> None:
 
 def test_test_runs_are_reproducible_and_streams_are_independent(written) -> None:
     speed = drawn("Speed", '<NormalDistribution expectedValue="8" variance="4"/>')
-    lane = drawn("Lane", '<UniformDistribution><Range lowerLimit="1" upperLimit="3"/></UniformDistribution>')
+    lane = drawn(
+        "Lane", '<UniformDistribution><Range lowerLimit="1" upperLimit="3"/></UniformDistribution>'
+    )
     alone = parameters(written(stochastic(speed)))
     both = parameters(written(stochastic(lane + speed)))
     assert len(both) == 5
@@ -316,7 +370,17 @@ def quantiles(distribution, number: int = 20_000) -> list[float]:
         (LogNormalDistribution(2, 0.5), 2, 0.5),
         (UniformDistribution(Range(-1, 5)), 2, 3),
         (PoissonDistribution(4), 4, 4),
-        (Histogram((HistogramBin(Range(0, 2), 1), HistogramBin(Range(2, 3), 0), HistogramBin(Range(4, 6), 3))), 4, 10 / 3),
+        (
+            Histogram(
+                (
+                    HistogramBin(Range(0, 2), 1),
+                    HistogramBin(Range(2, 3), 0),
+                    HistogramBin(Range(4, 6), 3),
+                )
+            ),
+            4,
+            10 / 3,
+        ),
     ],
 )
 def test_moments(distribution, mean: float, variance: float) -> None:
@@ -415,12 +479,17 @@ def plugin(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("definition", EVERYTHING, ids=["Deterministic", "Stochastic"])
 def test_reading_gives_what_was_written(definition, plugin) -> None:
     distribution = ParameterValueDistribution("scenario.xosc", definition)
-    assert ParameterValueDistribution.read(Node(distribution.write(), Path("memory.xosc"))) == distribution
+    assert (
+        ParameterValueDistribution.read(Node(distribution.write(), Path("memory.xosc")))
+        == distribution
+    )
 
 
 @pytest.mark.parametrize("version", [(1, 0), (1, 1), (1, 2), (1, 3)])
 @pytest.mark.parametrize("definition", EVERYTHING, ids=["Deterministic", "Stochastic"])
-def test_files_are_valid_where_the_version_can_say_it(tmp_path: Path, plugin, definition, version: tuple[int, int]) -> None:
+def test_files_are_valid_where_the_version_can_say_it(
+    tmp_path: Path, plugin, definition, version: tuple[int, int]
+) -> None:
     distribution = ParameterValueDistribution("scenario.xosc", definition)
     path = tmp_path / "variation.xosc"
     since = (1, 1) if definition is EVERYTHING[0] else (1, 3)
@@ -432,21 +501,33 @@ def test_files_are_valid_where_the_version_can_say_it(tmp_path: Path, plugin, de
     document = load(path)
     assert document.version == version
     assert not violations(document.root.getroottree(), schema_for(OPENSCENARIO, version))
-    assert ParameterValueDistribution.read(document.node.need("ParameterValueDistribution")) == distribution
+    assert (
+        ParameterValueDistribution.read(document.node.need("ParameterValueDistribution"))
+        == distribution
+    )
 
 
 def test_a_plugin_gives_user_defined_values(written, plugin) -> None:
     content = '<UserDefinedDistribution type="twice">1 2</UserDefinedDistribution>'
-    assert [each["Lane"] for each in parameters(written(f"<Deterministic>{single('Lane', content)}</Deterministic>"))] == list(
-        "1212"
-    )
-    assert {each["Lane"] for each in parameters(written(stochastic(drawn("Lane", content), runs="20")))} == {"1", "2"}
+    assert [
+        each["Lane"]
+        for each in parameters(written(f"<Deterministic>{single('Lane', content)}</Deterministic>"))
+    ] == list("1212")
+    assert {
+        each["Lane"] for each in parameters(written(stochastic(drawn("Lane", content), runs="20")))
+    } == {"1", "2"}
 
 
-@pytest.mark.parametrize(("content", "message"), [("?", "question marks mean nothing"), ("", "lists no value")])
-def test_content_that_a_plugin_cannot_use_is_refused_at_its_line(written, plugin, content: str, message: str) -> None:
+@pytest.mark.parametrize(
+    ("content", "message"), [("?", "question marks mean nothing"), ("", "lists no value")]
+)
+def test_content_that_a_plugin_cannot_use_is_refused_at_its_line(
+    written, plugin, content: str, message: str
+) -> None:
     distribution = f'<UserDefinedDistribution type="twice">{content}</UserDefinedDistribution>'
-    with pytest.raises(InvalidFile, match=rf"variation\.xosc:3: UserDefinedDistribution: .*{message}"):
+    with pytest.raises(
+        InvalidFile, match=rf"variation\.xosc:3: UserDefinedDistribution: .*{message}"
+    ):
         variations(written(f"<Deterministic>{single('Lane', distribution)}</Deterministic>"))
 
 
@@ -465,7 +546,10 @@ RANGE = '<Range lowerLimit="{}" upperLimit="{}"/>'
     ("definition", "message"),
     [
         (single("Sped", values("1")), "declares no parameter 'Sped'; did you mean 'Speed'"),
-        (single("Lane", values("1")) + single("Lane", values("2")), "'Lane' gets its values from more than one"),
+        (
+            single("Lane", values("1")) + single("Lane", values("2")),
+            "'Lane' gets its values from more than one",
+        ),
         (single("Lane", "<DistributionSet/>"), "at least one Element"),
         (single("Lane", steps("1", "2", "0")), "stepWidth=0 must be positive"),
         (single("Lane", steps("1", "2", "-1")), "stepWidth=-1 must be positive"),
@@ -484,7 +568,9 @@ RANGE = '<Range lowerLimit="{}" upperLimit="{}"/>'
         ),
     ],
 )
-def test_malformed_deterministic_distributions_are_refused_with_their_line(written, definition: str, message: str) -> None:
+def test_malformed_deterministic_distributions_are_refused_with_their_line(
+    written, definition: str, message: str
+) -> None:
     with pytest.raises(InvalidFile, match=rf"variation\.xosc:3: .*{message}"):
         variations(written(f"<Deterministic>{definition}</Deterministic>"))
 
@@ -497,28 +583,53 @@ def test_malformed_deterministic_distributions_are_refused_with_their_line(writt
         (NORMAL.format("0", "1", RANGE.format(50, 60)), "holds no probability"),
         (NORMAL.format("0", "0", RANGE.format(1, 2)), "holds no probability"),
         ('<LogNormalDistribution expectedValue="0" variance="1"/>', "must be positive"),
-        ('<LogNormalDistribution expectedValue="1e-200" variance="1e300"/>', "must be a finite number"),
+        (
+            '<LogNormalDistribution expectedValue="1e-200" variance="1e300"/>',
+            "must be a finite number",
+        ),
         (
             f'<LogNormalDistribution expectedValue="1" variance="1">{RANGE.format(-2, -1)}</LogNormalDistribution>',
             "holds no prob",
         ),
         ('<PoissonDistribution expectedValue="-1"/>', "between 0 and 1e9"),
-        (f'<PoissonDistribution expectedValue="1">{RANGE.format(0.2, 0.8)}</PoissonDistribution>', "holds no probability"),
+        (
+            f'<PoissonDistribution expectedValue="1">{RANGE.format(0.2, 0.8)}</PoissonDistribution>',
+            "holds no probability",
+        ),
         ("<UniformDistribution/>", "Range is missing"),
         ("<Histogram/>", "at least one weight"),
-        (f'<Histogram><Bin weight="-1">{RANGE.format(0, 1)}</Bin></Histogram>', "weight=-1 must not be negative"),
-        ('<ProbabilityDistributionSet><Element value="1" weight="0"/></ProbabilityDistributionSet>', "at least one weight"),
-        ('<ProbabilityDistributionSet><Element value="1" weight="INF"/></ProbabilityDistributionSet>', "finite"),
+        (
+            f'<Histogram><Bin weight="-1">{RANGE.format(0, 1)}</Bin></Histogram>',
+            "weight=-1 must not be negative",
+        ),
+        (
+            '<ProbabilityDistributionSet><Element value="1" weight="0"/></ProbabilityDistributionSet>',
+            "at least one weight",
+        ),
+        (
+            '<ProbabilityDistributionSet><Element value="1" weight="INF"/></ProbabilityDistributionSet>',
+            "finite",
+        ),
         ("<Nonsense/>", "Nonsense: not a stochastic distribution"),
     ],
 )
-def test_malformed_stochastic_distributions_are_refused_with_their_line(written, definition: str, message: str) -> None:
+def test_malformed_stochastic_distributions_are_refused_with_their_line(
+    written, definition: str, message: str
+) -> None:
     with pytest.raises(InvalidFile, match=rf"variation\.xosc:3: .*{message}"):
         variations(written(stochastic(drawn("Speed", definition))))
 
 
 @pytest.mark.parametrize(
-    ("runs", "seed"), [("0", ""), ("-1", ""), ("1.5", ""), ("INF", ""), ("1", 'randomSeed="NaN"'), ("1", 'randomSeed="INF"')]
+    ("runs", "seed"),
+    [
+        ("0", ""),
+        ("-1", ""),
+        ("1.5", ""),
+        ("INF", ""),
+        ("1", 'randomSeed="NaN"'),
+        ("1", 'randomSeed="INF"'),
+    ],
 )
 def test_malformed_numbers_of_runs_and_seeds_are_refused(written, runs: str, seed: str) -> None:
     with pytest.raises(InvalidFile, match="Stochastic"):
@@ -541,18 +652,29 @@ def test_the_scenario_must_exist_and_be_one(written) -> None:
 
 @pytest.mark.parametrize("name", ["absent.xosc", "x" * 300, "a\u0085b"])
 def test_a_scenario_that_is_not_there_is_named(written, name: str) -> None:
-    with pytest.raises(InvalidFile, match=r"variation\.xosc:2: ScenarioFile: the scenario .* does not exist"):
+    with pytest.raises(
+        InvalidFile, match=r"variation\.xosc:2: ScenarioFile: the scenario .* does not exist"
+    ):
         variations(written("<Deterministic/>", name))
 
 
 def test_a_value_of_the_wrong_type_is_an_error_and_no_violation(written) -> None:
     with pytest.raises(InvalidFile, match=r"variation\.xosc:3: .*'fast' is not a number"):
-        next(variations(written(f"<Deterministic>{single('Speed', values('fast'))}</Deterministic>")))
+        next(
+            variations(written(f"<Deterministic>{single('Speed', values('fast'))}</Deterministic>"))
+        )
     with pytest.raises(InvalidFile, match=r"variation\.xosc:3: .*'left' is not"):
-        next(variations(written(f"<Deterministic>{single('Lane', values('left'))}</Deterministic>"), enforce_constraints=False))
+        next(
+            variations(
+                written(f"<Deterministic>{single('Lane', values('left'))}</Deterministic>"),
+                enforce_constraints=False,
+            )
+        )
 
 
-def test_public_variation_files_have_the_sizes_of_the_reference_runs(corpora: Path, reference: Path) -> None:
+def test_public_variation_files_have_the_sizes_of_the_reference_runs(
+    corpora: Path, reference: Path
+) -> None:
     last: dict[str, int] = {}
     for table in ("alks_variation", "ncap_2023_variation"):
         with open(reference / f"{table}.runs.csv") as file:

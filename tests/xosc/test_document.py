@@ -8,7 +8,7 @@ import pytest
 
 import xosc
 from schemas.common.errors import InvalidFile, Unsupported, UsageError
-from xosc.node import LINE, SOURCE
+from xosc.document.node import LINE, SOURCE
 
 DISTRIBUTION = """<OpenSCENARIO><FileHeader revMajor="1" revMinor="2" date="2024-05-31T12:00:00" description="" author=""/>
 <ParameterValueDistribution><ScenarioFile filepath="a.xosc"/><Deterministic/></ParameterValueDistribution></OpenSCENARIO>"""
@@ -31,7 +31,9 @@ def test_kinds_are_told_apart(catalog, tmp_path):
 @pytest.mark.parametrize(("major", "minor"), [(0, 9), (2, 0)])
 def test_other_versions_are_refused_by_name(tmp_path, major, minor):
     path = tmp_path / "old.xosc"
-    path.write_text(f'<OpenSCENARIO><FileHeader revMajor="{major}" revMinor="{minor}"/></OpenSCENARIO>')
+    path.write_text(
+        f'<OpenSCENARIO><FileHeader revMajor="{major}" revMinor="{minor}"/></OpenSCENARIO>'
+    )
     with pytest.raises(Unsupported, match=rf"OpenSCENARIO {major}\.{minor}"):
         xosc.load(path)
 
@@ -82,7 +84,9 @@ def test_documents_are_cached_until_the_file_changes(scenario):
 
 
 def test_a_file_cannot_pretend_to_come_from_a_catalogue(scenario):
-    path = scenario(entities=f'<x xmlns:t="{SOURCE[1:].split("}")[0]}" t:source="/etc/passwd" t:line="many"/>')
+    path = scenario(
+        entities=f'<x xmlns:t="{SOURCE[1:].split("}")[0]}" t:source="/etc/passwd" t:line="many"/>'
+    )
     node = xosc.load(path).node.need("Entities", "x")
     assert (node.path, node.line, node.element.get(LINE)) == (path, 8, None)
 
@@ -99,7 +103,9 @@ def test_writing_gives_the_same_bytes_without_our_attributes(scenario, catalog, 
     xosc.write(xosc.load(first), second)
     assert first.read_bytes() == second.read_bytes()
     assert "urn:xosc-toolchain" not in first.read_text("utf-8")
-    assert '    <ScenarioObject name="Ägo">\n      <Vehicle name="car"/>' in first.read_text("utf-8")
+    assert '    <ScenarioObject name="Ägo">\n      <Vehicle name="car"/>' in first.read_text(
+        "utf-8"
+    )
 
 
 def test_an_unwritable_file_is_a_usage_error(scenario, tmp_path):

@@ -9,9 +9,9 @@ import pytest
 
 import xodr
 import xosc
-from xosc import tags
 from xosc.listing import LIBRARY, Listed, listing
-from xosc.tags import ASAM
+from xosc.writing import tags
+from xosc.writing.tags import ASAM
 
 FOUND = listing([str(LIBRARY)])
 ROADS = sorted((Path(xodr.__file__).parent / "library").glob("*.xodr"))
@@ -27,7 +27,12 @@ def name(each: Listed) -> str:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_file_is_tagged_with_what_made_it(path: Path) -> None:
     found = {tag.type for tag in tags.tags_of(path)}
-    assert {"MadeBy", "Entries", "Catalogue"} <= found or {"MadeBy", "Situation", "RoadGeometry", "scenarioName"} <= found
+    assert {"MadeBy", "Entries", "Catalogue"} <= found or {
+        "MadeBy",
+        "Situation",
+        "RoadGeometry",
+        "scenarioName",
+    } <= found
 
 
 @pytest.mark.parametrize("road", ROADS, ids=lambda path: path.stem)
@@ -38,16 +43,25 @@ def test_every_road_has_tags_beside_it(road: Path) -> None:
 
 
 @pytest.mark.parametrize("scenario", FOUND.scenarios, ids=name)
-def test_every_scenario_has_variations_beside_it_and_is_tagged_like_its_road(scenario: Listed) -> None:
-    assert scenario.path.with_name(f"{scenario.name}_variation.xosc") in [each.path for each in scenario.variations]
+def test_every_scenario_has_variations_beside_it_and_is_tagged_like_its_road(
+    scenario: Listed,
+) -> None:
+    assert scenario.path.with_name(f"{scenario.name}_variation.xosc") in [
+        each.path for each in scenario.variations
+    ]
     assert scenario.tags["scenarioName"] == scenario.name
-    road = {tag.type: tag.value or True for tag in tags.read(ROADS[0].with_name(f"{scenario.road}.openlabel.json"))}
+    road = {
+        tag.type: tag.value or True
+        for tag in tags.read(ROADS[0].with_name(f"{scenario.road}.openlabel.json"))
+    }
     assert road.items() <= dict(scenario.tags).items()
 
 
 @pytest.mark.parametrize("scenario", FOUND.scenarios, ids=name)
 def test_parameters_say_whose_they_are_and_in_which_unit_and_have_limits(scenario: Listed) -> None:
-    entities = {each.get("name") for each in xosc.load(scenario.path).root.iter("ScenarioObject")} | {"Environment"}
+    entities = {
+        each.get("name") for each in xosc.load(scenario.path).root.iter("ScenarioObject")
+    } | {"Environment"}
     assert scenario.parameters
     for each in scenario.parameters:
         assert (NUMBER if each.type == "double" else CHOICE).fullmatch(each.name), each.name
@@ -56,9 +70,20 @@ def test_parameters_say_whose_they_are_and_in_which_unit_and_have_limits(scenari
 
 
 def test_every_catalogue_is_referred_to() -> None:
-    references = {each.get("catalogName") for path in FILES for each in xosc.load(path).root.iter("CatalogReference")}
+    references = {
+        each.get("catalogName")
+        for path in FILES
+        for each in xosc.load(path).root.iter("CatalogReference")
+    }
     assert references == {each.name for each in FOUND.catalogues}
-    assert {each.kind for each in FOUND.catalogues} == {"Controller", "Environment", "Maneuver", "Pedestrian", "Route", "Vehicle"}
+    assert {each.kind for each in FOUND.catalogues} == {
+        "Controller",
+        "Environment",
+        "Maneuver",
+        "Pedestrian",
+        "Route",
+        "Vehicle",
+    }
 
 
 def test_every_road_is_used() -> None:

@@ -12,7 +12,7 @@ from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.xosc.conftest import Writer
 from xosc.listing import LIBRARY, ListedParameter, listing, to_csv, to_json
-from xosc.tags import Tag, properties
+from xosc.writing.tags import Tag, properties
 
 PARAMETERS = """
 <ParameterDeclaration name="Ego_Speed_mps" parameterType="double" value="20">
@@ -39,8 +39,12 @@ VARIATION = """<OpenSCENARIO>
 
 
 def tagged(path: Path, *tags: Tag) -> Path:
-    held = "".join(f'<Property name="{name}" value="{value}"/>' for name, value in properties(tags).items())
-    text = path.read_text().replace('author="test"/>', f'author="test"><Properties>{held}</Properties></FileHeader>', 1)
+    held = "".join(
+        f'<Property name="{name}" value="{value}"/>' for name, value in properties(tags).items()
+    )
+    text = path.read_text().replace(
+        'author="test"/>', f'author="test"><Properties>{held}</Properties></FileHeader>', 1
+    )
     path.write_text(text)
     return path
 
@@ -49,7 +53,9 @@ def tagged(path: Path, *tags: Tag) -> Path:
 def folder(scenario: Writer, catalog: Writer, tmp_path: Path) -> Path:
     """A tagged scenario with variations in a folder of their own, one without anything, and a catalogue."""
     road = '<LogicFile filepath="../roads/straight.xodr"/>'
-    tagged(scenario(parameters=PARAMETERS, road=road), Tag("Class", "cut in"), Tag("HumanPedestrian"))
+    tagged(
+        scenario(parameters=PARAMETERS, road=road), Tag("Class", "cut in"), Tag("HumanPedestrian")
+    )
     tagged(scenario("other.xosc"), Tag("Class", "cut out"))
     catalog("catalogs/cars.xosc", '<Vehicle name="car"/><Vehicle name="van"/>', name="cars")
     (tmp_path / "variations").mkdir()
@@ -59,7 +65,12 @@ def folder(scenario: Writer, catalog: Writer, tmp_path: Path) -> Path:
 
 def test_a_scenario_is_listed_with_all_that_files_say_about_it(folder: Path) -> None:
     other, found = listing([str(folder)]).scenarios
-    assert (found.name, found.label, found.description, found.road) == ("scenario", "cut in", "test", "straight")
+    assert (found.name, found.label, found.description, found.road) == (
+        "scenario",
+        "cut in",
+        "test",
+        "straight",
+    )
     assert [(each.name, each.value, each.allowed) for each in found.parameters] == [
         ("Ego_Speed_mps", "20", "[5, 40]"),
         ("Model", "car", "car | van"),
@@ -70,8 +81,12 @@ def test_a_scenario_is_listed_with_all_that_files_say_about_it(folder: Path) -> 
 
 
 def test_a_road_that_a_parameter_names_is_told_by_its_default(scenario: Writer) -> None:
-    declared = '<ParameterDeclaration name="Road" parameterType="string" value="./roads/curve.xodr"/>'
-    (found,) = listing([str(scenario(parameters=declared, road='<LogicFile filepath="$Road"/>'))]).scenarios
+    declared = (
+        '<ParameterDeclaration name="Road" parameterType="string" value="./roads/curve.xodr"/>'
+    )
+    (found,) = listing(
+        [str(scenario(parameters=declared, road='<LogicFile filepath="$Road"/>'))]
+    ).scenarios
     assert found.road == "curve"
     path = scenario("unknown.xosc", road='<LogicFile filepath="$Nothing"/>')
     with pytest.raises(InvalidFile, match=r"unknown\.xosc:\d+: LogicFile: filepath: .*Nothing"):
@@ -95,7 +110,9 @@ def test_scenarios_are_chosen_by_class_and_tags(folder: Path) -> None:
     assert found.chosen("cut out", [Tag("HumanPedestrian")]) == []
     with pytest.raises(UsageError, match="no scenario has Class 'cut'; there are: cut in, cut out"):
         found.chosen("cut", [])
-    with pytest.raises(UsageError, match="no scenario has a tag 'Human'; there are: Class, HumanPedestrian"):
+    with pytest.raises(
+        UsageError, match="no scenario has a tag 'Human'; there are: Class, HumanPedestrian"
+    ):
         found.chosen(None, [Tag("Human")])
 
 
@@ -114,14 +131,21 @@ def test_json_and_csv_hold_the_same(folder: Path) -> None:
     found = listing([str(folder)])
     told = json.loads(to_json(found))
     rows = list(csv.DictReader(to_csv(found).splitlines()))
-    assert [each["name"] for each in told["scenarios"]] == [row["name"] for row in rows] == ["other", "scenario"]
+    assert (
+        [each["name"] for each in told["scenarios"]]
+        == [row["name"] for row in rows]
+        == ["other", "scenario"]
+    )
     second = told["scenarios"][1]
     assert second["tags"] == {"Class": "cut in", "HumanPedestrian": True}
     assert second["parameters"][0]["limits"] == [
         [{"rule": "greaterOrEqual", "value": "5"}, {"rule": "lessOrEqual", "value": "40"}]
     ]
     assert second["variations"][0]["parameter_sets"] == 2
-    assert rows[1]["parameters"] == "Ego_Speed_mps = 20 in [5, 40]; Model = car in car | van; Gap_m = ${$Ego_Speed_mps / 2}"
+    assert (
+        rows[1]["parameters"]
+        == "Ego_Speed_mps = 20 in [5, 40]; Model = car in car | van; Gap_m = ${$Ego_Speed_mps / 2}"
+    )
     assert told["catalogues"][0]["entries"] == ["car", "van"]
 
 
@@ -145,10 +169,16 @@ def test_the_command_lists_the_shipped_library_by_default(command: Command, tmp_
     [
         (["missing.xosc"], 3, "xosc-list: missing.xosc: no such file\n"),
         (["--tag", "Ego=Bob"], 2, "xosc-list: no scenario has Ego 'Bob'; there are: Ego\n"),
-        (["--output", "/nowhere/list"], 2, "xosc-list: /nowhere/list: the list can't be written: No such file or directory\n"),
+        (
+            ["--output", "/nowhere/list"],
+            2,
+            "xosc-list: /nowhere/list: the list can't be written: No such file or directory\n",
+        ),
     ],
 )
-def test_errors_are_one_line(command: Command, arguments: list[str], code: int, message: str) -> None:
+def test_errors_are_one_line(
+    command: Command, arguments: list[str], code: int, message: str
+) -> None:
     done = command("xosc-list", *arguments)
     assert (done.code, done.out, done.err) == (code, "", message)
 
@@ -161,7 +191,9 @@ def test_a_bad_file_is_named_and_the_others_are_listed(command: Command, folder:
     for arguments in ([], ["--format", "json"], ["--format", "csv"]):
         answer = command("xosc-list", folder, *arguments)
         assert answer.code == 3 and "scenario" in answer.out
-        assert [any(line.startswith(name) for line in answer.err.splitlines()) for name in named] == [True, True]
+        assert [
+            any(line.startswith(name) for line in answer.err.splitlines()) for name in named
+        ] == [True, True]
         assert len(answer.err.splitlines()) == 2
 
 

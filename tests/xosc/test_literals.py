@@ -11,20 +11,23 @@ from typing import NamedTuple
 
 import pytest
 
-from schemas.registry import available_schemas
+from schemas.versions.registry import available_schemas
 
 ROOT = Path(__file__).parents[2]
 READERS = sorted(
-    path for folder in ("runner", "xosc") for path in (ROOT / folder).rglob("*.py") if "xosc.node import" in path.read_text()
+    path
+    for folder in ("runner", "xosc")
+    for path in (ROOT / folder).rglob("*.py")
+    if "xosc.document.node import" in path.read_text()
 )
 FAMILIES = ("action", "condition", "position")
 ATTRIBUTE = {"has", "get", "float", "finite", "int", "bool", "choice", "file"}
 ELEMENT = {"children", "find", "need", "iter"}
 OTHERS = {
-    "runner/interpreter/drivers.py": {"ParkingBrake"},
-    "runner/participants/scenario_objects.py": {"module"},
+    "runner/systems/drivers.py": {"ParkingBrake"},
+    "runner/engine/participants/scenario_objects.py": {"module"},
     "xosc/listing/__init__.py": {"duplicates"},
-    "xosc/repairs/attributes.py": {"maxOccurs", "minOccurs", "ref", "use"},
+    "xosc/document/repairs/attributes.py": {"maxOccurs", "minOccurs", "ref", "use"},
 }
 """Names that files read of mappings and XSDs: pedals, properties of CARLA's controllers, columns of an index, attributes"""
 
@@ -44,8 +47,12 @@ def standard() -> Standard:
         types = {each.get("name"): each for each in tree.iter("{*}complexType") if each.get("name")}
         for element in tree.iter("{*}element"):
             body = types.get(element.get("type") or "", element)
-            found.attributes[element.get("name") or ""] |= {each.get("name") or "" for each in body.iter("{*}attribute")}
-            found.children[element.get("name") or ""] |= {each.get("name") or "" for each in body.iter("{*}element")}
+            found.attributes[element.get("name") or ""] |= {
+                each.get("name") or "" for each in body.iter("{*}attribute")
+            }
+            found.children[element.get("name") or ""] |= {
+                each.get("name") or "" for each in body.iter("{*}element")
+            }
     return found
 
 
@@ -54,8 +61,14 @@ def calls(tree: ast.AST) -> Iterator[tuple[ast.Call, str, list[str]]]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             method = node.func.attr
-            arguments = node.args[:1] if method in ATTRIBUTE else node.args if method in ELEMENT else []
-            names = [each.value for each in arguments if isinstance(each, ast.Constant) and isinstance(each.value, str)]
+            arguments = (
+                node.args[:1] if method in ATTRIBUTE else node.args if method in ELEMENT else []
+            )
+            names = [
+                each.value
+                for each in arguments
+                if isinstance(each, ast.Constant) and isinstance(each.value, str)
+            ]
             if names and "{" not in names[0]:  # else a path in the tree of an XSD or a road
                 yield node, method, names
 
@@ -65,10 +78,15 @@ def executed(tree: ast.AST) -> Iterator[tuple[list[str], ast.FunctionDef]]:
     for node in ast.walk(tree):
         if isinstance(node, ast.ClassDef):
             entries = [
-                each for each in node.decorator_list if isinstance(each, ast.Call) and getattr(each.func, "id", "") in FAMILIES
+                each
+                for each in node.decorator_list
+                if isinstance(each, ast.Call) and getattr(each.func, "id", "") in FAMILIES
             ]
             elements = [
-                str(name.value).split("/")[-1] for entry in entries for name in entry.args if isinstance(name, ast.Constant)
+                str(name.value).split("/")[-1]
+                for entry in entries
+                for name in entry.args
+                if isinstance(name, ast.Constant)
             ]
             for method in node.body:
                 if elements and isinstance(method, ast.FunctionDef) and method.name == "from_xml":
@@ -99,7 +117,9 @@ def test_what_executes_an_element_reads_what_the_element_has():
                     read += 1
                     known = standard().attributes if method in ATTRIBUTE else standard().children
                     if not any(_leads(element, names, known) for element in elements):
-                        wrong.append(f"{path}:{call.lineno}: {' or '.join(elements)} .{method}{tuple(names)}")
+                        wrong.append(
+                            f"{path}:{call.lineno}: {' or '.join(elements)} .{method}{tuple(names)}"
+                        )
     assert wrong == []
     assert read > 60
 

@@ -14,9 +14,9 @@ from scenariogeneration import xosc as sg
 
 import xosc
 from schemas.common.errors import InvalidFile, Unsupported, UsageError
-from schemas.registry import OPENSCENARIO, schema_for
 from schemas.validate import violations
-from xosc import maneuvers as m
+from schemas.versions.registry import OPENSCENARIO, schema_for
+from xosc.writing import maneuvers as m
 
 VERSIONS = [(1, 0), (1, 1), (1, 2), (1, 3)]
 HEADER = m.FileHeader("a test", "a tester", datetime(2024, 1, 31, 12))
@@ -31,7 +31,10 @@ def is_valid(document: xosc.Document) -> bool:
 def driven(events: list[Any], version: tuple[int, int] = (1, 3), **parts: Any) -> xosc.Document:
     car = m.vehicle("sedan", 4.8, 1.9, 1.5)
     init = [m.teleport(m.lane_position("1", -1, 50)), m.speed(20)]
-    entities = {"Ego": car, "Target": m.vehicle("lorry", 12, 2.5, 3.8, category="truck", wheelbase=6, mass=9000)}
+    entities = {
+        "Ego": car,
+        "Target": m.vehicle("lorry", 12, 2.5, 3.8, category="truck", wheelbase=6, mass=9000),
+    }
     if version == (1, 0):
         entities.pop("Target")
     return m.scenario(
@@ -53,10 +56,16 @@ ACTIONS = {
     "lane_change": m.lane_change(-2, RAMP, offset=0.2),
     "relative lane_change": m.lane_change(1, RAMP, relative_to="Ego"),
     "teleport": m.teleport(m.world_position(1, 2, 3, 0.5)),
-    "follow_trajectory": m.follow_trajectory(m.trajectory("t", [0, 1], [0, 10], [0, 0], [0, 0], [0, 0.1])),
-    "follow_trajectory of a catalogue": m.follow_trajectory(m.reference("paths", "t"), domain="absolute"),
+    "follow_trajectory": m.follow_trajectory(
+        m.trajectory("t", [0, 1], [0, 10], [0, 0], [0, 0], [0, 0.1])
+    ),
+    "follow_trajectory of a catalogue": m.follow_trajectory(
+        m.reference("paths", "t"), domain="absolute"
+    ),
     "relative teleport": m.teleport(m.relative_lane_position("Ego", 1, -20)),
-    "assign_route": m.assign_route(m.route("r", [m.world_position(0, 0), m.lane_position("1", -1, 9)])),
+    "assign_route": m.assign_route(
+        m.route("r", [m.world_position(0, 0), m.lane_position("1", -1, 9)])
+    ),
     "add_entity": m.add_entity("Ego", m.world_position(0, 0)),
     "delete_entity": m.delete_entity("Ego"),
 }
@@ -64,7 +73,9 @@ ACTIONS = {
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("action", ACTIONS.values(), ids=ACTIONS)
-def test_every_action_is_valid_where_the_version_has_it(action: Any, version: tuple[int, int]) -> None:
+def test_every_action_is_valid_where_the_version_has_it(
+    action: Any, version: tuple[int, int]
+) -> None:
     events = [m.event("e", [action], m.simulation_time(1))]
     if isinstance(action, sg.SpeedProfileAction) and version < (1, 2):
         with pytest.raises(Unsupported, match="SpeedProfileAction"):
@@ -105,17 +116,25 @@ TRIGGERS = {
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("trigger", TRIGGERS.values(), ids=TRIGGERS)
 def test_every_trigger_is_valid_in_every_version(trigger: Any, version: tuple[int, int]) -> None:
-    assert is_valid(driven([m.event("e", [m.speed(1)], trigger)], version, stop=m.simulation_time(60)))
+    assert is_valid(
+        driven([m.event("e", [m.speed(1)], trigger)], version, stop=m.simulation_time(60))
+    )
 
 
 def test_conditions_of_a_group_hold_together_and_one_group_is_enough() -> None:
     first, second, third = (replace(m.simulation_time(time), delay="$Delay") for time in (1, 2, 3))
 
     def groups(start: Any) -> list[int]:
-        trigger = driven([m.event("e", [m.speed(1)], start)]).node.need("Storyboard", "Story", "Act", "ManeuverGroup")
+        trigger = driven([m.event("e", [m.speed(1)], start)]).node.need(
+            "Storyboard", "Story", "Act", "ManeuverGroup"
+        )
         return [len(group.children()) for group in next(trigger.iter("StartTrigger")).children()]
 
-    assert (groups(first), groups([first, second]), groups([[first], [second, third]])) == ([1], [2], [1, 2])
+    assert (groups(first), groups([first, second]), groups([[first], [second, third]])) == (
+        [1],
+        [2],
+        [1, 2],
+    )
 
 
 def test_a_manoeuvre_of_a_catalogue_takes_its_parameters_from_the_scenario() -> None:
@@ -130,16 +149,27 @@ def test_a_manoeuvre_of_a_catalogue_takes_its_parameters_from_the_scenario() -> 
     )
     assert is_valid(document)
     group = document.node.need("Storyboard", "Story", "Act", "ManeuverGroup")
-    assigned = {each.get("parameterRef"): each.get("value") for each in group.iter("ParameterAssignment")}
+    assigned = {
+        each.get("parameterRef"): each.get("value") for each in group.iter("ParameterAssignment")
+    }
     assert (group.get("name"), assigned) == ("swerve of Ego", {"Width": "$Width", "Times": "2"})
-    assert document.node.need("Entities", "ScenarioObject", "ObjectController").children()[0].get("entryName") == "driver"
+    assert (
+        document.node.need("Entities", "ScenarioObject", "ObjectController")
+        .children()[0]
+        .get("entryName")
+        == "driver"
+    )
 
 
 def test_an_environment_holds_from_the_beginning() -> None:
     drive = m.event("drive", [m.speed(9)], m.simulation_time(1))
-    document = driven([drive], catalogs={"Environment": "weather"}, environment=m.reference("weather", "rain"))
+    document = driven(
+        [drive], catalogs={"Environment": "weather"}, environment=m.reference("weather", "rain")
+    )
     assert is_valid(document)
-    found = document.root.find("Storyboard/Init/Actions/GlobalAction/EnvironmentAction/CatalogReference")
+    found = document.root.find(
+        "Storyboard/Init/Actions/GlobalAction/EnvironmentAction/CatalogReference"
+    )
     assert found is not None and found.get("entryName") == "rain"
 
 
@@ -169,7 +199,10 @@ def test_a_written_scenario_resolves_with_its_parameters(tmp_path: Path) -> None
         tmp_path / "scenario.xosc",
         m.FileHeader("a test", "a tester", datetime(2024, 1, 31), {"tag": "cut-in"}),
         road="road.xodr",
-        entities={"Ego": m.vehicle("car", 4, 2, 1.5), "Other": sg.CatalogReference("vehicles", "van")},
+        entities={
+            "Ego": m.vehicle("car", 4, 2, 1.5),
+            "Other": sg.CatalogReference("vehicles", "van"),
+        },
         init={"Ego": [m.speed("$Speed")]},
         parameters=[
             m.parameter("Speed", "double", 12.5, groups),
@@ -180,7 +213,12 @@ def test_a_written_scenario_resolves_with_its_parameters(tmp_path: Path) -> None
     )
     xosc.write(document, document.path)
     (tmp_path / "catalogs").mkdir()
-    vans = m.catalog(tmp_path / "catalogs" / "vans.xosc", HEADER, "vehicles", [m.vehicle("van", 5.5, 2, 2.5, category="van")])
+    vans = m.catalog(
+        tmp_path / "catalogs" / "vans.xosc",
+        HEADER,
+        "vehicles",
+        [m.vehicle("van", 5.5, 2, 2.5, category="van")],
+    )
     xosc.write(vans, vans.path)
     resolved = xosc.resolve(xosc.load(document.path), {"Speed": 20})
     assert next(resolved.node.iter("AbsoluteTargetSpeed")).float("value") == 20
@@ -194,7 +232,10 @@ def test_a_written_scenario_resolves_with_its_parameters(tmp_path: Path) -> None
 
 def test_the_same_call_gives_the_same_bytes(tmp_path: Path) -> None:
     for name in ("one", "two"):
-        xosc.write(driven([m.event("e", [ACTIONS["follow_trajectory"]], m.simulation_time(1))]), tmp_path / name)
+        xosc.write(
+            driven([m.event("e", [ACTIONS["follow_trajectory"]], m.simulation_time(1))]),
+            tmp_path / name,
+        )
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
 
 
@@ -205,7 +246,11 @@ ENTRIES = {
     "MiscObject": m.obstacle("o", 1, 1, 2),
     "Controller": m.controller("c", {"driver": "human"}),
     "Environment": sg.Environment("e", timeofday=sg.TimeOfDay(True, 2024, 1, 1, 12, 0, 0)),
-    "Maneuver": m.maneuver("m", [m.event("e", [m.speed("$V")], m.simulation_time(1))], [m.parameter("V", "double", 1.0)]),
+    "Maneuver": m.maneuver(
+        "m",
+        [m.event("e", [m.speed("$V")], m.simulation_time(1))],
+        [m.parameter("V", "double", 1.0)],
+    ),
     "Trajectory": m.trajectory("t", [0, 1], [0, 10], [0, 0]),
     "Route": ROUTE,
 }
@@ -213,7 +258,9 @@ ENTRIES = {
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("kind", m.CATALOG_KINDS)
-def test_catalogues_of_all_kinds_are_valid_in_every_version(kind: str, version: tuple[int, int]) -> None:
+def test_catalogues_of_all_kinds_are_valid_in_every_version(
+    kind: str, version: tuple[int, int]
+) -> None:
     def made() -> xosc.Document:
         return m.catalog("catalog.xosc", HEADER, "mine", [ENTRIES[kind]], version)
 
@@ -245,13 +292,31 @@ WRONG = {
     ),
     "a text for a number": (lambda: m.speed("fast"), "neither a number nor"),
     "NaN": (lambda: m.speed(math.nan), "not a finite number"),
-    "a vehicle without size": (lambda: m.vehicle("v", 0, 1, 1), "the length of the vehicle 'v' must be positive"),
-    "no such category": (lambda: m.vehicle("v", 1, 1, 1, category="ufo"), "VehicleCategory has no 'ufo'"),
-    "arrays of different lengths": (lambda: m.trajectory("t", [0, 1], [0], [0, 1]), "arrays of one length"),
+    "a vehicle without size": (
+        lambda: m.vehicle("v", 0, 1, 1),
+        "the length of the vehicle 'v' must be positive",
+    ),
+    "no such category": (
+        lambda: m.vehicle("v", 1, 1, 1, category="ufo"),
+        "VehicleCategory has no 'ufo'",
+    ),
+    "arrays of different lengths": (
+        lambda: m.trajectory("t", [0, 1], [0], [0, 1]),
+        "arrays of one length",
+    ),
     "a trajectory of one point": (lambda: m.trajectory("t", [0], [0], [0]), "two points"),
-    "a trajectory back in time": (lambda: m.trajectory("t", [1, 0], [0, 1], [0, 1]), "must not go back"),
-    "an event that nothing starts": (lambda: m.event("e", [m.speed(1)], []), "a start trigger needs at least one condition"),
-    "a group of no conditions": (lambda: m.event("e", [m.speed(1)], [[]]), "a start trigger needs at least one condition"),
+    "a trajectory back in time": (
+        lambda: m.trajectory("t", [1, 0], [0, 1], [0, 1]),
+        "must not go back",
+    ),
+    "an event that nothing starts": (
+        lambda: m.event("e", [m.speed(1)], []),
+        "a start trigger needs at least one condition",
+    ),
+    "a group of no conditions": (
+        lambda: m.event("e", [m.speed(1)], [[]]),
+        "a start trigger needs at least one condition",
+    ),
     "a route to nowhere": (lambda: m.route("r", [m.world_position(0, 0)]), "two waypoints"),
     "an empty profile": (lambda: m.speed_profile([]), "at least one entry"),
     "an actor that is no entity": (
@@ -259,8 +324,14 @@ WRONG = {
         "'Ego' is not among the entities",
     ),
     "a catalogue of nothing": (lambda: m.catalog("c.xosc", HEADER, "mine", []), "not none"),
-    "a mixed catalogue": (lambda: m.catalog("c.xosc", HEADER, "mine", [ENTRIES["Vehicle"], ROUTE]), "entries of one kind"),
-    "twins in a catalogue": (lambda: m.catalog("c.xosc", HEADER, "mine", [ROUTE, ROUTE]), "same name"),
+    "a mixed catalogue": (
+        lambda: m.catalog("c.xosc", HEADER, "mine", [ENTRIES["Vehicle"], ROUTE]),
+        "entries of one kind",
+    ),
+    "twins in a catalogue": (
+        lambda: m.catalog("c.xosc", HEADER, "mine", [ROUTE, ROUTE]),
+        "same name",
+    ),
     "no such catalogue": (
         lambda: m.scenario("s.xosc", HEADER, road="r", entities={}, init={}, catalogs={"Ufo": "."}),
         "no catalogues of 'Ufo'",
@@ -275,7 +346,9 @@ def test_wrong_use_is_refused_in_words(build: Any, message: str) -> None:
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_catalogues_of_trajectories_are_written_as_their_documents_would_be(version: tuple[int, int]) -> None:
+def test_catalogues_of_trajectories_are_written_as_their_documents_would_be(
+    version: tuple[int, int],
+) -> None:
     odd = 'a "b" <c> & d\'e\n\tü'
     entries = [
         m.trajectory(odd, [0, 0.1, 1e-5 + 1], [-0.0, 1e-7, 1e17], [0, 1 / 3, 2]),
@@ -288,12 +361,21 @@ def test_catalogues_of_trajectories_are_written_as_their_documents_would_be(vers
 
 def same(one: bytes, other: bytes) -> bool:
     """Whether two files are the same but for the blanks between elements."""
-    return canonicalize(one.decode(), strip_text=True) == canonicalize(other.decode(), strip_text=True)
+    return canonicalize(one.decode(), strip_text=True) == canonicalize(
+        other.decode(), strip_text=True
+    )
 
 
-def _following(names: tuple[str, ...], speeds: tuple[m.Number, ...], version: tuple[int, int]) -> xosc.Document:
+def _following(
+    names: tuple[str, ...], speeds: tuple[m.Number, ...], version: tuple[int, int]
+) -> xosc.Document:
     """A scenario in which some follow trajectories of a catalogue."""
-    follow = {name: m.follow_trajectory(m.reference("TrajectoryCatalog", name), "follow", domain="absolute") for name in names}
+    follow = {
+        name: m.follow_trajectory(
+            m.reference("TrajectoryCatalog", name), "follow", domain="absolute"
+        )
+        for name in names
+    }
     return m.scenario(
         "s.xosc",
         HEADER,
@@ -315,7 +397,10 @@ TAGS = ("ScenarioObject", "Private", "ManeuverGroup")
 def test_forms_with_values_are_written_as_their_document_would_be(version: tuple[int, int]) -> None:
     names, speeds = ("Ego", 'a "b" <c> & d\'e\n\tü', "{brace} %s"), (1.5, -1e-7, 1e17)
     form = m.Form(_following(("$name",), ("$speed",), version), TAGS)
-    more = [form.filled({"name": name}, {"speed": speed}) for name, speed in zip(names[1:], speeds[1:], strict=True)]
+    more = [
+        form.filled({"name": name}, {"speed": speed})
+        for name, speed in zip(names[1:], speeds[1:], strict=True)
+    ]
     content = m.extended(_following(names[:1], speeds[:1], version), more)
     assert same(content, xosc.document.to_bytes(_following(names, speeds, version)))
 

@@ -10,7 +10,7 @@ from lxml import etree
 
 from schemas.common.errors import InvalidFile, Unsupported
 from xosc import Node
-from xosc.node import LINE, SOURCE
+from xosc.document.node import LINE, SOURCE
 
 
 def node(text):
@@ -20,8 +20,17 @@ def node(text):
 def test_attributes_are_typed():
     element = node('<a f="1.5" i="2.0" b="1" inf="-INF" c="red" s=" x "/>')
     assert (element.float("f"), element.int("i"), element.bool("b")) == (1.5, 2, True)
-    assert (element.float("inf"), element.choice("c", ("red",)), element.get("s")) == (-math.inf, "red", " x ")
-    assert (element.float("no", None), element.int("no", 3), element.bool("no", None), element.get("no", "")) == (
+    assert (element.float("inf"), element.choice("c", ("red",)), element.get("s")) == (
+        -math.inf,
+        "red",
+        " x ",
+    )
+    assert (
+        element.float("no", None),
+        element.int("no", 3),
+        element.bool("no", None),
+        element.get("no", ""),
+    ) == (
         None,
         3,
         None,
@@ -60,7 +69,9 @@ def test_children_skip_comments_and_instructions():
 
 
 def test_places_follow_inlined_elements():
-    element = node(f'<a xmlns:t="{SOURCE[1:-7]}"><b><c t:source="cat.xosc" t:line="7"><d/></c></b></a>')
+    element = node(
+        f'<a xmlns:t="{SOURCE[1:-7]}"><b><c t:source="cat.xosc" t:line="7"><d/></c></b></a>'
+    )
     assert element.element[0][0].get(LINE) == "7"
     assert element.need("b", "c").where == "cat.xosc:7"
     assert element.need("b", "c", "d").path == Path("cat.xosc")

@@ -43,7 +43,11 @@ AHEAD = """<PrivateAction><RoutingAction><FollowTrajectoryAction>
 SET = '<GlobalAction><VariableAction variableRef="Phase"><SetAction value="2"/></VariableAction></GlobalAction>'
 
 _ABSENT = ("never starts", "takes longer", "TrailerRef")
-NOT_HERE = {each.reason for each in (*OMISSIONS, *SAID_OTHERWISE) if any(text in each.reason for text in _ABSENT)}
+NOT_HERE = {
+    each.reason
+    for each in (*OMISSIONS, *SAID_OTHERWISE)
+    if any(text in each.reason for text in _ABSENT)
+}
 """Kinds of what the scenario does not have"""
 
 
@@ -79,7 +83,9 @@ def recent(tmp_path: Path) -> Path:
         '<RelativeDistanceCondition entityRef="Ego" value="5" freespace="false" rule="lessThan" coordinateSystem="lane" '
         'relativeDistanceType="longitudinal"/>'
     )
-    phase = condition('<ByValueCondition><VariableCondition variableRef="Phase" value="2" rule="equalTo"/></ByValueCondition>')
+    phase = condition(
+        '<ByValueCondition><VariableCondition variableRef="Phase" value="2" rule="equalTo"/></ByValueCondition>'
+    )
     events = event("set", SET, near) + event("drive", AHEAD, phase)
     stories = (
         '<Story name="s"><Act name="a"><ManeuverGroup name="g" maximumExecutionCount="1"><Actors selectTriggeringEntities="0">'
@@ -89,18 +95,26 @@ def recent(tmp_path: Path) -> Path:
     init = WEATHER + place("Ego", 100, 20, more=CONTROL) + place("Lead", 90, 25, -2) + walker
     path = scenario(tmp_path, entities=[VEHICLE, TOWING, WALKER], init=init, stories=stories)
     variables = '<VariableDeclarations><VariableDeclaration name="Phase" variableType="int" value="1"/></VariableDeclarations>'
-    path.write_text(path.read_text().replace("<CatalogLocations/>", f"{variables}<CatalogLocations/>"))
+    path.write_text(
+        path.read_text().replace("<CatalogLocations/>", f"{variables}<CatalogLocations/>")
+    )
     return path
 
 
 @pytest.mark.parametrize("version", ["1.0", "1.1", "1.2"])
-def test_nothing_moves_otherwise_for_what_is_left_out(version: str, recent: Path, tmp_path: Path) -> None:
+def test_nothing_moves_otherwise_for_what_is_left_out(
+    version: str, recent: Path, tmp_path: Path
+) -> None:
     remarks = standard.export(recent, version, Folder(tmp_path / "out"))
     before = tuple(int(each) for each in version.split("."))
     expected = {
-        each.reason for each in (*OMISSIONS, *SAID_OTHERWISE) if before < each.before <= (1, 3) and each.reason not in NOT_HERE
+        each.reason
+        for each in (*OMISSIONS, *SAID_OTHERWISE)
+        if before < each.before <= (1, 3) and each.reason not in NOT_HERE
     }
-    assert {reason for reason in expected if any(remark.endswith(f": {reason}") for remark in remarks)} == expected
+    assert {
+        reason for reason in expected if any(remark.endswith(f": {reason}") for remark in remarks)
+    } == expected
     exported = tmp_path / "out" / recent.name
     assert [each for each in schemas.check(exported) if each.level == "error"] == []
     rows = motion(recent)
@@ -110,12 +124,17 @@ def test_nothing_moves_otherwise_for_what_is_left_out(version: str, recent: Path
 
 @pytest.mark.parametrize("version", ["1.0", "1.1", "1.2"])
 def test_strict_exports_leave_nothing_out(version: str, recent: Path, tmp_path: Path) -> None:
-    with pytest.raises(Unsupported, match=f"can't be said in OpenSCENARIO {version}|plain text in OpenSCENARIO {version}"):
+    with pytest.raises(
+        Unsupported,
+        match=f"can't be said in OpenSCENARIO {version}|plain text in OpenSCENARIO {version}",
+    ):
         standard.export(recent, version, Folder(tmp_path / "out"), ExportSettings(strict=True))
     assert not (tmp_path / "out").exists()
 
 
-def test_a_storyboard_without_stories_gets_one_that_does_nothing(recent: Path, tmp_path: Path) -> None:
+def test_a_storyboard_without_stories_gets_one_that_does_nothing(
+    recent: Path, tmp_path: Path
+) -> None:
     path = scenario(tmp_path / "bare")
     (remark,) = standard.export(path, "1.1", Folder(tmp_path / "out"))
     assert "never starts" in remark
@@ -128,35 +147,54 @@ def test_transitions_that_keep_to_their_times_are_told(tmp_path: Path) -> None:
     slowly = speed_action(5, 'dynamicsShape="linear" dynamicsDimension="time" value="2"')
     path = scenario(tmp_path, stories=story("Lead", [(0.5, slowly)]))
     (remark,) = standard.export(path, "1.1", Folder(tmp_path / "out"))
-    assert "SpeedActionDynamics: before 1.2 it takes longer where the vehicle's Performance asks for that" in remark
+    assert (
+        "SpeedActionDynamics: before 1.2 it takes longer where the vehicle's Performance asks for that"
+        in remark
+    )
     assert standard.export(path, "1.2", Folder(tmp_path / "new")) == []
 
 
 def test_a_trailer_that_is_towed_stays_a_refusal(tmp_path: Path) -> None:
-    trailer = car("Box").replace("</Axles>", '</Axles><TrailerCoupler dx="4"/>').replace('Category="car"', 'Category="trailer"')
-    tractor = car("Lead").replace("</Axles>", '</Axles><TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef="Box"/></Trailer>')
+    trailer = (
+        car("Box")
+        .replace("</Axles>", '</Axles><TrailerCoupler dx="4"/>')
+        .replace('Category="car"', 'Category="trailer"')
+    )
+    tractor = car("Lead").replace(
+        "</Axles>",
+        '</Axles><TrailerHitch dx="-1"/><Trailer><TrailerRef entityRef="Box"/></Trailer>',
+    )
     path = scenario(tmp_path, entities=[car("Ego"), tractor, trailer])
     with pytest.raises(Unsupported, match="Trailer"):
         standard.export(path, "1.1", Folder(tmp_path / "out"))
 
 
 @pytest.mark.parametrize("version", ["1.0", "1.1", "1.3"])
-def test_what_a_catalogue_has_of_later_versions_is_left_out_where_it_does_nothing(version: str, tmp_path: Path) -> None:
+def test_what_a_catalogue_has_of_later_versions_is_left_out_where_it_does_nothing(
+    version: str, tmp_path: Path
+) -> None:
     """As in a catalogue that many projects copy: of 1.1, with a hitch and a trailer that a parameter may name."""
-    vehicle = car("").partition(">")[2].rpartition("</ScenarioObject>")[0].replace("</Vehicle>", "<Properties/></Vehicle>")
-    declared = (
-        '<ParameterDeclarations><ParameterDeclaration name="Towed" parameterType="string" value=""/></ParameterDeclarations>'
+    vehicle = (
+        car("")
+        .partition(">")[2]
+        .rpartition("</ScenarioObject>")[0]
+        .replace("</Vehicle>", "<Properties/></Vehicle>")
     )
+    declared = '<ParameterDeclarations><ParameterDeclaration name="Towed" parameterType="string" value=""/></ParameterDeclarations>'
     towing = '</Axles><TrailerHitch dx="-1"/><Trailer><EntityRef entityRef="$Towed"/></Trailer>'
     used = vehicle.replace("<BoundingBox>", f"{declared}<BoundingBox>").replace("</Axles>", towing)
-    unused = vehicle.replace('name="car"', 'name="other" role="police"').replace("</Axles>", "</Axles><Trailer/>")
+    unused = vehicle.replace('name="car"', 'name="other" role="police"').replace(
+        "</Axles>", "</Axles><Trailer/>"
+    )
     header = '<FileHeader revMajor="1" revMinor="1" date="2026-01-01T00:00:00" description="" author=""/>'
     text = f'<OpenSCENARIO>{header}<Catalog name="Vehicles">{used}{unused}</Catalog></OpenSCENARIO>'
     (tmp_path / "vehicles.xosc").write_text(text, encoding="utf-8")
     lead = '<ScenarioObject name="Lead"><CatalogReference catalogName="Vehicles" entryName="car"/></ScenarioObject>'
     path = scenario(tmp_path, entities=[car("Ego"), lead])
     located = '<CatalogLocations><VehicleCatalog><Directory path="."/></VehicleCatalog></CatalogLocations>'
-    path.write_text(path.read_text(encoding="utf-8").replace("<CatalogLocations/>", located), encoding="utf-8")
+    path.write_text(
+        path.read_text(encoding="utf-8").replace("<CatalogLocations/>", located), encoding="utf-8"
+    )
     remarks = standard.export(path, version, Folder(tmp_path / "out"))
     hitch = [] if version == "1.3" else ["TrailerHitch: nothing is towed by it"]
     for expected in ("everything is worked out", "Trailer: it tows nothing", *hitch):
@@ -170,20 +208,33 @@ def test_what_a_catalogue_has_of_later_versions_is_left_out_where_it_does_nothin
 
 @pytest.mark.parametrize("minor", ["1", "3"])
 def test_a_trailer_inside_its_tractor_keeps_what_couples_it(minor: str, tmp_path: Path) -> None:
-    trailer = car("").partition(">")[2].rpartition("</ScenarioObject>")[0].replace('Category="car"', 'Category="trailer"')
+    trailer = (
+        car("")
+        .partition(">")[2]
+        .rpartition("</ScenarioObject>")[0]
+        .replace('Category="car"', 'Category="trailer"')
+    )
     trailer = trailer.replace("</Axles>", '</Axles><TrailerCoupler dx="4"/>')
     tractor = car("Lead").replace(
-        "</Axles>", f'</Axles><TrailerHitch dx="-1"/><Trailer><Trailer name="Box">{trailer}</Trailer></Trailer>'
+        "</Axles>",
+        f'</Axles><TrailerHitch dx="-1"/><Trailer><Trailer name="Box">{trailer}</Trailer></Trailer>',
     )
     path = scenario(tmp_path, entities=[car("Ego"), tractor])
-    path.write_text(path.read_text(encoding="utf-8").replace('revMinor="3"', f'revMinor="{minor}"'), encoding="utf-8")
+    path.write_text(
+        path.read_text(encoding="utf-8").replace('revMinor="3"', f'revMinor="{minor}"'),
+        encoding="utf-8",
+    )
     with pytest.raises(Unsupported, match="Trailer"):
         standard.export(path, "1.1", Folder(tmp_path / "out"))
 
 
-@pytest.mark.parametrize("empty", ["<PrivateAction/>", "<PrivateAction><RoutingAction/></PrivateAction>", ""])
+@pytest.mark.parametrize(
+    "empty", ["<PrivateAction/>", "<PrivateAction><RoutingAction/></PrivateAction>", ""]
+)
 @pytest.mark.parametrize("version", ["1.0", "1.3"])
-def test_an_action_without_content_does_nothing_by_what_it_holds(version: str, empty: str, tmp_path: Path) -> None:
+def test_an_action_without_content_does_nothing_by_what_it_holds(
+    version: str, empty: str, tmp_path: Path
+) -> None:
     path = scenario(tmp_path, stories=story("Lead", [(0.5, empty), (1.0, speed_action(5))]))
     remarks = standard.export(path, version, Folder(tmp_path / "out"))
     assert any(remark.endswith("without an action it does nothing") for remark in remarks)
@@ -197,7 +248,11 @@ def test_an_action_without_content_does_nothing_by_what_it_holds(version: str, e
 @pytest.mark.parametrize("version", ["1.0", "1.3"])
 def test_an_act_without_a_group_does_nothing_by_what_it_holds(version: str, tmp_path: Path) -> None:
     path = scenario(tmp_path, stories='<Story name="s"><Act name="a"><StartTrigger/></Act></Story>')
-    (remark,) = [each for each in standard.export(path, version, Folder(tmp_path / "out")) if "Act" in each and "group" in each]
+    (remark,) = [
+        each
+        for each in standard.export(path, version, Folder(tmp_path / "out"))
+        if "Act" in each and "group" in each
+    ]
     assert remark.endswith("Act: without a group it does nothing")
     exported = tmp_path / "out" / path.name
     assert [each for each in schemas.check(exported) if each.level == "error"] == []

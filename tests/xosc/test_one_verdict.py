@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import xosc
 from schemas import check
 from schemas.common.errors import InvalidFile
-from schemas.values import RULES, TYPES
+from schemas.expressions.values import RULES, TYPES
 from tests.xosc.conftest import SCENARIO
 
 ENTRY = "asam.net:xosc:1.0.0:reference_control.catalog_reference_resolvability"
@@ -82,7 +82,10 @@ def test_the_value_of_a_parameter(folder, kind, text):
 @given(st.sampled_from(TYPES), texts)
 def test_the_initial_value_of_a_variable(folder, kind, text):
     declaration = f'<VariableDeclaration name="v" variableType="{kind}" value={quoteattr(text)}/>'
-    named, refused = verdict(write(folder, declarations=f"<VariableDeclarations>{declaration}</VariableDeclarations>"), TYPED)
+    named, refused = verdict(
+        write(folder, declarations=f"<VariableDeclarations>{declaration}</VariableDeclarations>"),
+        TYPED,
+    )
     assert named == refused
 
 
@@ -92,9 +95,7 @@ def test_the_initial_value_of_a_variable(folder, kind, text):
 @example("string", "abc", "lessThan", "abd")
 def test_the_constraint_of_a_parameter(folder, kind, text, rule, limit):
     constraint = f'<ConstraintGroup><ValueConstraint rule="{rule}" value={quoteattr(limit)}/></ConstraintGroup>'
-    declaration = (
-        f'<ParameterDeclaration name="p" parameterType="{kind}" value={quoteattr(text)}>{constraint}</ParameterDeclaration>'
-    )
+    declaration = f'<ParameterDeclaration name="p" parameterType="{kind}" value={quoteattr(text)}>{constraint}</ParameterDeclaration>'
     named, refused = verdict(write(folder, parameters=declaration), TYPED, CONSTRAINED)
     assert named == refused
 
@@ -109,7 +110,12 @@ CATALOGS = {  # location element and directory, names of catalogue and entry; wh
     "no such catalogue": (LOCATION.format("vehicles"), "Carts", "car", False),
     "no such entry": (LOCATION.format("vehicles"), "Cars", "cart", False),
     "other kind of entry": (LOCATION.format("vehicles"), "Cars", "route", False),
-    "other kind of location": (LOCATION.format("vehicles").replace("Vehicle", "Route"), "Cars", "car", False),
+    "other kind of location": (
+        LOCATION.format("vehicles").replace("Vehicle", "Route"),
+        "Cars",
+        "car",
+        False,
+    ),
     "twice": (LOCATION.format("vehicles"), "Cars", "twin", False),
 }
 
@@ -123,8 +129,12 @@ def test_an_entry_of_a_catalogue(scenario, catalog, case):
         name="Cars",
     )
     reference = f'<CatalogReference catalogName="{name}" entryName="{entry}"/>'
-    path = scenario(locations=locations, entities=f'<ScenarioObject name="Ego">{reference}</ScenarioObject>')
-    assert any(problem.rule == ENTRY and problem.level == "error" for problem in check(path)) == (not found)
+    path = scenario(
+        locations=locations, entities=f'<ScenarioObject name="Ego">{reference}</ScenarioObject>'
+    )
+    assert any(problem.rule == ENTRY and problem.level == "error" for problem in check(path)) == (
+        not found
+    )
     if found:
         assert xosc.resolve(xosc.load(path)).node.find("Entities", "ScenarioObject", "Vehicle")
     else:

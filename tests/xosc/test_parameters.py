@@ -26,16 +26,28 @@ def resolved(path, given=None, **options):
 
 def test_references_and_expressions_become_literals(scenario):
     path = scenario(
-        parameters=parameter("v", "60.0") + parameter("on", "true", "boolean") + parameter("n", "3", "integer"),
+        parameters=parameter("v", "60.0")
+        + parameter("on", "true", "boolean")
+        + parameter("n", "3", "integer"),
         storyboard='<a speed="$v" ms="${$v / 3.6}" on="$on" off="${not $on}" lane="${$n - 1}" text="costs $v"/>',
     )
     attributes = dict(resolved(path).node.need("Storyboard", "a").element.attrib)
     assert float(attributes.pop("ms")) == pytest.approx(60 / 3.6)
-    assert attributes == {"speed": "60.0", "on": "true", "off": "false", "lane": "2", "text": "costs $v"}
+    assert attributes == {
+        "speed": "60.0",
+        "on": "true",
+        "off": "false",
+        "lane": "2",
+        "text": "costs $v",
+    }
 
 
 def test_parameters_have_types_and_values(scenario):
-    path = scenario(parameters=parameter("v", " 60.0 ") + parameter("n", "3.0", "integer") + parameter("s", "x", "string"))
+    path = scenario(
+        parameters=parameter("v", " 60.0 ")
+        + parameter("n", "3.0", "integer")
+        + parameter("s", "x", "string")
+    )
     parameters = resolved(path).parameters
     assert [(p.type, p.value, p.text) for p in parameters.values()] == [
         ("double", 60.0, "60.0"),
@@ -51,19 +63,31 @@ def test_the_document_is_not_changed(scenario):
 
 
 def test_defaults_may_depend_on_parameters_in_any_order(scenario):
-    path = scenario(parameters=parameter("c", "${$b * 2}") + parameter("a", "1") + parameter("b", "${$a + 1}"))
+    path = scenario(
+        parameters=parameter("c", "${$b * 2}") + parameter("a", "1") + parameter("b", "${$a + 1}")
+    )
     assert resolved(path).parameters["c"].value == 4
     assert resolved(path, {"a": 2}).parameters["c"].value == 6
     assert list(resolved(path).parameters) == ["c", "a", "b"]
 
 
 def test_a_long_chain_of_parameters_is_no_problem(scenario):
-    chain = "".join(parameter(f"p{i}", f"${{$p{i + 1} + 1}}") for i in range(2000)) + parameter("p2000", "0")
+    chain = "".join(parameter(f"p{i}", f"${{$p{i + 1} + 1}}") for i in range(2000)) + parameter(
+        "p2000", "0"
+    )
     assert resolved(scenario(parameters=chain)).parameters["p0"].value == 2000
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(True, "true"), (2, "2"), (2.5, "2.5"), ("${5 / 2}", "2.5"), (float("inf"), "INF"), (" 7 ", "7")]
+    ("value", "text"),
+    [
+        (True, "true"),
+        (2, "2"),
+        (2.5, "2.5"),
+        ("${5 / 2}", "2.5"),
+        (float("inf"), "INF"),
+        (" 7 ", "7"),
+    ],
 )
 def test_given_values_replace_defaults(scenario, value, text):
     kind = "boolean" if value is True else "double"
@@ -95,7 +119,10 @@ def test_wrong_given_values_are_usage_errors(scenario, given, message):
 @pytest.mark.parametrize(
     ("declarations", "message"),
     [
-        (parameter("a", "$b") + parameter("b", "${$c}") + parameter("c", "$a"), "depends on itself: a → b → c → a"),
+        (
+            parameter("a", "$b") + parameter("b", "${$c}") + parameter("c", "$a"),
+            "depends on itself: a → b → c → a",
+        ),
         (parameter("a", "$a"), "a → a"),
         (parameter("a", "1", "decimal"), "'decimal' is not a type"),
         (parameter("a$b", "1"), "without '\\$'"),
@@ -113,16 +140,23 @@ def test_wrong_declarations_are_refused_with_their_line(scenario, declarations, 
 
 def test_the_same_declaration_twice_is_one(scenario):
     path = scenario(parameters=2 * parameter("a", "${1+1}"))
-    assert [node.get("value") for node in resolved(path).node.need("ParameterDeclarations").children()] == ["2", "2"]
+    assert [
+        node.get("value") for node in resolved(path).node.need("ParameterDeclarations").children()
+    ] == ["2", "2"]
 
 
 def test_unknown_parameters_are_refused_where_they_are_used(scenario):
-    with pytest.raises(InvalidFile, match=r"scenario\.xosc:9: a: b='\$x': there is no parameter 'x'"):
+    with pytest.raises(
+        InvalidFile, match=r"scenario\.xosc:9: a: b='\$x': there is no parameter 'x'"
+    ):
         resolved(scenario(storyboard='<a b="$x"/>'))
 
 
 def test_names_are_texts_and_parameter_references_are_names(scenario):
-    path = scenario(parameters=parameter("x", "1"), storyboard='<a name="${free + text}"/><b parameterRef="$x"/><c name="$x"/>')
+    path = scenario(
+        parameters=parameter("x", "1"),
+        storyboard='<a name="${free + text}"/><b parameterRef="$x"/><c name="$x"/>',
+    )
     board = resolved(path).node.need("Storyboard")
     names = [next(iter(node.element.attrib.values())) for node in board.children("a", "b", "c")]
     assert names == ["${free + text}", "x", "1"]
@@ -164,7 +198,13 @@ def test_constraints_are_joined_by_and_in_a_group_and_groups_by_or(scenario, gro
 
 def test_a_violation_names_parameter_value_constraint_and_place(scenario):
     path = scenario(
-        parameters=parameter("ttc", "2", "double", [("greaterThan", "2.5")], [("lessThan", "0"), ("notEqualTo", "-1")])
+        parameters=parameter(
+            "ttc",
+            "2",
+            "double",
+            [("greaterThan", "2.5")],
+            [("lessThan", "0"), ("notEqualTo", "-1")],
+        )
     )
     with pytest.raises(InvalidFile) as caught:
         resolved(path)
@@ -214,14 +254,26 @@ def test_road_files_are_relative_to_the_scenario(scenario):
 
 values = st.one_of(
     st.text(alphabet="$ab{}()+-*/1.5e ,", max_size=12),
-    st.sampled_from(["$a", "$b", "${$a}", "${$b+1}", "1", "true", "INF", "NaN", "${1e308*10}", "$" * 50]),
+    st.sampled_from(
+        ["$a", "$b", "${$a}", "${$b+1}", "1", "true", "INF", "NaN", "${1e308*10}", "$" * 50]
+    ),
 )
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None)
-@given(first=values, second=values, given=values, kind=st.sampled_from(["double", "int", "boolean", "string", "dateTime"]))
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None
+)
+@given(
+    first=values,
+    second=values,
+    given=values,
+    kind=st.sampled_from(["double", "int", "boolean", "string", "dateTime"]),
+)
 def test_any_text_is_resolved_for_good_or_refused(scenario, first, second, given, kind):
-    path = scenario(parameters=parameter("a", first, kind) + parameter("b", second, kind), storyboard='<x y="$a" z="${$b}"/>')
+    path = scenario(
+        parameters=parameter("a", first, kind) + parameter("b", second, kind),
+        storyboard='<x y="$a" z="${$b}"/>',
+    )
     try:
         result = resolved(path, {"a": given})
     except ToolchainError as error:

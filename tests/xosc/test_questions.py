@@ -16,10 +16,42 @@ from xosc.exports.draft import Folder
 from xosc.listing import questions
 
 ROWS = [
-    {"file": "a/1.xosc", "class": "cut in", "site": "US-101", "ego_speed": 25.0, "gap": 20.0, "min_ttc": 1.5, "partial": False},
-    {"file": "a/2.xosc", "class": "cut in", "site": "US-101", "ego_speed": 25.2, "gap": 20.5, "min_ttc": 1.9, "partial": False},
-    {"file": "b/3.xosc", "class": "cut out", "site": "it's", "ego_speed": 25.0, "gap": 20.0, "min_ttc": None, "partial": True},
-    {"file": "a/4.xosc", "class": "cut in", "site": "US-101", "ego_speed": 40.0, "gap": None, "min_ttc": 0.5, "partial": None},
+    {
+        "file": "a/1.xosc",
+        "class": "cut in",
+        "site": "US-101",
+        "ego_speed": 25.0,
+        "gap": 20.0,
+        "min_ttc": 1.5,
+        "partial": False,
+    },
+    {
+        "file": "a/2.xosc",
+        "class": "cut in",
+        "site": "US-101",
+        "ego_speed": 25.2,
+        "gap": 20.5,
+        "min_ttc": 1.9,
+        "partial": False,
+    },
+    {
+        "file": "b/3.xosc",
+        "class": "cut out",
+        "site": "it's",
+        "ego_speed": 25.0,
+        "gap": 20.0,
+        "min_ttc": None,
+        "partial": True,
+    },
+    {
+        "file": "a/4.xosc",
+        "class": "cut in",
+        "site": "US-101",
+        "ego_speed": 40.0,
+        "gap": None,
+        "min_ttc": 0.5,
+        "partial": None,
+    },
 ]
 TABLE = pa.Table.from_pylist([{**row, "road": "roads/straight.xodr"} for row in ROWS])
 
@@ -74,7 +106,9 @@ def test_bad_conditions_are_refused_with_the_position(text: str, message: str) -
 def test_rows_are_ordered_with_absent_values_last() -> None:
     order = questions.ordered(TABLE, ["-gap", "min_ttc"])["file"].to_pylist()
     assert order == ["a/2.xosc", "a/1.xosc", "b/3.xosc", "a/4.xosc"]
-    with pytest.raises(UsageError, match="--sort: there is no column 'speed'; did you mean 'ego_speed'"):
+    with pytest.raises(
+        UsageError, match="--sort: there is no column 'speed'; did you mean 'ego_speed'"
+    ):
         questions.ordered(TABLE, ["speed"])
 
 
@@ -88,7 +122,9 @@ def test_near_duplicates_are_named_beside_the_row_that_stands_for_them() -> None
 def test_distances_are_in_units_of_the_scales() -> None:
     found = questions.distance(TABLE, ROWS[0])
     assert found[0] == 0.0
-    assert found[1] == pytest.approx(((0.2 / 2.0) ** 2 + (0.5 / 5.0) ** 2) ** 0.5 / 3**0.5)  # speed, gap, class
+    assert found[1] == pytest.approx(
+        ((0.2 / 2.0) ** 2 + (0.5 / 5.0) ** 2) ** 0.5 / 3**0.5
+    )  # speed, gap, class
     assert found[2] > 1.0 and found[3] > 1.0
 
 
@@ -98,9 +134,17 @@ def catalogue(scenario: Writer, catalog: Writer, tmp_path: Path) -> Path:
     locations = '<VehicleCatalog><Directory path="catalogs/vehicles"/></VehicleCatalog>'
     for row in ROWS:
         (tmp_path / "made" / str(row["file"])).parent.mkdir(parents=True, exist_ok=True)
-        scenario(f"made/{row['file']}", locations=locations, road='<LogicFile filepath="../roads/straight.xodr"/>')
+        scenario(
+            f"made/{row['file']}",
+            locations=locations,
+            road='<LogicFile filepath="../roads/straight.xodr"/>',
+        )
     for folder in "ab":
-        catalog(f"made/{folder}/catalogs/vehicles/VehicleCatalog.xosc", '<Vehicle name="car"/>', name="VehicleCatalog")
+        catalog(
+            f"made/{folder}/catalogs/vehicles/VehicleCatalog.xosc",
+            '<Vehicle name="car"/>',
+            name="VehicleCatalog",
+        )
     made = tmp_path / "made"
     (made / "roads").mkdir()
     (made / "roads" / "straight.xodr").write_text("<OpenDRIVE/>")
@@ -113,9 +157,16 @@ def test_copies_hold_all_that_the_scenarios_need_and_can_be_asked_again(
     command: Command, catalogue: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "copy"
-    done = command("xosc-list", catalogue, "--where", "gap < 20.2", "--sort", "-class", "--copy-to", out)
+    done = command(
+        "xosc-list", catalogue, "--where", "gap < 20.2", "--sort", "-class", "--copy-to", out
+    )
     assert (done.code, done.err) == (0, f"8 files copied to {out}\n")
-    assert [line.split()[0] for line in done.out.splitlines()] == ["file", "b/3.xosc", "a/1.xosc", "2"]
+    assert [line.split()[0] for line in done.out.splitlines()] == [
+        "file",
+        "b/3.xosc",
+        "a/1.xosc",
+        "2",
+    ]
     assert sorted(path.relative_to(out).as_posix() for path in out.rglob("*.*")) == [
         "a/1.xosc", "a/catalogs/vehicles/VehicleCatalog.xosc", "b/3.xosc", "b/catalogs/vehicles/VehicleCatalog.xosc",
         "index.csv", "index.json", "index.parquet", "roads/straight.xodr",
@@ -123,15 +174,23 @@ def test_copies_hold_all_that_the_scenarios_need_and_can_be_asked_again(
     again = command("xosc-list", out, "--where", "class = 'cut in'", "--format", "json")
     assert [row["file"] for row in json.loads(again.out)] == ["a/1.xosc"]
     refused = command("xosc-list", catalogue, "--where", "partial", "--copy-to", out)
-    assert refused.code == 2 and "index.parquet: another file is in the way; --overwrite replaces it" in refused.err
-    assert command("xosc-list", catalogue, "--where", "partial", "--copy-to", out, "--overwrite").code == 0
+    assert (
+        refused.code == 2
+        and "index.parquet: another file is in the way; --overwrite replaces it" in refused.err
+    )
+    assert (
+        command("xosc-list", catalogue, "--where", "partial", "--copy-to", out, "--overwrite").code
+        == 0
+    )
     again = command("xosc-list", out, "--format", "json", "--sort", "file")
     assert [row["file"] for row in json.loads(again.out)] == ["b/3.xosc"]
     assert command("xosc-list", catalogue, "--overwrite").code == 2
 
 
 def test_similar_scenarios_come_first(command: Command, catalogue: Path) -> None:
-    done = command("xosc-list", catalogue, "--like", catalogue / "a" / "1.xosc", "--where", "distance < 1.5")
+    done = command(
+        "xosc-list", catalogue, "--like", catalogue / "a" / "1.xosc", "--where", "distance < 1.5"
+    )
     assert [line.split()[0] for line in done.out.splitlines()] == ["file", "a/2.xosc", "1"]
     untagged = command("xosc-list", catalogue, "--like", catalogue / "catalog.xosc")
     assert untagged.code == 3 and "no such file" in untagged.err
@@ -160,4 +219,8 @@ def test_questions_need_an_index_and_one_catalogue(command: Command, tmp_path: P
 
 def test_an_index_without_classes_answers_too(command: Command, tmp_path: Path) -> None:
     pq.write_table(pa.table({"file": ["a.xosc"]}), tmp_path / "index.parquet")
-    assert command("xosc-list", tmp_path, "--where", "file = 'a.xosc'") == (0, "file\na.xosc\n1 scenario\n", "")
+    assert command("xosc-list", tmp_path, "--where", "file = 'a.xosc'") == (
+        0,
+        "file\na.xosc\n1 scenario\n",
+        "",
+    )

@@ -61,13 +61,27 @@ def test_an_object_without_mass_and_category_has_some_that_change_nothing(write)
 @pytest.mark.parametrize(
     ("elements", "remark"),
     [
-        (WHOLE[1:], "1: OpenSCENARIO: the element CatalogLocations is missing; there are no catalogues"),
-        ((WHOLE[0], *WHOLE[2:]), "1: OpenSCENARIO: the element RoadNetwork is missing; there are no roads"),
-        ((*WHOLE[:3], storyboard("")), "6: Storyboard: the element Init is missing; nothing is done at the beginning"),
-        ((*WHOLE[:3], storyboard("<Init/>")), "6: Init: the element Actions is missing; nothing is done at the beginning"),
+        (
+            WHOLE[1:],
+            "1: OpenSCENARIO: the element CatalogLocations is missing; there are no catalogues",
+        ),
+        (
+            (WHOLE[0], *WHOLE[2:]),
+            "1: OpenSCENARIO: the element RoadNetwork is missing; there are no roads",
+        ),
+        (
+            (*WHOLE[:3], storyboard("")),
+            "6: Storyboard: the element Init is missing; nothing is done at the beginning",
+        ),
+        (
+            (*WHOLE[:3], storyboard("<Init/>")),
+            "6: Init: the element Actions is missing; nothing is done at the beginning",
+        ),
     ],
 )
-def test_what_is_missing_is_added_so_that_the_document_is_valid(write, elements: tuple[str, ...], remark: str) -> None:
+def test_what_is_missing_is_added_so_that_the_document_is_valid(
+    write, elements: tuple[str, ...], remark: str
+) -> None:
     path = write(*elements)
     assert said(path) == [remark]
     path.write_bytes(to_bytes(load(path)))
@@ -78,8 +92,14 @@ def test_what_is_missing_is_added_so_that_the_document_is_valid(write, elements:
 @pytest.mark.parametrize(
     ("story", "missing"),
     [
-        (STORYBOARD[1].replace("<StartTrigger/></Act>", "</Act>"), "Act 'a': the element StartTrigger is missing"),
-        (STORYBOARD[1].replace("<StartTrigger/></Event>", "</Event>"), "Event 'e': the element StartTrigger is missing"),
+        (
+            STORYBOARD[1].replace("<StartTrigger/></Act>", "</Act>"),
+            "Act 'a': the element StartTrigger is missing",
+        ),
+        (
+            STORYBOARD[1].replace("<StartTrigger/></Event>", "</Event>"),
+            "Event 'e': the element StartTrigger is missing",
+        ),
     ],
 )
 def test_triggers_may_be_missing_since_later_versions_only(write, story: str, missing: str) -> None:
@@ -92,7 +112,9 @@ def test_faults_of_one_kind_are_one_remark_on_the_first_of_them(write) -> None:
     story = STORYBOARD[1].replace('name="s"', 'name="s" x="1"')
     init = '<Init><Actions/></Init>\n<Story name="t" x="1">'
     path = write(*WHOLE[:3], storyboard(init + story.partition(">")[2], story))
-    assert said(path) == ["7: the attribute 'x' is in no version of the standard; it is left out, NOT executed (and 1 more)"]
+    assert said(path) == [
+        "7: the attribute 'x' is in no version of the standard; it is left out, NOT executed (and 1 more)"
+    ]
 
 
 def test_what_is_no_repairs_is_told_and_stays(write) -> None:
@@ -121,10 +143,14 @@ def test_a_missing_child_says_nothing_of_the_version(write, minor: int) -> None:
     assert load(write(*WHOLE[:3], whole, minor=minor)).version == (1, minor)
 
 
-def test_an_element_that_the_declared_version_lacks_speaks_for_the_nearest_that_has_it(write) -> None:
+def test_an_element_that_the_declared_version_lacks_speaks_for_the_nearest_that_has_it(
+    write,
+) -> None:
     path = write("<ParameterDeclarations/><VariableDeclarations/>", *WHOLE, minor=0)
     assert load(path).version == (1, 2)
-    assert said(path)[0].startswith("2: the header has the revision 1.0, the content is that of version 1.2: 1.0 has no V")
+    assert said(path)[0].startswith(
+        "2: the header has the revision 1.0, the content is that of version 1.2: 1.0 has no V"
+    )
 
 
 def test_other_evidence_holds_whatever_else_is_missing(write) -> None:

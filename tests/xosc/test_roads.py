@@ -9,8 +9,8 @@ import pytest
 from lxml import etree
 
 from schemas.common.errors import InvalidFile
-from xosc.node import Node
-from xosc.road_files import VARIABLE, find_roads
+from xosc.document.node import Node
+from xosc.document.road_files import VARIABLE, find_roads
 
 
 @pytest.fixture(autouse=True)
@@ -36,9 +36,13 @@ def test_a_file_that_is_where_the_scenario_says_needs_no_remark(tmp_path: Path) 
     assert find_roads(logic(tmp_path, "maps/Town01.xodr")) == (there, None)
 
 
-@pytest.mark.parametrize("named", ["Town01", "maps/Town01.xodr", "/Game/Maps/Town01", r"..\maps\Town01.xodr"])
+@pytest.mark.parametrize(
+    "named", ["Town01", "maps/Town01.xodr", "/Game/Maps/Town01", r"..\maps\Town01.xodr"]
+)
 @pytest.mark.parametrize("place", ["a/b", "a", "."])
-def test_it_is_found_by_its_name_beside_the_scenario_and_above(named: str, place: str, tmp_path: Path) -> None:
+def test_it_is_found_by_its_name_beside_the_scenario_and_above(
+    named: str, place: str, tmp_path: Path
+) -> None:
     there = road(tmp_path / place / "Town01.xodr")
     found = find_roads(logic(tmp_path / "a" / "b", named))
     assert found.path.samefile(there)
@@ -54,7 +58,12 @@ def test_it_is_found_by_its_path_from_the_folders_above(named: str, tmp_path: Pa
     assert found.path == there
     assert found.remark is not None and str(there) in found.remark.message
     with pytest.raises(InvalidFile):
-        find_roads(logic(tmp_path / "scenarios" / "test_track", str(tmp_path / "absent" / "maps" / "Town01.xodr")))
+        find_roads(
+            logic(
+                tmp_path / "scenarios" / "test_track",
+                str(tmp_path / "absent" / "maps" / "Town01.xodr"),
+            )
+        )
 
 
 def test_a_file_without_an_ending_is_found_too(tmp_path: Path) -> None:
@@ -62,7 +71,9 @@ def test_a_file_without_an_ending_is_found_too(tmp_path: Path) -> None:
     assert find_roads(logic(tmp_path / "a", "Town01.xodr")).path == there
 
 
-def test_folders_that_are_asked_for_come_first_and_need_no_remark(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folders_that_are_asked_for_come_first_and_need_no_remark(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for folder in ("first", "second", "third"):
         road(tmp_path / folder / "Town01.xodr")
     road(tmp_path / "Town01.xodr")
@@ -75,6 +86,11 @@ def test_folders_that_are_asked_for_come_first_and_need_no_remark(tmp_path: Path
 
 
 @pytest.mark.parametrize("name", ["Town01", ".", "x" * 5000])
-def test_a_road_network_that_is_nowhere_is_refused_with_three_ways_out(name: str, tmp_path: Path) -> None:
-    with pytest.raises(InvalidFile, match=r"put it there, name its folder with --road-path .*XOSC_ROAD_PATH.*--road auto"):
+def test_a_road_network_that_is_nowhere_is_refused_with_three_ways_out(
+    name: str, tmp_path: Path
+) -> None:
+    with pytest.raises(
+        InvalidFile,
+        match=r"put it there, name its folder with --road-path .*XOSC_ROAD_PATH.*--road auto",
+    ):
         find_roads(logic(tmp_path, name))

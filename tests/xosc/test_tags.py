@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 import xosc
 from schemas import check
 from schemas.common.errors import InvalidFile, Unsupported, UsageError
-from xosc import maneuvers as m
-from xosc import tags
-from xosc.tags import ASAM, OWN, Tag
+from xosc.writing import maneuvers as m
+from xosc.writing import tags
+from xosc.writing.tags import ASAM, OWN, Tag
 
 TAGS = [
     Tag("MotionCutIn", None, ASAM),
@@ -29,18 +29,27 @@ TAGS = [
 
 def scenario(path: Path, **properties: str) -> xosc.Document:
     header = m.FileHeader("a test", "a tester", datetime(2000, 1, 1), properties)
-    document = m.scenario(path, header, road="road.xodr", entities={"Ego": m.vehicle("car", 4, 2, 1.5)}, init={})
+    document = m.scenario(
+        path, header, road="road.xodr", entities={"Ego": m.vehicle("car", 4, 2, 1.5)}, init={}
+    )
     xosc.write(document, path)
     return xosc.load(path)
 
 
 def held(document: xosc.Document) -> dict[str | None, str | None]:
-    return {each.get("name"): each.get("value") for each in document.root.iterfind("FileHeader/Properties/Property")}
+    return {
+        each.get("name"): each.get("value")
+        for each in document.root.iterfind("FileHeader/Properties/Property")
+    }
 
 
 def test_openlabel_has_ontologies_types_and_typed_values() -> None:
     content = tags.openlabel(TAGS, "one.xosc", "me")["openlabel"]
-    assert content["metadata"] == {"schema_version": "1.0.0", "tagged_file": "one.xosc", "annotator": "me"}
+    assert content["metadata"] == {
+        "schema_version": "1.0.0",
+        "tagged_file": "one.xosc",
+        "annotator": "me",
+    }
     assert content["ontologies"] == {"0": {"uri": ASAM}, "1": {"uri": OWN}}
     by_type = {each["type"]: each for each in content["tags"].values()}
     assert by_type["MotionCutIn"] == {"type": "MotionCutIn", "ontology_uid": "0"}
@@ -69,7 +78,11 @@ VALUES = st.one_of(
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.dictionaries(st.text(min_size=1), st.tuples(VALUES, st.sampled_from([ASAM, OWN])), max_size=5))
+@given(
+    st.dictionaries(
+        st.text(min_size=1), st.tuples(VALUES, st.sampled_from([ASAM, OWN])), max_size=5
+    )
+)
 def test_what_is_written_is_read_back(tmp_path: Path, content: dict) -> None:
     listed = [Tag(name, *rest) for name, rest in content.items()]
     path = tmp_path / "tags.json"
@@ -78,7 +91,15 @@ def test_what_is_written_is_read_back(tmp_path: Path, content: dict) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{}", "[]", '{"openlabel": {"tags": {"0": {"type": "A"}}}}', '{"openlabel": {"tags": {"0": 3}}}', "[" * 10_000]
+    "text",
+    [
+        "",
+        "{}",
+        "[]",
+        '{"openlabel": {"tags": {"0": {"type": "A"}}}}',
+        '{"openlabel": {"tags": {"0": 3}}}',
+        "[" * 10_000,
+    ],
 )
 def test_what_is_no_openlabel_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "tags.json").write_text(text)
@@ -90,11 +111,26 @@ def test_properties_are_renewed_and_others_stay(tmp_path: Path) -> None:
     document = scenario(tmp_path / "one.xosc", mine="stays", **{"openlabel.Old": "goes"})
     before = (tmp_path / "one.xosc").read_bytes()
     annotated = tags.annotated(document, TAGS)
-    expected = {"MotionCutIn": "true", "scenarioName": "one", "Classes": "a; b", "Confidence": "0.75", "Known": "true"}
-    assert held(annotated) == {f"openlabel.{name}": value for name, value in expected.items()} | {"mine": "stays"}
-    assert held(tags.annotated(annotated, TAGS[:1])) == {"openlabel.MotionCutIn": "true", "mine": "stays"}
-    assert held(document) == {"openlabel.Old": "goes", "mine": "stays"}, "documents are shared: the original is left alone"
-    (tmp_path / "road.xodr").write_bytes((Path(xosc.__file__).parents[1] / "xodr/library/highway_straight.xodr").read_bytes())
+    expected = {
+        "MotionCutIn": "true",
+        "scenarioName": "one",
+        "Classes": "a; b",
+        "Confidence": "0.75",
+        "Known": "true",
+    }
+    assert held(annotated) == {f"openlabel.{name}": value for name, value in expected.items()} | {
+        "mine": "stays"
+    }
+    assert held(tags.annotated(annotated, TAGS[:1])) == {
+        "openlabel.MotionCutIn": "true",
+        "mine": "stays",
+    }
+    assert held(document) == {"openlabel.Old": "goes", "mine": "stays"}, (
+        "documents are shared: the original is left alone"
+    )
+    (tmp_path / "road.xodr").write_bytes(
+        (Path(xosc.__file__).parents[1] / "xodr/library/highway_straight.xodr").read_bytes()
+    )
     xosc.write(annotated, tmp_path / "two.xosc")
     assert not [problem for problem in check(tmp_path / "two.xosc") if problem.level == "error"]
     assert (tmp_path / "one.xosc").read_bytes() == before

@@ -10,13 +10,15 @@ from lxml import etree
 
 import xosc
 from schemas.common.errors import InvalidFile, Unsupported, UsageError
-from schemas.registry import OPENSCENARIO, schema_for
 from schemas.validate import violations
-from xosc.versions import RULES, convert
+from schemas.versions.registry import OPENSCENARIO, schema_for
+from xosc.writing.versions import RULES, convert
 
 VERSIONS = [(1, 0), (1, 1), (1, 2), (1, 3), (1, 4)]
 TRIGGER = '<{}><ConditionGroup><Condition name="c" delay="0" conditionEdge="none">{}</Condition></ConditionGroup></{}>'
-LATER = '<ByValueCondition><SimulationTimeCondition value="1" rule="greaterThan"/></ByValueCondition>'
+LATER = (
+    '<ByValueCondition><SimulationTimeCondition value="1" rule="greaterThan"/></ByValueCondition>'
+)
 AT_ONCE = (
     '<StartTrigger><ConditionGroup><Condition name="at once" delay="0" conditionEdge="none"><ByValueCondition>'
     '<SimulationTimeCondition value="-1" rule="greaterThan"/></ByValueCondition></Condition></ConditionGroup></StartTrigger>'
@@ -28,11 +30,16 @@ SPEED = (
 )
 ASSIGN = '<AssignControllerAction><Controller name="c"><Properties/></Controller></AssignControllerAction>'
 OVERRIDE = "<OverrideControllerValueAction>{}</OverrideControllerValueAction>".format(
-    "".join(f'<{name} active="false" value="0"/>' for name in ("Throttle", "Brake", "Clutch", "ParkingBrake", "SteeringWheel"))
+    "".join(
+        f'<{name} active="false" value="0"/>'
+        for name in ("Throttle", "Brake", "Clutch", "ParkingBrake", "SteeringWheel")
+    )
     + '<Gear active="false" number="0"/>'
 )
 ACTIVATE = '<ActivateControllerAction lateral="true"/>'
-DELETE = '<GlobalAction><EntityAction entityRef="E"><DeleteEntityAction/></EntityAction></GlobalAction>'
+DELETE = (
+    '<GlobalAction><EntityAction entityRef="E"><DeleteEntityAction/></EntityAction></GlobalAction>'
+)
 BOX = '<BoundingBox><Center x="0" y="0" z="0"/><Dimensions width="1" length="1" height="1"/></BoundingBox>'
 MISC = '<MiscObject name="m" miscObjectCategory="none" mass="1">{}</MiscObject>'
 
@@ -43,7 +50,9 @@ def trigger(condition: str = LATER, tag: str = "StartTrigger") -> str:
 
 def entity_condition(condition: str) -> str:
     entities = '<TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="E"/></TriggeringEntities>'
-    return trigger(f"<ByEntityCondition>{entities}<EntityCondition>{condition}</EntityCondition></ByEntityCondition>")
+    return trigger(
+        f"<ByEntityCondition>{entities}<EntityCondition>{condition}</EntityCondition></ByEntityCondition>"
+    )
 
 
 def action(content: str, name: str = "a") -> str:
@@ -99,17 +108,23 @@ def is_valid(found: xosc.Document) -> bool:
 
 
 def condition_of(tag: str, attributes: str) -> str:
-    inner = '<Position><WorldPosition x="0" y="0"/></Position>' if tag == "DistanceCondition" else ""
+    inner = (
+        '<Position><WorldPosition x="0" y="0"/></Position>' if tag == "DistanceCondition" else ""
+    )
     target = '<TimeToCollisionConditionTarget><EntityRef entityRef="E"/></TimeToCollisionConditionTarget>'
     inner = target if tag == "TimeToCollisionCondition" else inner
     entity = "" if inner else 'entityRef="E"'
     return event(
-        start=entity_condition(f'<{tag} {entity} value="1" freespace="true" rule="lessThan" {attributes}>{inner}</{tag}>')
+        start=entity_condition(
+            f'<{tag} {entity} value="1" freespace="true" rule="lessThan" {attributes}>{inner}</{tag}>'
+        )
     )
 
 
 def follow(reference: str, attributes: str = "") -> str:
-    rest = '<TimeReference><None/></TimeReference><TrajectoryFollowingMode followingMode="position"/>'
+    rest = (
+        '<TimeReference><None/></TimeReference><TrajectoryFollowingMode followingMode="position"/>'
+    )
     inside = f"<FollowTrajectoryAction {attributes}>{reference}{rest}</FollowTrajectoryAction>"
     return event(action(f"<PrivateAction><RoutingAction>{inside}</RoutingAction></PrivateAction>"))
 
@@ -119,13 +134,17 @@ def speed(attributes: str = "") -> dict[str, str]:
 
 
 def acceleration(attributes: str = "") -> dict[str, str]:
-    return {"content": event(start=entity_condition(f'<AccelerationCondition value="1" rule="lessThan" {attributes}/>'))}
+    return {
+        "content": event(
+            start=entity_condition(
+                f'<AccelerationCondition value="1" rule="lessThan" {attributes}/>'
+            )
+        )
+    }
 
 
 def lateral(attributes: str) -> str:
-    inside = (
-        f'<LateralAction><LateralDistanceAction entityRef="E" freespace="true" continuous="false" {attributes}/></LateralAction>'
-    )
+    inside = f'<LateralAction><LateralDistanceAction entityRef="E" freespace="true" continuous="false" {attributes}/></LateralAction>'
     return event(action(f"<PrivateAction>{inside}</PrivateAction>"))
 
 
@@ -137,7 +156,10 @@ CATALOGUED = '<CatalogReference catalogName="c" entryName="e"/>'
 
 
 def controller(*actions: str) -> str:
-    return "".join(f"<PrivateAction><ControllerAction>{each}</ControllerAction></PrivateAction>" for each in actions)
+    return "".join(
+        f"<PrivateAction><ControllerAction>{each}</ControllerAction></PrivateAction>"
+        for each in actions
+    )
 
 
 def phase(tag: str) -> str:
@@ -157,14 +179,37 @@ def inside(entity: str) -> str:
 BOTH_WAYS = {
     "an enumeration's new word": (
         (1, 0),
-        {"content": condition_of("RelativeDistanceCondition", 'relativeDistanceType="cartesianDistance"')},
+        {
+            "content": condition_of(
+                "RelativeDistanceCondition", 'relativeDistanceType="cartesianDistance"'
+            )
+        },
         (1, 1),
-        {"content": condition_of("RelativeDistanceCondition", 'relativeDistanceType="euclidianDistance"')},
+        {
+            "content": condition_of(
+                "RelativeDistanceCondition", 'relativeDistanceType="euclidianDistance"'
+            )
+        },
     ),
-    "override": ((1, 1), {"content": event(priority="overwrite")}, (1, 2), {"content": event(priority="override")}),
+    "override": (
+        (1, 1),
+        {"content": event(priority="overwrite")},
+        (1, 2),
+        {"content": event(priority="override")},
+    ),
     "int": ((1, 0), {"parameters": declared("integer")}, (1, 3), {"parameters": declared("int")}),
-    "a transition of a vehicle with limits": ((1, 1), speed(), (1, 2), speed('followingMode="follow"')),
-    "an acceleration ahead": ((1, 0), acceleration(), (1, 3), acceleration('direction="longitudinal"')),
+    "a transition of a vehicle with limits": (
+        (1, 1),
+        speed(),
+        (1, 2),
+        speed('followingMode="follow"'),
+    ),
+    "an acceleration ahead": (
+        (1, 0),
+        acceleration(),
+        (1, 3),
+        acceleration('direction="longitudinal"'),
+    ),
     "the signal group's misspelt name": (
         (1, 2),
         {"road": phase("TrafficeSignalGroupState")},
@@ -181,21 +226,36 @@ BOTH_WAYS = {
         (1, 0),
         {"content": event(action(controller(ASSIGN + OVERRIDE)))},
         (1, 3),
-        {"content": event(action(controller(ASSIGN)) + action(controller(OVERRIDE), "a OverrideControllerValueAction"))},
+        {
+            "content": event(
+                action(controller(ASSIGN))
+                + action(controller(OVERRIDE), "a OverrideControllerValueAction")
+            )
+        },
     ),
 }
 
 
 @pytest.mark.parametrize(("older", "old", "newer", "new"), BOTH_WAYS.values(), ids=BOTH_WAYS)
-def test_what_has_another_form_is_rewritten_both_ways(tmp_path: Path, older, old, newer, new) -> None:
-    before, after = (document(scenario(version, **parts), tmp_path) for version, parts in ((older, old), (newer, new)))
+def test_what_has_another_form_is_rewritten_both_ways(
+    tmp_path: Path, older, old, newer, new
+) -> None:
+    before, after = (
+        document(scenario(version, **parts), tmp_path)
+        for version, parts in ((older, old), (newer, new))
+    )
     assert content(convert(before, newer).root) == content(after.root)
     assert content(convert(after, older).root) == content(before.root)
 
 
 STRAIGHT = 'coordinateSystem="entity" relativeDistanceType="euclidianDistance"'
 DOWN = {
-    "an event without start trigger": ((1, 1), {"content": event(start="")}, (1, 0), {"content": event(start=AT_ONCE)}),
+    "an event without start trigger": (
+        (1, 1),
+        {"content": event(start="")},
+        (1, 0),
+        {"content": event(start=AT_ONCE)},
+    ),
     "an act without start trigger": ((1, 3), {"act": ""}, (1, 0), {"act": AT_ONCE}),
     "a storyboard without stop trigger": ((1, 3), {"stop": ""}, (1, 2), {"stop": "<StopTrigger/>"}),
     "an object without properties": (
@@ -206,7 +266,11 @@ DOWN = {
     ),
     "a reference to a trajectory": (
         (1, 1),
-        {"content": follow(f"<TrajectoryRef>{CATALOGUED}</TrajectoryRef>", 'initialDistanceOffset="0"')},
+        {
+            "content": follow(
+                f"<TrajectoryRef>{CATALOGUED}</TrajectoryRef>", 'initialDistanceOffset="0"'
+            )
+        },
         (1, 0),
         {"content": follow(CATALOGUED)},
     ),
@@ -248,7 +312,9 @@ DOWN = {
 
 
 @pytest.mark.parametrize(("newer", "new", "older", "old"), DOWN.values(), ids=DOWN)
-def test_what_an_older_version_must_say_is_written_out(tmp_path: Path, newer, new, older, old) -> None:
+def test_what_an_older_version_must_say_is_written_out(
+    tmp_path: Path, newer, new, older, old
+) -> None:
     found = convert(document(scenario(newer, **new), tmp_path), older)
     assert content(found.root) == content(document(scenario(older, **old), tmp_path).root)
     assert found.version == older and is_valid(found)
@@ -256,7 +322,11 @@ def test_what_an_older_version_must_say_is_written_out(tmp_path: Path, newer, ne
 
 REFUSED = {
     "acceleration": ((1, 1), acceleration(), "AccelerationCondition: .*total acceleration"),
-    "direction": ((1, 1), acceleration('direction="lateral"'), "AccelerationCondition: .*direction"),
+    "direction": (
+        (1, 1),
+        acceleration('direction="lateral"'),
+        "AccelerationCondition: .*direction",
+    ),
     "rule": (
         (1, 0),
         {"content": event(start=trigger(LATER.replace("greaterThan", "notEqualTo")))},
@@ -264,10 +334,18 @@ REFUSED = {
     ),
     "route": (
         (1, 0),
-        {"content": condition_of("TimeHeadwayCondition", 'coordinateSystem="road" relativeDistanceType="lateral"')},
+        {
+            "content": condition_of(
+                "TimeHeadwayCondition", 'coordinateSystem="road" relativeDistanceType="lateral"'
+            )
+        },
         "TimeHeadwayCondition: ",
     ),
-    "word": ((1, 1), {"content": event(priority="$P")}, r"Event: priority='\$P' may stand for 'override'"),
+    "word": (
+        (1, 1),
+        {"content": event(priority="$P")},
+        r"Event: priority='\$P' may stand for 'override'",
+    ),
     "license": ((1, 0), {"header": '<License name="MIT"/>'}, "License"),
     "expression": (
         (1, 0),
@@ -279,12 +357,18 @@ REFUSED = {
         {"parameters": declared("int").replace('"1"', '"${abs(1)}"')},
         r"uses abs\(\), which OpenSCENARIO 1.2 does",
     ),
-    "controller": ((1, 0), {"init": controller(ASSIGN)}, "ControllerAction: .*OverrideControllerValueAction"),
+    "controller": (
+        (1, 0),
+        {"init": controller(ASSIGN)},
+        "ControllerAction: .*OverrideControllerValueAction",
+    ),
 }
 
 
 @pytest.mark.parametrize(("to", "parts", "message"), REFUSED.values(), ids=REFUSED)
-def test_what_an_older_version_cannot_say_is_refused_by_name(tmp_path: Path, to, parts, message: str) -> None:
+def test_what_an_older_version_cannot_say_is_refused_by_name(
+    tmp_path: Path, to, parts, message: str
+) -> None:
     with pytest.raises(Unsupported, match=rf"\.xosc:\d+: .*{message}"):
         convert(document(scenario((1, 3), **parts), tmp_path), to)
 
@@ -301,16 +385,22 @@ def test_a_catalogue_gets_the_name_that_later_versions_require(tmp_path: Path) -
     assert found.kind == "catalog" and found.root.find("Catalog").get("name") == ""
 
 
-def test_an_object_controller_that_says_nothing_is_left_out_where_it_must_say_something(tmp_path: Path) -> None:
+def test_an_object_controller_that_says_nothing_is_left_out_where_it_must_say_something(
+    tmp_path: Path,
+) -> None:
     car = inside('<CatalogReference catalogName="c" entryName="e"/><ObjectController/>')
     found = document(scenario((1, 2), entities=car), tmp_path)
-    assert not list(convert(found, (1, 3)).root.iter("ObjectController")) and list(found.root.iter("ObjectController"))
+    assert not list(convert(found, (1, 3)).root.iter("ObjectController")) and list(
+        found.root.iter("ObjectController")
+    )
 
 
 def test_distributions_came_with_1_1(tmp_path: Path) -> None:
     text = scenario((1, 1)).partition("<ParameterDeclarations>")[0]
     distribution = '<ScenarioFile filepath="a.xosc"/><Deterministic/>'
-    text += f"<ParameterValueDistribution>{distribution}</ParameterValueDistribution></OpenSCENARIO>"
+    text += (
+        f"<ParameterValueDistribution>{distribution}</ParameterValueDistribution></OpenSCENARIO>"
+    )
     assert is_valid(convert(document(text, tmp_path), (1, 3)))
     with pytest.raises(Unsupported, match="ParameterValueDistribution"):
         convert(document(text, tmp_path), (1, 0))
@@ -332,10 +422,17 @@ def test_wrong_versions_and_invalid_documents_are_refused(tmp_path: Path) -> Non
     with pytest.raises(UsageError, match=r"version 2\.0"):
         convert(document(scenario((1, 1)), tmp_path), (2, 0))
     with pytest.raises(InvalidFile, match="SpeedActionDynamics: not valid in its own version"):
-        convert(document(scenario((1, 1), event(action(SPEED.format('followingMode="maybe"')))), tmp_path), (1, 3))
+        convert(
+            document(
+                scenario((1, 1), event(action(SPEED.format('followingMode="maybe"')))), tmp_path
+            ),
+            (1, 3),
+        )
 
 
-def test_categories_and_roles_have_their_new_names_in_1_4_and_their_old_ones_before(tmp_path: Path) -> None:
+def test_categories_and_roles_have_their_new_names_in_1_4_and_their_old_ones_before(
+    tmp_path: Path,
+) -> None:
     vehicle = (
         '<ScenarioObject name="{0}"><Vehicle name="v" vehicleCategory="{0}" role="{1}"><BoundingBox><Center x="0" y="0" z="0"/>'
         '<Dimensions width="1" length="1" height="1"/></BoundingBox><Performance maxSpeed="1" maxAcceleration="1" '
@@ -351,7 +448,10 @@ def test_categories_and_roles_have_their_new_names_in_1_4_and_their_old_ones_bef
     found = [(each.get("vehicleCategory"), each.get("role")) for each in new.root.iter("Vehicle")]
     assert found == [("motorcycle", "fireBrigade"), ("truck", "roadsideAssistance")]
     assert content(convert(new, (1, 3)).root) == content(old.root)
-    assert {each.get("role") for each in convert(new, (1, 2)).root.iter("Vehicle")} == {"fire", "roadAssistance"}
+    assert {each.get("role") for each in convert(new, (1, 2)).root.iter("Vehicle")} == {
+        "fire",
+        "roadAssistance",
+    }
 
 
 def test_rules_are_listed_in_the_order_of_the_steps() -> None:

@@ -32,7 +32,9 @@ HANDLED = "for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP): signal.si
 
 def interrupted(name: str, number: int, module: str, before: str = HANDLED) -> tuple[int, str, str]:
     """Exit code and output of a command that gets a signal when a module is imported."""
-    code = AT_IMPORT.format(module=module, number=int(number), name=name, function=name.replace("-", "_"), before=before)
+    code = AT_IMPORT.format(
+        module=module, number=int(number), name=name, function=name.replace("-", "_"), before=before
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     return done.returncode, done.stdout, done.stderr
 
@@ -44,7 +46,11 @@ def test_a_signal_during_the_imports_ends_in_one_line(name: str) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
 def test_other_signals_do_so_too(number: signal.Signals) -> None:
-    assert interrupted("xosc-check", number, "typer") == (128 + number, "", "\nxosc-check: interrupted\n")
+    assert interrupted("xosc-check", number, "typer") == (
+        128 + number,
+        "",
+        "\nxosc-check: interrupted\n",
+    )
 
 
 @pytest.mark.parametrize("name", ["xosc-check", "xosc-list"])

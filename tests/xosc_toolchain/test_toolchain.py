@@ -29,7 +29,9 @@ def test_every_name_is_there() -> None:
 
 def test_the_import_loads_nothing_but_itself() -> None:
     code = "import sys, xosc_toolchain; print(sorted({'numpy', 'lxml', 'typer', 'runner', 'xosc', 'libsumo'} & set(sys.modules)))"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
     assert found.stdout.strip() == "[]"
 
 
@@ -38,13 +40,17 @@ def test_modules_of_the_same_names_do_not_matter(tmp_path: Path) -> None:
     (tmp_path / "program.py").write_text(
         f"import xosc_toolchain as xt\nresult = xt.run({str(CUT_IN)!r}, sut='adas', world='kinematic')\nprint(result.verdict)\n"
     )
-    found = subprocess.run([sys.executable, "program.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    found = subprocess.run(
+        [sys.executable, "program.py"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
     assert found.stdout.strip() == "passed"
 
 
 def test_the_umbrella_has_all_commands(command: Command) -> None:
     assert {"xosc", *(f"xosc-{name}" for name in COMMANDS)} == set(SCRIPTS)
-    installed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
+    installed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "scripts"
+    ]
     assert installed == {name: f"xosc_toolchain.start:{name.replace('-', '_')}" for name in SCRIPTS}
     assert all(getattr(start, name.replace("-", "_")).args == (name,) for name in SCRIPTS)
     answer = command("xosc", "--help")
@@ -54,9 +60,15 @@ def test_the_umbrella_has_all_commands(command: Command) -> None:
 
 
 def test_a_command_of_the_umbrella_is_the_command(command: Command) -> None:
-    assert command("xosc", "run", "--world", "kinematic", CUT_IN) == command("xosc-run", "--world", "kinematic", CUT_IN)
+    assert command("xosc", "run", "--world", "kinematic", CUT_IN) == command(
+        "xosc-run", "--world", "kinematic", CUT_IN
+    )
     assert "xosc run [OPTIONS]" in command("xosc", "run", "--help").out
-    assert command("xosc", "check", "absent.xosc").code == command("xosc-check", "absent.xosc").code == 3
+    assert (
+        command("xosc", "check", "absent.xosc").code
+        == command("xosc-check", "absent.xosc").code
+        == 3
+    )
 
 
 @pytest.mark.parametrize("shell", SHELLS)
@@ -68,17 +80,23 @@ def test_every_shell_completes_every_command(command: Command, shell: str) -> No
 
 def test_an_unknown_shell_is_refused(command: Command) -> None:
     answer = command("xosc", "completion", "tcsh")
-    assert (answer.code, answer.err) == (2, "xosc: the shell 'tcsh' is not one of bash, zsh, fish, powershell\n")
+    assert (answer.code, answer.err) == (
+        2,
+        "xosc: the shell 'tcsh' is not one of bash, zsh, fish, powershell\n",
+    )
 
 
 @pytest.mark.parametrize(
-    ("name", "words", "expected"), [("xosc-run", "xosc-run --su", ["--sut"]), ("xosc", "xosc r", ["recognize", "replay", "run"])]
+    ("name", "words", "expected"),
+    [("xosc-run", "xosc-run --su", ["--sut"]), ("xosc", "xosc r", ["recognize", "replay", "run"])],
 )
 def test_words_are_completed(name: str, words: str, expected: list[str]) -> None:
     variable = f"_{name}_COMPLETE".replace("-", "_").upper()
     environment = {**os.environ, "COMP_WORDS": words, "COMP_CWORD": "1", variable: "complete_bash"}
     code = f"import sys; sys.argv = [{name!r}]; from {SCRIPTS[name]} import main; main()"
-    found = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True)
+    found = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True
+    )
     assert found.stdout.split() == expected
 
 
@@ -89,7 +107,11 @@ def test_words_are_completed(name: str, words: str, expected: list[str]) -> None
 def test_help_has_groups_and_examples_that_parse(command: Command, name: str) -> None:
     text = command(name, "--help").out
     assert "\nOutput:\n" in text and "\nExamples:\n" in text.replace("\n  Examples:", "\nExamples:")
-    examples = [line.strip() for line in text.splitlines() if line.strip().startswith(f"{name} ") and "Usage" not in line]
+    examples = [
+        line.strip()
+        for line in text.splitlines()
+        if line.strip().startswith(f"{name} ") and "Usage" not in line
+    ]
     assert examples
 
 

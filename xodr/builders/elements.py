@@ -1,10 +1,11 @@
 """Designs of roads: pieces of their reference lines, lanes by width, and the writer of maps (OpenDRIVE 1.7, or 1.9 with layers).
 
-A design says what a file says; `xodr.road.Road` is what a reader computes from it (borders and centres of lanes in a road's s,
-resolved links). Links, signals, objects, junctions and controllers are those of `xodr.model`, read and built alike.
+A design says what a file says; `xodr.model.road.Road` is what a reader computes from it (borders
+and centres of lanes in a road's s, resolved links). Links, signals, objects, junctions and
+controllers are those of `xodr.model`, read and built alike.
 
-Coordinates are those of the file: x, y in metres, headings in radians, s along the reference line, t to the left, lane ids
-negative on the right. The same design always gives the same bytes.
+Coordinates are those of the file: x, y in metres, headings in radians, s along the reference line,
+t to the left, lane ids negative on the right. The same design always gives the same bytes.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from typing import NamedTuple
 from lxml import etree
 
 from schemas.common.storage import keep
-from xodr.geometry import Cubic
 from xodr.model import (
     PERMANENT,
     TEMPORARY,
@@ -31,6 +31,7 @@ from xodr.model import (
     RoadObject,
     Signal,
 )
+from xodr.model.geometry import Cubic
 
 # plane curves: clothoids (lines and arcs among them), parametric cubics (`paramPoly3`, p from 0 to 1) ----
 
@@ -44,7 +45,9 @@ class PlanPose(NamedTuple):
 
     def shifted(self, t: float) -> PlanPose:
         """The pose `t` metres to the left, same heading."""
-        return PlanPose(self.x - t * math.sin(self.heading), self.y + t * math.cos(self.heading), self.heading)
+        return PlanPose(
+            self.x - t * math.sin(self.heading), self.y + t * math.cos(self.heading), self.heading
+        )
 
     def turned(self, angle: float) -> PlanPose:
         """The pose turned on the spot, counterclockwise."""
@@ -99,7 +102,8 @@ Coefficients = tuple[float, float, float, float]
 class CubicPiece(NamedTuple):
     """A piece u(p), v(p) in the frame of its start: u ahead, v to the left, a + b·p + c·p² + d·p³ with p from 0 to 1.
 
-    length: of the curve, in m. The curve begins at the frame's origin in its direction: a of both and b of v are 0.
+    length: of the curve, in m. The curve begins at the frame's origin in its direction: a of both
+    and b of v are 0.
     """
 
     length: float
@@ -109,9 +113,15 @@ class CubicPiece(NamedTuple):
     def after(self, pose: PlanPose) -> PlanPose:
         """The pose at the end of the piece that starts at `pose`; it turns by less than half a turn."""
         ahead, aside = sum(self.u), sum(self.v)
-        turn = math.atan2(self.v[1] + 2 * self.v[2] + 3 * self.v[3], self.u[1] + 2 * self.u[2] + 3 * self.u[3])
+        turn = math.atan2(
+            self.v[1] + 2 * self.v[2] + 3 * self.v[3], self.u[1] + 2 * self.u[2] + 3 * self.u[3]
+        )
         cos, sin = math.cos(pose.heading), math.sin(pose.heading)
-        return PlanPose(pose.x + cos * ahead - sin * aside, pose.y + sin * ahead + cos * aside, pose.heading + turn)
+        return PlanPose(
+            pose.x + cos * ahead - sin * aside,
+            pose.y + sin * ahead + cos * aside,
+            pose.heading + turn,
+        )
 
     def mirrored(self) -> CubicPiece:
         """The piece on the other side of its starting direction."""
@@ -130,8 +140,8 @@ REVISION, REVISION_OF_LAYERS = (1, 7), (1, 9)
 class LaneDesign:
     """A lane of a section: type of the standard, width, the mark on its outer border, its links, and its own speed limit.
 
-    width: cubics, whose starts count from that of the section.
-    speed_limit: in m/s; None where that of the road holds. other_predecessor, other_successor: links to lanes of the other layer.
+    width: cubics, whose starts count from that of the section. speed_limit: in m/s; None where that
+    of the road holds. other_predecessor, other_successor: links to lanes of the other layer.
     """
 
     type: str
@@ -155,7 +165,13 @@ class SectionDesign:
 
 
 def traffic_light(
-    number: int, road_id: str, s: float, t: float, name: str, lanes: tuple[int, int], against: bool = False
+    number: int,
+    road_id: str,
+    s: float,
+    t: float,
+    name: str,
+    lanes: tuple[int, int],
+    against: bool = False,
 ) -> Signal:
     """A traffic light for a range of lanes (from, to), that faces traffic along +s, or against it."""
     return Signal(
@@ -166,14 +182,21 @@ def traffic_light(
 
 def connection(incoming: str, connecting: str, lanes: Iterable[tuple[int, int]]) -> Connection:
     """A way through a junction whose connecting road is entered at its start; the writer numbers it."""
-    return Connection("", incoming, connecting, "start", tuple((LaneRef(here), LaneRef(there)) for here, there in lanes))
+    return Connection(
+        "",
+        incoming,
+        connecting,
+        "start",
+        tuple((LaneRef(here), LaneRef(there)) for here, there in lanes),
+    )
 
 
 @dataclass(frozen=True)
 class RoadDesign:
     """A road: plan view as pieces from a start pose, lane sections and links. Speed limit in m/s, infinite for none.
 
-    offset: t of lane 0, along the whole road. temporary, temporary_offset: the same of the temporary layer of lanes.
+    offset: t of lane 0, along the whole road. temporary, temporary_offset: the same of the
+    temporary layer of lanes.
     """
 
     id: str
@@ -207,7 +230,11 @@ class RoadDesign:
         """Poses at the start of each piece of the reference line, and at its end."""
         found = [self.start]
         for piece in self.plan:
-            found.append(piece.after(found[-1]) if isinstance(piece, CubicPiece) else advance(found[-1], piece))
+            found.append(
+                piece.after(found[-1])
+                if isinstance(piece, CubicPiece)
+                else advance(found[-1], piece)
+            )
         return found
 
 
@@ -240,15 +267,28 @@ class RoadMap:
             rule="LHT" if self.rule == "RHT" else "RHT",
             roads=tuple(_mirrored_road(road) for road in self.roads),
             junctions=tuple(
-                replace(each, connections=tuple(_mirrored_connection(one) for one in each.connections)) for each in self.junctions
+                replace(
+                    each, connections=tuple(_mirrored_connection(one) for one in each.connections)
+                )
+                for each in self.junctions
             ),
         )
 
     def to_xml(self) -> bytes:
         """The map as an OpenDRIVE file, UTF-8."""
         root = etree.Element("OpenDRIVE")
-        major, minor = REVISION_OF_LAYERS if any(road.temporary for road in self.roads) else REVISION
-        header = _add(root, "header", revMajor=major, revMinor=minor, name=self.name, version="1.00", vendor="xosc-toolchain")
+        major, minor = (
+            REVISION_OF_LAYERS if any(road.temporary for road in self.roads) else REVISION
+        )
+        header = _add(
+            root,
+            "header",
+            revMajor=major,
+            revMinor=minor,
+            name=self.name,
+            version="1.00",
+            vendor="xosc-toolchain",
+        )
         if self.geo:
             _add(header, "geoReference").text = etree.CDATA(self.geo.projection)
             _add(header, "offset", x=self.geo.origin[0], y=self.geo.origin[1], z=0, hdg=0)
@@ -275,13 +315,27 @@ def _mirrored_road(road: RoadDesign) -> RoadDesign:
     start = PlanPose(road.start.x, -road.start.y, -road.start.heading)
     plan = tuple(_mirrored_piece(piece) for piece in road.plan)
     sections, temporary = (
-        tuple(replace(s, lanes={-key: _mirrored_lane(lane) for key, lane in s.lanes.items()}) for s in layer)
+        tuple(
+            replace(s, lanes={-key: _mirrored_lane(lane) for key, lane in s.lanes.items()})
+            for s in layer
+        )
         for layer in (road.sections, road.temporary)
     )
-    signals = tuple(replace(s, t=-s.t, validity=tuple((-b, -a) for a, b in s.validity)) for s in road.signals)
-    offset, moved = (tuple(Cubic(c.start, -c.a, -c.b, -c.c, -c.d) for c in each) for each in (road.offset, road.temporary_offset))
+    signals = tuple(
+        replace(s, t=-s.t, validity=tuple((-b, -a) for a, b in s.validity)) for s in road.signals
+    )
+    offset, moved = (
+        tuple(Cubic(c.start, -c.a, -c.b, -c.c, -c.d) for c in each)
+        for each in (road.offset, road.temporary_offset)
+    )
     objects = tuple(
-        replace(o, t=-o.t, outlines=tuple(tuple(corner._replace(v=-corner.v) for corner in each) for each in o.outlines))
+        replace(
+            o,
+            t=-o.t,
+            outlines=tuple(
+                tuple(corner._replace(v=-corner.v) for corner in each) for each in o.outlines
+            ),
+        )
         for o in road.objects
     )
     return replace(
@@ -291,7 +345,11 @@ def _mirrored_road(road: RoadDesign) -> RoadDesign:
 
 
 def _mirrored_piece(piece: Clothoid | CubicPiece) -> Clothoid | CubicPiece:
-    return piece.mirrored() if isinstance(piece, CubicPiece) else Clothoid(piece.length, -piece.start, -piece.end)
+    return (
+        piece.mirrored()
+        if isinstance(piece, CubicPiece)
+        else Clothoid(piece.length, -piece.start, -piece.end)
+    )
 
 
 def _mirrored_lane(lane: LaneDesign) -> LaneDesign:
@@ -301,7 +359,9 @@ def _mirrored_lane(lane: LaneDesign) -> LaneDesign:
 
 
 def _mirrored_connection(way: Connection) -> Connection:
-    return way._replace(lane_links=tuple((LaneRef(-here.id), LaneRef(-there.id)) for here, there in way.lane_links))
+    return way._replace(
+        lane_links=tuple((LaneRef(-here.id), LaneRef(-there.id)) for here, there in way.lane_links)
+    )
 
 
 # XML --------------------------------------------------------------------------------------------
@@ -313,17 +373,35 @@ def _number(value: float) -> str:
 
 
 def _add(parent: etree._Element, tag: str, **attributes: str | float | None) -> etree._Element:
-    texts = {key: value if isinstance(value, str) else _number(value) for key, value in attributes.items() if value is not None}
+    texts = {
+        key: value if isinstance(value, str) else _number(value)
+        for key, value in attributes.items()
+        if value is not None
+    }
     return etree.SubElement(parent, tag, texts)
 
 
 def _road(root: etree._Element, road: RoadDesign, rule: str) -> None:
-    element = _add(root, "road", name=road.name, length=road.length, id=road.id, junction=road.junction, rule=rule)
+    element = _add(
+        root,
+        "road",
+        name=road.name,
+        length=road.length,
+        id=road.id,
+        junction=road.junction,
+        rule=rule,
+    )
     if road.predecessor or road.successor:
         links = _add(element, "link")
         for name, link in (("predecessor", road.predecessor), ("successor", road.successor)):
             if link:
-                _add(links, name, elementType=link.element_type, elementId=link.element_id, contactPoint=link.contact)
+                _add(
+                    links,
+                    name,
+                    elementType=link.element_type,
+                    elementId=link.element_id,
+                    contactPoint=link.contact,
+                )
     kind = _add(element, "type", s=0, type=road.type)
     _add(kind, "speed", **_speed(road.speed_limit))
     _plan_view(_add(element, "planView"), road)
@@ -346,10 +424,18 @@ def _road(root: etree._Element, road: RoadDesign, rule: str) -> None:
 def _plan_view(parent: etree._Element, road: RoadDesign) -> None:
     s = 0.0
     for pose, piece in zip(road.poses, road.plan, strict=False):
-        geometry = _add(parent, "geometry", s=s, x=pose.x, y=pose.y, hdg=pose.heading, length=piece.length)
+        geometry = _add(
+            parent, "geometry", s=s, x=pose.x, y=pose.y, hdg=pose.heading, length=piece.length
+        )
         if isinstance(piece, CubicPiece):
             u, v = (
-                dict(zip((f"a{axis}", f"b{axis}", f"c{axis}", f"d{axis}"), getattr(piece, axis.lower()), strict=True))
+                dict(
+                    zip(
+                        (f"a{axis}", f"b{axis}", f"c{axis}", f"d{axis}"),
+                        getattr(piece, axis.lower()),
+                        strict=True,
+                    )
+                )
                 for axis in "UV"
             )
             _add(geometry, "paramPoly3", **u, **v, pRange="normalized")
@@ -362,7 +448,12 @@ def _plan_view(parent: etree._Element, road: RoadDesign) -> None:
         s += piece.length
 
 
-def _layer(lanes: etree._Element, layer: str | None, offset: Sequence[Cubic], sections: Sequence[SectionDesign]) -> None:
+def _layer(
+    lanes: etree._Element,
+    layer: str | None,
+    offset: Sequence[Cubic],
+    sections: Sequence[SectionDesign],
+) -> None:
     for cubic in offset:
         _add(lanes, "laneOffset", s=cubic.start, a=cubic.a, b=cubic.b, c=cubic.c, d=cubic.d)
     for section in sections:
@@ -417,7 +508,16 @@ def _mark(parent: etree._Element, kind: str, layer: str | None) -> None:
     change = "both" if kind == "broken" else "none"
     width = 0.12 if kind != "none" else None
     color = "yellow" if layer == TEMPORARY else "standard"
-    _add(parent, "roadMark", sOffset=0, type=kind, weight="standard", color=color, width=width, laneChange=change)
+    _add(
+        parent,
+        "roadMark",
+        sOffset=0,
+        type=kind,
+        weight="standard",
+        color=color,
+        width=width,
+        laneChange=change,
+    )
 
 
 def _object(parent: etree._Element, item: RoadObject) -> None:
@@ -430,7 +530,15 @@ def _object(parent: etree._Element, item: RoadObject) -> None:
     for index, corners in enumerate(item.outlines):
         outline = _add(outlines, "outline", id=str(index), closed="true")
         for number, corner in enumerate(corners):
-            _add(outline, "cornerLocal", id=str(number), u=corner.u, v=corner.v, z=corner.z, height=corner.height)
+            _add(
+                outline,
+                "cornerLocal",
+                id=str(number),
+                u=corner.u,
+                v=corner.v,
+                z=corner.z,
+                height=corner.height,
+            )
 
 
 def _signal(parent: etree._Element, signal: Signal) -> None:
@@ -449,7 +557,9 @@ def _junction(root: etree._Element, junction: Junction) -> None:
     entered = "linkedRoad" if junction.type == "direct" else "connectingRoad"
     for number, way in enumerate(junction.connections):
         ends = {"incomingRoad": way.incoming_road, entered: way.connecting_road}
-        child = _add(element, "connection", id=way.id or str(number), **ends, contactPoint=way.contact)
+        child = _add(
+            element, "connection", id=way.id or str(number), **ends, contactPoint=way.contact
+        )
         for here, there in way.lane_links:
             _add(child, "laneLink", **{"from": str(here.id), "to": str(there.id)})
     for high, low in junction.priorities:

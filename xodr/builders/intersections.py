@@ -1,11 +1,12 @@
 """Four-way intersection, T junction and roundabout.
 
-Every arm is a road that begins at the junction and leads away from it: its right-hand lanes leave the
-junction, its left-hand lanes enter it.
+Every arm is a road that begins at the junction and leads away from it: its right-hand lanes leave
+the junction, its left-hand lanes enter it.
 
-A roundabout is a ring of road segments with one junction at each arm. Right-hand traffic circulates counterclockwise. Ring
-segment k leads from the junction of arm k to that of the next arm; its lanes are -1 (inner) to -lanes (outer). Each junction
-has one connecting road for each lane that passes, enters and leaves; circulating traffic has priority over entering traffic.
+A roundabout is a ring of road segments with one junction at each arm. Right-hand traffic circulates
+counterclockwise. Ring segment k leads from the junction of arm k to that of the next arm; its lanes
+are -1 (inner) to -lanes (outer). Each junction has one connecting road for each lane that passes,
+enters and leaves; circulating traffic has priority over entering traffic.
 """
 
 from __future__ import annotations
@@ -14,8 +15,23 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from xodr.builders.elements import PlanPose, RoadDesign, RoadMap, SectionDesign, arc, connection, line, traffic_light
-from xodr.builders.roads_and_ramps import carriageway, connecting_road, for_traffic, require, two_way
+from xodr.builders.elements import (
+    PlanPose,
+    RoadDesign,
+    RoadMap,
+    SectionDesign,
+    arc,
+    connection,
+    line,
+    traffic_light,
+)
+from xodr.builders.roads_and_ramps import (
+    carriageway,
+    connecting_road,
+    for_traffic,
+    require,
+    two_way,
+)
 from xodr.model import Controller, Junction, RoadLink, Signal
 
 JUNCTION = 100
@@ -34,10 +50,13 @@ def four_way_intersection(
     Args:
         lanes: driving lanes of each direction of each arm.
         lane_width, arm (length), corner_radius (of the kerb): in m.
-        signals: with traffic lights, one for each approach; controller 1 switches east and west, 2 north and south.
+        signals: with traffic lights, one for each approach; controller 1 switches east and west, 2
+            north and south.
         speed_limit: in m/s. rule: RHT or LHT.
     """
-    site = _Crossing((EAST, NORTH, WEST, SOUTH), lanes, lane_width, arm, corner_radius, speed_limit, signals)
+    site = _Crossing(
+        (EAST, NORTH, WEST, SOUTH), lanes, lane_width, arm, corner_radius, speed_limit, signals
+    )
     return for_traffic(site.build("Four-way intersection"), rule)
 
 
@@ -49,7 +68,9 @@ def t_junction(
 
     Arguments as those of `four_way_intersection`.
     """
-    site = _Crossing((EAST, WEST, SOUTH), lanes, lane_width, arm, corner_radius, speed_limit, signals)
+    site = _Crossing(
+        (EAST, WEST, SOUTH), lanes, lane_width, arm, corner_radius, speed_limit, signals
+    )
     return for_traffic(site.build("T junction"), rule)
 
 
@@ -74,22 +95,32 @@ class _Crossing:
             require(key, getattr(self, key), 0.1)
         roads = {arm: self._arm(arm) for arm in self.arms}
         paths = list(self._paths(roads))
-        connections = tuple(connection(str(arm), path.id, ((lane, -1),)) for arm, lane, path in paths)
+        connections = tuple(
+            connection(str(arm), path.id, ((lane, -1),)) for arm, lane, path in paths
+        )
         controllers = self._controllers() if self.signals else ()
         priorities = () if self.signals or len(self.arms) == 4 else _main_road_first(paths)
         switched = tuple(controller.id for controller in controllers)
         junction = Junction(str(JUNCTION), name, "default", connections, switched, priorities)
-        return RoadMap(name, (*roads.values(), *(path for _, _, path in paths)), (junction,), controllers)
+        return RoadMap(
+            name, (*roads.values(), *(path for _, _, path in paths)), (junction,), controllers
+        )
 
     def _arm(self, arm: int) -> RoadDesign:
         reach = self.lanes * self.lane_width + self.corner_radius
         heading = (arm - EAST) * math.pi / 2
-        start = PlanPose(round(math.cos(heading)) * reach, round(math.sin(heading)) * reach, heading)
+        start = PlanPose(
+            round(math.cos(heading)) * reach, round(math.sin(heading)) * reach, heading
+        )
         section = two_way(self.lanes, self.lanes, self.lane_width)
         lights: tuple[Signal, ...] = ()
         if self.signals:
             t = self.lanes * self.lane_width + 1.0
-            lights = (traffic_light(arm, str(arm), 0.5, t, f"Signal {_NAMES[arm]}", (1, self.lanes), against=True),)
+            lights = (
+                traffic_light(
+                    arm, str(arm), 0.5, t, f"Signal {_NAMES[arm]}", (1, self.lanes), against=True
+                ),
+            )
         return RoadDesign(
             str(arm), _NAMES[arm], start, (line(self.arm_length),), (section,), "town", self.speed_limit,
             predecessor=RoadLink("junction", str(JUNCTION), None), signals=lights,
@@ -103,14 +134,22 @@ class _Crossing:
                 quarter = (there - here) % 4
                 turns = {0: (), 1: (self.lanes,), 2: range(1, self.lanes + 1), 3: (1,)}
                 for lane in turns[quarter]:
-                    path = connecting_road(number, JUNCTION, (roads[here], lane), (roads[there], -lane), self.lane_width)
+                    path = connecting_road(
+                        number,
+                        JUNCTION,
+                        (roads[here], lane),
+                        (roads[there], -lane),
+                        self.lane_width,
+                    )
                     yield here, lane, path
                     number += 1
 
     def _controllers(self) -> tuple[Controller, ...]:
         main = tuple(str(arm) for arm in self.arms if arm in (EAST, WEST))
         side = tuple(str(arm) for arm in self.arms if arm in (NORTH, SOUTH))
-        return Controller("1", "East and west", None, main), Controller("2", "North and south", None, side)
+        return Controller("1", "East and west", None, main), Controller(
+            "2", "North and south", None, side
+        )
 
 
 def _main_road_first(paths: list[tuple[int, int, RoadDesign]]) -> tuple[tuple[str, str], ...]:
@@ -135,12 +174,18 @@ def roundabout(
         lane_width: in m.
         radius: of the central island (inner border of the ring), in m.
         arm: length of each arm, in m.
-        flare: distance between the ring's outer border and the arms' ends, in m, room for entry and exit curves.
+        flare: distance between the ring's outer border and the arms' ends, in m, room for entry and
+            exit curves.
         speed_limit, ring_speed_limit: in m/s. rule: RHT or LHT.
     """
     require("arms", arms, 3, 6)
     require("lanes", lanes, 1, 2)
-    sizes = {"lane_width": lane_width, "arm": arm, "speed_limit": speed_limit, "ring_speed_limit": ring_speed_limit}
+    sizes = {
+        "lane_width": lane_width,
+        "arm": arm,
+        "speed_limit": speed_limit,
+        "ring_speed_limit": ring_speed_limit,
+    }
     for name, value in sizes.items():
         require(name, value, 0.1)
     require("flare", flare, 2.0)
@@ -168,9 +213,14 @@ class _Roundabout:
     def build(self) -> RoadMap:
         outer = [self._arm(number) for number in range(self.arms)]
         ring = [self._segment(number) for number in range(self.arms)]
-        built = [self._junction(number, outer[number], ring[number - 1], ring[number]) for number in range(self.arms)]
+        built = [
+            self._junction(number, outer[number], ring[number - 1], ring[number])
+            for number in range(self.arms)
+        ]
         paths = [path for _, connecting in built for path in connecting]
-        return RoadMap("Roundabout", (*outer, *ring, *paths), tuple(junction for junction, _ in built))
+        return RoadMap(
+            "Roundabout", (*outer, *ring, *paths), tuple(junction for junction, _ in built)
+        )
 
     def _arm(self, number: int) -> RoadDesign:
         heading = number * 2 * math.pi / self.arms
@@ -185,7 +235,9 @@ class _Roundabout:
     def _segment(self, number: int) -> RoadDesign:
         step = 2 * math.pi / self.arms
         angle = number * step + self.half_mouth
-        start = PlanPose(self.radius * math.cos(angle), self.radius * math.sin(angle), angle + math.pi / 2)
+        start = PlanPose(
+            self.radius * math.cos(angle), self.radius * math.sin(angle), angle + math.pi / 2
+        )
         section = SectionDesign(0.0, carriageway(self.lanes, self.lane_width), centre_mark="solid")
         plan = (arc(self.radius * (step - 2 * self.half_mouth), 1 / self.radius),)
         return RoadDesign(
@@ -194,7 +246,9 @@ class _Roundabout:
             successor=RoadLink("junction", str(JUNCTION * ((number + 1) % self.arms + 1)), None),
         )  # fmt: skip
 
-    def _junction(self, number: int, arm: RoadDesign, before: RoadDesign, after: RoadDesign) -> tuple[Junction, list[RoadDesign]]:
+    def _junction(
+        self, number: int, arm: RoadDesign, before: RoadDesign, after: RoadDesign
+    ) -> tuple[Junction, list[RoadDesign]]:
         """The junction of one arm: first all that passes, then what enters, then what leaves."""
         identity = JUNCTION * (number + 1)
         lanes = range(1, self.lanes + 1)
@@ -208,8 +262,17 @@ class _Roundabout:
             for index, (start, end) in enumerate(pairs)
         ]
         connections = tuple(
-            connection(start[0].id, path.id, ((start[1], -1),)) for (start, _), path in zip(pairs, paths, strict=True)
+            connection(start[0].id, path.id, ((start[1], -1),))
+            for (start, _), path in zip(pairs, paths, strict=True)
         )
         entering = paths[self.lanes : 2 * self.lanes]
-        priorities = tuple((high.id, low.id) for high in paths if high not in entering for low in entering)
-        return Junction(str(identity), f"Junction of arm {number + 1}", "default", connections, priorities=priorities), paths
+        priorities = tuple(
+            (high.id, low.id) for high in paths if high not in entering for low in entering
+        )
+        return Junction(
+            str(identity),
+            f"Junction of arm {number + 1}",
+            "default",
+            connections,
+            priorities=priorities,
+        ), paths

@@ -1,9 +1,10 @@
 """Single roads (straight, sharp curve, narrow, assumed for scenarios without one), motorway ramps, lane layouts of all builders.
 
-On-ramp (merge) and off-ramp (diverge) are the same picture in opposite directions of travel: a carriageway along the x axis, a
-junction in which an arc joins the ramp to the carriageway's right-hand edge, an extra lane beside the carriageway, and a taper in
-which that lane ends or begins. Road 1 is upstream of the junction, road 2 downstream, road 3 the ramp; the junction has the id
-100, its connecting roads are 101 (through) and 102 (ramp).
+On-ramp (merge) and off-ramp (diverge) are the same picture in opposite directions of travel: a
+carriageway along the x axis, a junction in which an arc joins the ramp to the carriageway's
+right-hand edge, an extra lane beside the carriageway, and a taper in which that lane ends or
+begins. Road 1 is upstream of the junction, road 2 downstream, road 3 the ramp; the junction has the
+id 100, its connecting roads are 101 (through) and 102 (ramp).
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from xodr.builders.elements import (
     connection,
     line,
 )
-from xodr.geometry import Cubic
 from xodr.model import Connection, Junction, RoadLink
+from xodr.model.geometry import Cubic
 
 # single roads -----------------------------------------------------------------------------------
 
@@ -38,7 +39,11 @@ LANE = "driving"
 def require(name: str, value: float, minimum: float, maximum: float = math.inf) -> None:
     """UsageError unless `minimum` <= value <= `maximum` and the value is finite."""
     if not (math.isfinite(value) and minimum <= value <= maximum):
-        bounds = f"between {minimum:g} and {maximum:g}" if math.isfinite(maximum) else f"at least {minimum:g}"
+        bounds = (
+            f"between {minimum:g} and {maximum:g}"
+            if math.isfinite(maximum)
+            else f"at least {minimum:g}"
+        )
         raise UsageError(f"{name}={value!r} must be {bounds}")
 
 
@@ -64,10 +69,14 @@ def closing(width: float, length: float) -> tuple[Cubic, ...]:
     return (Cubic(0.0, width, 0.0, -3 * width / length**2, 2 * width / length**3),)
 
 
-def carriageway(lanes: int, width: float, side: int = -1, edge: float = 0.0) -> dict[int, LaneDesign]:
+def carriageway(
+    lanes: int, width: float, side: int = -1, edge: float = 0.0
+) -> dict[int, LaneDesign]:
     """`lanes` driving lanes on one side (-1 right, +1 left of the reference line) and, where `edge` > 0, a shoulder."""
     built = {
-        side * number: LaneDesign(LANE, constant(width), mark="broken" if number < lanes else "solid")
+        side * number: LaneDesign(
+            LANE, constant(width), mark="broken" if number < lanes else "solid"
+        )
         for number in range(1, lanes + 1)
     }
     if edge > 0:
@@ -75,7 +84,9 @@ def carriageway(lanes: int, width: float, side: int = -1, edge: float = 0.0) -> 
     return built
 
 
-def linked(section: SectionDesign, predecessors: dict[int, int] | None, successors: dict[int, int] | None) -> SectionDesign:
+def linked(
+    section: SectionDesign, predecessors: dict[int, int] | None, successors: dict[int, int] | None
+) -> SectionDesign:
     """The section with lane links filled in; None links every lane to its own id, an empty table none."""
     lanes = {
         key: replace(
@@ -93,11 +104,17 @@ def two_way(lanes: int, opposite: int, width: float, edge: float = 0.0) -> Secti
     layout = carriageway(lanes, width, edge=edge)
     if opposite:
         layout |= carriageway(opposite, width, side=1, edge=edge)
-    return SectionDesign(0.0, layout, centre_mark="broken" if lanes + opposite < 4 else "solid solid")
+    return SectionDesign(
+        0.0, layout, centre_mark="broken" if lanes + opposite < 4 else "solid solid"
+    )
 
 
 def connecting_road(
-    number: int, junction: int, before: tuple[RoadDesign, int], after: tuple[RoadDesign, int], width: float
+    number: int,
+    junction: int,
+    before: tuple[RoadDesign, int],
+    after: tuple[RoadDesign, int],
+    width: float,
 ) -> RoadDesign:
     """One lane (-1) through a junction, from a lane to a lane of equal width: a single clothoid that fits both exactly.
 
@@ -149,7 +166,11 @@ def assumed_roads(used: Iterable[RoadUse], *, rule: str = "RHT") -> RoadMap:
         section = two_way(each.right, each.left, _WIDTH)
         start = PlanPose(0.0, -_APART * number, 0.0)
         name = f"assumed road {each.road_id}"
-        roads.append(RoadDesign(each.road_id, name, start, (line(each.length),), (section,), "rural", _SPEED_LIMIT))
+        roads.append(
+            RoadDesign(
+                each.road_id, name, start, (line(each.length),), (section,), "rural", _SPEED_LIMIT
+            )
+        )
     return for_traffic(RoadMap("Assumed roads", tuple(roads)), rule)
 
 
@@ -176,7 +197,12 @@ def straight_highway(
     """
     require("lanes", lanes, 1)
     require("opposite_lanes", opposite_lanes, 0)
-    for name, value in (("lane_width", lane_width), ("length", length), ("speed_limit", speed_limit), ("median", median)):
+    for name, value in (
+        ("lane_width", lane_width),
+        ("length", length),
+        ("speed_limit", speed_limit),
+        ("median", median),
+    ):
         require(name, value, 0.1)
     layout = carriageway(lanes, lane_width, edge=shoulder)
     if opposite_lanes:
@@ -206,7 +232,11 @@ def sharp_curve(
     """
     require("lanes", lanes, 1)
     require("opposite_lanes", opposite_lanes, 0)
-    for name, value in (("lane_width", lane_width), ("approach", approach), ("speed_limit", speed_limit)):
+    for name, value in (
+        ("lane_width", lane_width),
+        ("approach", approach),
+        ("speed_limit", speed_limit),
+    ):
         require(name, value, 0.1)
     require("angle", angle, 0.05, 1.75 * math.pi)
     require("radius", radius, 1.0 + max(lanes, opposite_lanes) * lane_width + shoulder)
@@ -217,9 +247,21 @@ def sharp_curve(
     bend = arc(radius * angle - transition, curvature)
     plan: tuple[Clothoid, ...] = (line(approach), bend, line(approach))
     if transition > 0:
-        plan = (line(approach), Clothoid(transition, 0.0, curvature), bend, Clothoid(transition, curvature, 0.0), line(approach))
+        plan = (
+            line(approach),
+            Clothoid(transition, 0.0, curvature),
+            bend,
+            Clothoid(transition, curvature, 0.0),
+            line(approach),
+        )
     road = RoadDesign(
-        "1", "Sharp curve", ORIGIN, plan, (two_way(lanes, opposite_lanes, lane_width, shoulder),), "rural", speed_limit
+        "1",
+        "Sharp curve",
+        ORIGIN,
+        plan,
+        (two_way(lanes, opposite_lanes, lane_width, shoulder),),
+        "rural",
+        speed_limit,
     )
     return for_traffic(RoadMap(f"Sharp {turn} curve", (road,)), rule)
 
@@ -236,7 +278,11 @@ def narrow_road(
     """
     require("lanes", lanes, 1)
     require("opposite_lanes", opposite_lanes, 0)
-    for name, value in (("lane_width", lane_width), ("length", length), ("speed_limit", speed_limit)):
+    for name, value in (
+        ("lane_width", lane_width),
+        ("length", length),
+        ("speed_limit", speed_limit),
+    ):
         require(name, value, 0.1)
     section = two_way(lanes, opposite_lanes, lane_width, shoulder)
     road = RoadDesign("1", "Narrow road", ORIGIN, (line(length),), (section,), "town", speed_limit)
@@ -261,18 +307,24 @@ def on_ramp(
     """A motorway with an on-ramp that merges over an acceleration lane.
 
     Args:
-        lanes: driving lanes of the carriageway; lane -(lanes + 1) of road 2 is the acceleration lane.
+        lanes: driving lanes of the carriageway; lane -(lanes + 1) of road 2 is the acceleration
+            lane.
         lane_width, ramp_width, shoulder: in m.
-        upstream: length of road 1. acceleration, taper, downstream: lengths of the three sections of road 2. ramp: of road 3.
+        upstream: length of road 1. acceleration, taper, downstream: lengths of the three sections
+            of road 2. ramp: of road 3.
         angle: between ramp and carriageway, in rad.
         speed_limit, ramp_speed_limit: in m/s. rule: RHT or LHT.
     """
     site = _Site(lanes, lane_width, ramp_width, shoulder, angle, speed_limit, ramp_speed_limit)
-    site.check(upstream=upstream, acceleration=acceleration, taper=taper, downstream=downstream, ramp=ramp)
+    site.check(
+        upstream=upstream, acceleration=acceleration, taper=taper, downstream=downstream, ramp=ramp
+    )
     before = site.main_road(1, PlanPose(0, 0, 0), upstream, (site.plain(0.0),))
     sections = (
         linked(site.wide(0.0, "entry", constant(lane_width)), {}, None),
-        linked(site.wide(acceleration, "entry", closing(lane_width, taper)), None, site.wide_to_plain),
+        linked(
+            site.wide(acceleration, "entry", closing(lane_width, taper)), None, site.wide_to_plain
+        ),
         linked(site.plain(acceleration + taper), site.plain_to_wide, {}),
     )
     after = site.main_road(2, site.beyond(before), acceleration + taper + downstream, sections)
@@ -280,10 +332,14 @@ def on_ramp(
     start = PlanPose(gore.x - ramp * math.cos(angle), gore.y - ramp * math.sin(angle), angle)
     access = site.ramp_road("On-ramp", "onRamp", start, ramp, successor=MOUTH)
     fading = LaneDesign("shoulder", site.fading(-1), predecessor=-lanes - 1)
-    joining = site.ramp_connection(access.end, (3, -1, ramp_width), (2, -lanes - 1, lane_width), "onRamp")
+    joining = site.ramp_connection(
+        access.end, (3, -1, ramp_width), (2, -lanes - 1, lane_width), "onRamp"
+    )
     roads = (before, after, access, site.through(before.end, fading), joining)
     main = ((-lanes - 1, -lanes - 1),)
-    return site.assemble("On-ramp", roads, main, connection("3", str(RAMP), ((-1, -1), (-2, -2))), rule)
+    return site.assemble(
+        "On-ramp", roads, main, connection("3", str(RAMP), ((-1, -1), (-2, -2))), rule
+    )
 
 
 def off_ramp(
@@ -294,14 +350,18 @@ def off_ramp(
     """A motorway with an off-ramp that diverges from a deceleration lane.
 
     Args:
-        lanes: driving lanes of the carriageway; lane -(lanes + 1) of road 1 is the deceleration lane.
+        lanes: driving lanes of the carriageway; lane -(lanes + 1) of road 1 is the deceleration
+            lane.
         lane_width, ramp_width, shoulder: in m.
-        upstream, taper, deceleration: lengths of the three sections of road 1. downstream: of road 2. ramp: of road 3.
+        upstream, taper, deceleration: lengths of the three sections of road 1. downstream: of
+            road 2. ramp: of road 3.
         angle: between ramp and carriageway, in rad.
         speed_limit, ramp_speed_limit: in m/s. rule: RHT or LHT.
     """
     site = _Site(lanes, lane_width, ramp_width, shoulder, angle, speed_limit, ramp_speed_limit)
-    site.check(upstream=upstream, taper=taper, deceleration=deceleration, downstream=downstream, ramp=ramp)
+    site.check(
+        upstream=upstream, taper=taper, deceleration=deceleration, downstream=downstream, ramp=ramp
+    )
     sections = (
         linked(site.plain(0.0), {}, site.plain_to_wide),
         linked(site.wide(upstream, "exit", opening(lane_width, taper)), site.wide_to_plain, None),
@@ -309,11 +369,19 @@ def off_ramp(
     )
     before = site.main_road(1, PlanPose(0, 0, 0), upstream + taper + deceleration, sections)
     after = site.main_road(2, site.beyond(before), downstream, (site.plain(0.0),))
-    leaving = site.ramp_connection(before.end.shifted(site.edge), (1, -lanes - 1, lane_width), (3, -1, ramp_width), "offRamp")
+    leaving = site.ramp_connection(
+        before.end.shifted(site.edge), (1, -lanes - 1, lane_width), (3, -1, ramp_width), "offRamp"
+    )
     exit_ = site.ramp_road("Off-ramp", "offRamp", leaving.end, ramp, predecessor=MOUTH)
     growing = LaneDesign("shoulder", site.fading(+1), successor=-lanes - 1)
     roads = (before, after, exit_, site.through(before.end, growing), leaving)
-    return site.assemble("Off-ramp", roads, (), connection("1", str(RAMP), ((-lanes - 1, -1), (-lanes - 2, -2))), rule)
+    return site.assemble(
+        "Off-ramp",
+        roads,
+        (),
+        connection("1", str(RAMP), ((-lanes - 1, -1), (-lanes - 2, -2))),
+        rule,
+    )
 
 
 @dataclass(frozen=True)
@@ -361,7 +429,9 @@ class _Site:
 
     def plain(self, s: float) -> SectionDesign:
         """Driving lanes and shoulder."""
-        return SectionDesign(s, carriageway(self.lanes, self.lane_width, edge=self.shoulder), centre_mark="solid")
+        return SectionDesign(
+            s, carriageway(self.lanes, self.lane_width, edge=self.shoulder), centre_mark="solid"
+        )
 
     def wide(self, s: float, kind: str, width: tuple[Cubic, ...]) -> SectionDesign:
         """Driving lanes, the extra lane and the shoulder."""
@@ -396,16 +466,30 @@ class _Site:
             return (Cubic(0.0, 0.0, 0.0, self.shoulder / length**2),)
         return (Cubic(0.0, self.shoulder, -2 * self.shoulder / length, self.shoulder / length**2),)
 
-    def main_road(self, number: int, start: PlanPose, length: float, sections: tuple[SectionDesign, ...]) -> RoadDesign:
+    def main_road(
+        self, number: int, start: PlanPose, length: float, sections: tuple[SectionDesign, ...]
+    ) -> RoadDesign:
         """Road 1 ends at the junction, road 2 begins there."""
-        name, before, after = ("Upstream", None, MOUTH) if number == 1 else ("Downstream", MOUTH, None)
+        name, before, after = (
+            ("Upstream", None, MOUTH) if number == 1 else ("Downstream", MOUTH, None)
+        )
         return RoadDesign(
-            str(number), name, start, (line(length),), sections, "motorway", self.speed_limit, predecessor=before, successor=after
+            str(number),
+            name,
+            start,
+            (line(length),),
+            sections,
+            "motorway",
+            self.speed_limit,
+            predecessor=before,
+            successor=after,
         )
 
     def beyond(self, before: RoadDesign) -> PlanPose:
         """Return the pose at which the carriageway leaves the junction."""
-        return PlanPose(before.end.x + self.radius * math.sin(self.angle), before.end.y, before.end.heading)
+        return PlanPose(
+            before.end.x + self.radius * math.sin(self.angle), before.end.y, before.end.heading
+        )
 
     def through(self, start: PlanPose, shoulder: LaneDesign) -> RoadDesign:
         """The connecting road of the carriageway."""
@@ -419,7 +503,11 @@ class _Site:
         )  # fmt: skip
 
     def ramp_connection(
-        self, start: PlanPose, before: tuple[int, int, float], after: tuple[int, int, float], kind: str
+        self,
+        start: PlanPose,
+        before: tuple[int, int, float],
+        after: tuple[int, int, float],
+        kind: str,
     ) -> RoadDesign:
         """The connecting road of the ramp, from and to (road, lane, lane width): an arc to the right."""
         length = self.radius * self.angle
@@ -427,7 +515,9 @@ class _Site:
         width = (Cubic(0.0, before[2], 0.0, 3 * change / length**2, -2 * change / length**3),)
         lanes = {
             -1: LaneDesign(kind, width, "solid", before[1], after[1]),
-            -2: LaneDesign("shoulder", constant(self.shoulder), "none", before[1] - 1, after[1] - 1),
+            -2: LaneDesign(
+                "shoulder", constant(self.shoulder), "none", before[1] - 1, after[1] - 1
+            ),
         }
         return RoadDesign(
             str(RAMP), "Ramp connection", start, (arc(length, -1 / self.radius),), (SectionDesign(0.0, lanes, "solid"),),
@@ -436,9 +526,20 @@ class _Site:
         )  # fmt: skip
 
     def assemble(
-        self, name: str, roads: tuple[RoadDesign, ...], extra: tuple[tuple[int, int], ...], ramp: Connection, rule: str
+        self,
+        name: str,
+        roads: tuple[RoadDesign, ...],
+        extra: tuple[tuple[int, int], ...],
+        ramp: Connection,
+        rule: str,
     ) -> RoadMap:
         """The whole map; `extra` are lane pairs of the through connection beside the driving lanes."""
-        main = connection("1", str(THROUGH), tuple((-number, -number) for number in range(1, self.lanes + 1)) + extra)
-        junction = Junction(str(JUNCTION), name, "default", (main, ramp), priorities=((str(THROUGH), str(RAMP)),))
+        main = connection(
+            "1",
+            str(THROUGH),
+            tuple((-number, -number) for number in range(1, self.lanes + 1)) + extra,
+        )
+        junction = Junction(
+            str(JUNCTION), name, "default", (main, ramp), priorities=((str(THROUGH), str(RAMP)),)
+        )
         return for_traffic(RoadMap(name, roads, (junction,)), rule)

@@ -1,8 +1,9 @@
 """Links between lanes: at the ends of roads, by road and junction links, and along a road, by virtual junctions and cross paths.
 
-Every meeting is kept in both directions, so that a way can be followed backwards too and a link that only one of the two
-roads declares is still a link. A road that begins or ends at a virtual junction names the place by `elementS` of its link. The
-main road gets a border of lane sections there, at which a movement looks for ways off it."""
+Every meeting is kept in both directions, so that a way can be followed backwards too and a link
+that only one of the two roads declares is still a link. A road that begins or ends at a virtual
+junction names the place by `elementS` of its link. The main road gets a border of lane sections
+there, at which a movement looks for ways off it."""
 
 from __future__ import annotations
 
@@ -11,8 +12,20 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from xodr.model import NEAR, PERMANENT, Connection, Junction, Lane, LaneLink, LaneRef, LaneSection, RoadLink, cut, has
-from xodr.road import Road, lane_in
+from xodr.model import (
+    NEAR,
+    PERMANENT,
+    Connection,
+    Junction,
+    Lane,
+    LaneLink,
+    LaneRef,
+    LaneSection,
+    RoadLink,
+    cut,
+    has,
+)
+from xodr.model.road import Road, lane_in
 
 LinkTable = dict[tuple[str, int, bool], list[LaneLink]]
 """Lanes reached from (road id, lane id, leaving at the end (True) or the start (False) of the road)."""
@@ -36,7 +49,11 @@ def next_lane(lane: Lane, following: LaneSection, towards_s: bool) -> int | None
     linked = lane.successor if towards_s else lane.predecessor
     if linked in following.lanes:
         return linked
-    back = (other for other in following.lanes.values() if (other.predecessor if towards_s else other.successor) == lane.id)
+    back = (
+        other
+        for other in following.lanes.values()
+        if (other.predecessor if towards_s else other.successor) == lane.id
+    )
     return next((other.id for other in back if other.id), None)
 
 
@@ -54,22 +71,35 @@ def _joints(roads: Mapping[str, Road], junctions: Mapping[str, Junction]) -> Ite
             yield from _pairs(here, there, side.lanes)
 
 
-def _road_joints(roads: Mapping[str, Road], road: Road, at_start: bool, link: RoadLink) -> Iterator[_Joint]:
+def _road_joints(
+    roads: Mapping[str, Road], road: Road, at_start: bool, link: RoadLink
+) -> Iterator[_Joint]:
     other = roads[link.element_id]
-    other_at_start = link.contact == "start" if link.contact else _nearer_start(other, road, at_start)
+    other_at_start = (
+        link.contact == "start" if link.contact else _nearer_start(other, road, at_start)
+    )
     here, there = _End(road, at_start), _End(other, other_at_start)
-    pairs = [(lane, target) for lane, links in here.links().items() for target in there.reached(links)]
+    pairs = [
+        (lane, target) for lane, links in here.links().items() for target in there.reached(links)
+    ]
     if not any(here.links().values()) and not any(there.links().values()):
         pairs = _same_lanes(here, there)
     yield from _pairs(here, there, pairs)
 
 
-def _connection_joints(roads: Mapping[str, Road], junction: Junction, connection: Connection) -> Iterator[_Joint]:
+def _connection_joints(
+    roads: Mapping[str, Road], junction: Junction, connection: Connection
+) -> Iterator[_Joint]:
     incoming, connecting = roads[connection.incoming_road], roads[connection.connecting_road]
     contact_start = connection.contact == "start"
     incoming_start = _incoming_start(incoming, connecting, contact_start, junction.id)
     here, there = _End(incoming, incoming_start), _End(connecting, contact_start)
-    pairs = [(a, b) for one, other in connection.lane_links for a in here.reached([one]) for b in there.reached([other])]
+    pairs = [
+        (a, b)
+        for one, other in connection.lane_links
+        for a in here.reached([one])
+        for b in there.reached([other])
+    ]
     if not connection.lane_links and not any(there.links().values()):
         pairs = _same_lanes(here, there)
     yield from _pairs(here, there, pairs)
@@ -106,7 +136,11 @@ class _End(NamedTuple):
         s = 0.0 if self.at_start else other.length
         t = section.lanes[link.id].center(s)
         lane = self.section.lanes[lane_in(self.section, s, t)]
-        return lane.id if min(lane.inner(s), lane.outer(s)) <= t <= max(lane.inner(s), lane.outer(s)) else None
+        return (
+            lane.id
+            if min(lane.inner(s), lane.outer(s)) <= t <= max(lane.inner(s), lane.outer(s))
+            else None
+        )
 
 
 def _same_lanes(here: _End, there: _End) -> list[tuple[int, int]]:
@@ -119,10 +153,15 @@ def _pairs(here: _End, there: _End, pairs: Iterable[tuple[int, int]]) -> Iterato
     """Joints of the lane pairs that exist."""
     for lane, target in pairs:
         if lane and target and lane in here.section.lanes and target in there.section.lanes:
-            yield LaneLink(here.road.id, lane, here.at_start), LaneLink(there.road.id, target, there.at_start)
+            yield (
+                LaneLink(here.road.id, lane, here.at_start),
+                LaneLink(there.road.id, target, there.at_start),
+            )
 
 
-def _incoming_start(incoming: Road, connecting: Road, contact_start: bool, junction_id: str) -> bool:
+def _incoming_start(
+    incoming: Road, connecting: Road, contact_start: bool, junction_id: str
+) -> bool:
     """Whether the incoming road meets the junction with its start."""
     back = connecting.predecessor if contact_start else connecting.successor
     if back and back.element_id == incoming.id and back.contact:
@@ -138,7 +177,9 @@ def _incoming_start(incoming: Road, connecting: Road, contact_start: bool, junct
 def _nearer_start(road: Road, other: Road, other_at_start: bool) -> bool:
     """Whether the start of a road is nearer than its end to the given end of another road."""
     x, y, _ = other.line.at(0.0 if other_at_start else other.length)
-    gaps = [math.hypot(x - end[0], y - end[1]) for end in (road.line.at(0.0), road.line.at(road.length))]
+    gaps = [
+        math.hypot(x - end[0], y - end[1]) for end in (road.line.at(0.0), road.line.at(road.length))
+    ]
     return gaps[0] <= gaps[1]
 
 
@@ -149,7 +190,8 @@ SideTable = dict[tuple[str, int, bool, float], list[LaneLink]]
 class _Side(NamedTuple):
     """The end of a road that touches another one, `main`.
 
-    lanes: pairs of its own lanes with those of `main`. walked: whether they are taken in both directions, as by pedestrians.
+    lanes: pairs of its own lanes with those of `main`. walked: whether they are taken in both
+    directions, as by pedestrians.
     """
 
     road: Road
@@ -180,13 +222,20 @@ def side_table(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> Side
         s = min((section.s for section in main.sections), key=lambda border: abs(border - near))
         end = 0.0 if at_start else road.length
         for lane, other in lanes:
-            if lane not in road.sections[0 if at_start else -1].lanes or other not in main.section(s).lanes:
+            if (
+                lane not in road.sections[0 if at_start else -1].lanes
+                or other not in main.section(s).lanes
+            ):
                 continue
             off = (road.direction(lane, end) > 0) == at_start
             traffic = (main.direction(other, s) > 0) == off
             for forward in (traffic, not traffic) if walked else (traffic,):
-                table.setdefault((main.id, other, forward, s), []).append(LaneLink(road.id, lane, at_start))
-                table.setdefault((road.id, lane, not at_start, end), []).append(LaneLink(main.id, other, not forward, s))
+                table.setdefault((main.id, other, forward, s), []).append(
+                    LaneLink(road.id, lane, at_start)
+                )
+                table.setdefault((road.id, lane, not at_start, end), []).append(
+                    LaneLink(main.id, other, not forward, s)
+                )
     return table
 
 
@@ -194,7 +243,9 @@ def _sides(roads: Mapping[str, Road], junctions: Iterable[Junction]) -> Iterator
     """Ends of roads that touch others between their ends: at virtual junctions, and those of cross paths."""
     junctions = list(junctions)
     connected = {
-        (connection.connecting_road, connection.incoming_road): [(lane.id, other.id) for other, lane in connection.lane_links]
+        (connection.connecting_road, connection.incoming_road): [
+            (lane.id, other.id) for other, lane in connection.lane_links
+        ]
         for junction in junctions
         for connection in junction.connections
     }
@@ -212,7 +263,14 @@ def _cross_path_sides(roads: Mapping[str, Road], junctions: Iterable[Junction]) 
     for junction in junctions:
         for path in junction.cross_paths:
             for at_start, end in ((True, path.start), (False, path.end)):
-                yield _Side(roads[path.road_id], at_start, roads[end.road_id], end.s, [(end.own_lane, end.lane_id)], walked=True)
+                yield _Side(
+                    roads[path.road_id],
+                    at_start,
+                    roads[end.road_id],
+                    end.s,
+                    [(end.own_lane, end.lane_id)],
+                    walked=True,
+                )
 
 
 def _lane_pairs(road: Road, at_start: bool) -> list[tuple[int, int]]:
@@ -228,11 +286,24 @@ def _with_border(road: Road, s: float) -> Road:
 
 
 def _bordered(sections: list[LaneSection], s: float) -> list[LaneSection]:
-    index = next((number for number, section in enumerate(sections) if section.s + NEAR <= s <= section.end - NEAR), None)
+    index = next(
+        (
+            number
+            for number, section in enumerate(sections)
+            if section.s + NEAR <= s <= section.end - NEAR
+        ),
+        None,
+    )
     if index is None:
         return sections
     section = sections[index]
-    before = {lane.id: replace(cut(lane, section.s, s), successor=lane.id) for lane in section.lanes.values()}
-    after = {lane.id: replace(cut(lane, s, section.end), predecessor=lane.id) for lane in section.lanes.values()}
+    before = {
+        lane.id: replace(cut(lane, section.s, s), successor=lane.id)
+        for lane in section.lanes.values()
+    }
+    after = {
+        lane.id: replace(cut(lane, s, section.end), predecessor=lane.id)
+        for lane in section.lanes.values()
+    }
     parts = [LaneSection(section.s, s, before), LaneSection(s, section.end, after)]
     return [*sections[:index], *parts, *sections[index + 1 :]]

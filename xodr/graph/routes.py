@@ -12,7 +12,7 @@ from typing import NamedTuple
 from xodr.graph.travel import Choose, Traveller
 from xodr.graph.ways import PRICES, Cost, Price, Step, Way, Ways, add
 from xodr.model import LaneLink, RoadPoint
-from xodr.road import Road
+from xodr.model.road import Road
 
 
 class Leg(NamedTuple):
@@ -35,7 +35,11 @@ class Leg(NamedTuple):
 
     def passes(self, point: RoadPoint, links: Sequence[LaneLink]) -> bool:
         """Whether ways off the leg's road between its ends are offered, and the leg goes on past them."""
-        return bool(links) and (links[0].road_id, links[0].s) == (point.road_id, point.s) and self.leave != point.s
+        return (
+            bool(links)
+            and (links[0].road_id, links[0].s) == (point.road_id, point.s)
+            and self.leave != point.s
+        )
 
 
 class RoadPath:
@@ -70,7 +74,8 @@ class RoadPath:
     def position(self, point: RoadPoint, near: float = 0.0) -> float | None:
         """Distance [m] of a road point from the route's beginning, None where its road is not part of the route.
 
-        On the first and last road the point may lie before the beginning (negative) or beyond the end.
+        On the first and last road the point may lie before the beginning (negative) or beyond the
+        end.
 
         Args:
             near: where the point is expected; decides on routes that use a road more than once.
@@ -85,7 +90,9 @@ class RoadPath:
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """The lane that goes on along the route, for `RoadNetwork.travel`; the straightest where the route does not help."""
         for leg, following in pairwise(self.legs):
-            if (leg.road_id, leg.forward) == (point.road_id, forward) and not leg.passes(point, links):
+            if (leg.road_id, leg.forward) == (point.road_id, forward) and not leg.passes(
+                point, links
+            ):
                 onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
                 if onwards:
                     return onwards[0]
@@ -98,10 +105,13 @@ class Router:
     def __init__(self, ways: Ways, otherwise: Choose) -> None:
         self._ways, self._otherwise = ways, otherwise
 
-    def route(self, waypoints: Sequence[RoadPoint], strategies: Sequence[str], rng: Random | None) -> RoadPath | None:
+    def route(
+        self, waypoints: Sequence[RoadPoint], strategies: Sequence[str], rng: Random | None
+    ) -> RoadPath | None:
         """A route through the waypoints, strategies[i] leading from waypoint i to i + 1; None where no way leads there.
 
-        Ways of traffic are taken where they suffice, else any way, also against the traffic (pedestrians).
+        Ways of traffic are taken where they suffice, else any way, also against the traffic
+        (pedestrians).
         """
         for driven in (True, False):
             legs = self._legs(waypoints, strategies, rng, driven)
@@ -109,7 +119,13 @@ class Router:
                 return RoadPath(legs, self._otherwise)
         return None
 
-    def _legs(self, waypoints: Sequence[RoadPoint], strategies: Sequence[str], rng: Random | None, driven: bool) -> list[Leg]:
+    def _legs(
+        self,
+        waypoints: Sequence[RoadPoint],
+        strategies: Sequence[str],
+        rng: Random | None,
+        driven: bool,
+    ) -> list[Leg]:
         stretches: list[tuple[Way, float, float]] = []
         for (origin, target), strategy in zip(pairwise(waypoints), strategies, strict=True):
             price = PRICES[strategy] if strategy != "random" else _random_price(rng or Random(0))
@@ -139,8 +155,12 @@ class Router:
         directions = self._directions(origin, driven) if heading is None else (heading,)
         arrivals = self._directions(target, driven)
         # trail: each entry is (step onto a way, index of the entry before); an index beyond it marks a finished route
-        trail = [(Step(origin.s, Way(origin.road_id, forward), origin.s), -1) for forward in directions]
-        queue: list[tuple[Cost, int, bool]] = [((0.0, 0.0), index, False) for index in range(len(trail))]
+        trail = [
+            (Step(origin.s, Way(origin.road_id, forward), origin.s), -1) for forward in directions
+        ]
+        queue: list[tuple[Cost, int, bool]] = [
+            ((0.0, 0.0), index, False) for index in range(len(trail))
+        ]
         seen: set[tuple[Way, float]] = set()
         while queue:
             cost, index, finished = heappop(queue)
@@ -162,7 +182,9 @@ class Router:
                     heappush(queue, (add(cost, price(road, ahead)), len(trail) - 1, False))
         return None
 
-    def _unwind(self, trail: Sequence[tuple[Step, int]], index: int, leave: float) -> list[tuple[Way, float, float]]:
+    def _unwind(
+        self, trail: Sequence[tuple[Step, int]], index: int, leave: float
+    ) -> list[tuple[Way, float, float]]:
         stretches: list[tuple[Way, float, float]] = []
         while index >= 0:
             step, index = trail[index]
@@ -173,7 +195,11 @@ class Router:
     def _directions(self, point: RoadPoint, driven: bool) -> tuple[bool, ...]:
         """Directions of travel that a point's lane allows; both where it is the centre lane or traffic does not count."""
         road = self._ways.roads[point.road_id]
-        if not driven or point.lane_id == 0 or road.lane(point.s, point.lane_id).direction == "both":
+        if (
+            not driven
+            or point.lane_id == 0
+            or road.lane(point.s, point.lane_id).direction == "both"
+        ):
             return (True, False)
         return (road.direction(point.lane_id, point.s) > 0,)
 
@@ -201,8 +227,9 @@ def _random_price(rng: Random) -> Price:
 class Relative(NamedTuple):
     """Position of a point relative to another one, in the road or lane coordinates of the other.
 
-    ds: [m] along the roads or the lane, positive towards +s. dt: [m], positive towards +t. lanes: number of lanes from one
-    to the other, positive towards +t, the centre lane not counted. aligned: whether +s means the same direction at both.
+    ds: [m] along the roads or the lane, positive towards +s. dt: [m], positive towards +t. lanes:
+    number of lanes from one to the other, positive towards +t, the centre lane not counted.
+    aligned: whether +s means the same direction at both.
     """
 
     ds: float
@@ -245,14 +272,24 @@ class RoadRelations:
     def in_lane(self, origin: RoadPoint, target: RoadPoint, strategy: str) -> Relative | None:
         """Position of a target in the lane coordinates of an origin: along the origin's lane, which goes on by lane links."""
         road = self._ways.roads[origin.road_id]
-        lane_id, sign, length, start, aligned = origin.lane_id, 1.0 if target.s >= origin.s else -1.0, 0.0, origin.s, True
+        lane_id, sign, length, start, aligned = (
+            origin.lane_id,
+            1.0 if target.s >= origin.s else -1.0,
+            0.0,
+            origin.s,
+            True,
+        )
         if origin.road_id != target.road_id:
             found = self._connection(origin, target, strategy)
             if found is None:
                 return None
             sign, aligned = (1.0 if found.leaving.forward else -1.0), found.aligned
-            for way, following in pairwise([found.leaving, *self._between(found, strategy), found.arriving]):
-                gone, lane_id = self._traveller.length(road, lane_id, start, road.length if way.forward else 0.0)
+            for way, following in pairwise(
+                [found.leaving, *self._between(found, strategy), found.arriving]
+            ):
+                gone, lane_id = self._traveller.length(
+                    road, lane_id, start, road.length if way.forward else 0.0
+                )
                 length += gone
                 lane_id = self._ways.lane_after(way, lane_id, following)
                 road = self._ways.roads[following.road_id]
@@ -261,7 +298,9 @@ class RoadRelations:
         aside = target.t - road.lane_t(target.s, lane_id)
         return _relative(sign * (length + gone), origin.offset, lane_id, target, aside, aligned)
 
-    def _connection(self, origin: RoadPoint, target: RoadPoint, strategy: str) -> _Connection | None:
+    def _connection(
+        self, origin: RoadPoint, target: RoadPoint, strategy: str
+    ) -> _Connection | None:
         """The cheapest connection of two points on different roads, whatever end of their roads it uses."""
         start, end = self._ways.roads[origin.road_id], self._ways.roads[target.road_id]
         price = PRICES[strategy]
@@ -299,7 +338,11 @@ def _rank(lane_id: int) -> int:
     return lane_id - 1 if lane_id > 0 else lane_id
 
 
-def _relative(ds: float, origin_t: float, lane_id: int, target: RoadPoint, target_t: float, aligned: bool) -> Relative:
+def _relative(
+    ds: float, origin_t: float, lane_id: int, target: RoadPoint, target_t: float, aligned: bool
+) -> Relative:
     """From the target road's frame to the origin's; `lane_id` is the origin's lane as it goes on there."""
     sign = 1 if aligned else -1
-    return Relative(ds, sign * target_t - origin_t, sign * lanes_between(lane_id, target.lane_id), aligned)
+    return Relative(
+        ds, sign * target_t - origin_t, sign * lanes_between(lane_id, target.lane_id), aligned
+    )

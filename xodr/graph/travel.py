@@ -9,12 +9,13 @@ from typing import NamedTuple
 from xodr.graph.links import LinkTable, SideTable
 from xodr.graph.ways import DRIVABLE
 from xodr.model import NO_WIDTH, Lane, LaneLink, LaneSection, RoadError, RoadPoint
-from xodr.road import Road
+from xodr.model.road import Road
 
 Choose = Callable[[RoadPoint, bool, Sequence[LaneLink]], LaneLink | None]
 """Picks the way on: (point at the road's end, leaving towards +s, lanes reached) → one of them, None to stay there.
 
-Between the ends of a road, where others leave it, the first lane offered is that of the road itself.
+Between the ends of a road, where others leave it, the first lane offered is that of the road
+itself.
 """
 
 _STEP = 1.0
@@ -55,12 +56,21 @@ class Traveller:
         if center is not None and road.line.straight:  # the common case: ds is the distance
             reached = s + distance if forward else s - distance
             if section.s <= reached < section.end:
-                return Travel(RoadPoint(road_id, reached, center + offset, lane_id, offset, layer), forward, 0.0)
+                return Travel(
+                    RoadPoint(road_id, reached, center + offset, lane_id, offset, layer),
+                    forward,
+                    0.0,
+                )
         return self._walk(point, distance, forward, choose)
 
     def _walk(self, point: RoadPoint, distance: float, forward: bool, choose: Choose) -> Travel:
         road = self._roads[point.road_id]
-        index, lane_id, s, offset = road.section_index(point.s), point.lane_id, point.s, point.offset
+        index, lane_id, s, offset = (
+            road.section_index(point.s),
+            point.lane_id,
+            point.s,
+            point.offset,
+        )
         for _ in range(_MOST_BORDERS):
             section = road.sections[index]
             lane = section.lanes[lane_id]
@@ -92,24 +102,36 @@ class Traveller:
                 offset = -offset
             road, lane_id, forward = self._roads[link.road_id], link.lane_id, link.at_start
             index, s = _entry(road, link)
-        raise RoadError(f"a movement from road {point.road_id!r} crosses more than {_MOST_BORDERS} borders", path=road.path)
+        raise RoadError(
+            f"a movement from road {point.road_id!r} crosses more than {_MOST_BORDERS} borders",
+            path=road.path,
+        )
 
-    def _next_road(self, here: RoadPoint, section: LaneSection, forward: bool, choose: Choose) -> tuple[LaneLink, float] | None:
+    def _next_road(
+        self, here: RoadPoint, section: LaneSection, forward: bool, choose: Choose
+    ) -> tuple[LaneLink, float] | None:
         """The way on from a road's end, and the offset [m] there, before the turn of a road laid the other way round.
 
-        A lane without a successor, such as one narrowed to nothing, continues in the nearest lane of its side that has one.
+        A lane without a successor, such as one narrowed to nothing, continues in the nearest lane
+        of its side that has one.
         """
         lane_id, offset = here.lane_id, here.offset
         links = self._reached(here, lane_id, forward)
         if not links:
-            leading = [lane for lane in section.lanes.values() if self._reached(here, lane.id, forward)]
+            leading = [
+                lane for lane in section.lanes.values() if self._reached(here, lane.id, forward)
+            ]
             lane_id = _nearest(section.lanes[lane_id], leading, here.s, here.t)
             offset = here.t - section.lanes[lane_id].center(here.s)
             links = self._reached(here, lane_id, forward)
-        link = choose(here._replace(lane_id=lane_id, offset=offset), forward, links) if links else None
+        link = (
+            choose(here._replace(lane_id=lane_id, offset=offset), forward, links) if links else None
+        )
         return (link, offset) if link is not None else None
 
-    def _way_off(self, here: RoadPoint, forward: bool, choose: Choose) -> tuple[LaneLink, float] | None:
+    def _way_off(
+        self, here: RoadPoint, forward: bool, choose: Choose
+    ) -> tuple[LaneLink, float] | None:
         """The way off a road between its ends, if one is there and chosen, and the offset [m] on it."""
         links = self._sides.get((here.road_id, here.lane_id, forward, here.s))
         if not links:
@@ -131,13 +153,17 @@ class Traveller:
         while True:
             section = road.sections[index]
             border = end if index == last else section.end if forward else section.s
-            total += _lane_length(road, section.lanes.get(lane_id) or road.lane(section.s, lane_id), start, border)
+            total += _lane_length(
+                road, section.lanes.get(lane_id) or road.lane(section.s, lane_id), start, border
+            )
             if index == last:
                 return total, lane_id
             start = border
             index, lane_id, _ = _next_section(road, index, lane_id, 0.0, forward)
 
-    def straightest(self, _point: RoadPoint, _forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
+    def straightest(
+        self, _point: RoadPoint, _forward: bool, links: Sequence[LaneLink]
+    ) -> LaneLink | None:
         """The link that turns least; of equal turns the left one, and of several to one side the first."""
         return min(links, key=self.turn) if links else None
 
@@ -167,11 +193,14 @@ def _entry(road: Road, link: LaneLink) -> tuple[int, float]:
     return road.section_index(link.s) - (0 if link.at_start else 1), link.s
 
 
-def _along(road: Road, lane: Lane, offset: float, s: float, border: float, sign: float, distance: float) -> tuple[float, float]:
+def _along(
+    road: Road, lane: Lane, offset: float, s: float, border: float, sign: float, distance: float
+) -> tuple[float, float]:
     """Go on from s towards the section's border: the s reached, and the distance left where the border stops it.
 
-    The way of a point at t is |1 − κt| ds long where the road curves, and longer where the lane drifts sideways (dt/ds).
-    A point that is beyond the border already (it left the road) stays there.
+    The way of a point at t is |1 − κt| ds long where the road curves, and longer where the lane
+    drifts sideways (dt/ds). A point that is beyond the border already (it left the road) stays
+    there.
     """
     room = (border - s) * sign
     if room <= 0.0:
@@ -199,7 +228,9 @@ def _lane_length(road: Road, lane: Lane, start: float, end: float) -> float:
     if road.line.straight and lane.center.constant is not None:
         return abs(span)
     count = max(1, min(math.ceil(abs(span) / _STEP), _MOST_STEPS))
-    rates = (_way_per_s(road, lane, 0.0, start + span * (index + 0.5) / count) for index in range(count))
+    rates = (
+        _way_per_s(road, lane, 0.0, start + span * (index + 0.5) / count) for index in range(count)
+    )
     return abs(span) / count * sum(rates)
 
 
@@ -208,10 +239,13 @@ def _way_per_s(road: Road, lane: Lane, offset: float, s: float) -> float:
     return max(math.hypot(1.0 - road.line.curvature(s) * t, lane.center.slope(s)), _SHARPEST)
 
 
-def _next_section(road: Road, index: int, lane_id: int, offset: float, forward: bool) -> tuple[int, int, float]:
+def _next_section(
+    road: Road, index: int, lane_id: int, offset: float, forward: bool
+) -> tuple[int, int, float]:
     """Section, lane and offset beyond a section's border: the linked lane, at the same offset.
 
-    A lane that the file does not continue, or that has narrowed to nothing, is left without a jump: t stays the same.
+    A lane that the file does not continue, or that has narrowed to nothing, is left without a jump:
+    t stays the same.
     """
     section = road.sections[index]
     lane = section.lanes[lane_id]
@@ -231,10 +265,16 @@ def _nearer(border: float, closing: float, s: float, forward: bool) -> float:
     return closing if (s < closing < border if forward else border < closing < s) else border
 
 
-def _merged(section: LaneSection, lane: Lane, s: float, offset: float, forward: bool) -> tuple[int, float] | None:
+def _merged(
+    section: LaneSection, lane: Lane, s: float, offset: float, forward: bool
+) -> tuple[int, float] | None:
     """The lane, and the offset [m] on it, that goes on where a lane has narrowed to nothing; None where no other is there."""
     t = lane.center(s) + offset
-    open_lanes = [other for other in section.lanes.values() if other.width(s) > NO_WIDTH and not other.closed(s, forward)]
+    open_lanes = [
+        other
+        for other in section.lanes.values()
+        if other.width(s) > NO_WIDTH and not other.closed(s, forward)
+    ]
     beside = _nearest(lane, open_lanes, s, t)
     return (beside, t - section.lanes[beside].center(s)) if beside != lane.id and beside else None
 
@@ -242,11 +282,16 @@ def _merged(section: LaneSection, lane: Lane, s: float, offset: float, forward: 
 def _nearest(lane: Lane, others: Iterable[Lane], s: float, t: float) -> int:
     """Return the lane that continues at (s, t) after a lane has ended; the ended lane itself if there is none.
 
-    It is on the same side of the road, for traffic where the lane is, then the nearest, then the innermost.
+    It is on the same side of the road, for traffic where the lane is, then the nearest, then the
+    innermost.
     """
 
     def key(other: Lane) -> tuple[bool, float, int]:
         low, high = sorted((other.inner(s), other.outer(s)))
-        return (other.type in DRIVABLE) != (lane.type in DRIVABLE), round(max(low - t, t - high, 0.0), 6), abs(other.id)
+        return (
+            (other.type in DRIVABLE) != (lane.type in DRIVABLE),
+            round(max(low - t, t - high, 0.0), 6),
+            abs(other.id),
+        )
 
     return min((other for other in others if other.id * lane.id > 0), key=key, default=lane).id

@@ -1,7 +1,8 @@
 """The graph of a road network: which roads follow each other in which direction, and how far one is from another.
 
-A way is a road in one direction of travel. One way follows another where any lane leads over; changing lanes on a road is
-free. There are two graphs: of the ways that traffic drives, and of all ways (for distances, and for pedestrians).
+A way is a road in one direction of travel. One way follows another where any lane leads over;
+changing lanes on a road is free. There are two graphs: of the ways that traffic drives, and of all
+ways (for distances, and for pedestrians).
 """
 
 from __future__ import annotations
@@ -13,14 +14,36 @@ from typing import NamedTuple, TypeVar
 
 from xodr.graph.links import LinkTable, SideTable
 from xodr.model import LaneLink
-from xodr.road import Road
+from xodr.model.road import Road
 
 T = TypeVar("T")
 
 DRIVABLE = frozenset(
     {
-        *("driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "shared", "restricted", "stop"),
-        *("bidirectional", "bus", "taxi", "HOV", "mwyEntry", "mwyExit", "roadWorks", "special1", "special2", "special3"),
+        *(
+            "driving",
+            "entry",
+            "exit",
+            "onRamp",
+            "offRamp",
+            "connectingRamp",
+            "slipLane",
+            "shared",
+            "restricted",
+            "stop",
+        ),
+        *(
+            "bidirectional",
+            "bus",
+            "taxi",
+            "HOV",
+            "mwyEntry",
+            "mwyExit",
+            "roadWorks",
+            "special1",
+            "special2",
+            "special3",
+        ),
         "parking",
     }
 )
@@ -77,7 +100,9 @@ class Ways:
 
     def _add_step(self, way: Way, lane_id: int, leave: float, link: LaneLink) -> None:
         following = Way(link.road_id, link.at_start)
-        step = Step(leave, following, self._end(following, entering=True) if link.s is None else link.s)
+        step = Step(
+            leave, following, self._end(following, entering=True) if link.s is None else link.s
+        )
         _add(self._steps[False], way, step, lane_id)
         if self._drives(way, lane_id, leave) and self._drives(following, link.lane_id, step.enter):
             _add(self._steps[True], way, step, lane_id)

@@ -1,6 +1,7 @@
 """Reference lines, profiles and lanes evaluated at many places at once, and roads sampled as arrays, in numpy.
 
-Reference lines become cubics between knots so close together that they are exact to a micrometre."""
+Reference lines become cubics between knots so close together that they are exact to a
+micrometre."""
 
 from __future__ import annotations
 
@@ -12,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
-from xodr.geometry import Profile
 from xodr.model import NO_WIDTH, LaneSection
-from xodr.road import Road
+from xodr.model.geometry import Profile
+from xodr.model.road import Road
 
 _FINE = 0.02
 """Most that the heading changes from knot to knot, rad: a cubic then misses an arc of 1 km radius by less than 1e-6 m."""
@@ -53,9 +54,10 @@ class OnChord(NamedTuple):
 class RoadPart(NamedTuple):
     """A part of a road that does not bend back on itself.
 
-    s: its knots. x, y: its line, a cubic of the distance from each knot (coefficients by power, (4, knots - 1)).
-    chords: indices of those knots that straight lines between come near the line. room: how far the road's surface reaches from
-    these, m. bounds: west, east, south and north of the surface, m.
+    s: its knots. x, y: its line, a cubic of the distance from each knot (coefficients by power, (4,
+    knots - 1)). chords: indices of those knots that straight lines between come near the line.
+    room: how far the road's surface reaches from these, m. bounds: west, east, south and north of
+    the surface, m.
     """
 
     road: Road
@@ -69,7 +71,9 @@ class RoadPart(NamedTuple):
     def near(self, x: FloatArray, y: FloatArray, reach: float) -> BoolArray:
         """Positions that may be within this distance (m) of the part's surface."""
         west, east, south, north = self.bounds
-        return (x >= west - reach) & (x <= east + reach) & (y >= south - reach) & (y <= north + reach)
+        return (
+            (x >= west - reach) & (x <= east + reach) & (y >= south - reach) & (y <= north + reach)
+        )
 
     def local(self, x: FloatArray, y: FloatArray, s: FloatArray) -> Local:
         """Positions in the frame of the line at each s."""
@@ -77,7 +81,10 @@ class RoadPart(NamedTuple):
         u = s - self.s[index]
         (px, dx, ddx), (py, dy, ddy) = (_cubic(line[:, index], u) for line in (self.x, self.y))
         norm = np.hypot(dx, dy)
-        ahead, aside = ((x - px) * dx + (y - py) * dy) / norm, ((y - py) * dx - (x - px) * dy) / norm
+        ahead, aside = (
+            ((x - px) * dx + (y - py) * dy) / norm,
+            ((y - py) * dx - (x - px) * dy) / norm,
+        )
         return Local(ahead, aside, (dx * ddy - dy * ddx) / norm**3)
 
     def heading(self, s: FloatArray) -> FloatArray:
@@ -102,7 +109,10 @@ class RoadPart(NamedTuple):
     def _corners(self) -> tuple[FloatArray, FloatArray]:
         """x and y of the ends of the chords."""
         end = self.s[-1:] - self.s[-2:-1]
-        x, y = (np.append(line[0], _cubic(line[:, -1:], end)[0])[self.chords] for line in (self.x, self.y))
+        x, y = (
+            np.append(line[0], _cubic(line[:, -1:], end)[0])[self.chords]
+            for line in (self.x, self.y)
+        )
         return x, y
 
 
@@ -115,19 +125,27 @@ def _cubic(coefficients: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatAr
 def parts(road: Road) -> list[RoadPart]:
     """A road cut into parts."""
     knots = np.array(_knots(road))
-    pieces = np.array([(*road.line.at(a), *road.line.at(_inside(b))) for a, b in pairwise(knots.tolist())])
+    pieces = np.array(
+        [(*road.line.at(a), *road.line.at(_inside(b))) for a, b in pairwise(knots.tolist())]
+    )
     turned = _turned(pieces)
     ends = [*np.flatnonzero(np.diff(turned // _LARGEST_TURN)) + 1, len(pieces)]
-    return [_part(road, knots[a : b + 1], pieces[a:b], turned[a:b]) for a, b in pairwise([0, *ends])]
+    return [
+        _part(road, knots[a : b + 1], pieces[a:b], turned[a:b]) for a, b in pairwise([0, *ends])
+    ]
 
 
 def _knots(road: Road) -> list[float]:
     """s between which a cubic is as good as the road's line."""
     fine = [0.0]
-    inside = {s for s in road.line.knots() if 0.0 < s < road.length}  # they go back where geometries overlap
+    inside = {
+        s for s in road.line.knots() if 0.0 < s < road.length
+    }  # they go back where geometries overlap
     for high in (*sorted(inside), road.length):
         low = fine[-1]
-        bend = max(abs(road.curvature(s)) for s in (low, 0.5 * (low + high), _inside(high))) * (high - low)
+        bend = max(abs(road.curvature(s)) for s in (low, 0.5 * (low + high), _inside(high))) * (
+            high - low
+        )
         count = max(1, math.ceil(bend / _FINE))
         fine += [low + (high - low) * (index + 1) / count for index in range(count)]
     return fine
@@ -150,22 +168,45 @@ def _part(road: Road, knots: FloatArray, pieces: FloatArray, turned: FloatArray)
     x = _hermite(x0, np.cos(h0), x1, np.cos(h1), length)
     y = _hermite(y0, np.sin(h0), y1, np.sin(h1), length)
     chords = np.unique([0, *np.flatnonzero(np.diff(turned // _COARSE)) + 1, len(pieces)])
-    sagitta = float(np.diff(knots[chords]).max()) * 2.0 * _COARSE / 4.0  # twice as much as an arc is away from its chord
-    room = _room(road, float(knots[0]), float(knots[-1])) + (sagitta if turned[-1] > turned[0] else 0.0)
-    west, east, south, north = (min(x0.min(), x1[-1]), max(x0.max(), x1[-1]), min(y0.min(), y1[-1]), max(y0.max(), y1[-1]))
-    return RoadPart(road, knots, x, y, chords, room, (west - room, east + room, south - room, north + room))
+    sagitta = (
+        float(np.diff(knots[chords]).max()) * 2.0 * _COARSE / 4.0
+    )  # twice as much as an arc is away from its chord
+    room = _room(road, float(knots[0]), float(knots[-1])) + (
+        sagitta if turned[-1] > turned[0] else 0.0
+    )
+    west, east, south, north = (
+        min(x0.min(), x1[-1]),
+        max(x0.max(), x1[-1]),
+        min(y0.min(), y1[-1]),
+        max(y0.max(), y1[-1]),
+    )
+    return RoadPart(
+        road, knots, x, y, chords, room, (west - room, east + room, south - room, north + room)
+    )
 
 
-def _hermite(a: FloatArray, slope_a: FloatArray, b: FloatArray, slope_b: FloatArray, length: FloatArray) -> FloatArray:
+def _hermite(
+    a: FloatArray, slope_a: FloatArray, b: FloatArray, slope_b: FloatArray, length: FloatArray
+) -> FloatArray:
     """Coefficients of the cubics through a and b with the given slopes."""
     rise = (b - a) / length
-    return np.stack([a, slope_a, (3.0 * rise - 2.0 * slope_a - slope_b) / length, (slope_a + slope_b - 2.0 * rise) / length**2])
+    return np.stack(
+        [
+            a,
+            slope_a,
+            (3.0 * rise - 2.0 * slope_a - slope_b) / length,
+            (slope_a + slope_b - 2.0 * rise) / length**2,
+        ]
+    )
 
 
 def _room(road: Road, start: float, end: float) -> float:
     """Return the reach (m) of the surface from the line between two s."""
     count = 1 + math.ceil((end - start) / _EDGES)
-    places = [*np.linspace(start, end, count).tolist(), *(section.s for section in road.sections if start < section.s < end)]
+    places = [
+        *np.linspace(start, end, count).tolist(),
+        *(section.s for section in road.sections if start < section.s < end),
+    ]
     return max(abs(edge) for s in places for edge in road.edges(s)) + _MARGIN
 
 
@@ -176,33 +217,49 @@ def values(profile: Profile, s: FloatArray) -> FloatArray:
     """A profile at each s."""
     if profile.constant is not None:
         return np.full(len(s), profile.constant)
-    start, a, b, c, d = np.array(profile.pieces).T[:, np.maximum(np.searchsorted(profile.starts, s, side="right") - 1, 0)]
+    start, a, b, c, d = np.array(profile.pieces).T[
+        :, np.maximum(np.searchsorted(profile.starts, s, side="right") - 1, 0)
+    ]
     u = s - start
     return a + u * (b + u * (c + u * d))
 
 
 def sections(road: Road, s: FloatArray) -> IntArray:
     """Index of the lane section at each s."""
-    return np.maximum(np.searchsorted([section.s for section in road.sections], s, side="right") - 1, 0)
+    return np.maximum(
+        np.searchsorted([section.s for section in road.sections], s, side="right") - 1, 0
+    )
 
 
 def edges(section: LaneSection, s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """t of the right and left edge at each s: `Road.edges` within one lane section."""
-    right, left = (section.lanes[side[-1] if side else 0].outer for side in (section.right, section.left))
+    right, left = (
+        section.lanes[side[-1] if side else 0].outer for side in (section.right, section.left)
+    )
     return values(right, s), values(left, s)
 
 
 def lanes(section: LaneSection, s: FloatArray, t: FloatArray) -> IntArray:
-    """The lane of each (s, t): `xodr.road.lane_in` for many."""
+    """The lane of each (s, t): `xodr.model.road.lane_in` for many."""
     centre = values(section.lanes[0].center, s)
     found = np.zeros(len(s), np.int64)
-    for mine, here, beyond in ((t > centre, section.left, section.right), (t <= centre, section.right, section.left)):
-        found[mine] = _lanes_of_side(section, s[mine], np.abs(t - centre)[mine], centre[mine], here, beyond)
+    for mine, here, beyond in (
+        (t > centre, section.left, section.right),
+        (t <= centre, section.right, section.left),
+    ):
+        found[mine] = _lanes_of_side(
+            section, s[mine], np.abs(t - centre)[mine], centre[mine], here, beyond
+        )
     return found
 
 
 def _lanes_of_side(
-    section: LaneSection, s: FloatArray, away: FloatArray, centre: FloatArray, here: tuple[int, ...], beyond: tuple[int, ...]
+    section: LaneSection,
+    s: FloatArray,
+    away: FloatArray,
+    centre: FloatArray,
+    here: tuple[int, ...],
+    beyond: tuple[int, ...],
 ) -> IntArray:
     found = np.zeros(len(s), np.int64)
     searching = np.ones(len(s), bool)
@@ -222,15 +279,23 @@ Points = FloatArray
 
 def sample(road: Road, s: ArrayLike, t: ArrayLike = 0.0) -> Points:
     """World coordinates of many (s, t); the two are broadcast against each other."""
-    at_s, at_t = (values.ravel().tolist() for values in np.broadcast_arrays(np.asarray(s, float), np.asarray(t, float)))
-    return np.array([road.pose(*place)[:3] for place in zip(at_s, at_t, strict=True)], float).reshape(-1, 3)
+    at_s, at_t = (
+        values.ravel().tolist()
+        for values in np.broadcast_arrays(np.asarray(s, float), np.asarray(t, float))
+    )
+    return np.array(
+        [road.pose(*place)[:3] for place in zip(at_s, at_t, strict=True)], float
+    ).reshape(-1, 3)
 
 
 def stations(road: Road, longest: float = 5.0) -> FloatArray:
     """s [m] from 0 to the road's length: denser where the line bends, never further apart than `longest`."""
     knots = {0.0, road.length, *(section.s for section in road.sections), *road.line.knots()}
     inside = sorted(s for s in knots if 0.0 <= s <= road.length)
-    pieces = [np.linspace(a, b, int(np.ceil((b - a) / longest)), endpoint=False) for a, b in pairwise(inside)]
+    pieces = [
+        np.linspace(a, b, int(np.ceil((b - a) / longest)), endpoint=False)
+        for a, b in pairwise(inside)
+    ]
     return np.append(np.concatenate(pieces), road.length)
 
 
@@ -238,10 +303,15 @@ _FINEST = 0.05
 """Distance (m) of stations below which none is added"""
 
 
-def section_stations(road: Road, section: LaneSection, error: float, longest: float = 5.0) -> FloatArray:
+def section_stations(
+    road: Road, section: LaneSection, error: float, longest: float = 5.0
+) -> FloatArray:
     """s (m) of a lane section, ends included, between which straight lines miss no lane border by more than `error` (m)."""
     inside = [s for s in stations(road, longest).tolist() if section.s < s < section.end]
-    borders = [section.lanes[0].center, *(section.lanes[lane].outer for lane in (*section.left, *section.right))]
+    borders = [
+        section.lanes[0].center,
+        *(section.lanes[lane].outer for lane in (*section.left, *section.right)),
+    ]
     inside += [s for border in borders for s in border.starts if section.s < s < section.end]
     found = np.array(sorted({section.s, section.end, *inside}))
     if len(found) < 2:
@@ -271,9 +341,15 @@ def lane_borders(road: Road, longest: float = 5.0) -> list[tuple[int, Points, Po
     everywhere = stations(road, longest)
     borders = []
     for section in road.sections:
-        inside = [section.s, *(s for s in everywhere.tolist() if section.s < s < section.end), section.end]
+        inside = [
+            section.s,
+            *(s for s in everywhere.tolist() if section.s < s < section.end),
+            section.end,
+        ]
         for lane_id in (*section.left, *section.right):
             lane = section.lanes[lane_id]
-            inner, outer = (sample(road, inside, [side(s) for s in inside]) for side in (lane.inner, lane.outer))
+            inner, outer = (
+                sample(road, inside, [side(s) for s in inside]) for side in (lane.inner, lane.outer)
+            )
             borders.append((lane_id, inner, outer))
     return borders

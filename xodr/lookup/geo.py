@@ -1,6 +1,7 @@
 """Geographic coordinates: latitude and longitude to the world of a road network, and back.
 
-OpenDRIVE 1.8 §8.5: the header's offset turns and shifts local coordinates into those of the projection in `geoReference`.
+OpenDRIVE 1.8 §8.5: the header's offset turns and shifts local coordinates into those of the
+projection in `geoReference`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from schemas.common.errors import InvalidFile, Unsupported
-from xodr.network import RoadNetwork
+from xodr.graph.network import RoadNetwork
 
 
 class Geodetic(NamedTuple):
@@ -24,15 +25,21 @@ class Geodetic(NamedTuple):
 
 _OF_HEIGHTS = ("geoidgrids", "vunits", "vto_meter")
 """Parameters of PROJ that concern heights, which are taken as they are"""
-_NUMBERED = re.compile(r"\+?init=(epsg|esri):(\d+)(?:\s+\+?(?:no_defs|type=crs|wktext))*", re.IGNORECASE)
-_READS_FILES = re.compile(r"grids|init\s*=|file|pipeline|\bstep\b|shift|catalog|deformation|defmodel|tinshift", re.IGNORECASE)
+_NUMBERED = re.compile(
+    r"\+?init=(epsg|esri):(\d+)(?:\s+\+?(?:no_defs|type=crs|wktext))*", re.IGNORECASE
+)
+_READS_FILES = re.compile(
+    r"grids|init\s*=|file|pipeline|\bstep\b|shift|catalog|deformation|defmodel|tinshift",
+    re.IGNORECASE,
+)
 """Parts of a projection that name files, in any of PROJ's languages"""
 
 
 def without_files(projection: str, path: Path) -> str:
     """A projection that lets PROJ read no file that it names: grids and definitions may be any file.
 
-    Grids of heights are left out, since heights are taken as they are; `init=epsg:N` is the code EPSG:N.
+    Grids of heights are left out, since heights are taken as they are; `init=epsg:N` is the code
+    EPSG:N.
 
     Args:
         path: the road network's file, for errors.
@@ -45,7 +52,9 @@ def without_files(projection: str, path: Path) -> str:
         return f"{numbered[1].upper()}:{numbered[2]}"
     if projection.lstrip().startswith("+"):
         names = {each: each.lstrip("+").partition("=")[0] for each in projection.split()}
-        projection = " ".join(each for each in names if names[each] not in _OF_HEIGHTS and each != "+nadgrids=@null")
+        projection = " ".join(
+            each for each in names if names[each] not in _OF_HEIGHTS and each != "+nadgrids=@null"
+        )
     named = _READS_FILES.search(projection)
     if named:
         reason = f"the geoReference reads files ({named[0]}), which is refused: state the projection by numbers or a code"
@@ -69,7 +78,11 @@ class GeoReference:
 
         projection = network.geo_reference
         if projection is None:
-            raise Unsupported("geographic positions need a geoReference in the road network", path=network.path, element="header")
+            raise Unsupported(
+                "geographic positions need a geoReference in the road network",
+                path=network.path,
+                element="header",
+            )
         try:
             crs = pyproj.CRS.from_user_input(without_files(projection, network.path))
             self.crs = crs
@@ -84,7 +97,11 @@ class GeoReference:
         """World coordinates x, y, z [m] of a place; not finite where the projection does not reach it."""
         easting, northing = self._transformer.transform(place.longitude, place.latitude)
         dx, dy = easting - self._x, northing - self._y
-        return self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx, place.altitude - self._z
+        return (
+            self._cos * dx + self._sin * dy,
+            self._cos * dy - self._sin * dx,
+            place.altitude - self._z,
+        )
 
     def to_geodetic(self, x: float, y: float, z: float = 0.0) -> Geodetic:
         """Place on Earth of world coordinates (m); not finite where the projection does not reach it."""

@@ -1,7 +1,8 @@
 """From the world to the road for many positions at once: what `RoadNetwork.locate` does for one, in numpy.
 
-Each part of a road is tried for the positions within its bounds. As in `xodr.lookup.locate`, the nearest surface counts,
-and where surfaces overlap height, heading and the distance from the lane's centre decide, in this order.
+Each part of a road is tried for the positions within its bounds. As in `xodr.graph.locate`, the
+nearest surface counts, and where surfaces overlap height, heading and the distance from the lane's
+centre decide, in this order.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from xodr.graph.locate import CONVERGED, ON_SURFACE, OTHER_LEVEL
+from xodr.graph.network import RoadNetwork
 from xodr.lookup import arrays
 from xodr.lookup.arrays import OnChord, RoadPart
-from xodr.lookup.locate import CONVERGED, ON_SURFACE, OTHER_LEVEL
 from xodr.model import PERMANENT, RoadError
-from xodr.network import RoadNetwork
-from xodr.road import Road
+from xodr.model.road import Road
 
 _MOST_STEPS, _MOST_HALVINGS = 12, 60
 _FIRST_REACH, _WIDER = 5.0, 8.0
@@ -37,7 +38,13 @@ class Places(NamedTuple):
     offset: FloatArray
 
 
-def place(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None, h: ArrayLike | None = None) -> Places:
+def place(
+    network: RoadNetwork,
+    x: ArrayLike,
+    y: ArrayLike,
+    z: ArrayLike | None = None,
+    h: ArrayLike | None = None,
+) -> Places:
     """The nearest road point of each position; off the road its t lies outside the road's edges.
 
     Args:
@@ -50,7 +57,9 @@ def place(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None 
     users = _Users(np.asarray(x, np.float64), np.asarray(y, np.float64), _given(z), _given(h))
     lost = np.flatnonzero(~np.isfinite(users.x + users.y))
     if len(lost):
-        raise RoadError(f"({users.x[lost[0]]}, {users.y[lost[0]]}) is no place in the world", path=network.path)
+        raise RoadError(
+            f"({users.x[lost[0]]}, {users.y[lost[0]]}) is no place in the world", path=network.path
+        )
     parts, best = _parts(network), _Best(len(users.x))
     reach, left = 0.0, np.arange(len(users.x))
     while len(left):
@@ -74,7 +83,9 @@ class LanesUnder(NamedTuple):
     offset: FloatArray
 
 
-def lanes_under(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None) -> Iterator[LanesUnder]:
+def lanes_under(
+    network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None
+) -> Iterator[LanesUnder]:
     """Every lane under each position: where roads overlap, as in junctions, a position is on several.
 
     Args:
@@ -86,7 +97,9 @@ def lanes_under(network: RoadNetwork, x: ArrayLike, y: ArrayLike, z: ArrayLike |
         rows = np.flatnonzero(part.near(users.x, users.y, 0.0))
         if not len(rows):
             continue
-        s, t, gap = _project(part, users.x[rows], users.y[rows], part.on_chords(users.x[rows], users.y[rows]))
+        s, t, gap = _project(
+            part, users.x[rows], users.y[rows], part.on_chords(users.x[rows], users.y[rows])
+        )
         on = gap == 0.0
         if users.z is not None:
             on &= np.abs(users.z[rows] - _heights(part.road, s, t)) <= OTHER_LEVEL
@@ -120,7 +133,9 @@ class _Best:
 
     def __init__(self, count: int) -> None:
         self.rank = np.full((4, count), np.inf)
-        self.places = Places(np.full(count, None, object), np.zeros(count, np.int64), *np.zeros((3, count)))
+        self.places = Places(
+            np.full(count, None, object), np.zeros(count, np.int64), *np.zeros((3, count))
+        )
 
     def offer(self, rows: IntArray, part: RoadPart, users: _Users, reach: float) -> None:
         """Take those of a part's places that are better, and not further away than `reach` (m)."""
@@ -129,7 +144,13 @@ class _Best:
         rows, users = rows[near], users.at(near)
         s, t, gap = _project(part, users.x, users.y, start.at(near))
         nearer = gap <= self.rank[0, rows]
-        rows, s, t, gap, users = rows[nearer], s[nearer], t[nearer], gap[nearer], users.at(np.flatnonzero(nearer))
+        rows, s, t, gap, users = (
+            rows[nearer],
+            s[nearer],
+            t[nearer],
+            gap[nearer],
+            users.at(np.flatnonzero(nearer)),
+        )
         lane_id, offset, against = _lanes(part.road, s, t)
         rank = np.stack([gap, *_mismatch(part, s, t, against, users), np.round(np.abs(offset), 6)])
         better, level = np.zeros(len(rows), bool), np.ones(len(rows), bool)
@@ -143,13 +164,17 @@ class _Best:
             column[rows] = values[better]
 
 
-def _project(part: RoadPart, x: FloatArray, y: FloatArray, start: OnChord) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _project(
+    part: RoadPart, x: FloatArray, y: FloatArray, start: OnChord
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """s and t of the feet of perpendiculars onto a part, and the distance of each position from its surface: 0 on it."""
     road, s = part.road, start.s.copy()
     moving = np.arange(len(x))
     for _ in range(_MOST_STEPS):
         ahead, aside, curvature = part.local(x[moving], y[moving], s[moving])
-        following = np.clip(s[moving] + ahead / np.maximum(1.0 - curvature * aside, 0.1), part.s[0], part.s[-1])
+        following = np.clip(
+            s[moving] + ahead / np.maximum(1.0 - curvature * aside, 0.1), part.s[0], part.s[-1]
+        )
         step, s[moving] = np.abs(following - s[moving]), following
         moving = moving[step >= CONVERGED]
         if not len(moving):
@@ -169,7 +194,9 @@ def _project(part: RoadPart, x: FloatArray, y: FloatArray, start: OnChord) -> tu
     return np.where(beyond, s + ahead, s), t, np.where(gap <= ON_SURFACE, 0.0, gap)
 
 
-def _bisect(part: RoadPart, x: FloatArray, y: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+def _bisect(
+    part: RoadPart, x: FloatArray, y: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
     """Find the s at which "ahead" changes sign; works at kinks of the line too."""
     for _ in range(_MOST_HALVINGS):
         middle = 0.5 * (low + high)
@@ -185,7 +212,11 @@ def _beside(road: Road, s: FloatArray, t: FloatArray) -> FloatArray:
         rows = section_of == index
         right, left = arrays.edges(section, s[rows])
         outside[rows] = np.maximum(right - t[rows], t[rows] - left)
-    return outside if road.permanent is None else np.minimum(outside, _beside(road.on(PERMANENT), s, t))
+    return (
+        outside
+        if road.permanent is None
+        else np.minimum(outside, _beside(road.on(PERMANENT), s, t))
+    )
 
 
 def _lanes(road: Road, s: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
@@ -203,7 +234,9 @@ def _lanes(road: Road, s: FloatArray, t: FloatArray) -> tuple[IntArray, FloatArr
     return lane_id, offset, against
 
 
-def _mismatch(part: RoadPart, s: FloatArray, t: FloatArray, against: BoolArray, users: _Users) -> tuple[FloatArray, FloatArray]:
+def _mismatch(
+    part: RoadPart, s: FloatArray, t: FloatArray, against: BoolArray, users: _Users
+) -> tuple[FloatArray, FloatArray]:
     """Height on another level (m), and angle between heading and the lane's traffic (rad, coarse)."""
     road, height = part.road, np.zeros(len(s))
     angle: FloatArray = np.zeros(len(s))

@@ -15,13 +15,22 @@ from schemas.checks.road_elements import Unknown, unknown
 from schemas.common.errors import InvalidFile, ToolchainError, nearest
 from schemas.common.remarks import Remark, Remarks
 from schemas.common.storage import Stamp, stamp
-from schemas.values import quoted
-from schemas.xml import line_of, local_name, parse
+from schemas.common.xml import line_of, local_name, parse
+from schemas.expressions.values import quoted
+from xodr.graph.network import RoadNetwork
 from xodr.model import CrossPath, CrossPathEnd, Header, Junction
-from xodr.network import RoadNetwork
-from xodr.reader.elements import connections, integer, invalid, not_followed, number, read_controller, read_junction, text
+from xodr.model.road import Road
+from xodr.reader.elements import (
+    connections,
+    integer,
+    invalid,
+    not_followed,
+    number,
+    read_controller,
+    read_junction,
+    text,
+)
 from xodr.reader.roads import read_road
-from xodr.road import Road
 
 _CACHED_FILES = 64
 _VALID = "asam.net:xodr:1.0.0:xml.valid_schema"
@@ -72,7 +81,9 @@ def _load(path: Path, _stamp: Stamp, strict: bool) -> RoadNetwork:
                 raise
             network = _network(path, root, (*outside, *remarks))
         broken = _broken_links(network, root)
-        Remarks(strict).add(*broken, *(remark for remark in network.remarks if remark.rule == _REACHES))
+        Remarks(strict).add(
+            *broken, *(remark for remark in network.remarks if remark.rule == _REACHES)
+        )
         network.remarks = (*network.remarks, *broken)
         return network
     except ToolchainError as error:
@@ -125,8 +136,12 @@ class LinkedEnds(NamedTuple):
     other_at_start: bool
 
     def __str__(self) -> str:
-        here, there = ("start" if at_start else "end" for at_start in (self.at_start, self.other_at_start))
-        return f"the {here} of the road {self.road.id!r} and the {there} of the road {self.other.id!r}"
+        here, there = (
+            "start" if at_start else "end" for at_start in (self.at_start, self.other_at_start)
+        )
+        return (
+            f"the {here} of the road {self.road.id!r} and the {there} of the road {self.other.id!r}"
+        )
 
     def apart(self, t: float = 0.0, other_t: float = 0.0) -> float:
         """Distance (m) between the points at t (m) of both ends; by default of the reference lines."""
@@ -144,7 +159,12 @@ def linked_roads(network: RoadNetwork, root: etree._Element) -> Iterator[LinkedE
         road = network.roads.get(element.get("id", ""))
         for at_start, name in ((True, "predecessor"), (False, "successor")):
             link = element.find(f"{{*}}link/{{*}}{name}")
-            if road is None or link is None or link.get("elementType") != "road" or link.get("elementS"):
+            if (
+                road is None
+                or link is None
+                or link.get("elementType") != "road"
+                or link.get("elementS")
+            ):
                 continue
             other, contact = network.roads.get(link.get("elementId", "")), link.get("contactPoint")
             if other is not None and contact in ("start", "end"):
@@ -204,18 +224,27 @@ def _placed_cross_paths(
     """Exchange the lane links of cross paths that are laid the other way round; a remark for these and those that miss lanes."""
     for element in root.iterfind("junction"):
         junction = junctions[element.get("id", "")]
-        for place, (cross_path, item) in enumerate(zip(junction.cross_paths, element.iterfind("crossPath"), strict=True)):
+        for place, (cross_path, item) in enumerate(
+            zip(junction.cross_paths, element.iterfind("crossPath"), strict=True)
+        ):
             gap = max(cross_path_gaps(roads, cross_path))
             if gap <= _JUMP:
                 continue
-            turned, outcome = cross_path._replace(start=cross_path.end, end=cross_path.start), "road users jump there"
+            turned, outcome = (
+                cross_path._replace(start=cross_path.end, end=cross_path.start),
+                "road users jump there",
+            )
             if max(cross_path_gaps(roads, turned)) < 0.5 * gap:
                 found = junction.cross_paths
                 junction.cross_paths = (*found[:place], turned, *found[place + 1 :])
                 outcome = "its lane links are exchanged, which fits better"
             elif gap == math.inf:
                 outcome = "it leads nowhere there"
-            where = f"ends {gap:.3g} m beside a lane that it links" if gap < math.inf else "links a lane that does not exist"
+            where = (
+                f"ends {gap:.3g} m beside a lane that it links"
+                if gap < math.inf
+                else "links a lane that does not exist"
+            )
             message = f"the cross path {cross_path.id!r} of the junction {junction.id!r} {where}; {outcome}"
             yield Remark(_REACHES, message, str(path), line_of(item))
 
@@ -239,7 +268,9 @@ def _network(path: Path, root: etree._Element, remarks: tuple[Remark, ...] = ())
     remarks = (*remarks, *_placed_cross_paths(path, root, roads, junctions))
     controllers = _by_id(root, "controller", read_controller)
     try:
-        return RoadNetwork(path, header, roads, junctions, controllers, (*remarks, *not_followed(root, path)))
+        return RoadNetwork(
+            path, header, roads, junctions, controllers, (*remarks, *not_followed(root, path))
+        )
     except ValueError as error:
         raise invalid(root, str(error)) from None
 
@@ -254,7 +285,9 @@ def _by_id(root: etree._Element, tag: str, read: Callable[[etree._Element], T]) 
     return found
 
 
-def _check_references(root: etree._Element, roads: dict[str, Road], junctions: dict[str, Junction]) -> None:
+def _check_references(
+    root: etree._Element, roads: dict[str, Road], junctions: dict[str, Junction]
+) -> None:
     for element in root.iterfind("road/link/*"):
         kind, name = element.get("elementType"), element.get("elementId")
         if (kind == "road" and name not in roads) or (kind == "junction" and name not in junctions):
@@ -265,11 +298,16 @@ def _check_references(root: etree._Element, roads: dict[str, Road], junctions: d
                 name = element.get(attribute)
                 if name is not None and name not in roads:
                     raise invalid(element, f"{attribute}={name!r} does not exist")
-        for path, names in (("crossPath", ("crossingRoad", "roadAtStart", "roadAtEnd")), ("boundary/segment", ("roadId",))):
+        for path, names in (
+            ("crossPath", ("crossingRoad", "roadAtStart", "roadAtEnd")),
+            ("boundary/segment", ("roadId",)),
+        ):
             for element in junction.iterfind(path):
                 for attribute in names:
                     if element.get(attribute) not in roads:
-                        raise invalid(element, f"{attribute}={element.get(attribute)!r} does not exist")
+                        raise invalid(
+                            element, f"{attribute}={element.get(attribute)!r} does not exist"
+                        )
 
 
 def _header(root: etree._Element) -> Header:
@@ -280,6 +318,11 @@ def _header(root: etree._Element) -> Header:
     offset = element.find("offset")
     shift = (0.0, 0.0, 0.0, 0.0)
     if offset is not None:
-        shift = (number(offset, "x", 0.0), number(offset, "y", 0.0), number(offset, "z", 0.0), number(offset, "hdg", 0.0))
+        shift = (
+            number(offset, "x", 0.0),
+            number(offset, "y", 0.0),
+            number(offset, "z", 0.0),
+            number(offset, "hdg", 0.0),
+        )
     version = (integer(element, "revMajor"), integer(element, "revMinor"))
     return Header(version, element.get("name", ""), reference, shift)

@@ -13,8 +13,7 @@ from lxml import etree
 
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.remarks import Remark
-from schemas.xml import line_of
-from xodr.geometry import ZERO, Cubic, Profile
+from schemas.common.xml import line_of
 from xodr.model import (
     PERMANENT,
     TEMPORARY,
@@ -31,6 +30,7 @@ from xodr.model import (
     SignalReference,
     Structure,
 )
+from xodr.model.geometry import ZERO, Cubic, Profile
 
 # attributes -------------------------------------------------------------------------------------
 
@@ -67,7 +67,9 @@ def number(element: etree._Element, name: str, default: float | None = None) -> 
     except ValueError:
         raise invalid(element, f"{name}={value!r} is not a number") from None
     if not abs(result) <= LARGEST:
-        raise invalid(element, f"{name}={value!r} must be a number between -{LARGEST:g} and {LARGEST:g}")
+        raise invalid(
+            element, f"{name}={value!r} must be a number between -{LARGEST:g} and {LARGEST:g}"
+        )
     return result
 
 
@@ -91,12 +93,17 @@ def ascending(elements: list[etree._Element], name: str, *, distinct: bool = Fal
         distinct: of the elements only one can hold at a place.
 
     Raises:
-        InvalidFile: the attribute decreases from one to the next, or is the same for two that differ although `distinct`.
+        InvalidFile: the attribute decreases from one to the next, or is the same for two that
+            differ although `distinct`.
     """
     values = [number(element, name) for element in elements]
-    for before, element, start, value in zip(elements, elements[1:], values, values[1:], strict=False):
+    for before, element, start, value in zip(
+        elements, elements[1:], values, values[1:], strict=False
+    ):
         if value < start:
-            raise invalid(element, f"{name}={value:g} follows {start:g}, but {name} must not decrease")
+            raise invalid(
+                element, f"{name}={value:g} follows {start:g}, but {name} must not decrease"
+            )
         if distinct and value == start and element.attrib != before.attrib:
             raise invalid(element, f"{name}={value:g} must differ from that of the record before")
     return values
@@ -118,7 +125,12 @@ def speed(element: etree._Element) -> float | None:
 
 def coefficients(element: etree._Element) -> tuple[float, float, float, float]:
     """The polynomial parameters a, b, c, d."""
-    return number(element, "a"), number(element, "b", 0.0), number(element, "c", 0.0), number(element, "d", 0.0)
+    return (
+        number(element, "a"),
+        number(element, "b", 0.0),
+        number(element, "c", 0.0),
+        number(element, "d", 0.0),
+    )
 
 
 def profile(elements: list[etree._Element]) -> Profile:
@@ -126,7 +138,10 @@ def profile(elements: list[etree._Element]) -> Profile:
     if not elements:
         return ZERO
     starts = ascending(elements, "s", distinct=True)
-    pieces = {start: Cubic(start, *coefficients(element)) for start, element in zip(starts, elements, strict=True)}
+    pieces = {
+        start: Cubic(start, *coefficients(element))
+        for start, element in zip(starts, elements, strict=True)
+    }
     if starts[0] > 0.0:
         pieces = {0.0: Cubic(0.0, 0.0), **pieces}
     return Profile(pieces.values())
@@ -134,7 +149,10 @@ def profile(elements: list[etree._Element]) -> Profile:
 
 def validity(element: etree._Element) -> tuple[tuple[int, int], ...]:
     """Lane ranges (from, to) that a signal or object applies to."""
-    return tuple((integer(item, "fromLane"), integer(item, "toLane")) for item in element.iterfind("validity"))
+    return tuple(
+        (integer(item, "fromLane"), integer(item, "toLane"))
+        for item in element.iterfind("validity")
+    )
 
 
 def lane_layer(element: etree._Element, name: str = "layer") -> str:
@@ -169,8 +187,19 @@ def read_junction(element: etree._Element) -> Junction:
     found = tuple(_connection(item) for item in connections(element))
     cross_paths = tuple(read_cross_path(item) for item in element.iterfind("crossPath"))
     boundary = tuple(_boundary_segment(item) for item in element.iterfind("boundary/segment"))
-    priorities = tuple((item.get("high", ""), item.get("low", "")) for item in element.iterfind("priority"))
-    return Junction(text(element, "id"), element.get("name", ""), kind, found, controllers, priorities, cross_paths, boundary)
+    priorities = tuple(
+        (item.get("high", ""), item.get("low", "")) for item in element.iterfind("priority")
+    )
+    return Junction(
+        text(element, "id"),
+        element.get("name", ""),
+        kind,
+        found,
+        controllers,
+        priorities,
+        cross_paths,
+        boundary,
+    )
 
 
 def read_cross_path(element: etree._Element) -> CrossPath:
@@ -184,17 +213,24 @@ def _cross_path_end(element: etree._Element, road: str, name: str) -> CrossPathE
     link = element.find(f"{{*}}{name}")
     if link is None:
         raise invalid(element, f"the element {name} is missing")
-    return CrossPathEnd(text(element, road), number(link, "s"), integer(link, "from"), integer(link, "to"))
+    return CrossPathEnd(
+        text(element, road), number(link, "s"), integer(link, "from"), integer(link, "to")
+    )
 
 
 def _boundary_segment(element: etree._Element) -> BoundarySegment:
     kind, road = text(element, "type"), text(element, "roadId")
     if kind == "lane":
         lane = integer(element, "boundaryLane")
-        return BoundarySegment(road, _place(element, "sStart"), _place(element, "sEnd"), (lane, lane), joint=False)
+        return BoundarySegment(
+            road, _place(element, "sStart"), _place(element, "sEnd"), (lane, lane), joint=False
+        )
     if kind != "joint":
         raise invalid(element, f"type={kind!r} is neither lane nor joint")
-    first, last = (integer(element, name) if name in element.attrib else None for name in ("jointLaneStart", "jointLaneEnd"))
+    first, last = (
+        integer(element, name) if name in element.attrib else None
+        for name in ("jointLaneStart", "jointLaneEnd")
+    )
     s = _place(element, "contactPoint")
     return BoundarySegment(road, s, s, (first, last), joint=True)
 
@@ -209,7 +245,11 @@ def connections(junction: etree._Element) -> list[etree._Element]:
     """The connections of a junction that roads make: none of a crossing, those with a connecting road of a virtual one."""
     kind, found = _kind(junction), junction.findall("connection")
     if kind == "virtual":
-        return [connection for connection in found if connection.get("connectingRoad") and connection.get("incomingRoad")]
+        return [
+            connection
+            for connection in found
+            if connection.get("connectingRoad") and connection.get("incomingRoad")
+        ]
     return [] if kind == "crossing" else found
 
 
@@ -226,12 +266,26 @@ def not_followed(root: etree._Element, path: Path) -> Iterator[Remark]:
         kind, main = _kind(junction), junction.get("mainRoad")
         if kind not in ("virtual", "crossing"):
             continue
-        ways = [(way.get("connectingRoad"), way.get("incomingRoad")) for way in junction.iterfind("connection")]
-        left = [way for way in ways if kind == "crossing" or way[0] is None or (way[1] == main and way not in placed)]
+        ways = [
+            (way.get("connectingRoad"), way.get("incomingRoad"))
+            for way in junction.iterfind("connection")
+        ]
+        left = [
+            way
+            for way in ways
+            if kind == "crossing" or way[0] is None or (way[1] == main and way not in placed)
+        ]
         if left:
             share = "" if len(left) == len(ways) else f"{len(left)} of {len(ways)} "
-            fault = f"junction: the {kind} junction {junction.get('id')!r} lies beside its main road"
-            yield Remark(_FOLLOWED, f"{fault}; {share}ways off that road are not followed", str(path), line_of(junction))
+            fault = (
+                f"junction: the {kind} junction {junction.get('id')!r} lies beside its main road"
+            )
+            yield Remark(
+                _FOLLOWED,
+                f"{fault}; {share}ways off that road are not followed",
+                str(path),
+                line_of(junction),
+            )
 
 
 def _kind(junction: etree._Element) -> str:
@@ -242,9 +296,13 @@ def _connection(element: etree._Element) -> Connection:
     return Connection(
         id=element.get("id", ""),
         incoming_road=text(element, "incomingRoad"),
-        connecting_road=text(element, "linkedRoad" if element.get("linkedRoad") else "connectingRoad"),
+        connecting_road=text(
+            element, "linkedRoad" if element.get("linkedRoad") else "connectingRoad"
+        ),
         contact=contact_point(element) or "start",
-        lane_links=tuple((_lane(item, "from"), _lane(item, "to")) for item in element.iterfind("laneLink")),
+        lane_links=tuple(
+            (_lane(item, "from"), _lane(item, "to")) for item in element.iterfind("laneLink")
+        ),
     )
 
 
@@ -289,7 +347,13 @@ def read_signal(element: etree._Element, road_id: str) -> Signal:
 def read_signal_reference(element: etree._Element) -> SignalReference:
     """A `signalReference` element."""
     orientation = element.get("orientation", "none")
-    return SignalReference(text(element, "id"), number(element, "s"), number(element, "t"), orientation, validity(element))
+    return SignalReference(
+        text(element, "id"),
+        number(element, "s"),
+        number(element, "t"),
+        orientation,
+        validity(element),
+    )
 
 
 def read_object(element: etree._Element, road_id: str) -> RoadObject:
@@ -312,7 +376,10 @@ def read_object(element: etree._Element, road_id: str) -> RoadObject:
         width=optional(element, "width"),
         radius=optional(element, "radius"),
         height=optional(element, "height"),
-        outlines=tuple(tuple(_corner(corner) for corner in outline if _is_corner(corner)) for outline in outlines),
+        outlines=tuple(
+            tuple(_corner(corner) for corner in outline if _is_corner(corner))
+            for outline in outlines
+        ),
         validity=validity(element),
     )
 
@@ -336,4 +403,10 @@ def _is_corner(element: etree._Element) -> bool:
 def _corner(element: etree._Element) -> OutlineCorner:
     on_road = element.tag == "cornerRoad"
     u, v, z = ("s", "t", "dz") if on_road else ("u", "v", "z")
-    return OutlineCorner(number(element, u), number(element, v), number(element, z, 0.0), number(element, "height", 0.0), on_road)
+    return OutlineCorner(
+        number(element, u),
+        number(element, v),
+        number(element, z, 0.0),
+        number(element, "height", 0.0),
+        on_road,
+    )

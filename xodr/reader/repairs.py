@@ -1,7 +1,8 @@
 """Repairs of OpenDRIVE files that the reader refuses although what they mean is plain.
 
-The reader itself is strict. Where it refuses a file, the repairs change the parsed document, and it is read once more; each kind
-of repair becomes one remark. A repair never chooses between two meanings: what is left unclear is refused by the reader.
+The reader itself is strict. Where it refuses a file, the repairs change the parsed document, and it
+is read once more; each kind of repair becomes one remark. A repair never chooses between two
+meanings: what is left unclear is refused by the reader.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from lxml import etree
 
 from schemas.common.errors import ToolchainError
 from schemas.common.remarks import Remark
-from schemas.xml import line_of
+from schemas.common.xml import line_of
 from xodr.model import PERMANENT
 from xodr.reader.elements import (
     LARGEST,
@@ -135,7 +136,9 @@ def _repair_values(root: etree._Element) -> Iterator[Repair]:
 def _empty_curves(root: etree._Element) -> Iterator[Repair]:
     for curve in root.findall("road/planView/geometry/paramPoly3"):
         geometry = curve.getparent()
-        if geometry is not None and not any(_value(curve, name + axis) for name in "bcd" for axis in "UV"):
+        if geometry is not None and not any(
+            _value(curve, name + axis) for name in "bcd" for axis in "UV"
+        ):
             geometry.replace(curve, etree.Element("line"))
             yield Repair(curve, SCHEMA, "the curve has no coefficients", "read as a line")
 
@@ -152,7 +155,9 @@ def _missing(root: etree._Element) -> Iterator[Repair]:
             start = _start(element, name) if element.get(name) is None else None
             if start is not None:
                 element.set(name, start)
-                yield Repair(element, SCHEMA, f"the attribute {name!r} is missing", f"read as {start}")
+                yield Repair(
+                    element, SCHEMA, f"the attribute {name!r} is missing", f"read as {start}"
+                )
 
 
 def _start(element: etree._Element, name: str) -> str | None:
@@ -183,7 +188,9 @@ def _absurd_records(root: etree._Element) -> Iterator[Repair]:
                         yield from _constant_where_short(lane.findall(tag), "sOffset", reach)
 
 
-def _constant_where_short(records: list[etree._Element], name: str, reach: float | None) -> Iterator[Repair]:
+def _constant_where_short(
+    records: list[etree._Element], name: str, reach: float | None
+) -> Iterator[Repair]:
     """Make those records constant that hold for a short stretch only and have numbers that are none; `reach` ends the last."""
     ends = [*(_value(record, name) for record in records), reach]
     for record, start, end in zip(records, ends, ends[1:], strict=False):
@@ -235,7 +242,11 @@ _UNIQUE = frozenset({"elevation", "superelevation", "laneOffset", "shape", "widt
 
 def _repair_order(root: etree._Element) -> Iterator[Repair]:
     """Sort records, and keep the last of several that begin at the same place."""
-    for tag, records in (("road", _OF_ROADS), ("road/lanes", _OF_LAYERS), ("road/lanes/laneSection/*/lane", _OF_LANES)):
+    for tag, records in (
+        ("road", _OF_ROADS),
+        ("road/lanes", _OF_LAYERS),
+        ("road/lanes/laneSection/*/lane", _OF_LANES),
+    ):
         for element in root.iterfind(tag):
             for path, keys in records.items():
                 yield from _sorted(element.findall(path), keys)
@@ -245,15 +256,24 @@ def _sorted(records: list[etree._Element], names: tuple[str, ...]) -> Iterator[R
     keys = {record: tuple(_value(record, name) for name in names) for record in records}
     if len(records) < 2 or any(None in key for key in keys.values()):
         return
-    known = {record: tuple(number for number in key if number is not None) for record, key in keys.items()}
-    out_of_order = next((after for before, after in pairwise(records) if known[after] < known[before]), None)
+    known = {
+        record: tuple(number for number in key if number is not None)
+        for record, key in keys.items()
+    }
+    out_of_order = next(
+        (after for before, after in pairwise(records) if known[after] < known[before]), None
+    )
     if out_of_order is not None:
         before = records[records.index(out_of_order) - 1]
         _put_in_order(records, sorted(records, key=known.__getitem__))
         fault = f"{_place(known[out_of_order], names)} follows {_place(known[before], names)}"
         yield Repair(out_of_order, _ORDER, fault, "the records are read in ascending order")
     for before, after in pairwise(sorted(records, key=known.__getitem__)):
-        if before.tag in _UNIQUE and known[before] == known[after] and before.attrib != after.attrib:
+        if (
+            before.tag in _UNIQUE
+            and known[before] == known[after]
+            and before.attrib != after.attrib
+        ):
             _leave_out(before)
             fault = f"two records begin at {_place(known[after], names)}"
             yield Repair(after, _ORDER, fault, "the last of them is read")
@@ -299,10 +319,20 @@ def _repair_plan_view(root: etree._Element) -> Iterator[Repair]:
             yield Repair(road, _LINE, fault, "the length of its geometries is read")
         elif length > 0.0 and len(geometries) == 1 and lengths == [0.0]:
             geometries[0].set("length", repr(length))
-            yield Repair(geometries[0], _LINE, "the only geometry of the road has no length", "the length of the road is read")
+            yield Repair(
+                geometries[0],
+                _LINE,
+                "the only geometry of the road has no length",
+                "the length of the road is read",
+            )
         elif not any(lengths):
             _leave_out(road)
-            yield Repair(road, _LINE, f"the road {road.get('id')!r} has no geometry with a length", "the road is left out")
+            yield Repair(
+                road,
+                _LINE,
+                f"the road {road.get('id')!r} has no geometry with a length",
+                "the road is left out",
+            )
 
 
 # roads without lanes, lanes on the wrong side, lane links that lead nowhere -----------------------
@@ -318,7 +348,10 @@ def _repair_lanes(root: etree._Element) -> Iterator[Repair]:
         for side, sign in (("left", 1), ("right", -1)):
             for section in road.iterfind(f"lanes/laneSection/{side}"):
                 yield from _lane_side(section, side, sign)
-        for link in [*road.iterfind("lanes//link/predecessor"), *road.iterfind("lanes//link/successor")]:
+        for link in [
+            *road.iterfind("lanes//link/predecessor"),
+            *road.iterfind("lanes//link/successor"),
+        ]:
             if _value(link, "id") is None:
                 _leave_out(link)
                 yield Repair(link, SCHEMA, _given(link, "id", "is no lane"), "the link is left out")
@@ -331,14 +364,24 @@ def _lane_sections(road: etree._Element) -> Iterator[Repair]:
         name = layer.get("layer") or PERMANENT
         if layers.setdefault(name, layer) is not layer:
             _leave_out(layer)
-            yield Repair(layer, _LAYERS, f"the road {road.get('id')!r} has another {name} layer of lanes", "the first is read")
+            yield Repair(
+                layer,
+                _LAYERS,
+                f"the road {road.get('id')!r} has another {name} layer of lanes",
+                "the first is read",
+            )
     if lanes is None:
         lanes = etree.SubElement(road, "lanes")
     sections = lanes.findall("laneSection")
     if not sections:
         center = etree.SubElement(etree.SubElement(lanes, "laneSection", s="0"), "center")
         etree.SubElement(center, "lane", id="0")
-        yield Repair(road, _LANES, f"the road {road.get('id')!r} has no lane section", "it is read as a road without lanes")
+        yield Repair(
+            road,
+            _LANES,
+            f"the road {road.get('id')!r} has no lane section",
+            "it is read as a road without lanes",
+        )
     for section in sections[1:]:
         start = _value(section, "s")
         if start is not None and length is not None and start >= length:
@@ -388,7 +431,10 @@ _LINKED = "xosc.toolchain:xodr:1.4.0:road.linkage.linked_elements_exist"
 
 def _repair_links(root: etree._Element) -> Iterator[Repair]:
     """Remove links and connections without a target; complete links without a contact point."""
-    known = {kind: {element.get("id") for element in root.iterfind(kind)} for kind in ("road", "junction")}
+    known = {
+        kind: {element.get("id") for element in root.iterfind(kind)}
+        for kind in ("road", "junction")
+    }
     for road in root.iterfind("road"):
         for link in road.findall("link/*"):
             yield from _link(link, known)
@@ -413,7 +459,9 @@ def _link(link: etree._Element, known: dict[str, set[str | None]]) -> Iterator[R
         yield Repair(link, _LINKED, f"the {kind} {name!r} does not exist", "the link is left out")
     elif link.get("elementS") and _value(link, "elementS") is None:
         _leave_out(link)
-        yield Repair(link, SCHEMA, _given(link, "elementS", "is not a number"), "the link is left out")
+        yield Repair(
+            link, SCHEMA, _given(link, "elementS", "is not a number"), "the link is left out"
+        )
     elif link.get("contactPoint") not in ("start", "end", None):
         fault = _given(link, "contactPoint", "is neither start nor end")
         del link.attrib["contactPoint"]
@@ -427,7 +475,9 @@ def _connection(connection: etree._Element, roads: set[str | None]) -> Iterator[
         if road not in roads:
             _leave_out(connection)
             fault = _given(connection, name, "does not exist")
-            yield Repair(connection, SCHEMA if road is None else _LINKED, fault, "the connection is left out")
+            yield Repair(
+                connection, SCHEMA if road is None else _LINKED, fault, "the connection is left out"
+            )
             return
     for link in connection.findall("laneLink"):
         if _value(link, "from") is None or _value(link, "to") is None:

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 from lxml import etree
 
-from xodr.geometry import ZERO, Arc, Cubic, Line, ParamPoly3, PlanElement, Profile, ReferenceLine, Spiral, Start, exceeding, poly3
 from xodr.model import (
     NO_WIDTH,
     PERMANENT,
@@ -27,6 +26,21 @@ from xodr.model import (
     TemporaryStretch,
     in_force,
 )
+from xodr.model.geometry import (
+    ZERO,
+    Arc,
+    Cubic,
+    Line,
+    ParamPoly3,
+    PlanElement,
+    Profile,
+    ReferenceLine,
+    Spiral,
+    Start,
+    exceeding,
+    poly3,
+)
+from xodr.model.road import Road, Surface
 from xodr.reader.elements import (
     ascending,
     coefficients,
@@ -44,7 +58,6 @@ from xodr.reader.elements import (
     speed,
     text,
 )
-from xodr.road import Road, Surface
 
 # lanes ------------------------------------------------------------------------------------------
 
@@ -61,7 +74,9 @@ def read_layers(road: etree._Element, length: float) -> Layers:
     layers: dict[str, etree._Element] = {}
     for lanes in road.iterfind("lanes"):
         if layers.setdefault(lane_layer(lanes), lanes) is not lanes:
-            raise invalid(lanes, f"the road has another {lane_layer(lanes)} layer of lanes; one is allowed")
+            raise invalid(
+                lanes, f"the road has another {lane_layer(lanes)} layer of lanes; one is allowed"
+            )
     if PERMANENT not in layers:
         raise invalid(road, "the element lanes is missing")
     permanent = read_sections(layers[PERMANENT], length)
@@ -77,14 +92,21 @@ def _temporary(lanes: etree._Element, length: float) -> list[TemporaryStretch]:
     offset = profile(lanes.findall("laneOffset"))
     found = []
     for index, (element, start) in enumerate(zip(elements, starts, strict=True)):
-        until = min(start + number(element, "length", math.inf) if element.get("length") else math.inf, length)
+        until = min(
+            start + number(element, "length", math.inf) if element.get("length") else math.inf,
+            length,
+        )
         following = list(zip(elements, starts, strict=True))[index + 1 :]
         ends = [
-            min([until, *(s for other, s in following if _covers(other, side))]) if _covers(element, side) else start
+            min([until, *(s for other, s in following if _covers(other, side))])
+            if _covers(element, side)
+            else start
             for side in ("left", "right")
         ]
         if max(ends) > start:
-            found.append(TemporaryStretch(_section(element, start, max(ends), offset, TEMPORARY), *ends))
+            found.append(
+                TemporaryStretch(_section(element, start, max(ends), offset, TEMPORARY), *ends)
+            )
     return found
 
 
@@ -109,7 +131,10 @@ def read_sections(lanes: etree._Element, length: float) -> list[LaneSection]:
     for element, (start, end) in zip(elements, pairwise([*starts, length]), strict=True):
         if end <= start:
             if element is elements[-1]:
-                raise invalid(element, f"the section starts at s={start:g}, but the road is only {length:g} m long")
+                raise invalid(
+                    element,
+                    f"the section starts at s={start:g}, but the road is only {length:g} m long",
+                )
             continue  # a section of no length, as some editors leave behind
         section = _section(element, start, end, offset)
         if _single_sided(element) and sections:
@@ -118,27 +143,43 @@ def read_sections(lanes: etree._Element, length: float) -> list[LaneSection]:
     return sections
 
 
-def _section(element: etree._Element, start: float, end: float, offset: Profile, layer: str = PERMANENT) -> LaneSection:
+def _section(
+    element: etree._Element, start: float, end: float, offset: Profile, layer: str = PERMANENT
+) -> LaneSection:
     center = offset.within(start, end)
     middle = element.find("center/lane")
     marks = _marks(middle, start) if middle is not None else ()
-    lanes = {0: Lane(0, "none", False, None, None, ZERO, center, center, center, marks=marks, layer=layer)}
+    lanes = {
+        0: Lane(
+            0, "none", False, None, None, ZERO, center, center, center, marks=marks, layer=layer
+        )
+    }
     for side, sign in (("left", 1), ("right", -1)):
         items: dict[int, etree._Element] = {}
         for item in element.iterfind(f"{side}/lane"):
             if items.setdefault(integer(item, "id"), item) is not item:
-                raise invalid(item, f"the lane id {item.get('id')} is there twice in one lane section")
+                raise invalid(
+                    item, f"the lane id {item.get('id')} is there twice in one lane section"
+                )
         inner = center
         for lane_id in sorted(items, key=abs):
             if lane_id * sign <= 0:
-                raise invalid(items[lane_id], f"the lane id {lane_id} does not belong on the {side} side")
+                raise invalid(
+                    items[lane_id], f"the lane id {lane_id} does not belong on the {side} side"
+                )
             lane = replace(_lane(items[lane_id], lane_id, (start, end), inner, center), layer=layer)
             lanes[lane_id] = lane
             inner = lane.outer
     return LaneSection(start, end, lanes)
 
 
-def _lane(element: etree._Element, lane_id: int, ends: tuple[float, float], inner: Profile, center: Profile) -> Lane:
+def _lane(
+    element: etree._Element,
+    lane_id: int,
+    ends: tuple[float, float],
+    inner: Profile,
+    center: Profile,
+) -> Lane:
     start = ends[0]
     sign = 1.0 if lane_id > 0 else -1.0
     widths, borders = element.findall("width"), element.findall("border")
@@ -192,13 +233,16 @@ def _relative(elements: list[etree._Element], start: float) -> Profile:
         return ZERO
     offsets = ascending(elements, "sOffset", distinct=True)
     pieces = {
-        start + offset: Cubic(start + offset, *coefficients(element)) for offset, element in zip(offsets, elements, strict=True)
+        start + offset: Cubic(start + offset, *coefficients(element))
+        for offset, element in zip(offsets, elements, strict=True)
     }
     return Profile(pieces.values())
 
 
 def _linked(element: etree._Element, name: str) -> tuple[LaneRef, ...]:
-    return tuple(LaneRef(integer(link, "id"), lane_layer(link)) for link in element.iterfind(f"link/{name}"))
+    return tuple(
+        LaneRef(integer(link, "id"), lane_layer(link)) for link in element.iterfind(f"link/{name}")
+    )
 
 
 def _continuing(links: tuple[LaneRef, ...]) -> int | None:
@@ -215,7 +259,10 @@ def _direction(element: etree._Element) -> str:
 
 def _speeds(element: etree._Element, start: float) -> tuple[tuple[float, float | None], ...]:
     records = element.findall("speed")
-    return tuple((start + offset, speed(record)) for offset, record in zip(ascending(records, "sOffset"), records, strict=True))
+    return tuple(
+        (start + offset, speed(record))
+        for offset, record in zip(ascending(records, "sOffset"), records, strict=True)
+    )
 
 
 def _accesses(element: etree._Element, start: float) -> tuple[LaneAccess, ...]:
@@ -223,7 +270,10 @@ def _accesses(element: etree._Element, start: float) -> tuple[LaneAccess, ...]:
     found: dict[float, LaneAccess] = {}
     for record in element.iterfind("access"):
         s = start + number(record, "sOffset", 0.0)
-        named = [record.get("restriction"), *(each.get("type") for each in record.iterfind("restriction"))]
+        named = [
+            record.get("restriction"),
+            *(each.get("type") for each in record.iterfind("restriction")),
+        ]
         before = found[s].users if s in found else ()
         users = tuple(user for user in named if user and user != "none")
         found[s] = LaneAccess(s, record.get("rule", "deny") == "allow", before + users)
@@ -247,7 +297,9 @@ def _continue_other_side(before: LaneSection, section: LaneSection) -> None:
     for lane_id in before.left if not section.left else before.right:
         lane = before.lanes[lane_id]
         inner, outer, center = (line.plus(moved) for line in (lane.inner, lane.outer, lane.center))
-        section.lanes[lane_id] = replace(lane, predecessor=lane_id, inner=inner, outer=outer, center=center)
+        section.lanes[lane_id] = replace(
+            lane, predecessor=lane_id, inner=inner, outer=outer, center=center
+        )
         lane.successor = lane_id
     section.__post_init__()
 
@@ -284,9 +336,15 @@ def read_road(path: Path, element: etree._Element) -> Road:
         predecessor=_road_link(element.find("link/predecessor")),
         successor=_road_link(element.find("link/successor")),
         signals=[read_signal(signal, road_id) for signal in element.iterfind("signals/signal")],
-        signal_references=[read_signal_reference(signal) for signal in element.iterfind("signals/signalReference")],
+        signal_references=[
+            read_signal_reference(signal) for signal in element.iterfind("signals/signalReference")
+        ],
         objects=[read_object(item, road_id) for item in element.iterfind("objects/object")],
-        structures=[read_structure(item) for kind in ("bridge", "tunnel") for item in element.iterfind(f"objects/{kind}")],
+        structures=[
+            read_structure(item)
+            for kind in ("bridge", "tunnel")
+            for item in element.iterfind(f"objects/{kind}")
+        ],
     )
 
 
@@ -297,7 +355,12 @@ def _road_link(element: etree._Element | None) -> RoadLink | None:
     if kind not in ("road", "junction"):
         raise invalid(element, f"elementType={kind!r} is neither road nor junction")
     name, is_road = text(element, "elementId"), kind == "road"
-    return RoadLink(kind, name, contact_point(element) if is_road else None, optional(element, "elementS") if is_road else None)
+    return RoadLink(
+        kind,
+        name,
+        contact_point(element) if is_road else None,
+        optional(element, "elementS") if is_road else None,
+    )
 
 
 def _road_types(element: etree._Element) -> list[RoadType]:
@@ -315,7 +378,11 @@ def _road_types(element: etree._Element) -> list[RoadType]:
 def _reference_line(road: etree._Element) -> ReferenceLine:
     elements = road.findall("planView/geometry")
     starts = ascending(elements, "s")
-    kept = [(start, item) for start, item in zip(starts, elements, strict=True) if _geometry_length(item) > _TOO_SHORT]
+    kept = [
+        (start, item)
+        for start, item in zip(starts, elements, strict=True)
+        if _geometry_length(item) > _TOO_SHORT
+    ]
     if not kept:
         raise invalid(road, "planView has no geometry with a length")
     segments = []
@@ -335,10 +402,18 @@ def _geometry_length(element: etree._Element) -> float:
 
 
 def _segment(element: etree._Element) -> PlanElement:
-    start = Start(number(element, "x"), number(element, "y"), number(element, "hdg"), number(element, "length"))
+    start = Start(
+        number(element, "x"),
+        number(element, "y"),
+        number(element, "hdg"),
+        number(element, "length"),
+    )
     shape = next((child for child in element if child.tag in _SHAPES), None)
     if shape is None:
-        names = ", ".join(str(child.tag) for child in element if isinstance(child.tag, str)) or "nothing"
+        names = (
+            ", ".join(str(child.tag) for child in element if isinstance(child.tag, str))
+            or "nothing"
+        )
         raise invalid(element, f"a geometry is one of {', '.join(_SHAPES)}; found {names}")
     return _SHAPES[shape.tag](start, shape)
 
@@ -380,7 +455,9 @@ def _surface(road: etree._Element) -> Surface | None:
     for s, element in zip(ascending(shapes, "s"), shapes, strict=True):
         by_s.setdefault(s, []).append(element)
     left, right = (
-        profile([element for element in crossfalls if element.get("side", "both") in (side, "both")])
+        profile(
+            [element for element in crossfalls if element.get("side", "both") in (side, "both")]
+        )
         for side in ("left", "right")
     )
     return Surface([(s, _lateral(elements)) for s, elements in by_s.items()], left, right)
@@ -388,4 +465,6 @@ def _surface(road: etree._Element) -> Surface | None:
 
 def _lateral(elements: list[etree._Element]) -> Profile:
     starts = ascending(elements, "t", distinct=True)
-    return Profile(Cubic(t, *coefficients(element)) for t, element in zip(starts, elements, strict=True))
+    return Profile(
+        Cubic(t, *coefficients(element)) for t, element in zip(starts, elements, strict=True)
+    )

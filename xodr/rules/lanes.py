@@ -31,7 +31,19 @@ _SAME = 1e-6
 """Numbers that differ by less are the same."""
 DRIVABLE = frozenset(
     {
-        *("driving", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "shared", "bus", "taxi", "HOV"),
+        *(
+            "driving",
+            "entry",
+            "exit",
+            "onRamp",
+            "offRamp",
+            "connectingRamp",
+            "slipLane",
+            "shared",
+            "bus",
+            "taxi",
+            "HOV",
+        ),
         *("bidirectional", "stop", "restricted", "mwyEntry", "mwyExit"),
     }
 )
@@ -46,7 +58,10 @@ def level_holds_to_the_edge(document: CheckedDocument) -> Iterator[Finding]:
             level = False
             for lane in section.side(sign):
                 if level and not _level(lane):
-                    yield Finding(lane, f"the lane {lane.get('id')} is not level, but a lane nearer to the centre is")
+                    yield Finding(
+                        lane,
+                        f"the lane {lane.get('id')} is not level, but a lane nearer to the centre is",
+                    )
                 level = level or _level(lane)
     for meeting in meetings(document):
         for lane, other, _ in meeting.links:
@@ -73,7 +88,10 @@ def access_is_allowed_or_denied(document: CheckedDocument) -> Iterator[Finding]:
         for access in lane.iterfind("{*}access"):
             start, kind = document.number(access, "sOffset") or 0.0, access.get("rule") or "deny"
             if any(abs(start - s) < _SAME and kind != other for s, other in seen):
-                yield Finding(access, f"rule={kind!r} at sOffset={start:g}, where another access element says the opposite")
+                yield Finding(
+                    access,
+                    f"rule={kind!r} at sOffset={start:g}, where another access element says the opposite",
+                )
             seen.append((start, kind))
 
 
@@ -84,7 +102,14 @@ def borders_stay_outside(document: CheckedDocument) -> Iterator[Finding]:
         for sign in (1, -1):
             for inner, outer in pairwise(section.side(sign)):
                 near, far = records(document, inner, "border"), records(document, outer, "border")
-                if near and far and any(sign * (b - a) < -_SAME for a, b in _sampled(near, far, section.end - section.start)):
+                if (
+                    near
+                    and far
+                    and any(
+                        sign * (b - a) < -_SAME
+                        for a, b in _sampled(near, far, section.end - section.start)
+                    )
+                ):
                     message = f"the border of the lane {outer.get('id')} crosses that of the lane {inner.get('id')}"
                     yield Finding(outer, message)
 
@@ -94,7 +119,9 @@ _SAMPLES = 64
 
 def _sampled(near: list[Record], far: list[Record], length: float) -> Iterator[tuple[float, float]]:
     """Both borders at places along a section, all starts and extremes of the cubics nearly among them."""
-    places = {record.start for record in (*near, *far)} | {length * index / _SAMPLES for index in range(_SAMPLES + 1)}
+    places = {record.start for record in (*near, *far)} | {
+        length * index / _SAMPLES for index in range(_SAMPLES + 1)
+    }
     for ds in places:
         a, b = at(near, ds), at(far, ds)
         if a is not None and b is not None and 0.0 <= ds <= length:
@@ -105,11 +132,16 @@ def _sampled(near: list[Record], far: list[Record], length: float) -> Iterator[t
 def links_are_declared_by_both_lanes(document: CheckedDocument) -> Iterator[Finding]:
     """A lane that goes on over lane sections or roads must be linked in both directions."""
     for meeting in meetings(document):
-        if meeting.place == "junction" or (meeting.place == "road" and _of_junction(meeting.here, meeting.there)):
+        if meeting.place == "junction" or (
+            meeting.place == "road" and _of_junction(meeting.here, meeting.there)
+        ):
             continue
         back = "predecessor" if meeting.there_start else "successor"
         for lane, other, _ in meeting.links:
-            linked = {(integer(link, "id"), link.get("layer") or PERMANENT) for link in other.iterfind(f"{{*}}link/{{*}}{back}")}
+            linked = {
+                (integer(link, "id"), link.get("layer") or PERMANENT)
+                for link in other.iterfind(f"{{*}}link/{{*}}{back}")
+            }
             if (integer(lane, "id"), meeting.here.layer) not in linked:
                 message = f"the lane {other.get('id')} does not name the lane {lane.get('id')}, which links it, as its {back}"
                 yield Finding(other, message)
@@ -137,8 +169,14 @@ def _linked_without_width(document: CheckedDocument, at_start: bool) -> Iterator
     for section in _sections(document):
         for lane in section.lanes.values():
             width = width_at(document, section, lane, at_start)
-            if width is not None and width < _NO_WIDTH and lane.find(f"{{*}}link/{{*}}{name}") is not None:
-                yield Finding(lane, f"the lane has no width at the {end} of its section, but a {name}")
+            if (
+                width is not None
+                and width < _NO_WIDTH
+                and lane.find(f"{{*}}link/{{*}}{name}") is not None
+            ):
+                yield Finding(
+                    lane, f"the lane has no width at the {end} of its section, but a {name}"
+                )
 
 
 @rule("asam.net:xodr:1.4.0:road.lane.link.new_lane_appear")
@@ -148,7 +186,10 @@ def only_the_continuing_lane_is_linked(document: CheckedDocument) -> Iterator[Fi
         for lane, other, link in meeting.links:
             width = width_at(document, meeting.there, other, meeting.there_start)
             if width is not None and width < _NO_WIDTH:
-                yield Finding(link, f"the lane {lane.get('id')} links the lane {other.get('id')}, which has no width there")
+                yield Finding(
+                    link,
+                    f"the lane {lane.get('id')} links the lane {other.get('id')}, which has no width there",
+                )
 
 
 # layers of OpenDRIVE 1.9 -----------------------------------------------------------------------------
@@ -175,7 +216,9 @@ def permanent_lanes_are_everywhere(document: CheckedDocument) -> Iterator[Findin
         for section in sections_by_layer(document, road).get(PERMANENT, []):
             if not section.lanes and section.element.get("singleSide") not in ("true", "1"):
                 yield Finding(
-                    section.element, f"there is no permanent lane from s={section.start:g} to s={section.end:g}", "warning"
+                    section.element,
+                    f"there is no permanent lane from s={section.start:g} to s={section.end:g}",
+                    "warning",
                 )
 
 
@@ -192,7 +235,10 @@ def permanent_sections_have_no_length(document: CheckedDocument) -> Iterator[Fin
     """Lane sections in the permanent layer shall not have a length of their own."""
     for section in _sections(document):
         if section.layer == PERMANENT and section.element.get("length") is not None:
-            yield Finding(section.element, f"length={section.element.get('length')} is for sections of the temporary layer only")
+            yield Finding(
+                section.element,
+                f"length={section.element.get('length')} is for sections of the temporary layer only",
+            )
 
 
 @rule("asam.net:xodr:1.9.0:road.lane.layer.lane_phys_attr_temporary", since=(1, 9))
@@ -201,7 +247,9 @@ def temporary_lanes_have_no_surface(document: CheckedDocument) -> Iterator[Findi
     for section in _sections(document):
         for lane in section.lanes.values() if section.layer == TEMPORARY else ():
             for element in (*lane.iterfind("{*}height"), *lane.iterfind("{*}material")):
-                yield Finding(element, "temporary lanes have the surface of the permanent ones, no own one")
+                yield Finding(
+                    element, "temporary lanes have the surface of the permanent ones, no own one"
+                )
 
 
 @rule("asam.net:xodr:1.9.0:road.lane_section.lanesec_length_limit_road", since=(1, 9))
@@ -211,8 +259,14 @@ def sections_end_on_the_road(document: CheckedDocument) -> Iterator[Finding]:
         total = document.number(road, "length")
         for section in road.iterfind("{*}lanes/{*}laneSection"):
             s, length = document.number(section, "s"), document.number(section, "length")
-            if None not in (s, length, total) and (s or 0.0) + (length or 0.0) > (total or 0.0) + SAME_BORDER:
-                yield Finding(section, f"the section ends at s={(s or 0.0) + (length or 0.0):g}, the road at {total:g}")
+            if (
+                None not in (s, length, total)
+                and (s or 0.0) + (length or 0.0) > (total or 0.0) + SAME_BORDER
+            ):
+                yield Finding(
+                    section,
+                    f"the section ends at s={(s or 0.0) + (length or 0.0):g}, the road at {total:g}",
+                )
 
 
 @rule("asam.net:xodr:1.9.0:road.lane_section.new_lanesec_link_temp_to_perm", since=(1, 9))
@@ -240,33 +294,61 @@ def temporary_lanes_can_be_entered_and_left(document: CheckedDocument) -> Iterat
         length = document.number(road, "length") or 0.0
         temporary = sections_by_layer(document, road).get(TEMPORARY, [])
         for section in temporary:
-            for name, border, at_start in (("predecessor", section.start, True), ("successor", section.end, False)):
-                others = (each.end if at_start else each.start for each in temporary if each is not section)
-                if not SAME_BORDER < border < length - SAME_BORDER or any(abs(end - border) <= SAME_BORDER for end in others):
+            for name, border, at_start in (
+                ("predecessor", section.start, True),
+                ("successor", section.end, False),
+            ):
+                others = (
+                    each.end if at_start else each.start
+                    for each in temporary
+                    if each is not section
+                )
+                if not SAME_BORDER < border < length - SAME_BORDER or any(
+                    abs(end - border) <= SAME_BORDER for end in others
+                ):
                     continue  # other temporary lanes, or those of another road, go on there
                 for lane in section.lanes.values():
-                    links = {link.get("layer") or PERMANENT for link in lane.iterfind(f"{{*}}link/{{*}}{name}")}
+                    links = {
+                        link.get("layer") or PERMANENT
+                        for link in lane.iterfind(f"{{*}}link/{{*}}{name}")
+                    }
                     width = width_at(document, section, lane, at_start)
-                    if lane.get("type") in DRIVABLE and (width or 0.0) > _NO_WIDTH and PERMANENT not in links:
-                        yield Finding(lane, f"the temporary lane {lane.get('id')} has no permanent {name} at s={border:g}")
+                    if (
+                        lane.get("type") in DRIVABLE
+                        and (width or 0.0) > _NO_WIDTH
+                        and PERMANENT not in links
+                    ):
+                        yield Finding(
+                            lane,
+                            f"the temporary lane {lane.get('id')} has no permanent {name} at s={border:g}",
+                        )
 
 
-@rule("asam.net:xodr:1.9.0:road.lane.layer.lane_group_width_temporary", level="warning", since=(1, 9))
+@rule(
+    "asam.net:xodr:1.9.0:road.lane.layer.lane_group_width_temporary", level="warning", since=(1, 9)
+)
 def temporary_lanes_lie_on_the_road(document: CheckedDocument) -> Iterator[Finding]:
     """The lanes of the temporary layer shall not extend beyond those of the permanent layer."""
     for road in document.elements("road"):
         layers = sections_by_layer(document, road)
         for section in layers.get(TEMPORARY, []):
-            places = [section.start + (section.end - section.start) * (index + 0.5) / _SAMPLES for index in range(_SAMPLES)]
+            places = [
+                section.start + (section.end - section.start) * (index + 0.5) / _SAMPLES
+                for index in range(_SAMPLES)
+            ]
             for s in places:
-                usual = next((each for each in layers.get(PERMANENT, []) if each.start <= s < each.end), None)
+                usual = next(
+                    (each for each in layers.get(PERMANENT, []) if each.start <= s < each.end), None
+                )
                 if usual is None:
                     continue
                 right, left = (_edge(document, road, section, s, sign) for sign in (-1, 1))
                 bounds = [_edge(document, road, usual, s, sign) for sign in (-1, 1)]
                 if right < bounds[0] - _BEYOND or left > bounds[1] + _BEYOND:
                     by = max(bounds[0] - right, left - bounds[1])
-                    message = f"temporary lanes reach {by:.2f} m beyond the permanent ones at s={s:.1f}"
+                    message = (
+                        f"temporary lanes reach {by:.2f} m beyond the permanent ones at s={s:.1f}"
+                    )
                     yield Finding(section.element, message)
                     break
 
@@ -275,12 +357,17 @@ _BEYOND = 0.01
 """By how much temporary lanes may reach beyond permanent ones, m: the numbers in files are rounded."""
 
 
-def _edge(document: CheckedDocument, road: etree._Element, section: Section, s: float, sign: int) -> float:
+def _edge(
+    document: CheckedDocument, road: etree._Element, section: Section, s: float, sign: int
+) -> float:
     """t of the outer edge of a side of a lane section."""
     centre, ds = _offset(document, section, s), s - section.start
     t = centre
     for lane in section.side(sign):
-        width, border = at(records(document, lane, "width"), ds), at(records(document, lane, "border"), ds)
+        width, border = (
+            at(records(document, lane, "width"), ds),
+            at(records(document, lane, "border"), ds),
+        )
         t = t + sign * width if width is not None else centre + border if border is not None else t
     return t
 
@@ -305,7 +392,10 @@ def connecting_roads_are_not_incoming(document: CheckedDocument) -> Iterator[Fin
     for _, connection in _connections(document):
         incoming = roads.get(connection.get("incomingRoad") or "")
         if incoming is not None and (incoming.get("junction") or "-1") != "-1":
-            yield Finding(connection, f"incomingRoad={incoming.get('id')!r} is a connecting road of a junction")
+            yield Finding(
+                connection,
+                f"incomingRoad={incoming.get('id')!r} is a connecting road of a junction",
+            )
 
 
 def _roads(document: CheckedDocument) -> dict[str, etree._Element]:
@@ -337,7 +427,10 @@ def connections_lead_into_the_junction(document: CheckedDocument) -> Iterator[Fi
     for _, connection in _connections(document):
         ends = connection.get("incomingRoad"), connected_road(connection)
         if connection.get("connectingRoad") and ends in seen:
-            yield Finding(connection, f"another connection leads from the road {ends[0]!r} to the road {ends[1]!r}")
+            yield Finding(
+                connection,
+                f"another connection leads from the road {ends[0]!r} to the road {ends[1]!r}",
+            )
         seen.add(ends)
     for meeting in meetings(document):
         if meeting.place != "junction":
@@ -377,7 +470,12 @@ def _entered(document: CheckedDocument, contact: str, name: str) -> Iterator[Fin
     for _, connection in _connections(document):
         road = roads.get(connection.get("connectingRoad") or "")
         link = road.find(f"{{*}}link/{{*}}{name}") if road is not None else None
-        if connection.get("contactPoint") != contact or road is None or link is None or link.get("elementType") != "road":
+        if (
+            connection.get("contactPoint") != contact
+            or road is None
+            or link is None
+            or link.get("elementType") != "road"
+        ):
             continue
         if link.get("elementId") != connection.get("incomingRoad"):
             message = (
@@ -394,10 +492,16 @@ def ambiguous_links_need_a_junction(document: CheckedDocument) -> Iterator[Findi
     for road in document.elements("road"):
         if (road.get("junction") or "-1") != "-1":
             continue
-        for link in (*road.iterfind("{*}link/{*}predecessor"), *road.iterfind("{*}link/{*}successor")):
+        for link in (
+            *road.iterfind("{*}link/{*}predecessor"),
+            *road.iterfind("{*}link/{*}successor"),
+        ):
             end = link.get("elementId") or "", link.get("contactPoint") or ""
             if link.get("elementType") != "road" or link.get("elementS") or not end[1]:
                 continue
             if end in seen:
-                yield Finding(link, f"another road links the {end[1]} of the road {end[0]!r}, too; a junction is needed")
+                yield Finding(
+                    link,
+                    f"another road links the {end[1]} of the road {end[0]!r}, too; a junction is needed",
+                )
             seen.add(end)

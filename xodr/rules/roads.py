@@ -12,10 +12,10 @@ from lxml import etree
 from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, rule, unknown
 from schemas.common.errors import ToolchainError
-from xodr.network import RoadNetwork
+from xodr.graph.network import RoadNetwork
+from xodr.model.road import Road
 from xodr.reader.document import cross_path_gaps, linked_roads, load
 from xodr.reader.elements import read_cross_path
-from xodr.road import Road
 from xodr.rules.lanes import DRIVABLE
 from xodr.rules.sections import (
     PERMANENT,
@@ -37,7 +37,9 @@ def ids_are_unique(document: CheckedDocument) -> Iterator[Finding]:
         seen: set[str] = set()
         for element in document.elements(tag):
             identity = element.get("id")
-            if identity is None or (tag == "controller" and element.getparent() is not document.root):
+            if identity is None or (
+                tag == "controller" and element.getparent() is not document.root
+            ):
                 continue
             if identity in seen:
                 yield Finding(element, f"another {tag} has the id {identity!r}")
@@ -47,7 +49,10 @@ def ids_are_unique(document: CheckedDocument) -> Iterator[Finding]:
 @rule("xosc.toolchain:xodr:1.4.0:road.linkage.linked_elements_exist")
 def linked_roads_exist(document: CheckedDocument) -> Iterator[Finding]:
     """Links of roads and connections of junctions must name roads and junctions of the file."""
-    known = {tag: {element.get("id") or "" for element in document.elements(tag)} for tag in ("road", "junction")}
+    known = {
+        tag: {element.get("id") or "" for element in document.elements(tag)}
+        for tag in ("road", "junction")
+    }
     for road in document.elements("road"):
         yield from _unknown(road, "junction", "junction", known["junction"])
         for end in road.iterfind("{*}link/{*}*"):
@@ -59,7 +64,9 @@ def linked_roads_exist(document: CheckedDocument) -> Iterator[Finding]:
             yield from _unknown(connection, attribute, "road", known["road"])
 
 
-def _unknown(element: etree._Element, attribute: str, kind: str, known: set[str]) -> Iterator[Finding]:
+def _unknown(
+    element: etree._Element, attribute: str, kind: str, known: set[str]
+) -> Iterator[Finding]:
     identity = element.get(attribute)
     if identity and identity != "-1" and identity not in known:
         yield Finding(element, f"{attribute}: {unknown(kind, identity, known)}")
@@ -73,15 +80,25 @@ def linked_lanes_exist(document: CheckedDocument) -> Iterator[Finding]:
         for here in (section for sections in layers.values() for section in sections):
             for direction, border in (("predecessor", here.start), ("successor", here.end)):
                 for link in here.element.iterfind(f"{{*}}*/{{*}}lane/{{*}}link/{{*}}{direction}"):
-                    yield from _unknown_lane(link, direction, border, layers.get(link.get("layer") or PERMANENT, []))
+                    yield from _unknown_lane(
+                        link, direction, border, layers.get(link.get("layer") or PERMANENT, [])
+                    )
 
 
-def _unknown_lane(link: etree._Element, direction: str, border: float, sections: list[Section]) -> Iterator[Finding]:
+def _unknown_lane(
+    link: etree._Element, direction: str, border: float, sections: list[Section]
+) -> Iterator[Finding]:
     """A link over the border of a lane section to a lane that does not begin, or end, there."""
-    meeting = [each for each in sections if abs((each.start if direction == "successor" else each.end) - border) <= SAME_BORDER]
+    meeting = [
+        each
+        for each in sections
+        if abs((each.start if direction == "successor" else each.end) - border) <= SAME_BORDER
+    ]
     known = {lane.get("id") for each in meeting for lane in each.element.iterfind("{*}*/{*}lane")}
     if meeting and link.get("id") is not None and link.get("id") not in known:
-        yield Finding(link, f"the {direction} {link.get('id')} is no lane of the neighbouring lane section")
+        yield Finding(
+            link, f"the {direction} {link.get('id')} is no lane of the neighbouring lane section"
+        )
 
 
 _TOLERANCE = 0.01
@@ -96,16 +113,24 @@ def reference_line_is_complete(document: CheckedDocument) -> Iterator[Finding]:
         if not geometries:
             yield Finding(road, "the road has no geometry")
             continue
-        if not any((document.number(geometry, "length") or 0.0) > SHORTEST for geometry in geometries):
+        if not any(
+            (document.number(geometry, "length") or 0.0) > SHORTEST for geometry in geometries
+        ):
             yield Finding(road, "no geometry of the road has a length")
             continue
         end: float | None = 0.0
         for geometry in geometries:
             s, length = document.number(geometry, "s"), document.number(geometry, "length")
             if length is not None and not length > 0:
-                yield Finding(geometry, f"length={length:g} must be greater than 0", "warning" if length == 0 else None)
+                yield Finding(
+                    geometry,
+                    f"length={length:g} must be greater than 0",
+                    "warning" if length == 0 else None,
+                )
             if s is not None and end is not None and not abs(s - end) <= _TOLERANCE:
-                yield Finding(geometry, f"s={s:g}, but the geometry before it ends at {end:g}", "warning")
+                yield Finding(
+                    geometry, f"s={s:g}, but the geometry before it ends at {end:g}", "warning"
+                )
             end = None if s is None or length is None else s + length
         total = document.number(road, "length")
         if end is not None and total is not None and not abs(total - end) <= _TOLERANCE:
@@ -129,7 +154,9 @@ def lane_sections_are_whole(document: CheckedDocument) -> Iterator[Finding]:
                 if s is not None and length is not None and s > max(length, 0.0):
                     yield Finding(section, f"s={s:g}, but the road is only {length:g} m long")
                 if s is not None and not s > last and not (s == last and single_sided(section)):
-                    yield Finding(section, f"s={s:g} is not greater than that of the lane section before it")
+                    yield Finding(
+                        section, f"s={s:g} is not greater than that of the lane section before it"
+                    )
                 last = last if s is None else s
                 for side in _SIDES:
                     yield from _numbering(document, section, side)
@@ -141,9 +168,14 @@ def _numbering(document: CheckedDocument, section: etree._Element, side: str) ->
     if sign == 0:
         if ids != [0] and layer_of(section) == PERMANENT:
             yield Finding(section, "one centre lane with the id 0 is expected")
-    elif len(ids) == len(lanes) and sorted(number * sign for number in ids) != list(range(1, len(ids) + 1)):
+    elif len(ids) == len(lanes) and sorted(number * sign for number in ids) != list(
+        range(1, len(ids) + 1)
+    ):
         given = ", ".join(f"{number:g}" for number in ids)
-        yield Finding(section, f"the lane ids on the side {side} are {given}, numbers without gaps from {sign} on are expected")
+        yield Finding(
+            section,
+            f"the lane ids on the side {side} are {given}, numbers without gaps from {sign} on are expected",
+        )
 
 
 _OF_ROADS = {
@@ -159,25 +191,43 @@ _OF_LANES = {"{*}width": ("sOffset",), "{*}border": ("sOffset",), "{*}speed": ("
 @rule("xosc.toolchain:xodr:1.4.0:road.records_ascend")
 def records_ascend(document: CheckedDocument) -> Iterator[Finding]:
     """The records of roads and lanes (geometry, elevation, shape, width, …) must ascend, one at a place."""
-    for tag, records in (("road", _OF_ROADS), ("lanes", {"{*}laneOffset": ("s",)}), ("lane", _OF_LANES)):
+    for tag, records in (
+        ("road", _OF_ROADS),
+        ("lanes", {"{*}laneOffset": ("s",)}),
+        ("lane", _OF_LANES),
+    ):
         for element in document.elements(tag):
             for path, names in records.items():
                 yield from _ascending(document, element.findall(path), names)
 
 
-def _ascending(document: CheckedDocument, records: list[etree._Element], names: tuple[str, ...]) -> Iterator[Finding]:
+def _ascending(
+    document: CheckedDocument, records: list[etree._Element], names: tuple[str, ...]
+) -> Iterator[Finding]:
     for before, after in pairwise(records):
-        first, second = ([document.number(record, name) for name in names] for record in (before, after))
-        start, here = ([number for number in place if number is not None] for place in (first, second))
+        first, second = (
+            [document.number(record, name) for name in names] for record in (before, after)
+        )
+        start, here = (
+            [number for number in place if number is not None] for place in (first, second)
+        )
         if not len(start) == len(here) == len(names):
             continue
         place = " ".join(f"{name}={number:g}" for name, number in zip(names, here, strict=True))
         if here < start:
             restarts = len(names) > 1 and here[0] == start[0]
-            yield Finding(after, f"{place} is less than that of the record before it", "warning" if restarts else None)
+            yield Finding(
+                after,
+                f"{place} is less than that of the record before it",
+                "warning" if restarts else None,
+            )
         elif here == start:
             alike = before.items() == after.items()
-            yield Finding(after, f"{place} must differ from that of the record before it", "warning" if alike else None)
+            yield Finding(
+                after,
+                f"{place} must differ from that of the record before it",
+                "warning" if alike else None,
+            )
 
 
 SHORTEST = 1e-9
@@ -211,7 +261,9 @@ def numbers_are_plausible(document: CheckedDocument) -> Iterator[Finding]:
             for name in names:
                 value = document.number(element, name)
                 if value is not None and not abs(value) <= LARGEST:
-                    yield Finding(element, f"{name}={element.get(name)} is no number up to {LARGEST:g}")
+                    yield Finding(
+                        element, f"{name}={element.get(name)} is no number up to {LARGEST:g}"
+                    )
 
 
 _LENGTHS_DIFFER = 0.001
@@ -246,7 +298,12 @@ def _curves_of_other_length(document: CheckedDocument, p_range: str) -> Iterator
     for curve in document.elements("paramPoly3"):
         geometry = curve.getparent()
         length = document.number(geometry, "length") if geometry is not None else None
-        if geometry is None or length is None or not 0.0 < length <= LARGEST or (curve.get("pRange") or "normalized") != p_range:
+        if (
+            geometry is None
+            or length is None
+            or not 0.0 < length <= LARGEST
+            or (curve.get("pRange") or "normalized") != p_range
+        ):
             continue
         found = _curve_length(document, curve, 1.0 if p_range == "normalized" else length)
         if found is not None and not abs(found - length) <= _LENGTHS_DIFFER:
@@ -263,7 +320,11 @@ def _curve_length(document: CheckedDocument, curve: etree._Element, end: float) 
     for index in range(_STEPS + 1):
         p = end * index / _STEPS
         rates.append(math.hypot(bu + p * (2 * cu + 3 * du * p), bv + p * (2 * cv + 3 * dv * p)))
-    return end / (3 * _STEPS) * (rates[0] + rates[-1] + 4 * sum(rates[1:-1:2]) + 2 * sum(rates[2:-1:2]))
+    return (
+        end
+        / (3 * _STEPS)
+        * (rates[0] + rates[-1] + 4 * sum(rates[1:-1:2]) + 2 * sum(rates[2:-1:2]))
+    )
 
 
 @rule("asam.net:xodr:1.7.0:road.geometry.paramPoly3.valid_parameters", since=(1, 7))
@@ -299,20 +360,32 @@ def records_say_something_new(document: CheckedDocument) -> Iterator[Finding]:
         for before, after in pairwise(plan.findall("{*}geometry")):
             first, second = document.number(before, "hdg"), document.number(after, "hdg")
             lines = before.find("{*}line") is not None and after.find("{*}line") is not None
-            if lines and first is not None and second is not None and abs(first - second) < _ALMOST_ZERO:
+            if (
+                lines
+                and first is not None
+                and second is not None
+                and abs(first - second) < _ALMOST_ZERO
+            ):
                 yield Finding(after, "the line goes on straight from the one before it")
 
 
-def _same_polynomial(document: CheckedDocument, before: etree._Element, after: etree._Element) -> bool:
+def _same_polynomial(
+    document: CheckedDocument, before: etree._Element, after: etree._Element
+) -> bool:
     """Whether two records are one function of s."""
     name = "sOffset" if "sOffset" in after.attrib else "s"
-    first, second = ([document.number(record, each) for each in (name, *"abcd")] for record in (before, after))
+    first, second = (
+        [document.number(record, each) for each in (name, *"abcd")] for record in (before, after)
+    )
     if None in first or None in second:
         return False
     start, a, b, c, d = (number or 0.0 for number in first)
     x = (second[0] or 0.0) - start
     moved = (a + x * (b + x * (c + x * d)), b + x * (2 * c + 3 * x * d), c + 3 * x * d, d)
-    return all(abs(one - (other or 0.0)) < _ALMOST_ZERO for one, other in zip(moved, second[1:], strict=True))
+    return all(
+        abs(one - (other or 0.0)) < _ALMOST_ZERO
+        for one, other in zip(moved, second[1:], strict=True)
+    )
 
 
 # continuity -------------------------------------------------------------------------------------
@@ -331,7 +404,11 @@ def linked_roads_touch(document: CheckedDocument) -> Iterator[Finding]:
     """
     network = _network(document)
     for ends in linked_roads(network, document.root) if network else ():
-        if not ends.road.junction_id and not ends.other.junction_id and (gap := ends.apart()) > _GAP:
+        if (
+            not ends.road.junction_id
+            and not ends.other.junction_id
+            and (gap := ends.apart()) > _GAP
+        ):
             level = None if document.type.version >= _SINCE else "warning"
             yield Finding(ends.element, f"a link joins {ends}, {gap:.3g} m apart", level)
 
@@ -366,11 +443,17 @@ def cross_paths_reach_their_lanes(document: CheckedDocument) -> Iterator[Finding
         return
     for element in document.elements("crossPath"):
         path = read_cross_path(element)
-        for name, end, gap in zip(("start", "end"), (path.start, path.end), cross_path_gaps(network.roads, path), strict=True):
+        for name, end, gap in zip(
+            ("start", "end"),
+            (path.start, path.end),
+            cross_path_gaps(network.roads, path),
+            strict=True,
+        ):
             if gap > _GAP:
                 place = f"{gap:.3g} m beside" if gap < math.inf else "at no place of"
                 yield Finding(
-                    element, f"the {name} of the cross path lies {place} the lane {end.lane_id} of the road {end.road_id!r}"
+                    element,
+                    f"the {name} of the cross path lies {place} the lane {end.lane_id} of the road {end.road_id!r}",
                 )
 
 
@@ -382,7 +465,9 @@ def _gaps_of_line(road: Road | None, element: etree._Element) -> Iterator[Findin
         x, y, _ = before.at(before.length)
         gap = math.dist((x, y), after.at(0.0)[:2])
         if gap > _GAP:
-            yield Finding(geometry, f"the geometry begins {gap:.3g} m away from the end of the one before it")
+            yield Finding(
+                geometry, f"the geometry begins {gap:.3g} m away from the end of the one before it"
+            )
 
 
 class _Borders(NamedTuple):
@@ -400,33 +485,48 @@ def _of_split(meeting: SectionMeeting) -> list[_Pair]:
     by_lane: dict[etree._Element, list[etree._Element]] = {}
     for lane, other, _ in meeting.links:
         by_lane.setdefault(lane, []).append(other)
-    return [(other, lane) for lane, others in by_lane.items() if len(others) > 1 for other in others]
+    return [
+        (other, lane) for lane, others in by_lane.items() if len(others) > 1 for other in others
+    ]
 
 
-def _gaps_of_lanes(network: RoadNetwork, meeting: SectionMeeting, split: set[tuple[_Pair, str]]) -> Iterator[Finding]:
+def _gaps_of_lanes(
+    network: RoadNetwork, meeting: SectionMeeting, split: set[tuple[_Pair, str]]
+) -> Iterator[Finding]:
     linked: dict[etree._Element, list[etree._Element]] = {}
     for lane, other, _ in meeting.links:
         if ((lane, other), meeting.place) not in split:
             linked.setdefault(lane, []).append(other)
     for lane, others in linked.items():
         here = _borders(network, meeting.here, meeting.here_start, lane)
-        there = [found for other in others if (found := _borders(network, meeting.there, meeting.there_start, other))]
+        there = [
+            found
+            for other in others
+            if (found := _borders(network, meeting.there, meeting.there_start, other))
+        ]
         if lane.get("type") not in DRIVABLE or here is None or not there:
             continue
         places = [place for each in there for place in each]
         gap = max(min(math.dist(mine, place) for place in places) for mine in here)
         if len(there) == 1:
-            gap = min(_apart(here, there[0]), _apart(here, _Borders(there[0].outer, there[0].inner)))
+            gap = min(
+                _apart(here, there[0]), _apart(here, _Borders(there[0].outer, there[0].inner))
+            )
         if gap > _GAP:
             names = " and ".join(other.get("id") or "" for other in others)
-            yield Finding(lane, f"the borders of the lane {lane.get('id')} are {gap:.3g} m away from those of the lane {names}")
+            yield Finding(
+                lane,
+                f"the borders of the lane {lane.get('id')} are {gap:.3g} m away from those of the lane {names}",
+            )
 
 
 def _apart(one: _Borders, other: _Borders) -> float:
     return max(math.dist(one.inner, other.inner), math.dist(one.outer, other.outer))
 
 
-def _borders(network: RoadNetwork, section: Section, at_start: bool, lane: etree._Element) -> _Borders | None:
+def _borders(
+    network: RoadNetwork, section: Section, at_start: bool, lane: etree._Element
+) -> _Borders | None:
     element = next(section.element.iterancestors("{*}road"), None)
     road = network.roads.get(element.get("id") or "") if element is not None else None
     if road is None:

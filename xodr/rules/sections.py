@@ -28,7 +28,9 @@ class Section(NamedTuple):
     def lanes(self) -> dict[int, etree._Element]:
         """The lanes of both sides by id."""
         sides = (self.element.iterfind(f"{{*}}{side}/{{*}}lane") for side in ("left", "right"))
-        return {number: lane for lanes in sides for lane in lanes if (number := integer(lane, "id"))}
+        return {
+            number: lane for lanes in sides for lane in lanes if (number := integer(lane, "id"))
+        }
 
     def side(self, sign: int) -> list[etree._Element]:
         """The lanes on the left (1) or right (-1) side, from the centre outwards."""
@@ -60,10 +62,16 @@ def sections_by_layer(document: CheckedDocument, road: etree._Element) -> dict[s
     length, found = document.number(road, "length"), dict[str, list[Section]]()
     for lanes in road.iterfind("{*}lanes"):
         layer = lanes.get("layer") or PERMANENT
-        starts = [(section, document.number(section, "s")) for section in lanes.iterfind("{*}laneSection")]
+        starts = [
+            (section, document.number(section, "s")) for section in lanes.iterfind("{*}laneSection")
+        ]
         known = [(section, s) for section, s in starts if s is not None]
         for index, (section, s) in enumerate(known):
-            after = (other for each, other in known[index + 1 :] if not single_sided(section) or _same_side(section, each))
+            after = (
+                other
+                for each, other in known[index + 1 :]
+                if not single_sided(section) or _same_side(section, each)
+            )
             end = next(after, length if length is not None else math.inf)
             own = document.number(section, "length")
             end = min(end, s + own) if own is not None else end
@@ -105,7 +113,9 @@ def at(found: Sequence[Record], ds: float) -> float | None:
     return holding[-1](ds) if holding else None
 
 
-def width_at(document: CheckedDocument, section: Section, lane: etree._Element, at_start: bool) -> float | None:
+def width_at(
+    document: CheckedDocument, section: Section, lane: etree._Element, at_start: bool
+) -> float | None:
     """Width of a lane at an end of its section, m; None where it has no widths."""
     return at(records(document, lane, "width"), 0.0 if at_start else section.end - section.start)
 
@@ -113,8 +123,9 @@ def width_at(document: CheckedDocument, section: Section, lane: etree._Element, 
 class SectionMeeting(NamedTuple):
     """Two ends of lane sections that touch: of one road, of linked roads ("road") or of a connection in a junction.
 
-    place: "section", "road" or "junction". here_start, there_start: whether the sections touch with their start.
-    links: the lanes here with those that they link there, and the element that says so.
+    place: "section", "road" or "junction". here_start, there_start: whether the sections touch with
+    their start. links: the lanes here with those that they link there, and the element that says
+    so.
     """
 
     place: str
@@ -156,10 +167,17 @@ def connected_road(connection: etree._Element) -> str:
 
 
 def _within(layers: dict[str, list[Section]]) -> Iterator[SectionMeeting]:
-    every = sorted((section for sections in layers.values() for section in sections), key=lambda section: section.start)
+    every = sorted(
+        (section for sections in layers.values() for section in sections),
+        key=lambda section: section.start,
+    )
     starts = [section.start for section in every]
     for before in every:
-        for after in every[bisect_left(starts, before.end - SAME_BORDER) : bisect_right(starts, before.end + SAME_BORDER)]:
+        for after in every[
+            bisect_left(starts, before.end - SAME_BORDER) : bisect_right(
+                starts, before.end + SAME_BORDER
+            )
+        ]:
             if before is not after:
                 yield _meeting("section", before, False, after, True)
                 yield _meeting("section", after, True, before, False)
@@ -183,13 +201,17 @@ def _at_end(layers: dict[str, list[Section]], at_start: bool) -> Iterator[Sectio
             yield section
 
 
-def _meeting(place: str, here: Section, here_start: bool, there: Section, there_start: bool) -> SectionMeeting:
+def _meeting(
+    place: str, here: Section, here_start: bool, there: Section, there_start: bool
+) -> SectionMeeting:
     direction, known = "predecessor" if here_start else "successor", there.lanes
     links = [
         (lane, known[number], link)
         for lane in here.lanes.values()
         for link in lane.iterfind(f"{{*}}link/{{*}}{direction}")
-        if (number := integer(link, "id")) in known and number is not None and (link.get("layer") or PERMANENT) == there.layer
+        if (number := integer(link, "id")) in known
+        and number is not None
+        and (link.get("layer") or PERMANENT) == there.layer
     ]
     return SectionMeeting(place, here, here_start, there, there_start, links)
 
@@ -201,15 +223,29 @@ def _connected(
     layers: dict[str, dict[str, list[Section]]],
 ) -> Iterator[SectionMeeting]:
     incoming, onward = connection.get("incomingRoad") or "", connected_road(connection)
-    contact, here_start = connection.get("contactPoint"), touches_with_start(roads.get(incoming), junction)
-    if incoming not in roads or onward not in roads or contact not in ("start", "end") or here_start is None:
+    contact, here_start = (
+        connection.get("contactPoint"),
+        touches_with_start(roads.get(incoming), junction),
+    )
+    if (
+        incoming not in roads
+        or onward not in roads
+        or contact not in ("start", "end")
+        or here_start is None
+    ):
         return
     for one in _at_end(layers[incoming], here_start):
         for other in _at_end(layers[onward], contact == "start"):
             links = []
             for link in connection.iterfind("{*}laneLink"):
-                named = (link.get("fromLayer") or PERMANENT, link.get("toLayer") or PERMANENT) == (one.layer, other.layer)
-                lane, target = one.lanes.get(integer(link, "from") or 0), other.lanes.get(integer(link, "to") or 0)
+                named = (link.get("fromLayer") or PERMANENT, link.get("toLayer") or PERMANENT) == (
+                    one.layer,
+                    other.layer,
+                )
+                lane, target = (
+                    one.lanes.get(integer(link, "from") or 0),
+                    other.lanes.get(integer(link, "to") or 0),
+                )
                 if named and lane is not None and target is not None:
                     links.append((lane, target, link))
             yield SectionMeeting("junction", one, here_start, other, contact == "start", links)

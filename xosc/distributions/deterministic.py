@@ -1,7 +1,7 @@
 """Deterministic distributions: listed values that are combined as a cartesian product (OpenSCENARIO XML, Deterministic).
 
-A distribution knows how many values it has and its value at an index, so that nothing need be enumerated to
-count a space or to reach into the middle of it.
+A distribution knows how many values it has and its value at an index, so that nothing need be
+enumerated to count a space or to reach into the middle of it.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from lxml import etree
 from schemas.common.errors import UsageError
 from schemas.common.remarks import Remark
 from schemas.expressions import ExpressionError, substitute
-from schemas.values import meant, quoted, type_named
+from schemas.expressions.values import meant, quoted, type_named
 from xosc.distributions.stochastic import Stochastic
 from xosc.distributions.values import Range, UserDefinedDistribution, element, finite, located, text
 from xosc.document import Document, write
-from xosc.files import FileHeader, new_document
-from xosc.node import Node
+from xosc.document.node import Node
 from xosc.rules.values import DECLARED_TYPE_UID
-from xosc.versions import Version
+from xosc.writing.files import FileHeader, new_document
+from xosc.writing.versions import Version
 
 
 @dataclass(frozen=True)
@@ -57,15 +57,17 @@ class DistributionSet:
 
     def write(self) -> etree._Element:
         """The element of the distribution."""
-        return element("DistributionSet", *(element("Element", value=value) for value in self.values))
+        return element(
+            "DistributionSet", *(element("Element", value=value) for value in self.values)
+        )
 
 
 @dataclass(frozen=True)
 class DistributionRange:
     """`DistributionRange`: lowerLimit, lowerLimit + stepWidth, … up to and including upperLimit.
 
-    The steps are counted in decimal arithmetic on the numbers as written, so that 0.1 after 0.2 is 0.3, and an upper
-    limit that is missed by less than a millionth of a step is reached.
+    The steps are counted in decimal arithmetic on the numbers as written, so that 0.1 after 0.2 is
+    0.3, and an upper limit that is missed by less than a millionth of a step is reached.
     """
 
     range: Range
@@ -91,7 +93,10 @@ class DistributionRange:
 
     @cached_property
     def _decimals(self) -> tuple[Decimal, Decimal, Decimal]:
-        lower, upper, step = (repr(float(value)) for value in (self.range.lower_limit, self.range.upper_limit, self.step_width))
+        lower, upper, step = (
+            repr(float(value))
+            for value in (self.range.lower_limit, self.range.upper_limit, self.step_width)
+        )
         return Decimal(lower), Decimal(upper), Decimal(step)
 
     @classmethod
@@ -143,7 +148,11 @@ class DeterministicSingleParameterDistribution:
 
     def write(self) -> etree._Element:
         """The element of the distribution."""
-        return element("DeterministicSingleParameterDistribution", self.distribution.write(), parameterName=self.parameter_name)
+        return element(
+            "DeterministicSingleParameterDistribution",
+            self.distribution.write(),
+            parameterName=self.parameter_name,
+        )
 
 
 @dataclass(frozen=True)
@@ -176,15 +185,28 @@ class DeterministicMultiParameterDistribution:
     def read(cls, node: Node) -> DeterministicMultiParameterDistribution:
         """From its element."""
         with located(node):
-            return cls(tuple(_value_set(child) for child in node.need("ValueSetDistribution").children("ParameterValueSet")))
+            return cls(
+                tuple(
+                    _value_set(child)
+                    for child in node.need("ValueSetDistribution").children("ParameterValueSet")
+                )
+            )
 
     def write(self) -> etree._Element:
         """The element of the distribution."""
         sets = (
-            element("ParameterValueSet", *(element("ParameterAssignment", parameterRef=n, value=v) for n, v in value_set.items()))
+            element(
+                "ParameterValueSet",
+                *(
+                    element("ParameterAssignment", parameterRef=n, value=v)
+                    for n, v in value_set.items()
+                ),
+            )
             for value_set in self.value_sets
         )
-        return element("DeterministicMultiParameterDistribution", element("ValueSetDistribution", *sets))
+        return element(
+            "DeterministicMultiParameterDistribution", element("ValueSetDistribution", *sets)
+        )
 
 
 def _value_set(node: Node) -> dict[str, str]:
@@ -197,7 +219,9 @@ def _value_set(node: Node) -> dict[str, str]:
     return values
 
 
-ParameterDistribution = DeterministicSingleParameterDistribution | DeterministicMultiParameterDistribution
+ParameterDistribution = (
+    DeterministicSingleParameterDistribution | DeterministicMultiParameterDistribution
+)
 _KINDS = {kind.__name__: kind for kind in get_args(ParameterDistribution)}
 
 
@@ -230,7 +254,9 @@ class Deterministic:
 
     def write(self) -> etree._Element:
         """The element of the distribution."""
-        return element("Deterministic", *(distribution.write() for distribution in self.distributions))
+        return element(
+            "Deterministic", *(distribution.write() for distribution in self.distributions)
+        )
 
 
 # files ------------------------------------------------------------------------------------------
@@ -253,7 +279,9 @@ class ParameterValueDistribution:
         for distribution in self.definition.distributions:
             for name in distribution.parameter_names:
                 if name in taken:
-                    raise UsageError(f"the parameter {name!r} gets its values from more than one distribution")
+                    raise UsageError(
+                        f"the parameter {name!r} gets its values from more than one distribution"
+                    )
             taken.update(distribution.parameter_names)
 
     @classmethod
@@ -272,17 +300,23 @@ class ParameterValueDistribution:
     def write(self) -> etree._Element:
         """The element of the distribution."""
         return element(
-            "ParameterValueDistribution", element("ScenarioFile", filepath=self.scenario_file), self.definition.write()
+            "ParameterValueDistribution",
+            element("ScenarioFile", filepath=self.scenario_file),
+            self.definition.write(),
         )
 
 
 def write_distribution(
-    distribution: ParameterValueDistribution, path: str | os.PathLike[str], header: FileHeader, version: Version = (1, 3)
+    distribution: ParameterValueDistribution,
+    path: str | os.PathLike[str],
+    header: FileHeader,
+    version: Version = (1, 3),
 ) -> None:
     """Write a distribution as a file.
 
     Raises:
-        Unsupported: the version cannot say it: distributions came with 1.1, log-normal ones with 1.3.
+        Unsupported: the version cannot say it: distributions came with 1.1, log-normal ones with
+            1.3.
         UsageError: the file can't be written.
     """
     write(new_document(path, header, [distribution.write()], version), path)
@@ -296,7 +330,9 @@ def _evaluated(node: Node) -> Node:
             try:
                 part.element.set(name, substitute(part.get(name), _no_parameter))
             except ExpressionError as error:
-                raise part.invalid(f"{name}: {error.message} (a distribution file declares none)") from None
+                raise part.invalid(
+                    f"{name}: {error.message} (a distribution file declares none)"
+                ) from None
     return copied
 
 
@@ -304,7 +340,9 @@ def _no_parameter(name: str) -> str:
     raise KeyError(name)
 
 
-def respelled(distribution: Document, scenario: Document, values: Mapping[str, str]) -> Iterator[Remark]:
+def respelled(
+    distribution: Document, scenario: Document, values: Mapping[str, str]
+) -> Iterator[Remark]:
     """A remark on each value that is not spelled as its parameter's type is, where it is given.
 
     Args:
@@ -322,7 +360,10 @@ def respelled(distribution: Document, scenario: Document, values: Mapping[str, s
             continue  # refused where they are used
         if text is not None and spelled != text:
             message = f"the value of the parameter {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
-            yield from (place.remark(DECLARED_TYPE_UID, message) for place in _places(distribution.node, name, text))
+            yield from (
+                place.remark(DECLARED_TYPE_UID, message)
+                for place in _places(distribution.node, name, text)
+            )
 
 
 def _places(top: Node, name: str, value: str) -> list[Node]:
@@ -332,4 +373,8 @@ def _places(top: Node, name: str, value: str) -> list[Node]:
         if holder.get("parameterName", "") == name and found:
             return found[:1]
     assignments = top.iter("ParameterAssignment")
-    return [each for each in assignments if (each.get("parameterRef", ""), each.get("value", "")) == (name, value)][:1]
+    return [
+        each
+        for each in assignments
+        if (each.get("parameterRef", ""), each.get("value", "")) == (name, value)
+    ][:1]

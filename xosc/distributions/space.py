@@ -1,7 +1,7 @@
 """The parameter space that a distribution file spans over its scenario: counted, reached into, walked, sampled and chosen from.
 
-Nothing here enumerates a space in order to reach into it: a place in a deterministic space is a number in mixed
-radix, and a stochastic test run depends on its number alone."""
+Nothing here enumerates a space in order to reach into it: a place in a deterministic space is a
+number in mixed radix, and a stochastic test run depends on its number alone."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from pathlib import Path
 from schemas.catalogs import referred
 from schemas.common.errors import InvalidFile, UsageError, nearest
 from schemas.common.storage import digest
-from schemas.common.text import many
+from schemas.common.terminal.text import many
 from schemas.expressions import ExpressionError, references
-from schemas.values import meant, quoted, type_named
+from schemas.expressions.values import meant, quoted, type_named
 from xosc.distributions.deterministic import Deterministic, ParameterValueDistribution
 from xosc.distributions.values import text
 from xosc.document import Document, load
-from xosc.node import Node
-from xosc.parameters import Assignment, ParameterScope
+from xosc.document.node import Node
+from xosc.resolve.parameters import Assignment, ParameterScope
 
 MAX_REJECTIONS = 10_000
 """So many samples in a row outside the constraints end the search for one inside."""
@@ -53,7 +53,8 @@ class ParameterSpace:
         node: the ParameterValueDistribution element, where there is one.
 
     Raises:
-        InvalidFile: a file is malformed, or the scenario does not declare a distribution's parameter.
+        InvalidFile: a file is malformed, or the scenario does not declare a distribution's
+            parameter.
         Unsupported: a user-defined distribution has no plug-in.
     """
 
@@ -65,13 +66,17 @@ class ParameterSpace:
         if document.kind == "distribution":
             self._read(document)
         elif document.kind != "scenario":
-            raise document.node.invalid("a scenario or a ParameterValueDistribution is expected, this is a catalog")
+            raise document.node.invalid(
+                "a scenario or a ParameterValueDistribution is expected, this is a catalog"
+            )
 
     def _read(self, document: Document) -> None:
         self.node = node = document.node.need("ParameterValueDistribution")
         self.distribution = ParameterValueDistribution.read(node)
         self.size = self.distribution.definition.size
-        self.scenario = Path(os.path.normpath(referred(document.path, self.distribution.scenario_file)))
+        self.scenario = Path(
+            os.path.normpath(referred(document.path, self.distribution.scenario_file))
+        )
         if not os.path.isfile(self.scenario):  # unlike Path.is_file it takes names of any length
             raise node.need("ScenarioFile").invalid(f"the scenario {self.scenario} does not exist")
         try:
@@ -80,7 +85,9 @@ class ParameterSpace:
             error.message += f"; {node.need('ScenarioFile').where} refers to this file"
             raise
         if scenario.kind != "scenario":
-            raise node.need("ScenarioFile").invalid(f"{self.scenario} is a {scenario.kind}, a scenario is expected")
+            raise node.need("ScenarioFile").invalid(
+                f"{self.scenario} is a {scenario.kind}, a scenario is expected"
+            )
         self._declarations = {each.get("name"): each for each in _declarations(scenario)}
         self._types = _types(self._declarations)
         self._places = dict(_places(node))
@@ -89,7 +96,9 @@ class ParameterSpace:
                 message = f"{scenario.path.name} declares no parameter {quoted(name)}; {nearest(name, self._declarations)}"
                 raise place.invalid(message)
         self._constrained = _groups(_constrained(self._declarations))
-        self._keeps = lru_cache(_REMEMBERED)(self._group_keeps)  # one value meets many others, with the same answer
+        self._keeps = lru_cache(_REMEMBERED)(
+            self._group_keeps
+        )  # one value meets many others, with the same answer
         self._check = lru_cache(_REMEMBERED)(self._check_type)
 
     @property
@@ -105,12 +114,16 @@ class ParameterSpace:
     def variation(self, index: int) -> Variation:
         """The variation at an index from 0; the last listed distribution varies fastest."""
         if not 0 <= index < self.size:
-            raise UsageError(f"there is no variation {index}, the last of {self.size} is {self.size - 1}")
+            raise UsageError(
+                f"there is no variation {index}, the last of {self.size} is {self.size - 1}"
+            )
         return self.scenario, self._assignment(index, None)
 
     def draw(self, index: int, seed: float) -> Variation:
         """The random variation with that number: from a deterministic space any with the same probability."""
-        if self.distribution is not None and isinstance(self.distribution.definition, Deterministic):
+        if self.distribution is not None and isinstance(
+            self.distribution.definition, Deterministic
+        ):
             index = random.Random(f"{float(seed)}/{index}").randrange(self.size)
         return self.scenario, self._assignment(index, seed)
 
@@ -122,13 +135,20 @@ class ParameterSpace:
         """
         if self.distribution is None or not self._constrained:
             return True
-        kept = [self._keeps(number, tuple(map(parameters.get, group))) for number, group in enumerate(self._constrained)]
+        kept = [
+            self._keeps(number, tuple(map(parameters.get, group)))
+            for number, group in enumerate(self._constrained)
+        ]
         return all(kept)
 
     def _group_keeps(self, number: int, values: tuple[str | None, ...]) -> bool:
         """Whether values, in their order, keep the constraints of a group; None where the default counts."""
         group = self._constrained[number]
-        assigned = {name: self._assigned(name, value) for name, value in zip(group, values, strict=True) if value is not None}
+        assigned = {
+            name: self._assigned(name, value)
+            for name, value in zip(group, values, strict=True)
+            if value is not None
+        }
         return next(ParameterScope(group.values(), None, assigned).violations(), None) is None
 
     def _assignment(self, index: int, seed: float | None) -> dict[str, str]:
@@ -138,7 +158,10 @@ class ParameterSpace:
         if isinstance(definition, Deterministic):
             values = definition.assignment(index)
         else:
-            values = {name: self._written(name, value) for name, value in definition.assignment(index, seed).items()}
+            values = {
+                name: self._written(name, value)
+                for name, value in definition.assignment(index, seed).items()
+            }
         for name, value in values.items():
             self._check(name, value)
         return values
@@ -148,7 +171,9 @@ class ParameterSpace:
         try:
             meant(type_named(self._types[name]), value)
         except ValueError as error:
-            raise self._places[name].invalid(f"the value of the parameter {name}: {error}") from None
+            raise self._places[name].invalid(
+                f"the value of the parameter {name}: {error}"
+            ) from None
 
     def _written(self, name: str, value: str | float) -> str:
         """A drawn number as its parameter's type: the nearest integer for the integer types."""
@@ -166,7 +191,8 @@ class Variations(Iterator[Variation]):
 
     Attributes:
         index: number in the space of the last one.
-        excluded: how many have been left out so far because they violate the scenario's constraints.
+        excluded: how many have been left out so far because they violate the scenario's
+            constraints.
     """
 
     def __init__(self, space: ParameterSpace, enforce_constraints: bool = True) -> None:
@@ -186,22 +212,27 @@ class Variations(Iterator[Variation]):
             if not self._enforce or self._space.admits(variation[1]):
                 return variation
             self.excluded += 1
-        raise self._space.node.invalid(f"{MAX_EXCLUDED} variations in a row violate the constraints of {self._space.scenario}")
+        raise self._space.node.invalid(
+            f"{MAX_EXCLUDED} variations in a row violate the constraints of {self._space.scenario}"
+        )
 
 
 def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -> Variations:
     """The scenario and parameter values of each variation that a distribution file lists or draws, lazily.
 
-    Source: OpenSCENARIO XML 1.3.1, section on parameter value distributions: deterministic distributions are combined
-    as a cartesian product (the last listed varies fastest here); a stochastic one gives its number of test runs.
+    Source: OpenSCENARIO XML 1.3.1, section on parameter value distributions: deterministic
+    distributions are combined as a cartesian product (the last listed varies fastest here); a
+    stochastic one gives its number of test runs.
 
     Args:
         path: the distribution file; a scenario gives itself, without parameter values.
-        enforce_constraints: leave out what violates the scenario's constraint groups; `.excluded` counts that.
+        enforce_constraints: leave out what violates the scenario's constraint groups; `.excluded`
+            counts that.
 
     Raises:
-        InvalidFile: a file is malformed, the scenario does not declare a distribution's parameter, or, while iterating,
-            a value is not of its parameter's type or practically nothing in the space keeps the constraints.
+        InvalidFile: a file is malformed, the scenario does not declare a distribution's parameter,
+            or, while iterating, a value is not of its parameter's type or practically nothing in
+            the space keeps the constraints.
         Unsupported: a user-defined distribution has no plug-in.
 
     Example:
@@ -216,7 +247,9 @@ def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -
     return Variations(ParameterSpace(path), enforce_constraints)
 
 
-def sample(path: str | os.PathLike[str], number: int, seed: float = 0, enforce_constraints: bool = True) -> Iterator[Variation]:
+def sample(
+    path: str | os.PathLike[str], number: int, seed: float = 0, enforce_constraints: bool = True
+) -> Iterator[Variation]:
     """Random variations, with replacement, the same for the same seed.
 
     Raises:
@@ -245,7 +278,9 @@ def _drawn(space: ParameterSpace, seed: float, enforce_constraints: bool) -> Ite
             yield variation
         else:
             rejections += 1
-    raise UsageError(f"none of {MAX_REJECTIONS} samples satisfies the constraints of {space.scenario}")
+    raise UsageError(
+        f"none of {MAX_REJECTIONS} samples satisfies the constraints of {space.scenario}"
+    )
 
 
 def _declarations(scenario: Document) -> list[Node]:
@@ -257,7 +292,10 @@ def _types(declarations: dict[str, Node]) -> dict[str, str]:
     """The type of each parameter; where it is an expression, that of the parameters' defaults."""
     types = {name: declaration.get("parameterType") for name, declaration in declarations.items()}
     if any("$" in kind for kind in types.values()):
-        return {name: parameter.type for name, parameter in ParameterScope(declarations.values()).own.items()}
+        return {
+            name: parameter.type
+            for name, parameter in ParameterScope(declarations.values()).own.items()
+        }
     return types
 
 
@@ -272,7 +310,9 @@ def _places(node: Node) -> Iterator[tuple[str, Node]]:
 def _constrained(declarations: dict[str, Node]) -> dict[str, Node]:
     """The declarations that have constraints, and those that the constraints and their values depend on."""
     needed: dict[str, Node] = {}
-    pending = [name for name, declaration in declarations.items() if declaration.find("ConstraintGroup")]
+    pending = [
+        name for name, declaration in declarations.items() if declaration.find("ConstraintGroup")
+    ]
     while pending:
         name = pending.pop()
         if name in needed or name not in declarations:
@@ -338,20 +378,26 @@ class Selection:
         return space.size if self.sample is None else min(self.sample, space.size)
 
     def sets(
-        self, space: ParameterSpace, enforce_constraints: bool, tell: Callable[[int], None] = lambda count: None
+        self,
+        space: ParameterSpace,
+        enforce_constraints: bool,
+        tell: Callable[[int], None] = lambda count: None,
     ) -> Iterator[tuple[int, dict[str, str]]]:
-        """Number and values of each set, in ascending order; those that violate constraints are left out, unless they were
-        named.
+        """Number and values of each set, in ascending order; those that violate constraints are
+        left out, unless they were named.
 
         Args:
-            tell: called at the end with the number of sets that violate constraints, if there are any.
+            tell: called at the end with the number of sets that violate constraints, if there are
+                any.
 
         Raises:
             UsageError: a number is beyond the last one.
             InvalidFile: no set, or practically none, keeps the constraints.
         """
         if self.only and space.distribution is not None:
-            for index in dict.fromkeys(index for first, last in sorted(self.only) for index in range(first, last + 1)):
+            for index in dict.fromkeys(
+                index for first, last in sorted(self.only) for index in range(first, last + 1)
+            ):
                 yield index, space.variation(index)[1]
             return
         if self.sample is not None and self.sample < space.size:
@@ -371,7 +417,11 @@ class Selection:
         assert self.sample is not None
         draws, found, rejected = random.Random(self.seed), set[int](), set[int]()
         tries = 0
-        while len(found) < self.sample and len(found) + len(rejected) < space.size and tries < MAX_REJECTIONS:
+        while (
+            len(found) < self.sample
+            and len(found) + len(rejected) < space.size
+            and tries < MAX_REJECTIONS
+        ):
             index = draws.randrange(space.size)
             tries += 1
             if index in found or index in rejected:
@@ -395,7 +445,9 @@ def _none_kept(space: ParameterSpace, subject: str) -> InvalidFile:
 
 def numbered(name: str, index: int) -> str:
     """Return the name of a parameter set: that of its file, and its number, or the digest of one too long for a file name."""
-    return f"{name}~{index:06d}" if index < _MOST_NUMBERED else f"{name}~{digest(str(index).encode())}"
+    return (
+        f"{name}~{index:06d}" if index < _MOST_NUMBERED else f"{name}~{digest(str(index).encode())}"
+    )
 
 
 def spans(text: str) -> tuple[tuple[int, int], ...]:
@@ -409,6 +461,8 @@ def spans(text: str) -> tuple[tuple[int, int], ...]:
         match = _SPAN.fullmatch(part.strip())
         first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
         if last < first:
-            raise UsageError(f"--only {text!r}: numbers of parameter sets are expected, such as 3,7-9")
+            raise UsageError(
+                f"--only {text!r}: numbers of parameter sets are expected, such as 3,7-9"
+            )
         found.append((first, last))
     return tuple(found)

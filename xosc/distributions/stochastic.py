@@ -1,8 +1,9 @@
 """Stochastic distributions: test runs drawn from probability distributions (OpenSCENARIO XML, Stochastic).
 
-Every draw is the distribution's quantile at a uniform number that depends on the seed, the parameter's name and the
-number of the run alone. So each parameter has its own stream, a run is the same whether reached one by one or at
-once, another parameter added to the file changes nothing, and truncation to a Range is exact and never rejects."""
+Every draw is the distribution's quantile at a uniform number that depends on the seed, the
+parameter's name and the number of the run alone. So each parameter has its own stream, a run is the
+same whether reached one by one or at once, another parameter added to the file changes nothing, and
+truncation to a Range is exact and never rejects."""
 
 from __future__ import annotations
 
@@ -18,8 +19,16 @@ from typing import Self, get_args
 from lxml import etree
 
 from schemas.common.errors import UsageError
-from xosc.distributions.values import Range, UserDefinedDistribution, element, finite, located, text, weights
-from xosc.node import Node
+from xosc.distributions.values import (
+    Range,
+    UserDefinedDistribution,
+    element,
+    finite,
+    located,
+    text,
+    weights,
+)
+from xosc.document.node import Node
 
 _STANDARD = NormalDist()
 _TINY = 5e-324
@@ -43,7 +52,10 @@ class NormalDistribution:
 
     def _check(self) -> None:
         """Refuse a Range without probability here rather than at the first draw."""
-        if self.range is None or self.range.lower_limit == self.expected_value == self.range.upper_limit:
+        if (
+            self.range is None
+            or self.range.lower_limit == self.expected_value == self.range.upper_limit
+        ):
             return
         low, high, _ = self._probabilities
         if low >= high and (not self.variance or self.range.lower_limit < self.range.upper_limit):
@@ -56,7 +68,11 @@ class NormalDistribution:
         low, high, mirrored = self._probabilities
         aim = high - probability * (high - low) if mirrored else low + probability * (high - low)
         deviation = _STANDARD.inv_cdf(min(max(aim, _TINY), 1 - 2**-53))
-        return _clamped(self.expected_value + math.sqrt(self.variance) * (-deviation if mirrored else deviation), self.range)
+        return _clamped(
+            self.expected_value
+            + math.sqrt(self.variance) * (-deviation if mirrored else deviation),
+            self.range,
+        )
 
     @cached_property
     def _probabilities(self) -> tuple[float, float, bool]:
@@ -67,7 +83,10 @@ class NormalDistribution:
             return 0.0, float(self.expected_value in self.range), False
         mirrored = self.range.lower_limit > self.expected_value
         scale = math.sqrt(2 * self.variance) * (-1 if mirrored else 1)
-        limits = ((limit - self.expected_value) / scale for limit in (self.range.lower_limit, self.range.upper_limit))
+        limits = (
+            (limit - self.expected_value) / scale
+            for limit in (self.range.lower_limit, self.range.upper_limit)
+        )
         low, high = sorted(0.5 * math.erfc(-limit) for limit in limits)
         return low, high, mirrored
 
@@ -89,14 +108,20 @@ class LogNormalDistribution(NormalDistribution):
 
     def _check(self) -> None:
         if self.expected_value <= 0:
-            raise UsageError(f"expectedValue={self.expected_value:g} of a log-normal distribution must be positive")
+            raise UsageError(
+                f"expectedValue={self.expected_value:g} of a log-normal distribution must be positive"
+            )
         if self.range is not None and self.range.upper_limit <= 0:
-            raise UsageError("the Range holds no probability of this distribution, whose values are positive")
+            raise UsageError(
+                "the Range holds no probability of this distribution, whose values are positive"
+            )
         self._logarithm  # noqa: B018 - its own checks
 
     def quantile(self, probability: float) -> float:
         """The value at a cumulative probability."""
-        return _clamped(math.exp(min(self._logarithm.quantile(probability), _LARGEST_EXPONENT)), self.range)
+        return _clamped(
+            math.exp(min(self._logarithm.quantile(probability), _LARGEST_EXPONENT)), self.range
+        )
 
     @cached_property
     def _logarithm(self) -> NormalDistribution:
@@ -104,7 +129,10 @@ class LogNormalDistribution(NormalDistribution):
         mean = math.log(self.expected_value) - variance / 2
         if self.range is None:
             return NormalDistribution(mean, variance)
-        lower, upper = (math.log(max(limit, _TINY)) for limit in (self.range.lower_limit, self.range.upper_limit))
+        lower, upper = (
+            math.log(max(limit, _TINY))
+            for limit in (self.range.lower_limit, self.range.upper_limit)
+        )
         return NormalDistribution(mean, variance, Range(lower, upper))
 
 
@@ -138,7 +166,9 @@ class PoissonDistribution:
     def __post_init__(self) -> None:
         finite("expectedValue", self.expected_value)
         if not 0 < self.expected_value <= 1e9:
-            raise UsageError(f"expectedValue={self.expected_value:g} of a Poisson distribution must lie between 0 and 1e9")
+            raise UsageError(
+                f"expectedValue={self.expected_value:g} of a Poisson distribution must lie between 0 and 1e9"
+            )
         self._probabilities  # noqa: B018 - a Range without probability is refused here, not at the first draw
 
     def quantile(self, probability: float) -> float:
@@ -147,13 +177,21 @@ class PoissonDistribution:
 
         low, high = self._probabilities
         aim = low + probability * (high - low)
-        count = math.ceil(max(float(pdtrik(aim, self.expected_value)), 0.0)) if aim > math.exp(-self.expected_value) else 0
-        if count and pdtr(count - 1, self.expected_value) >= aim:  # the inverse is not exact at the steps
+        count = (
+            math.ceil(max(float(pdtrik(aim, self.expected_value)), 0.0))
+            if aim > math.exp(-self.expected_value)
+            else 0
+        )
+        if (
+            count and pdtr(count - 1, self.expected_value) >= aim
+        ):  # the inverse is not exact at the steps
             count -= 1
         return (
             count
             if self.range is None
-            else min(max(count, math.ceil(self.range.lower_limit)), math.floor(self.range.upper_limit))
+            else min(
+                max(count, math.ceil(self.range.lower_limit)), math.floor(self.range.upper_limit)
+            )
         )
 
     @cached_property
@@ -177,7 +215,9 @@ class PoissonDistribution:
 
     def write(self) -> etree._Element:
         """The element of the distribution."""
-        return element("PoissonDistribution", *_written(self.range), expectedValue=text(self.expected_value))
+        return element(
+            "PoissonDistribution", *_written(self.range), expectedValue=text(self.expected_value)
+        )
 
 
 @dataclass(frozen=True)
@@ -206,11 +246,19 @@ class Histogram:
     def read(cls, node: Node) -> Histogram:
         """From its element."""
         with located(node):
-            return cls(tuple(HistogramBin(Range.read(n.need("Range")), n.finite("weight")) for n in node.children("Bin")))
+            return cls(
+                tuple(
+                    HistogramBin(Range.read(n.need("Range")), n.finite("weight"))
+                    for n in node.children("Bin")
+                )
+            )
 
     def write(self) -> etree._Element:
         """The element of the distribution."""
-        return element("Histogram", *(element("Bin", each.range.write(), weight=text(each.weight)) for each in self.bins))
+        return element(
+            "Histogram",
+            *(element("Bin", each.range.write(), weight=text(each.weight)) for each in self.bins),
+        )
 
 
 @dataclass(frozen=True)
@@ -230,11 +278,18 @@ class ProbabilityDistributionSet:
     def read(cls, node: Node) -> ProbabilityDistributionSet:
         """From its element."""
         with located(node):
-            return cls(tuple((child.get("value"), child.finite("weight")) for child in node.children("Element")))
+            return cls(
+                tuple(
+                    (child.get("value"), child.finite("weight"))
+                    for child in node.children("Element")
+                )
+            )
 
     def write(self) -> etree._Element:
         """Return its element."""
-        listed = (element("Element", value=value, weight=text(weight)) for value, weight in self.elements)
+        listed = (
+            element("Element", value=value, weight=text(weight)) for value, weight in self.elements
+        )
         return element("ProbabilityDistributionSet", *listed)
 
 
@@ -244,7 +299,9 @@ def _clamped(value: float, limits: Range | None) -> float:
 
 def _between(limits: Range, probability: float) -> float:
     """Linear in the probability; the two products cannot overflow where a difference of the limits could."""
-    return _clamped(limits.lower_limit * (1 - probability) + limits.upper_limit * probability, limits)
+    return _clamped(
+        limits.lower_limit * (1 - probability) + limits.upper_limit * probability, limits
+    )
 
 
 def _choose(shares: list[float], probability: float) -> tuple[int, float]:
@@ -298,7 +355,9 @@ class StochasticDistribution:
 
     def write(self) -> etree._Element:
         """The element of the distribution."""
-        return element("StochasticDistribution", self.distribution.write(), parameterName=self.parameter_name)
+        return element(
+            "StochasticDistribution", self.distribution.write(), parameterName=self.parameter_name
+        )
 
 
 @dataclass(frozen=True)
@@ -326,20 +385,26 @@ class Stochastic:
         """Parameters and values of a run; numbers are not yet written in their parameter's type."""
         seed = float(seed if seed is not None else self.random_seed or 0)
         return {
-            each.parameter_name: each.distribution.quantile(uniform(f"{seed}/{each.parameter_name}/{index}"))
+            each.parameter_name: each.distribution.quantile(
+                uniform(f"{seed}/{each.parameter_name}/{index}")
+            )
             for each in self.distributions
         }
 
     @classmethod
     def read(cls, node: Node) -> Stochastic:
         """From its element."""
-        distributions = tuple(StochasticDistribution.read(child) for child in node.children("StochasticDistribution"))
+        distributions = tuple(
+            StochasticDistribution.read(child) for child in node.children("StochasticDistribution")
+        )
         with located(node):
             return cls(node.int("numberOfTestRuns"), distributions, node.finite("randomSeed", None))
 
     def write(self) -> etree._Element:
         """The element of the distribution."""
-        written = element("Stochastic", *(distribution.write() for distribution in self.distributions))
+        written = element(
+            "Stochastic", *(distribution.write() for distribution in self.distributions)
+        )
         written.set("numberOfTestRuns", str(self.number_of_test_runs))
         if self.random_seed is not None:
             written.set("randomSeed", text(self.random_seed))

@@ -15,7 +15,7 @@ from lxml import etree
 from schemas.common.errors import Unsupported, UsageError
 from schemas.common.packages import installed
 from schemas.common.policy import current
-from xosc.node import Node
+from xosc.document.node import Node
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,9 @@ class Range:
         finite("lowerLimit", self.lower_limit)
         finite("upperLimit", self.upper_limit)
         if self.lower_limit > self.upper_limit:
-            raise UsageError(f"lowerLimit={self.lower_limit:g} is above upperLimit={self.upper_limit:g}")
+            raise UsageError(
+                f"lowerLimit={self.lower_limit:g} is above upperLimit={self.upper_limit:g}"
+            )
 
     def __contains__(self, value: float) -> bool:
         return self.lower_limit <= value <= self.upper_limit
@@ -42,7 +44,9 @@ class Range:
 
     def write(self) -> etree._Element:
         """The `Range` element."""
-        return element("Range", lowerLimit=text(self.lower_limit), upperLimit=text(self.upper_limit))
+        return element(
+            "Range", lowerLimit=text(self.lower_limit), upperLimit=text(self.upper_limit)
+        )
 
 
 @contextmanager
@@ -116,7 +120,9 @@ class UserDefinedDistribution:
     def plugin(self) -> UserDistribution:
         """The plug-in with this distribution's content; Unsupported where no plug-in has this type's name."""
         if current().untrusted:
-            raise Unsupported(f"the user-defined distribution type {self.type!r} is a plug-in's, and --untrusted loads none")
+            raise Unsupported(
+                f"the user-defined distribution type {self.type!r} is a plug-in's, and --untrusted loads none"
+            )
         return _plugin(self.type, self.content)
 
     @property
@@ -154,6 +160,10 @@ def _plugin(kind: str, content: str) -> UserDistribution:
         try:
             return plugins[kind].load()(content)
         except ValueError as error:
-            raise UsageError(f"the plug-in {kind!r} does not understand the content: {error}") from None
+            raise UsageError(
+                f"the plug-in {kind!r} does not understand the content: {error}"
+            ) from None
     known = ", ".join(sorted(plugins)) or "none is installed"
-    raise Unsupported(f"no plug-in for the user-defined distribution type {kind!r} (entry point group {GROUP}: {known})")
+    raise Unsupported(
+        f"no plug-in for the user-defined distribution type {kind!r} (entry point group {GROUP}: {known})"
+    )

@@ -1,6 +1,7 @@
 """Scenarios with everything worked out, and conversion to an older version, so that files stay valid and move as before.
 
-What an older version cannot express, although no motion depends on it, is kept in a form that it has:
+What an older version cannot express, although no motion depends on it, is kept in a form that it
+has:
 
 | of | before | becomes |
 |---|---|---|
@@ -9,7 +10,7 @@ What an older version cannot express, although no motion depends on it, is kept 
 | no model of a pedestrian | 1.1 | its name as model |
 | rule greaterOrEqual, lessOrEqual | 1.1 | greaterThan, lessThan, the value moved by `GRAIN` |
 
-Everything else is the business of `xosc.versions`: converted without loss, or refused.
+Everything else is the business of `xosc.writing.versions`: converted without loss, or refused.
 """
 
 from __future__ import annotations
@@ -24,15 +25,15 @@ from lxml import etree
 
 from schemas.catalogs import Folders
 from schemas.common.policy import current
-from schemas.values import number
+from schemas.expressions.values import number
 from xosc.distributions import ParameterSpace
 from xosc.distributions.space import numbered
 from xosc.document import Document, load
+from xosc.document.node import SOURCE, Node
 from xosc.exports.draft import Draft, ExportSettings
 from xosc.exports.omissions import omit
-from xosc.node import SOURCE, Node
 from xosc.resolve import Argument, resolve
-from xosc.versions import LEFT_OPEN, SAID_SINCE, Version, checked, convert, say_left_open
+from xosc.writing.versions import LEFT_OPEN, SAID_SINCE, Version, checked, convert, say_left_open
 
 # everything worked out --------------------------------------------------------------------------
 
@@ -40,8 +41,11 @@ from xosc.versions import LEFT_OPEN, SAID_SINCE, Version, checked, convert, say_
 MAX_SETS = 1000
 """Most scenarios that one distribution may become."""
 
-_WORKED_OUT, _SINCE_1_1 = ("LateralDistanceAction", "RelativeLanePosition"), {"displacement", "dsLane"}
-"""Elements that may have got attributes of a later version by `xosc.carla`."""
+_WORKED_OUT, _SINCE_1_1 = (
+    ("LateralDistanceAction", "RelativeLanePosition"),
+    {"displacement", "dsLane"},
+)
+"""Elements that may have got attributes of a later version by `xosc.document.carla`."""
 _REFERENCES = ("parameterRef",)
 """Attributes by which an element names a parameter when the scenario runs."""
 
@@ -56,14 +60,25 @@ def concrete(
 ) -> Document:
     """A scenario whose attributes are literals, with catalogue entries in the place of the references to them.
 
-    Its version is the newest of its own and those of its catalogues.
-    Declarations stay only of parameters that conditions and actions name; what then is left out is not used any more.
+    Its version is the newest of its own and those of its catalogues. Declarations stay only of
+    parameters that conditions and actions name; what then is left out is not used any more.
 
     Raises:
         UsageError, InvalidFile: as in `xosc.resolve`.
     """
-    resolved = resolve(document, parameters, enforce_constraints=enforce_constraints, strict=strict, catalog_path=catalog_path)
-    named = {element.get(name) for element in resolved.root.iter() for name in _REFERENCES if element.get(name)}
+    resolved = resolve(
+        document,
+        parameters,
+        enforce_constraints=enforce_constraints,
+        strict=strict,
+        catalog_path=catalog_path,
+    )
+    named = {
+        element.get(name)
+        for element in resolved.root.iter()
+        for name in _REFERENCES
+        if element.get(name)
+    }
     for declarations in list(resolved.root.iter("ParameterDeclarations")):
         for declaration in list(declarations):
             if declaration.get("name") not in named:
@@ -102,12 +117,14 @@ def _sources(resolved: Document) -> set[str]:
 def concrete_scenarios(path: Path, settings: ExportSettings) -> Iterator[tuple[str, Document]]:
     """Name (without ending) and worked-out document of each scenario that a file stands for.
 
-    A scenario stands for itself, a distribution for its scenario with every chosen set of parameters, numbered as by `xosc-run`.
-    What was assumed to read the distribution is among the remarks of each.
+    A scenario stands for itself, a distribution for its scenario with every chosen set of
+    parameters, numbered as by `xosc-run`. What was assumed to read the distribution is among the
+    remarks of each.
 
     Raises:
         Unsupported: there are more than `MAX_SETS` sets.
-        UsageError, InvalidFile: as in `Selection.sets` and `xosc.resolve`; the distribution is not valid.
+        UsageError, InvalidFile: as in `Selection.sets` and `xosc.resolve`; the distribution is not
+            valid.
     """
     document = load(path)
     work_out = partial(concrete, **settings.resolving)
@@ -125,7 +142,10 @@ def concrete_scenarios(path: Path, settings: ExportSettings) -> Iterator[tuple[s
         )
     for index, parameters in settings.selection.sets(space, settings.enforce_constraints):
         scenario = work_out(load(space.scenario), parameters)
-        yield numbered(path.stem, index), replace(scenario, remarks=(*document.remarks, *scenario.remarks))
+        yield (
+            numbered(path.stem, index),
+            replace(scenario, remarks=(*document.remarks, *scenario.remarks)),
+        )
 
 
 def copied(document: Document) -> Document:
@@ -168,9 +188,13 @@ def _as_comments(element: etree._Element) -> None:
     if header is None or header.tag != "FileHeader":
         return
     for each in [element, *element.iterchildren(etree.Element)]:
-        parts = [f"{name}={each.get(name)!r}" for name in map(str, each.attrib)] + (each.text or "").split()
+        parts = [f"{name}={each.get(name)!r}" for name in map(str, each.attrib)] + (
+            each.text or ""
+        ).split()
         if parts:
-            header.addprevious(etree.Comment(f" {each.tag} {' '.join(parts)} ".replace("--", "- -")))
+            header.addprevious(
+                etree.Comment(f" {each.tag} {' '.join(parts)} ".replace("--", "- -"))
+            )
     header.remove(element)
 
 

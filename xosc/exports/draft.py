@@ -16,9 +16,9 @@ from schemas.common.remarks import Remark, Remarks
 from schemas.common.storage import keep, read_bytes
 from xosc.distributions.space import Selection
 from xosc.document import Document
+from xosc.document.node import Node
+from xosc.document.road_files import RoadFile, find_roads, logic_file
 from xosc.exports.starts import RoadGeometry
-from xosc.node import Node
-from xosc.road_files import RoadFile, find_roads, logic_file
 
 # the folder: nothing outside it, nothing overwritten unless asked to, one name for one source ----
 
@@ -46,8 +46,14 @@ class Folder:
         """
         key = (os.path.abspath(source), preferred)
         if key not in self._names:
-            path, taken, number = PurePosixPath(preferred), {name.casefold() for name in self._names.values()}, 1
-            while (name := preferred if number == 1 else str(path.with_stem(f"{path.stem}~{number}"))).casefold() in taken:
+            path, taken, number = (
+                PurePosixPath(preferred),
+                {name.casefold() for name in self._names.values()},
+                1,
+            )
+            while (
+                name := preferred if number == 1 else str(path.with_stem(f"{path.stem}~{number}"))
+            ).casefold() in taken:
                 number += 1
             self._names[key] = name
         return self._names[key]
@@ -65,11 +71,17 @@ class Folder:
             file = path.is_file() and not path.is_symlink()
             there = os.path.lexists(path) and not (path.is_file() and path.read_bytes() == content)
             if there and not (self._overwrite and file):
-                what = "another file is in the way; --overwrite replaces it" if file else "this is in the way, and is no file"
+                what = (
+                    "another file is in the way; --overwrite replaces it"
+                    if file
+                    else "this is in the way, and is no file"
+                )
                 raise UsageError(what, path=path)
             keep(content, path)
         except OSError as error:
-            raise NotWritten(f"the file can't be written: {error.strerror or error}", path=path) from None
+            raise NotWritten(
+                f"the file can't be written: {error.strerror or error}", path=path
+            ) from None
 
     def write_by(self, name: str, writer: Callable[[Path], object]) -> None:
         """Write a file that a function writes to the path it is given; errors as in `write`."""
@@ -95,7 +107,7 @@ class Folder:
 
 
 Roads = Callable[[Node], RoadFile | None]
-"""The road network of a scenario, by its root; None where it has none; errors as in `xosc.road_files.find_roads`."""
+"""The road network of a scenario, by its root; None where it has none; errors as in `xosc.document.road_files.find_roads`."""
 
 
 def roads_in(*folders: str | PathLike[str]) -> Roads:
@@ -128,10 +140,12 @@ class ExportSettings:
         strict: refuse what is otherwise repaired, changed or left out with a remark.
         roads: where road networks are.
         locate: puts scenarios on their roads; None leaves out the changes that need it.
-        catalog_path: folders in which directories of catalogues are looked for that are not where the scenario says.
-        selection: parameter sets of distributions that are exported; where it leaves any out, a scenario is written for each.
-        enforce_constraints: refuse worked-out values that violate their constraint groups, and leave such sets of a
-            distribution out.
+        catalog_path: folders in which directories of catalogues are looked for that are not where
+            the scenario says.
+        selection: parameter sets of distributions that are exported; where it leaves any out, a
+            scenario is written for each.
+        enforce_constraints: refuse worked-out values that violate their constraint groups, and
+            leave such sets of a distribution out.
     """
 
     strict: bool = False

@@ -1,7 +1,8 @@
 """Target `esmini`: scenarios that esmini plays as they are meant, in their own version up to 1.3, with parameters and catalogues.
 
-Source: esmini 3.6.0, its documents and probe runs. What it would stop at, leave out or read otherwise is refused (`_REFUSED`);
-what it does not read, and no motion depends on, stays and is reported as a remark (`_IGNORED`).
+Source: esmini 3.6.0, its documents and probe runs. What it would stop at, leave out or read
+otherwise is refused (`_REFUSED`); what it does not read, and no motion depends on, stays and is
+reported as a remark (`_IGNORED`).
 """
 
 from __future__ import annotations
@@ -62,20 +63,34 @@ _REFUSED = (
 )  # fmt: skip
 _IGNORED = (
     Rule("//*[@coordinateSystem='lane']", "esmini measures along the road instead of the lane"),
-    Rule("//*[@routingAlgorithm and @routingAlgorithm!='undefined']", "esmini does not read routingAlgorithm"),
-    Rule("//LaneOffsetAction[@continuous='true' or @continuous='1']", "esmini ends it when the offset is reached"),
+    Rule(
+        "//*[@routingAlgorithm and @routingAlgorithm!='undefined']",
+        "esmini does not read routingAlgorithm",
+    ),
+    Rule(
+        "//LaneOffsetAction[@continuous='true' or @continuous='1']",
+        "esmini ends it when the offset is reached",
+    ),
     Rule("//RoadCondition[@wetness] | //DomeImage", "esmini does not read it"),
     Rule("//UsedArea | //CustomContent", "esmini does not read it"),
     Rule("//ConstraintGroup", "esmini does not check constraints"),
-    Rule("//Event[@priority='skip']", "a skipped event stays in standby in esmini, and is not counted"),
-    Rule("/OpenSCENARIO/Storyboard[not(StopTrigger/ConditionGroup)]", "without a StopTrigger esmini goes on for ever"),
+    Rule(
+        "//Event[@priority='skip']",
+        "a skipped event stays in standby in esmini, and is not counted",
+    ),
+    Rule(
+        "/OpenSCENARIO/Storyboard[not(StopTrigger/ConditionGroup)]",
+        "without a StopTrigger esmini goes on for ever",
+    ),
 )
 _NEWEST = (1, 3)
 """Version that esmini reads."""
 _SETS = "a scenario is written for each set of parameters: esmini has no stochastic distributions"
 
 
-def export(source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS) -> Sequence[str]:
+def export(
+    source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS
+) -> Sequence[str]:
     """Write a scenario, catalogue or distribution for esmini, with all that it refers to.
 
     Returns:
@@ -88,7 +103,10 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
     document, draft = load(source, strict=settings.strict), Draft(folder, settings)
     if document.kind == "catalog":
         draft.note(*document.remarks)
-        draft.add(catalog_name(source, folder), to_bytes(in_version(document, min(document.version, _NEWEST), draft)))
+        draft.add(
+            catalog_name(source, folder),
+            to_bytes(in_version(document, min(document.version, _NEWEST), draft)),
+        )
         return draft.write()
     version = min(document.version, _NEWEST)
     if document.kind == "scenario":

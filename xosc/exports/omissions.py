@@ -1,7 +1,8 @@
 """Elements that a version lacks and no motion depends on: left out or rewritten, with a remark each.
 
-`xosc.versions` converts what can be said in both versions, and refuses the rest. Exports that are not strict make these changes
-before. A place is XPath from the root; values that are still parameters (`$…`) are left as they are.
+`xosc.writing.versions` converts what can be said in both versions, and refuses the rest. Exports
+that are not strict make these changes before. A place is XPath from the root; values that are still
+parameters (`$…`) are left as they are.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from typing import NamedTuple, cast
 
 from lxml import etree
 
-from schemas.values import number
+from schemas.expressions.values import number
 from xosc.document import Document
-from xosc.node import SOURCE, Node
+from xosc.document.node import SOURCE, Node
 from xosc.rules.storyboard import CHOICES
-from xosc.versions import EARLIER_CATEGORY, Version
+from xosc.writing.versions import EARLIER_CATEGORY, Version
 
 _CLOUDS = {
     "zeroOktas": "free", **{f"{n}Oktas": "cloudy" for n in ("two", "three", "four", "five", "six")}, "oneOktas": "cloudy",
@@ -55,7 +56,10 @@ def omit(document: Document, version: Version) -> Iterator[str]:
             first: Node = located(found[0], document)
             yield f"{first.where}: {first.tag}: {reason}"
         for element in found:
-            if document.root in (element, *element.iterancestors()):  # else it went with another one of the same Action
+            if document.root in (
+                element,
+                *element.iterancestors(),
+            ):  # else it went with another one of the same Action
                 change(element)
 
 
@@ -63,7 +67,9 @@ def _idle_elements(document: Document) -> Iterator[str]:
     """Actions and acts without content, which schemas and other players refuse, do nothing by what they hold."""
     inside = "[not(*)][ancestor-or-self::Action or ancestor-or-self::PrivateAction]"
     for action in _at(document, " | ".join(f"//{tag}{inside}" for tag in ("Action", *CHOICES))):
-        if document.root in action.iterancestors():  # else it went with another one of the same Action
+        if (
+            document.root in action.iterancestors()
+        ):  # else it went with another one of the same Action
             yield f"{located(action, document).where}: {action.tag}: without an action it does nothing"
             _idle(action)
     for act in _at(document, "//Act[not(ManeuverGroup)]"):
@@ -73,8 +79,13 @@ def _idle_elements(document: Document) -> Iterator[str]:
 
 def _misplaced_actions(document: Document) -> Iterator[str]:
     """Take away actions outside any action: nothing executes them, and what exports make of actions needs their actors."""
-    inside = " or ".join(f"ancestor-or-self::{tag}" for tag in ("Action", "PrivateAction", "GlobalAction", "UserDefinedAction"))
-    for action in _at(document, f"//*[substring(name(), string-length(name()) - 5) = 'Action'][not({inside})]"):
+    inside = " or ".join(
+        f"ancestor-or-self::{tag}"
+        for tag in ("Action", "PrivateAction", "GlobalAction", "UserDefinedAction")
+    )
+    for action in _at(
+        document, f"//*[substring(name(), string-length(name()) - 5) = 'Action'][not({inside})]"
+    ):
         if document.root in action.iterancestors():  # else it went with the one around it
             yield f"{located(action, document).where}: {action.tag}: outside an action it does nothing"
             _remove(action)
@@ -99,12 +110,18 @@ def leave_out(action: Node, scenario: Node) -> None:
         holder, parent = parent, _parent(parent)
     if holder.tag == "PrivateAction" or len(parent.findall("Action")) > 1:
         parent.remove(holder)
-        if parent.tag == "Private" and len(parent) == 0 and (around := parent.getparent()) is not None:
+        if (
+            parent.tag == "Private"
+            and len(parent) == 0
+            and (around := parent.getparent()) is not None
+        ):
             around.remove(parent)
         return
     for child in list(holder):
         holder.remove(child)
-    setting = etree.SubElement(etree.SubElement(holder, "GlobalAction"), "ParameterAction", parameterRef=_IDLE)
+    setting = etree.SubElement(
+        etree.SubElement(holder, "GlobalAction"), "ParameterAction", parameterRef=_IDLE
+    )
     etree.SubElement(setting, "SetAction", value="")
     _declare(scenario)
 
@@ -119,7 +136,9 @@ def _declare(scenario: Node) -> None:
         assert header is not None
         header.addnext(declarations)
     if not any(each.get("name") == _IDLE for each in declarations):
-        etree.SubElement(declarations, "ParameterDeclaration", name=_IDLE, parameterType="string", value="")
+        etree.SubElement(
+            declarations, "ParameterDeclaration", name=_IDLE, parameterType="string", value=""
+        )
 
 
 def _remove(element: etree._Element) -> None:
@@ -141,7 +160,9 @@ def _idle(action: etree._Element) -> None:
 
 
 def _plain_name(condition: etree._Element) -> None:
-    condition.set("name", str(condition.get("name")).translate({ord(each): None for each in "${}"}).strip())
+    condition.set(
+        "name", str(condition.get("name")).translate({ord(each): None for each in "${}"}).strip()
+    )
 
 
 def _without(*attributes: str) -> Callable[[etree._Element], None]:
@@ -180,7 +201,9 @@ def _role(element: etree._Element) -> None:
 
 
 def _cloud_state(weather: etree._Element) -> None:
-    weather.set("cloudState", _CLOUDS.get(str(weather.attrib.pop("fractionalCloudCover")), "cloudy"))
+    weather.set(
+        "cloudState", _CLOUDS.get(str(weather.attrib.pop("fractionalCloudCover")), "cloudy")
+    )
 
 
 def _rain(precipitation: etree._Element) -> None:
@@ -400,7 +423,8 @@ def refuse(document: Document, rules: Sequence[Rule]) -> None:
     """Refuse the first thing in a scenario that is in a table of what the target can't say.
 
     Raises:
-        Unsupported: it is there, named with file (a catalogue's, where it came from there), line and reason.
+        Unsupported: it is there, named with file (a catalogue's, where it came from there), line
+            and reason.
     """
     for node, reason in _found(document, rules):
         raise node.unsupported(reason)
@@ -427,5 +451,7 @@ def _found(document: Document, rules: Sequence[Rule]) -> Iterator[tuple[Node, st
 
 def located(element: etree._Element, document: Document) -> Node:
     """An element of a document in the file that it came from: a catalogue's entry knows which that is."""
-    source = next((each.get(SOURCE) for each in (element, *element.iterancestors()) if each.get(SOURCE)), None)
+    source = next(
+        (each.get(SOURCE) for each in (element, *element.iterancestors()) if each.get(SOURCE)), None
+    )
     return Node(element, Path(source) if source else document.path)

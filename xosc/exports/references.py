@@ -1,7 +1,7 @@
 """Files that a scenario refers to, taken along into the output folder, and the references that lead there.
 
-An author may choose any name and suffix, so what is taken along is known by its content: a road network or a catalogue is read,
-a 3-D model is known by how its format begins.
+An author may choose any name and suffix, so what is taken along is known by its content: a road
+network or a catalogue is read, a 3-D model is known by how its format begins.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
 from schemas.common.remarks import Remark
 from schemas.common.storage import read_bytes
-from schemas.registry import OPENDRIVE, detect
-from schemas.xml import local_name, parse_bytes, repaired
+from schemas.common.xml import local_name, parse_bytes, repaired
+from schemas.versions.registry import OPENDRIVE, detect
 from xosc.document import Document, load
+from xosc.document.node import Node
+from xosc.document.road_files import RULE, logic_file
 from xosc.exports.draft import Draft, Folder
-from xosc.node import Node
-from xosc.road_files import RULE, logic_file
 
 ROADS, MODELS, CATALOGS = "roads", "models", "catalogs"
 """Folders of the output."""
@@ -35,7 +35,8 @@ Convert = Callable[[Document], bytes]
 def take_roads(document: Document, draft: Draft) -> Path | None:
     """Take along the road network and the 3D model of a scenario, to whose copies its references are changed.
 
-    A model that is not there stays as it is referred to: few public scenarios bring their model along.
+    A model that is not there stays as it is referred to: few public scenarios bring their model
+    along.
 
     Returns:
         The file of the road network; None where there is none.
@@ -67,7 +68,12 @@ def _take_model(node: Node, draft: Draft) -> None:
     if is_model(content):
         _add(node, source, content, MODELS, draft)
     else:
-        draft.note(node.remark(RULE, f"{source} is no 3-D model of a known format ({MODEL_FORMATS}); it is not taken along"))
+        draft.note(
+            node.remark(
+                RULE,
+                f"{source} is no 3-D model of a known format ({MODEL_FORMATS}); it is not taken along",
+            )
+        )
 
 
 def _take(node: Node, source: Path, folder: str, draft: Draft) -> None:
@@ -78,7 +84,9 @@ def _take(node: Node, source: Path, folder: str, draft: Draft) -> None:
     except InvalidFile as error:
         raise node.invalid(f"{source} can't be taken along: {error.message}") from None
     if _has_temporary_lanes(content, source):
-        draft.note(f"{source}: temporary lanes: a player that does not know lane layers has the permanent ones alone, at best")
+        draft.note(
+            f"{source}: temporary lanes: a player that does not know lane layers has the permanent ones alone, at best"
+        )
     _add(node, source, content, folder, draft)
 
 
@@ -129,13 +137,21 @@ def take_catalogs(document: Document, draft: Draft, convert: Convert) -> None:
         node = location.need("Directory")
         source = _literal(node, "path")
         try:
-            files = [Path(file) for file in locate(source, document.path, draft.settings.catalog_path).files]
+            files = [
+                Path(file)
+                for file in locate(source, document.path, draft.settings.catalog_path).files
+            ]
         except (OSError, ValueError):
             raise node.invalid(missing(source)) from None
         taken: dict[str, Path] = {}
         for catalog in [load(file, strict=draft.settings.strict) for file in files]:
-            name = catalog.node.need("Catalog").get("name", "") if catalog.kind == "catalog" else None
-            if name is not None and taken.setdefault(name, catalog.path.parent) == catalog.path.parent:
+            name = (
+                catalog.node.need("Catalog").get("name", "") if catalog.kind == "catalog" else None
+            )
+            if (
+                name is not None
+                and taken.setdefault(name, catalog.path.parent) == catalog.path.parent
+            ):
                 draft.note(*catalog.remarks)
                 _note_outside(catalog.path, draft)
                 draft.add(_beside(catalog.path, files[0], draft.folder), convert(catalog))
@@ -190,9 +206,13 @@ _MODEL = re.compile(b"|".join(b"(?:%b)" % each for each in _BEGINNINGS.values())
 _LINE_OF_OBJ = re.compile(
     rb"#.*|(?P<vertex>v|vn|vt|vp)(?:\s+-?[\d.]+(?:[eE][-+]?\d+)?)+|[flp](?:\s+[\d/-]+)+|(?:o|g|s|mtllib|usemtl)(?:\s.*)?|"
 )
-_COLLADA = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?xml[^>]*>\s*)?(?:<!--.*?-->\s*)*<COLLADA[\s>]", re.DOTALL)
+_COLLADA = re.compile(
+    rb"(?:\xef\xbb\xbf)?\s*(?:<\?xml[^>]*>\s*)?(?:<!--.*?-->\s*)*<COLLADA[\s>]", re.DOTALL
+)
 _GLTF = re.compile(rb"\s*\{.*\"asset\"\s*:\s*\{[^{}]*\"version\"\s*:\s*\"[12]\.\d", re.DOTALL)
-MODEL_FORMATS = "glTF, OpenSceneGraph, FBX, OBJ, 3D Studio, COLLADA, USD, OpenFlight, VRML, PLY, STL, Blender"
+MODEL_FORMATS = (
+    "glTF, OpenSceneGraph, FBX, OBJ, 3D Studio, COLLADA, USD, OpenFlight, VRML, PLY, STL, Blender"
+)
 """Formats of 3-D models that are known, for people"""
 
 

@@ -1,9 +1,10 @@
 """Positions, trajectories, initial distances and synchronised arrivals in terms that every target has.
 
-Positions and trajectories become world positions and polylines; initial distances become positions and speeds. Synchronised
-arrivals without steady states and tolerances get earlier targets. An actor that holds the final speed v for a distance d before
-its target has this speed at d before the target, d/v before the master arrives. The master is then v' · d/v away from its own
-target, where v' is its speed when the action begins. Triggers on the end of the action get a delay of d/v."""
+Positions and trajectories become world positions and polylines; initial distances become positions
+and speeds. Synchronised arrivals without steady states and tolerances get earlier targets. An actor
+that holds the final speed v for a distance d before its target has this speed at d before the
+target, d/v before the master arrives. The master is then v' · d/v away from its own target, where
+v' is its speed when the action begins. Triggers on the end of the action get a delay of d/v."""
 
 from __future__ import annotations
 
@@ -14,9 +15,9 @@ from functools import partial
 from lxml import etree
 
 from xosc.document import Document
+from xosc.document.node import Node, meant
 from xosc.exports.omissions import leave_out
 from xosc.exports.starts import InitialState, RoadGeometry, State, Vertex, actors
-from xosc.node import Node, meant
 
 HOLDERS = ("Position", "TargetPosition", "TargetPositionMaster")
 """Elements that hold one position."""
@@ -24,7 +25,9 @@ _NEAR = 1e-3
 """m below which a height is that of a flat road."""
 
 
-def in_world(document: Document, geometry: RoadGeometry, chosen: Callable[[Node], bool]) -> Iterator[str]:
+def in_world(
+    document: Document, geometry: RoadGeometry, chosen: Callable[[Node], bool]
+) -> Iterator[str]:
     """Say positions, where they are fixed, by WorldPosition; a remark for each kind with the first place.
 
     Args:
@@ -45,15 +48,21 @@ def in_world(document: Document, geometry: RoadGeometry, chosen: Callable[[Node]
 
 
 def polylines(
-    document: Document, geometry: RoadGeometry, shapes: Collection[str], *, offsets: bool, during: State | None
+    document: Document,
+    geometry: RoadGeometry,
+    shapes: Collection[str],
+    *,
+    offsets: bool,
+    during: State | None,
 ) -> Iterator[str]:
     """Say trajectories, where they are fixed, by polylines; a remark for each kind with the first place.
 
     Args:
         shapes: which shapes.
-        offsets: also all that are begun at an initialDistanceOffset and have no times, which then begin there.
-        during: how an entity is when an action begins: where those that begin where their one actor is are then. None: they
-            are written by positions relative to it.
+        offsets: also all that are begun at an initialDistanceOffset and have no times, which then
+            begin there.
+        during: how an entity is when an action begins: where those that begin where their one actor
+            is are then. None: they are written by positions relative to it.
     """
     told: set[str] = set()
     for action in list(document.node.iter("FollowTrajectoryAction")):
@@ -93,7 +102,9 @@ def first_position(start: InitialState) -> etree._Element:
     """The position with which an entity starts: on its lane where it is in its middle, else in the world."""
     assert start.pose is not None
     if start.centred and start.road is not None:
-        return etree.Element("LanePosition", roadId=start.road, laneId=str(start.lane), s=repr(start.s))
+        return etree.Element(
+            "LanePosition", roadId=start.road, laneId=str(start.lane), s=repr(start.s)
+        )
     return world_position(Vertex(*start.pose))
 
 
@@ -108,10 +119,14 @@ def world_position(place: Vertex) -> etree._Element:
 
 
 def _beside(entity: str, place: Vertex) -> etree._Element:
-    return etree.Element("RelativeObjectPosition", entityRef=entity, dx=repr(place.x), dy=repr(place.y))
+    return etree.Element(
+        "RelativeObjectPosition", entityRef=entity, dx=repr(place.x), dy=repr(place.y)
+    )
 
 
-def polyline(places: Sequence[Vertex], made: Callable[[Vertex], etree._Element] = world_position) -> etree._Element:
+def polyline(
+    places: Sequence[Vertex], made: Callable[[Vertex], etree._Element] = world_position
+) -> etree._Element:
     """The element Polyline of places, the position of each by `made`."""
     element = etree.Element("Polyline")
     for place in places:
@@ -125,7 +140,9 @@ def polyline(places: Sequence[Vertex], made: Callable[[Vertex], etree._Element] 
 def to_init(document: Document) -> Iterator[str]:
     """Move distances that stories set at time 0 into Init and remove those that are never set, in place; remarks."""
     scenario = document.node
-    privates = {node.get("entityRef"): node for node in scenario.need("Storyboard", "Init").iter("Private")}
+    privates = {
+        node.get("entityRef"): node for node in scenario.need("Storyboard", "Init").iter("Private")
+    }
     for story in scenario.need("Storyboard").children("Story"):
         for action in list(story.iter("LongitudinalDistanceAction")):
             starts, doing = starts_at_once(action, scenario), actors(action)
@@ -135,7 +152,9 @@ def to_init(document: Document) -> Iterator[str]:
                 yield f"{action.where}: {action.tag}: Init sets it instead, at the same time"
                 for name in doing:
                     holder = etree.SubElement(privates[name].element, "PrivateAction")
-                    etree.SubElement(holder, "LongitudinalAction").append(copy.deepcopy(action.element))
+                    etree.SubElement(holder, "LongitudinalAction").append(
+                        copy.deepcopy(action.element)
+                    )
             else:
                 continue
             leave_out(action, scenario)
@@ -147,9 +166,17 @@ def _at_once(action: Node) -> bool:
 
 def starts_at_once(action: Node, scenario: Node) -> bool | None:
     """Whether the event and the act around an element start at time 0, whatever happens; False: never, None: that depends."""
-    around = [Node(each, action.path).find("StartTrigger") for each in action.element.iterancestors("Event", "Act")]
+    around = [
+        Node(each, action.path).find("StartTrigger")
+        for each in action.element.iterancestors("Event", "Act")
+    ]
     groups = [trigger.children("ConditionGroup") for trigger in around if trigger is not None]
-    return _all([_any([_all([_holds(each, scenario) for each in group.children()]) for group in trigger]) for trigger in groups])
+    return _all(
+        [
+            _any([_all([_holds(each, scenario) for each in group.children()]) for group in trigger])
+            for trigger in groups
+        ]
+    )
 
 
 def _all(held: Sequence[bool | None]) -> bool | None:
@@ -167,11 +194,17 @@ def _holds(condition: Node, scenario: Node) -> bool | None:
     if condition.float("delay", 0.0) or condition.get("conditionEdge", "none") != "none":
         return None
     if time is not None:
-        begun = {"greaterThan": time.float("value") < 0.0, "greaterOrEqual": time.float("value") <= 0.0}
+        begun = {
+            "greaterThan": time.float("value") < 0.0,
+            "greaterOrEqual": time.float("value") <= 0.0,
+        }
         return begun.get(time.get("rule")) or None
     if parameter is None or parameter.get("rule") != "equalTo":
         return None
-    if any(each.get("parameterRef") == parameter.get("parameterRef") for each in scenario.iter("ParameterAction")):
+    if any(
+        each.get("parameterRef") == parameter.get("parameterRef")
+        for each in scenario.iter("ParameterAction")
+    ):
         return None
     declared = scenario.find("ParameterDeclarations")
     for each in declared.children() if declared is not None else ():
@@ -194,8 +227,12 @@ def first_distances(document: Document, known: Mapping[str, InitialState]) -> It
                 continue
             yield f"{action.where}: {action.tag}: left out, the first position has the distance"
             holders[-1].element.replace(holders[-1].only().element, first_position(start))
-            private.element.remove(next(each for each in action.element.iterancestors("PrivateAction")))
-            for target in private.iter("AbsoluteTargetSpeed"):  # keeping a distance implies the other entity's speed
+            private.element.remove(
+                next(each for each in action.element.iterancestors("PrivateAction"))
+            )
+            for target in private.iter(
+                "AbsoluteTargetSpeed"
+            ):  # keeping a distance implies the other entity's speed
                 target.element.set("value", repr(start.speed))
 
 
@@ -245,7 +282,9 @@ def _wait(action: Node, time: float, scenario: Node) -> None:
             if not awaited or state.get("state") not in _ENDED:
                 continue
             if any(len(list(each.iter("Action"))) > 1 for each in awaited):
-                raise state.unsupported(f"what it waits for would end {time:g} s earlier, but for its other actions")
+                raise state.unsupported(
+                    f"what it waits for would end {time:g} s earlier, but for its other actions"
+                )
             condition.element.set("delay", repr(condition.float("delay", 0.0) + time))
 
 
@@ -283,8 +322,12 @@ def _back(position: Node, distance: float, geometry: RoadGeometry) -> None:
     elif position.tag == "LanePosition":
         facing = geometry.direction(position.get("roadId"), position.int("laneId"))
     elif position.tag != "TrajectoryPosition":
-        raise position.unsupported(f"the target would have to be {distance:g} m earlier, and {position.tag} has no way back")
+        raise position.unsupported(
+            f"the target would have to be {distance:g} m earlier, and {position.tag} has no way back"
+        )
     moved = along.float(name) - facing * distance
     if moved < 0.0:
-        raise position.unsupported(f"the target would have to be {distance:g} m earlier, where its way has not begun yet")
+        raise position.unsupported(
+            f"the target would have to be {distance:g} m earlier, where its way has not begun yet"
+        )
     along.element.set(name, repr(moved))

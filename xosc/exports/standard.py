@@ -1,7 +1,8 @@
 """Targets `1.0` to `1.4`: the same scenarios, catalogues and distributions in another version of the standard.
 
-Where a version has no expressions, or not the functions that a scenario uses, its parameters are worked out; its
-distributions then become a scenario for each set of parameters, as for 1.0, which has no distributions.
+Where a version has no expressions, or not the functions that a scenario uses, its parameters are
+worked out; its distributions then become a scenario for each set of parameters, as for 1.0, which
+has no distributions.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from xosc.exports.omissions import omit
 from xosc.exports.references import catalog_name, take_catalogs, take_roads
 from xosc.exports.shapes import earlier, first_distances, in_world, polylines, to_init
 from xosc.exports.starts import RoadGeometry
-from xosc.versions import Version
+from xosc.writing.versions import Version
 
 TARGETS = {
     "1.0": "OpenSCENARIO XML 1.0",
@@ -31,7 +32,9 @@ _CLOSED_SINCE = (1, 2)
 """Before, the entries of catalogues also saw the parameters at the place of the reference."""
 
 
-def export(source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS) -> Sequence[str]:
+def export(
+    source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS
+) -> Sequence[str]:
     """Write a file, and all that it refers to, in the version that the target names.
 
     Args:
@@ -69,7 +72,10 @@ def scenario(document: Document, version: Version | None, draft: Draft) -> Seque
     try:
         add(document, version, trial)
         return trial.write()
-    except (Unsupported, InvalidFile) as error:  # entries that nothing uses may be invalid, and what parameters leave empty too
+    except (
+        Unsupported,
+        InvalidFile,
+    ) as error:  # entries that nothing uses may be invalid, and what parameters leave empty too
         add_worked_out(concrete(document, **draft.settings.resolving), version, draft)
         return draft.write(f"everything is worked out: {error}")
 
@@ -89,7 +95,9 @@ def add(document: Document, version: Version | None, draft: Draft, name: str = "
     draft.add(named, to_bytes(in_version(changed, version or changed.version, draft)))
 
 
-def add_worked_out(document: Document, version: Version | None, draft: Draft, name: str = "") -> None:
+def add_worked_out(
+    document: Document, version: Version | None, draft: Draft, name: str = ""
+) -> None:
     """Add a worked-out scenario, positions and trajectories as places in the world where the version has no others; as `add`."""
     trial = draft.copy()
     try:
@@ -112,10 +120,16 @@ def _located(document: Document, geometry: RoadGeometry, version: Version) -> It
     if version < (1, 4):
         yield from in_world(document, geometry, lambda position: position.has("layer"))
     if version < (1, 3):
-        yield from polylines(document, geometry, ("ClothoidSpline",), offsets=version < (1, 1), during=None)
+        yield from polylines(
+            document, geometry, ("ClothoidSpline",), offsets=version < (1, 1), during=None
+        )
     if version < (1, 1):
         yield from earlier(document, geometry)
-        yield from in_world(document, geometry, lambda position: position.tag in ("TrajectoryPosition", "GeoPosition"))
+        yield from in_world(
+            document,
+            geometry,
+            lambda position: position.tag in ("TrajectoryPosition", "GeoPosition"),
+        )
         yield from first_distances(document, geometry.starts())
 
 
@@ -125,10 +139,14 @@ def _catalog(catalog: Document, version: Version | None, draft: Draft) -> Docume
         for entry in catalog.node.need("Catalog").children():
             declared = {each.get("name") for each in entry.iter("ParameterDeclaration")}
             for node in entry.iter():
-                used = {name for text in node.element.attrib.values() for name in _parameters(str(text))}
+                used = {
+                    name for text in node.element.attrib.values() for name in _parameters(str(text))
+                }
                 if used - declared:
                     name = min(used - declared)
-                    raise node.unsupported(f"${name} is of the scenario, and since 1.2 entries of catalogues see their own only")
+                    raise node.unsupported(
+                        f"${name} is of the scenario, and since 1.2 entries of catalogues see their own only"
+                    )
     return in_version(catalog, version or catalog.version, draft)
 
 
@@ -143,22 +161,33 @@ def distribution(document: Document, version: Version | None, draft: Draft) -> S
     """Write a distribution and its scenario, or a scenario for each set of parameters; remarks and errors as in `export`."""
     node = document.node.need("ParameterValueDistribution", "ScenarioFile")
     if draft.settings.selection.chooses:
-        return write_sets(document, version, draft, "a scenario is written for each set of parameters that is chosen")
+        return write_sets(
+            document,
+            version,
+            draft,
+            "a scenario is written for each set of parameters that is chosen",
+        )
     trial = draft.copy()
     try:
         varied = load(node.file("filepath"), strict=draft.settings.strict)
         add(varied, version, trial)
         changed = copied(in_version(document, version or document.version, trial))
         reference = changed.node.need("ParameterValueDistribution", "ScenarioFile")
-        reference.element.set("filepath", draft.folder.name(varied.path, f"{varied.path.stem}.xosc"))
+        reference.element.set(
+            "filepath", draft.folder.name(varied.path, f"{varied.path.stem}.xosc")
+        )
         trial.note(*document.remarks)
         trial.add(draft.folder.name(document.path, document.path.name), to_bytes(changed))
         return trial.write()
     except (Unsupported, InvalidFile) as error:
-        return write_sets(document, version, draft, f"a scenario is written for each set of parameters: {error}")
+        return write_sets(
+            document, version, draft, f"a scenario is written for each set of parameters: {error}"
+        )
 
 
-def write_sets(document: Document, version: Version | None, draft: Draft, remark: str) -> Sequence[str]:
+def write_sets(
+    document: Document, version: Version | None, draft: Draft, remark: str
+) -> Sequence[str]:
     """Write the scenario of a distribution with each set of its parameters worked out; remarks and errors as in `export`."""
     for name, worked_out in concrete_scenarios(document.path, draft.settings):
         add_worked_out(worked_out, version, draft, name)

@@ -1,22 +1,22 @@
 """Initial lanes, speeds and positions of entities, and ways of routes, in a worked-out scenario on its roads.
 
-The start of an entity is enough to express its first action of a kind relatively or absolutely, by time or by distance. The
-values of a later action are known only when the scenario runs."""
+The start of an entity is enough to express its first action of a kind relatively or absolutely, by
+time or by distance. The values of a later action are known only when the scenario runs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-from xosc.node import Node
+from xosc.document.node import Node
 
 
 class InitialState(NamedTuple):
     """Initial state of an entity.
 
-    road, lane, s (m): None, 0 and 0 where its position does not name them. speed: m/s; None where none is set.
-    pose: x, y, z (m) and heading (rad), where the roads are known. centred: whether it is in the middle of its lane and faces
-    as the traffic there.
+    road, lane, s (m): None, 0 and 0 where its position does not name them. speed: m/s; None where
+    none is set. pose: x, y, z (m) and heading (rad), where the roads are known. centred: whether it
+    is in the middle of its lane and faces as the traffic there.
     """
 
     road: str | None = None
@@ -33,12 +33,23 @@ def starts(scenario: Node) -> dict[str, InitialState]:
     Args:
         scenario: root of a document whose attributes are literals.
     """
-    privates = {node.get("entityRef"): node for node in scenario.need("Storyboard", "Init").iter("Private")}
-    return {name: InitialState(*_lane(name, privates, ()), _speed(node)) for name, node in privates.items()}
+    privates = {
+        node.get("entityRef"): node for node in scenario.need("Storyboard", "Init").iter("Private")
+    }
+    return {
+        name: InitialState(*_lane(name, privates, ()), _speed(node))
+        for name, node in privates.items()
+    }
 
 
-def _lane(name: str, privates: dict[str, Node], inside: tuple[str, ...]) -> tuple[str | None, int, float]:
-    teleports = list(privates[name].iter("TeleportAction")) if name in privates and name not in inside else []
+def _lane(
+    name: str, privates: dict[str, Node], inside: tuple[str, ...]
+) -> tuple[str | None, int, float]:
+    teleports = (
+        list(privates[name].iter("TeleportAction"))
+        if name in privates and name not in inside
+        else []
+    )
     position = teleports[-1].need("Position").only() if teleports else None
     if position is not None and position.tag == "LanePosition":
         return position.get("roadId"), position.int("laneId"), position.float("s")
@@ -68,7 +79,9 @@ def actors(action: Node) -> list[str]:
     if node is None:
         return []
     return (
-        [node.get("entityRef")] if node.tag == "Private" else [each.get("entityRef") for each in node.need("Actors").children()]
+        [node.get("entityRef")]
+        if node.tag == "Private"
+        else [each.get("entityRef") for each in node.need("Actors").children()]
     )
 
 
@@ -80,7 +93,11 @@ def as_started(scenario: Node, known: Mapping[str, InitialState]) -> State:
     """Return certain states: the initial one, if no earlier action can have changed it."""
 
     def state(action: Node, entity: str) -> InitialState | None:
-        holder = next(each.tag for each in action.element.iterancestors() if each.tag in ("LateralAction", "LongitudinalAction"))
+        holder = next(
+            each.tag
+            for each in action.element.iterancestors()
+            if each.tag in ("LateralAction", "LongitudinalAction")
+        )
         return known.get(entity) if first(action, str(holder), scenario) else None
 
     return state
@@ -88,7 +105,11 @@ def as_started(scenario: Node, known: Mapping[str, InitialState]) -> State:
 
 def as_told(scenario: Node, known: Mapping[str, InitialState]) -> State:
     """Return expected states: lane and speed that the preceding actions in the file set."""
-    stories = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(*_DEMANDS)]
+    stories = [
+        each
+        for story in scenario.need("Storyboard").children("Story")
+        for each in story.iter(*_DEMANDS)
+    ]
 
     def state(action: Node, entity: str) -> InitialState | None:
         now = known.get(entity)
@@ -132,7 +153,11 @@ def target_speed(action: Node, state: State) -> float | None:
     if other is None or other.speed is None or target.bool("continuous"):
         return None
     value = target.float("value")
-    return other.speed * value if target.get("speedTargetValueType") == "factor" else other.speed + value
+    return (
+        other.speed * value
+        if target.get("speedTargetValueType") == "factor"
+        else other.speed + value
+    )
 
 
 def _after(action: Node, entity: str, now: InitialState, state: State) -> InitialState:
@@ -147,12 +172,18 @@ def _after(action: Node, entity: str, now: InitialState, state: State) -> Initia
         if target.get("entityRef") == entity:
             return now._replace(lane=beside(now.lane, facing * target.int("value")))
         return now._replace(road=None)
-    return InitialState() if action.tag in ("TeleportAction", "FollowTrajectoryAction") else now._replace(speed=None)
+    return (
+        InitialState()
+        if action.tag in ("TeleportAction", "FollowTrajectoryAction")
+        else now._replace(speed=None)
+    )
 
 
 def first(action: Node, tag: str, scenario: Node) -> bool:
     """Whether an entity does nothing of that kind in the story besides this action, so that it still is as it started."""
-    story = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(tag)]
+    story = [
+        each for story in scenario.need("Storyboard").children("Story") for each in story.iter(tag)
+    ]
     return sum(set(actors(each)) & set(actors(action)) != set() for each in story) <= 1
 
 
@@ -214,7 +245,11 @@ class RoadGeometry(Protocol):
         ...
 
     def track(
-        self, trajectory: Node, skip: float = 0.0, actor: str | None = None, pose: Pose = (0.0, 0.0, 0.0, 0.0)
+        self,
+        trajectory: Node,
+        skip: float = 0.0,
+        actor: str | None = None,
+        pose: Pose = (0.0, 0.0, 0.0, 0.0),
     ) -> Sequence[Vertex] | None:
         """Vertices that stand for a Trajectory from a distance (m) on; None where it depends on what happens.
 

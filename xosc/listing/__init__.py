@@ -9,16 +9,16 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from schemas.common.command_line import expand
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import limited
-from schemas.common.text import csv_text, many, one_line
+from schemas.common.terminal.command_line import expand
+from schemas.common.terminal.text import csv_text, many, one_line
 from schemas.expressions import ExpressionError
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load
-from xosc.node import Node
-from xosc.parameters import ParameterScope
-from xosc.tags import Tag, Value, tags_of
+from xosc.document.node import Node
+from xosc.resolve.parameters import ParameterScope
+from xosc.writing.tags import Tag, Value, tags_of
 
 LIBRARY = Path(__file__).parents[1] / "library"
 """The shipped one."""
@@ -35,7 +35,8 @@ class ListedParameter:
 
     Attributes:
         name, type, value: as written.
-        limits: groups of constraints (rule, value), one group must hold; empty where any value is allowed.
+        limits: groups of constraints (rule, value), one group must hold; empty where any value is
+            allowed.
     """
 
     name: str
@@ -86,7 +87,9 @@ class Listed:
 
     def has(self, tag: Tag) -> bool:
         """Whether it has a tag of this type and, where one is given, of this value."""
-        return tag.type in self.tags and (tag.value is None or _text(self.tags[tag.type]) == tag.value)
+        return tag.type in self.tags and (
+            tag.value is None or _text(self.tags[tag.type]) == tag.value
+        )
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,9 @@ class Listing:
     def _missing(self, tag: Tag) -> str:
         there = {_text(each.tags[tag.type]) for each in self.scenarios if tag.type in each.tags}
         if there:
-            return f"no scenario has {tag.type} {tag.value!r}; there are: {', '.join(sorted(there))}"
+            return (
+                f"no scenario has {tag.type} {tag.value!r}; there are: {', '.join(sorted(there))}"
+            )
         types = sorted({name for each in self.scenarios for name in each.tags})
         return f"no scenario has a tag {tag.type!r}; there are: {', '.join(types) or 'none'}"
 
@@ -130,11 +135,13 @@ def listing(paths: Iterable[str], tell: Callable[[ToolchainError], None] | None 
     """List files, folders and globs. The scenario of a variation file is included; roads are left out.
 
     Args:
-        tell: called with the error of each file that can't be listed, and the others go on; None to raise the first.
+        tell: called with the error of each file that can't be listed, and the others go on; None to
+            raise the first.
 
     Raises:
         UsageError: a folder or a glob stands for no file.
-        InvalidFile, Unsupported: a file can't be read, or is no OpenSCENARIO file of a known version.
+        InvalidFile, Unsupported: a file can't be read, or is no OpenSCENARIO file of a known
+            version.
     """
     scenarios: dict[str, Listed] = {}
     variations, catalogues = list[Document](), list[ListedCatalogue]()
@@ -205,14 +212,19 @@ def _declared(node: Node) -> ListedParameter:
         tuple((each.get("rule"), each.get("value")) for each in group.children("ValueConstraint"))
         for group in node.children("ConstraintGroup")
     ]
-    return ListedParameter(node.get("name"), node.get("parameterType"), node.get("value"), tuple(groups))
+    return ListedParameter(
+        node.get("name"), node.get("parameterType"), node.get("value"), tuple(groups)
+    )
 
 
 def _catalogue(document: Document) -> ListedCatalogue:
     catalog = document.node.need("Catalog")
     entries = catalog.children()
     return ListedCatalogue(
-        document.path, catalog.get("name", ""), entries[0].tag if entries else "", tuple(each.get("name", "") for each in entries)
+        document.path,
+        catalog.get("name", ""),
+        entries[0].tag if entries else "",
+        tuple(each.get("name", "") for each in entries),
     )
 
 
@@ -246,7 +258,14 @@ def text(listing: Listing, verbose: bool = False) -> str:
         verbose: with a line for each parameter, file of variations and tag below its scenario.
     """
     rows = [
-        (each.name, each.label or "–", each.road or "–", str(len(each.parameters)), str(_sets(each)), each.description)
+        (
+            each.name,
+            each.label or "–",
+            each.road or "–",
+            str(len(each.parameters)),
+            str(_sets(each)),
+            each.description,
+        )
         for each in listing.scenarios
     ]
     details = [_details(each) if verbose else [] for each in listing.scenarios]
@@ -268,20 +287,41 @@ def to_json(listing: Listing) -> str:
         for each in listing.scenarios
     ]  # fmt: skip
     catalogues = [
-        {"name": each.name, "kind": each.kind, "path": str(each.path), "entries": list(each.entries)}
+        {
+            "name": each.name,
+            "kind": each.kind,
+            "path": str(each.path),
+            "entries": list(each.entries),
+        }
         for each in listing.catalogues
     ]
-    return json.dumps({"scenarios": scenarios, "catalogues": catalogues}, indent=1, ensure_ascii=False) + "\n"
+    return (
+        json.dumps({"scenarios": scenarios, "catalogues": catalogues}, indent=1, ensure_ascii=False)
+        + "\n"
+    )
 
 
 def to_csv(listing: Listing) -> str:
     """A line for each scenario."""
-    rows: list[tuple[object, ...]] = [("name", "class", "description", "path", "road", "parameters", "variations", "tags")]
+    rows: list[tuple[object, ...]] = [
+        ("name", "class", "description", "path", "road", "parameters", "variations", "tags")
+    ]
     for each in listing.scenarios:
         parameters = "; ".join(map(_parameter_text, each.parameters))
         variations = "; ".join(str(one.path) for one in each.variations)
         tags = "; ".join(_tag_texts(each.tags))
-        rows.append((each.name, each.label, each.description, str(each.path), each.road, parameters, variations, tags))
+        rows.append(
+            (
+                each.name,
+                each.label,
+                each.description,
+                str(each.path),
+                each.road,
+                parameters,
+                variations,
+                tags,
+            )
+        )
     return csv_text(rows)
 
 
@@ -296,7 +336,8 @@ def of_rows(rows: Sequence[Mapping[str, Any]], shown: Sequence[str], format: str
     """Rows of an index as text, JSON or CSV.
 
     Args:
-        shown: columns of the text; the other formats have all. Near-duplicates are listed below the row that stands for them.
+        shown: columns of the text; the other formats have all. Near-duplicates are listed below the
+            row that stands for them.
     """
     if format == "json":
         return json.dumps(rows, indent=1, ensure_ascii=False) + "\n"
@@ -305,18 +346,31 @@ def of_rows(rows: Sequence[Mapping[str, Any]], shown: Sequence[str], format: str
         return csv_text([names, *([row[name] for name in names] for row in rows)])
     shown = [name for name in shown if name != "duplicates"]
     cells = [[_cell(row[name]) for name in shown] for row in rows]
-    details = [[f"near-duplicate: {name}" for name in (row.get("duplicates") or "").split("; ") if name] for row in rows]
-    left_out = f", {many(sum(map(len, details)), 'near-duplicate')} left out" if rows and "duplicates" in rows[0] else ""
-    return "\n".join([*_aligned(shown, cells, details), f"{many(len(rows), 'scenario')}{left_out}", ""])
+    details = [
+        [f"near-duplicate: {name}" for name in (row.get("duplicates") or "").split("; ") if name]
+        for row in rows
+    ]
+    left_out = (
+        f", {many(sum(map(len, details)), 'near-duplicate')} left out"
+        if rows and "duplicates" in rows[0]
+        else ""
+    )
+    return "\n".join(
+        [*_aligned(shown, cells, details), f"{many(len(rows), 'scenario')}{left_out}", ""]
+    )
 
 
 def _cell(value: Any) -> str:
     return "–" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _aligned(columns: Sequence[str], rows: Sequence[Sequence[str]], details: Sequence[Sequence[str]]) -> list[str]:
+def _aligned(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], details: Sequence[Sequence[str]]
+) -> list[str]:
     """Rows under their columns, the last column as long as it is; below each row its details."""
-    rows, details = ([[one_line(text) for text in texts] for texts in table] for table in (rows, details))
+    rows, details = (
+        [[one_line(text) for text in texts] for texts in table] for table in (rows, details)
+    )
     widths = [max(map(len, column)) for column in list(zip(columns, *rows, strict=True))[:-1]]
     lines = []
     for row, more in zip([columns, *rows], [[], *details], strict=True):
@@ -340,5 +394,12 @@ def _tag_texts(tags: Mapping[str, Any]) -> list[str]:
 
 
 def _parameter(parameter: ListedParameter) -> dict[str, Any]:
-    limits = [[{"rule": rule, "value": value} for rule, value in group] for group in parameter.limits]
-    return {"name": parameter.name, "type": parameter.type, "value": parameter.value, "limits": limits}
+    limits = [
+        [{"rule": rule, "value": value} for rule, value in group] for group in parameter.limits
+    ]
+    return {
+        "name": parameter.name,
+        "type": parameter.type,
+        "value": parameter.value,
+        "limits": limits,
+    }

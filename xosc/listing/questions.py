@@ -1,7 +1,7 @@
 """Questions to the index of a catalogue: conditions, order, near-duplicates, similar scenarios, copies.
 
-Conditions are parsed here and become expressions of pyarrow: nothing in them is executed. The index is what `xosc-recognize`
-writes (`recognition.catalogue.index`).
+Conditions are parsed here and become expressions of pyarrow: nothing in them is executed. The index
+is what `xosc-recognize` writes (`recognition.catalogue.writing.index`).
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from schemas.common.errors import InvalidFile, UsageError, nearest, reason
 from schemas.common.storage import read_bytes, read_object, read_parquet
-from schemas.common.text import csv_text
+from schemas.common.terminal.text import csv_text
 from xosc.document import load
 from xosc.exports.draft import Folder
-from xosc.tags import tags_of
+from xosc.writing.tags import tags_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -73,7 +73,10 @@ def read_index(path: str | os.PathLike[str]) -> Index:
     file = Path(path)
     file = file / INDEX if file.is_dir() else file
     if file.name != INDEX or not file.is_file():
-        raise UsageError(f"questions are to a catalogue with an {INDEX}, as xosc-recognize writes it; there is none", path=path)
+        raise UsageError(
+            f"questions are to a catalogue with an {INDEX}, as xosc-recognize writes it; there is none",
+            path=path,
+        )
     try:
         table = read_parquet(file)
     except (OSError, ValueError, pa.ArrowException) as error:
@@ -86,11 +89,13 @@ def read_index(path: str | os.PathLike[str]) -> Index:
 def condition(text: str, schema: pa.Schema) -> Question:
     """Return the condition that a text states on rows of a schema.
 
-    Columns, numbers, texts in quotes, `true` and `false` are compared by =, !=, <, <=, >, >=, `between … and …`, `in (…)`,
-    `like '…%'` and `is [not] null`, and joined by `and`, `or`, `not` and brackets. Absent values match `is null` alone.
+    Columns, numbers, texts in quotes, `true` and `false` are compared by =, !=, <, <=, >, >=,
+    `between … and …`, `in (…)`, `like '…%'` and `is [not] null`, and joined by `and`, `or`, `not`
+    and brackets. Absent values match `is null` alone.
 
     Raises:
-        UsageError: the text is no such condition, names an unknown column or compares different types; with the position.
+        UsageError: the text is no such condition, names an unknown column or compares different
+            types; with the position.
     """
     return _Parser(text, schema).parsed()
 
@@ -136,11 +141,17 @@ class _Parser:
                 continue
             match = _TOKEN.match(text, at)
             if match is None:
-                what = "this text has no closing quote" if text[at] in "'\"" else "this is no part of a condition"
+                what = (
+                    "this text has no closing quote"
+                    if text[at] in "'\""
+                    else "this is no part of a condition"
+                )
                 raise self._wrong(_Token("", text[at : at + 12], at + 1), what)
             kind, piece = str(match.lastgroup), match[0]
             word = kind == "name" and piece.lower() in _WORDS and piece not in self._schema.names
-            found.append(_Token("word", piece.lower(), at + 1) if word else _Token(kind, piece, at + 1))
+            found.append(
+                _Token("word", piece.lower(), at + 1) if word else _Token(kind, piece, at + 1)
+            )
             at = match.end()
         return [*found, _Token("end", "the end", len(text) + 1)]
 
@@ -229,12 +240,17 @@ class _Parser:
 
         pattern = self._take("text")
         if left.type != "text" or pattern is None:
-            raise self._wrong(at if pattern else self._here, "'like' compares a column of texts with a text: site like 'US-101%'")
+            raise self._wrong(
+                at if pattern else self._here,
+                "'like' compares a column of texts with a text: site like 'US-101%'",
+            )
         return pc.match_like(left.expression, _unquoted(pattern.text))
 
     def _compared(self, left: _Operand, sign: _Token, right: _Operand) -> Any:
         if left.type != right.type:
-            raise self._wrong(right.token, f"{left.token.text} is a {left.type}, this is a {right.type}")
+            raise self._wrong(
+                right.token, f"{left.token.text} is a {left.type}, this is a {right.type}"
+            )
         if left.type == "truth" and sign.text in _ORDERED:
             raise self._wrong(sign, f"{left.token.text} is true or false and has no order")
         return _SIGNS[sign.text](left.expression, right.expression)
@@ -254,7 +270,9 @@ class _Parser:
             raise self._wrong(token, "a column, a number or a text in quotes is expected")
         kind = _type_of(self._schema, token.text)
         if kind is None:
-            raise self._wrong(token, f"there is no such column; {nearest(token.text, self._schema.names)}")
+            raise self._wrong(
+                token, f"there is no such column; {nearest(token.text, self._schema.names)}"
+            )
         self._columns[token.text] = None
         return _Operand(pc.field(token.text), kind, token)
 
@@ -270,7 +288,9 @@ def _type_of(schema: pa.Schema, name: str) -> str | None:
     if name not in schema.names:
         return None
     kind = schema.field(name).type
-    return "truth" if pa.types.is_boolean(kind) else "text" if pa.types.is_string(kind) else "number"
+    return (
+        "truth" if pa.types.is_boolean(kind) else "text" if pa.types.is_string(kind) else "number"
+    )
 
 
 def ordered(table: pa.Table, names: Sequence[str]) -> pa.Table:
@@ -283,7 +303,9 @@ def ordered(table: pa.Table, names: Sequence[str]) -> pa.Table:
     for name in names:
         column = name.removeprefix("-")
         if column not in table.column_names:
-            raise UsageError(f"--sort: there is no column {column!r}; {nearest(column, table.column_names)}")
+            raise UsageError(
+                f"--sort: there is no column {column!r}; {nearest(column, table.column_names)}"
+            )
         keys.append((column, "descending" if name.startswith("-") else "ascending"))
     return table.sort_by([*keys, ("file", "ascending")])
 
@@ -304,8 +326,9 @@ NEAR = 0.25
 def distance(table: pa.Table, one: dict[str, Any]) -> np.ndarray:
     """Return the distance (n,) of all rows from a scenario.
 
-    Root mean square over the columns of `SCALES` of the differences divided by these, 3 at most, and 3 where one value is
-    absent; class, road kind and light count 3 where they differ. Columns in which both are absent do not count.
+    Root mean square over the columns of `SCALES` of the differences divided by these, 3 at most,
+    and 3 where one value is absent; class, road kind and light count 3 where they differ. Columns
+    in which both are absent do not count.
 
     Args:
         one: values by column; absent ones are None.
@@ -318,11 +341,19 @@ def _features(rows: Sequence[dict[str, Any]]) -> np.ndarray:
     """Values (n, k) in units of their scales, NaN for absent ones; names as numbers that differ by `_LACKING`."""
     import numpy as np
 
-    columns = [np.array([row.get(name) for row in rows], np.float64) / scale for name, scale in SCALES.items()]
+    columns = [
+        np.array([row.get(name) for row in rows], np.float64) / scale
+        for name, scale in SCALES.items()
+    ]
     for name in _ALIKE:
         values = [row.get(name) for row in rows]
-        codes = {value: _LACKING * code for code, value in enumerate(sorted({str(each) for each in values}))}
-        columns.append(np.array([np.nan if value is None else codes[str(value)] for value in values]))
+        codes = {
+            value: _LACKING * code
+            for code, value in enumerate(sorted({str(each) for each in values}))
+        }
+        columns.append(
+            np.array([np.nan if value is None else codes[str(value)] for value in values])
+        )
     return np.stack(columns, axis=1)
 
 
@@ -332,7 +363,9 @@ def _distances(features: np.ndarray, one: np.ndarray) -> np.ndarray:
     absent, missing = np.isnan(features), np.isnan(one)
     differs = np.minimum(np.nan_to_num(np.abs(features - one)), _LACKING)
     differs[absent != missing] = _LACKING
-    return np.asarray(np.sqrt(np.square(differs).sum(axis=1) / np.maximum((~(absent & missing)).sum(axis=1), 1)))
+    return np.asarray(
+        np.sqrt(np.square(differs).sum(axis=1) / np.maximum((~(absent & missing)).sum(axis=1), 1))
+    )
 
 
 def distinct(table: pa.Table) -> pa.Table:
@@ -350,7 +383,9 @@ def distinct(table: pa.Table) -> pa.Table:
         named[int(left[0])] = [files[row] for row in left[near][1:].tolist()]
         left = left[~near]
     kept = list(named)
-    return table.take(pa.array(kept, pa.int64())).append_column("duplicates", pa.array(["; ".join(named[row]) for row in kept]))
+    return table.take(pa.array(kept, pa.int64())).append_column(
+        "duplicates", pa.array(["; ".join(named[row]) for row in kept])
+    )
 
 
 def similar(index: Index, file: Path) -> pa.Table:
@@ -365,7 +400,9 @@ def similar(index: Index, file: Path) -> pa.Table:
     import pyarrow as pa
 
     files, path = index.table["file"].to_pylist(), Path(os.path.abspath(file))
-    own = [row for row, name in enumerate(files) if Path(os.path.abspath(index.root / name)) == path]
+    own = [
+        row for row, name in enumerate(files) if Path(os.path.abspath(index.root / name)) == path
+    ]
     one = index.table.take(own).to_pylist()[0] if own else _tagged(file)
     table = index.table.append_column("distance", pa.array(distance(index.table, one).round(3)))
     others = pa.array([row for row in range(len(files)) if row not in own], pa.int64())
@@ -402,13 +439,19 @@ def copy(index: Index, table: pa.Table, folder: Folder) -> int:
     rows = table.to_pylist()
     chosen = {row["file"] for row in rows}
     about = read_object(index.root / "index.json")
-    scenarios = [row for row in about.get("scenarios", []) if isinstance(row, dict) and row.get("file") in chosen]
+    scenarios = [
+        row
+        for row in about.get("scenarios", [])
+        if isinstance(row, dict) and row.get("file") in chosen
+    ]
     held = table.select([name for name in table.column_names if name in index.table.column_names])
     written = pa.BufferOutputStream()
     pq.write_table(held, written, compression="zstd")
     cells = csv_text([held.column_names, *(list(row.values()) for row in held.to_pylist())])
     contents = {INDEX: written.getvalue().to_pybytes(), "index.csv": cells.encode()}
-    facts = {name: about[name] for name in ("sorted_by", "recordings") if name in about} | {"scenarios": scenarios}
+    facts = {name: about[name] for name in ("sorted_by", "recordings") if name in about} | {
+        "scenarios": scenarios
+    }
     contents["index.json"] = (json.dumps(facts, indent=1, ensure_ascii=False) + "\n").encode()
     names = dict.fromkeys(str(row[name]) for row in rows for name in FILES if row.get(name))
     for name in list(names):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, rule, unresolved
-from schemas.xml import local_name
+from schemas.common.xml import local_name
 
 _ROAD_POSITIONS = ("LanePosition", "RoadPosition", "RelativeLanePosition", "RelativeRoadPosition")
 
@@ -17,7 +17,9 @@ def road_position_has_a_road_network(document: CheckedDocument) -> Iterator[Find
     if document.elements("LogicFile"):
         return
     for element in document.elements(*_ROAD_POSITIONS):
-        yield Finding(element, f"{local_name(element)} needs a road network, the scenario has no LogicFile")
+        yield Finding(
+            element, f"{local_name(element)} needs a road network, the scenario has no LogicFile"
+        )
 
 
 @rule("asam.net:xosc:1.1.0:positioning.geodetic_datum_defined", kinds=("scenario",), since=(1, 1))
@@ -27,14 +29,23 @@ def geo_position_has_a_geo_reference(document: CheckedDocument) -> Iterator[Find
     if network is None or network.geo_reference:
         return
     for element in document.elements("GeoPosition"):
-        yield Finding(element, f"a GeoPosition needs a geoReference, the road network {network.path.name} has none")
+        yield Finding(
+            element,
+            f"a GeoPosition needs a geoReference, the road network {network.path.name} has none",
+        )
 
 
-@rule("xosc.toolchain:xosc:1.0.0:reference_control.road_exists_in_road_network", kinds=("scenario",))
+@rule(
+    "xosc.toolchain:xosc:1.0.0:reference_control.road_exists_in_road_network", kinds=("scenario",)
+)
 def road_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A roadId must be the id of a road in the road network."""
     network = document.road_network
-    return unresolved(document, "road", network.roads, "roadId", where=f" in {network.path.name}") if network else iter(())
+    return (
+        unresolved(document, "road", network.roads, "roadId", where=f" in {network.path.name}")
+        if network
+        else iter(())
+    )
 
 
 ROAD_LENGTH_UID = "xosc.toolchain:xosc:1.0.0:positioning.position_is_on_the_road"
@@ -50,7 +61,10 @@ def position_is_on_the_road(document: CheckedDocument) -> Iterator[Finding]:
         road = network.roads.get(document.value(element, "roadId") or "") if network else None
         s = document.number(element, "s")
         if road is not None and s is not None and not -_TOLERANCE <= s <= road.length + _TOLERANCE:
-            yield Finding(element, f"s={s:g} is not on road {element.get('roadId')}, which is {road.length:g} m long")
+            yield Finding(
+                element,
+                f"s={s:g} is not on road {element.get('roadId')}, which is {road.length:g} m long",
+            )
 
 
 LANE_UID = "xosc.toolchain:xosc:1.0.0:reference_control.lane_exists_on_road"
@@ -60,7 +74,8 @@ LANE_UID = "xosc.toolchain:xosc:1.0.0:reference_control.lane_exists_on_road"
 def lane_exists(document: CheckedDocument) -> Iterator[Finding]:
     """The laneId of a LanePosition must be a lane of the road at that s coordinate; expressions may write it as -2.0.
 
-    Where roads have temporary lanes it is one of these, unless the position names the permanent layer.
+    Where roads have temporary lanes it is one of these, unless the position names the permanent
+    layer.
     """
     network = document.road_network
     for element in document.elements("LanePosition") if network else ():
@@ -68,11 +83,15 @@ def lane_exists(document: CheckedDocument) -> Iterator[Finding]:
         lane, s = document.value(element, "laneId"), document.number(element, "s")
         if road is None or lane is None or s is None or not 0 <= s <= road.length:
             continue
-        lanes, number = road.lanes(s, document.value(element, "layer")), document.number(element, "laneId")
+        lanes, number = (
+            road.lanes(s, document.value(element, "layer")),
+            document.number(element, "laneId"),
+        )
         if lane.strip() not in lanes and (number is None or f"{number + 0.0:g}" not in lanes):
             known = ", ".join(sorted(lanes, key=_from_left))
             yield Finding(
-                element, f"laneId: there is no lane {lane!r} at s={s:g} of road {element.get('roadId')}, it has {known}"
+                element,
+                f"laneId: there is no lane {lane!r} at s={s:g} of road {element.get('roadId')}, it has {known}",
             )
 
 
@@ -92,7 +111,10 @@ def relative_lane_position_has_one_distance(document: CheckedDocument) -> Iterat
     for element in document.elements("RelativeLanePosition"):
         given = [name for name in ("ds", "dsLane") if element.get(name) is not None]
         if len(given) != 1:
-            yield Finding(element, f"{' and '.join(given) or 'neither ds nor dsLane'} given, one of the two is expected")
+            yield Finding(
+                element,
+                f"{' and '.join(given) or 'neither ds nor dsLane'} given, one of the two is expected",
+            )
 
 
 TIMING_UID = "asam.net:xosc:1.0.0:routing.trajectory_timing_exists_if_requested"
@@ -114,7 +136,10 @@ def trajectory_has_times(document: CheckedDocument) -> Iterator[Finding]:
         for part in action.iter(*_TIMES):
             missing = [name for name in _TIMES[local_name(part)] if part.get(name) is None]
             if missing:
-                yield Finding(part, f"the {local_name(part)} has no {missing[0]}, which the action's Timing asks for")
+                yield Finding(
+                    part,
+                    f"the {local_name(part)} has no {missing[0]}, which the action's Timing asks for",
+                )
                 break
 
 
@@ -137,7 +162,10 @@ def nurbs_knots_fit_order(document: CheckedDocument) -> Iterator[Finding]:
         if points < order:
             yield Finding(element, f"{points} control points are fewer than the order {order:g}")
         elif len(knots) != points + order:
-            yield Finding(element, f"{len(knots)} knots, but {points} control points of order {order:g} need {points + order:g}")
+            yield Finding(
+                element,
+                f"{len(knots)} knots, but {points} control points of order {order:g} need {points + order:g}",
+            )
         values = [value for knot in knots if (value := document.number(knot, "value")) is not None]
         if values != sorted(values):
             yield Finding(element, "the knots must ascend")

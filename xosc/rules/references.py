@@ -12,7 +12,7 @@ from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, negative, on_cycles, rule, unknown, unresolved
 from schemas.common.policy import current
 from schemas.common.storage import in_any_case
-from schemas.xml import local_name
+from schemas.common.xml import local_name
 
 
 @rule("asam.net:xosc:1.2.0:reference_control.resolvable_entity_references", kinds=("scenario",))
@@ -40,13 +40,20 @@ def controller_exists(document: CheckedDocument) -> Iterator[Finding]:
             yield Finding(element, f"{attribute}: {unknown('controller', name, controllers)}")
 
 
-@rule("asam.net:xosc:1.2.0:reference_control.uniquely_resolvable_entity_references", level="warning", since=(1, 2))
+@rule(
+    "asam.net:xosc:1.2.0:reference_control.uniquely_resolvable_entity_references",
+    level="warning",
+    since=(1, 2),
+)
 def catalog_entries_have_own_names(document: CheckedDocument) -> Iterator[Finding]:
     """Entries of a catalogue shall have names of their own, or references to them are ambiguous."""
     return _ambiguous(document, "Catalog")
 
 
-@rule("xosc.toolchain:xosc:1.0.0:reference_control.entities_have_names_of_their_own", kinds=("scenario",))
+@rule(
+    "xosc.toolchain:xosc:1.0.0:reference_control.entities_have_names_of_their_own",
+    kinds=("scenario",),
+)
 def entities_have_own_names(document: CheckedDocument) -> Iterator[Finding]:
     """Entities shall have names of their own, or references to them are ambiguous."""
     return _ambiguous(document, "Entities")
@@ -58,17 +65,28 @@ def _ambiguous(document: CheckedDocument, holder: str) -> Iterator[Finding]:
         for element in parent.iterchildren(etree.Element):
             name = document.value(element, "name")
             if name is not None and name in seen:
-                yield Finding(element, f"{local_name(element)} {name!r} has the name of another, references to it are ambiguous")
+                yield Finding(
+                    element,
+                    f"{local_name(element)} {name!r} has the name of another, references to it are ambiguous",
+                )
             elif name is not None:
                 seen.add(name)
 
 
-@rule("xosc.toolchain:xosc:1.0.0:reference_control.no_cyclic_entity_selections", kinds=("scenario",))
+@rule(
+    "xosc.toolchain:xosc:1.0.0:reference_control.no_cyclic_entity_selections", kinds=("scenario",)
+)
 def selections_are_not_cyclic(document: CheckedDocument) -> Iterator[Finding]:
     """An EntitySelection must not be a member of itself, directly or through other selections."""
-    selections = {selection.get("name") or "": selection for selection in document.elements("EntitySelection")}
+    selections = {
+        selection.get("name") or "": selection for selection in document.elements("EntitySelection")
+    }
     members = {
-        name: [member for ref in selection.iter("EntityRef") if (member := document.value(ref, "entityRef"))]
+        name: [
+            member
+            for ref in selection.iter("EntityRef")
+            if (member := document.value(ref, "entityRef"))
+        ]
         for name, selection in selections.items()
     }
     for name in on_cycles(members):
@@ -85,10 +103,14 @@ _TRAILERS = ("TrailerRef", "ConnectTrailerAction")
 def entity_gets_a_position(document: CheckedDocument) -> Iterator[Finding]:
     """An entity should be put somewhere by an action: without one it never appears.
 
-    Which entities trigger an event is known in a run only, so a scenario that selects these as actors is not looked at, nor one
-    whose actions place selections of entities, or entities that it does not declare.
+    Which entities trigger an event is known in a run only, so a scenario that selects these as
+    actors is not looked at, nor one whose actions place selections of entities, or entities that it
+    does not declare.
     """
-    if any(document.value(actors, "selectTriggeringEntities") not in ("false", "0") for actors in document.elements("Actors")):
+    if any(
+        document.value(actors, "selectTriggeringEntities") not in ("false", "0")
+        for actors in document.elements("Actors")
+    ):
         return
     entities, placed = document.names("ScenarioObject"), set(_placed(document))
     if not placed <= entities:
@@ -96,7 +118,9 @@ def entity_gets_a_position(document: CheckedDocument) -> Iterator[Finding]:
     for entity in document.elements("ScenarioObject"):
         name = document.value(entity, "name")
         if name is not None and name not in placed:
-            yield Finding(entity, f"no action gives the entity {name!r} a position: it never appears")
+            yield Finding(
+                entity, f"no action gives the entity {name!r} a position: it never appears"
+            )
 
 
 def _placed(document: CheckedDocument) -> Iterator[str | None]:
@@ -109,14 +133,19 @@ def _placed(document: CheckedDocument) -> Iterator[str | None]:
             yield document.value(action, "entityRef")
     for group in document.elements("ManeuverGroup"):
         if _places(document, group):
-            yield from (document.value(actor, "entityRef") for actor in group.iterfind("Actors/EntityRef"))
+            yield from (
+                document.value(actor, "entityRef") for actor in group.iterfind("Actors/EntityRef")
+            )
     for trailer in document.elements(*_TRAILERS):
         yield document.value(trailer, "trailerRef") or document.value(trailer, "entityRef")
 
 
 def _places(document: CheckedDocument, element: etree._Element) -> bool:
     """Whether an element, or a maneuver of a catalogue in it, has an action that puts an entity somewhere."""
-    entries = [document.resolvable_entry(reference) for reference in element.iterchildren("CatalogReference")]
+    entries = [
+        document.resolvable_entry(reference)
+        for reference in element.iterchildren("CatalogReference")
+    ]
     inside = [element, *(entry.element for entry in entries if entry is not None)]
     return any(next(each.iter(*_PLACING), None) is not None for each in inside)
 
@@ -129,7 +158,11 @@ def private_actions_have_actors(document: CheckedDocument) -> Iterator[Finding]:
     """A ManeuverGroup with private actions must have actors, named or selected as the triggering entities."""
     for group in document.elements("ManeuverGroup"):
         actors = group.find("Actors")
-        if actors is None or actors.find("EntityRef") is not None or group.find(".//PrivateAction") is None:
+        if (
+            actors is None
+            or actors.find("EntityRef") is not None
+            or group.find(".//PrivateAction") is None
+        ):
             continue
         what = f"the private actions of the maneuver group {group.get('name')!r} have no actor"
         selected = document.value(actors, "selectTriggeringEntities")
@@ -153,7 +186,11 @@ def kept_lane_offset_is_from_another_entity(document: CheckedDocument) -> Iterat
     """A continuous LaneOffsetAction must not keep an offset from its own actor's: that would run away."""
     for action in document.elements("LaneOffsetAction"):
         target = action.find("LaneOffsetTarget/RelativeTargetLaneOffset")
-        if target is None or document.value(action, "continuous") not in ("true", "1") or not document.number(target, "value"):
+        if (
+            target is None
+            or document.value(action, "continuous") not in ("true", "1")
+            or not document.number(target, "value")
+        ):
             continue
         name = document.value(target, "entityRef")
         if name is not None and name in _actors(document, action):
@@ -177,16 +214,25 @@ def relation_is_to_another_entity(document: CheckedDocument) -> Iterator[Finding
                 yield Finding(condition, f"{name!r} is compared with itself, which never changes")
     for action in document.elements("LaneChangeAction"):
         target = action.find("LaneChangeTarget/RelativeTargetLane")
-        if target is not None and document.number(target, "value") == 0 and action.get("targetLaneOffset", "0") in ("0", "0.0"):
+        if (
+            target is not None
+            and document.number(target, "value") == 0
+            and action.get("targetLaneOffset", "0") in ("0", "0.0")
+        ):
             name = document.value(target, "entityRef")
             if name is not None and _actors(document, action) - {None} == {name}:
-                yield Finding(target, f"{name!r} is to change into the lane that it is in, which does nothing")
+                yield Finding(
+                    target, f"{name!r} is to change into the lane that it is in, which does nothing"
+                )
 
 
 def _actors(document: CheckedDocument, action: etree._Element) -> set[str | None]:
     """Names of the entities that a private action is for."""
     for above in action.iterancestors("Private", "ManeuverGroup"):
-        return {document.value(actor, "entityRef") for actor in (above, *above.iterfind("Actors/EntityRef"))}
+        return {
+            document.value(actor, "entityRef")
+            for actor in (above, *above.iterfind("Actors/EntityRef"))
+        }
     return set()
 
 
@@ -203,7 +249,10 @@ def signal_exists(document: CheckedDocument) -> Iterator[Finding]:
     yield from _unknown_signals(document, "TrafficSignalCondition", "name")
 
 
-@rule("asam.net:xosc:1.2.0:reference_control.resolvable_signal_id_in_traffic_signal_state_action", kinds=("scenario",))
+@rule(
+    "asam.net:xosc:1.2.0:reference_control.resolvable_signal_id_in_traffic_signal_state_action",
+    kinds=("scenario",),
+)
 def signal_of_action_exists(document: CheckedDocument) -> Iterator[Finding]:
     """The name of a TrafficSignalStateAction must be the id of a signal in the road network."""
     yield from _unknown_signals(document, "TrafficSignalStateAction", "name")
@@ -214,7 +263,10 @@ def _unknown_signals(document: CheckedDocument, tag: str, attribute: str) -> Ite
     for element in document.elements(tag) if network else ():
         name = document.value(element, attribute)
         if network and name is not None and name not in network.signals:
-            yield Finding(element, f"{attribute}: {unknown('signal', name, network.signals)} in {network.path.name}")
+            yield Finding(
+                element,
+                f"{attribute}: {unknown('signal', name, network.signals)} in {network.path.name}",
+            )
 
 
 @rule(
@@ -224,19 +276,31 @@ def _unknown_signals(document: CheckedDocument, tag: str, attribute: str) -> Ite
 def signal_controller_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A trafficSignalControllerRef must name a TrafficSignalController of the scenario's RoadNetwork."""
     controllers = document.names("TrafficSignalController")
-    return unresolved(document, "traffic signal controller", controllers, "trafficSignalControllerRef")
+    return unresolved(
+        document, "traffic signal controller", controllers, "trafficSignalControllerRef"
+    )
 
 
-@rule("asam.net:xosc:1.0.0:reference_control.traffic_signal_controller_references", kinds=("scenario",))
+@rule(
+    "asam.net:xosc:1.0.0:reference_control.traffic_signal_controller_references",
+    kinds=("scenario",),
+)
 def signal_controllers_refer_to_others(document: CheckedDocument) -> Iterator[Finding]:
     """The reference of a TrafficSignalController shall name another TrafficSignalController, and not lead back to itself."""
-    controllers = {document.value(each, "name"): each for each in document.elements("TrafficSignalController")}
+    controllers = {
+        document.value(each, "name"): each for each in document.elements("TrafficSignalController")
+    }
     references = {name: document.value(each, "reference") for name, each in controllers.items()}
     for name, reference in references.items():
         if reference is not None and reference not in controllers:
             message = f"reference: {unknown('traffic signal controller', reference, filter(None, controllers))}"
             yield Finding(controllers[name], message)
-    for name in on_cycles({name: [reference] if reference is not None else [] for name, reference in references.items()}):
+    for name in on_cycles(
+        {
+            name: [reference] if reference is not None else []
+            for name, reference in references.items()
+        }
+    ):
         yield Finding(controllers[name], f"the traffic signal controller {name!r} refers to itself")
 
 
@@ -244,13 +308,18 @@ def signal_controllers_refer_to_others(document: CheckedDocument) -> Iterator[Fi
 def phase_exists(document: CheckedDocument) -> Iterator[Finding]:
     """The phase of an action or a condition on a traffic signal controller must be one of that controller's phases."""
     phases = {
-        document.value(controller, "name"): {document.value(phase, "name") or "" for phase in controller.iter("Phase")}
+        document.value(controller, "name"): {
+            document.value(phase, "name") or "" for phase in controller.iter("Phase")
+        }
         for controller in document.elements("TrafficSignalController")
     }
     for element, _, controller in document.values("trafficSignalControllerRef"):
         phase = document.value(element, "phase")
         if controller in phases and phase is not None and phase not in phases[controller]:
-            yield Finding(element, f"phase: {unknown('phase', phase, phases[controller])} of the controller {controller!r}")
+            yield Finding(
+                element,
+                f"phase: {unknown('phase', phase, phases[controller])} of the controller {controller!r}",
+            )
 
 
 @rule("asam.net:xosc:1.2.0:data_type.positive_duration_in_phase")
@@ -266,7 +335,8 @@ def phase_duration_is_not_negative(document: CheckedDocument) -> Iterator[Findin
 def catalog_directory_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A catalogue location must name an existing folder, relative to the scenario.
 
-    A warning: templates list locations that they do not use, and libraries that have been moved are found by their name.
+    A warning: templates list locations that they do not use, and libraries that have been moved are
+    found by their name.
     """
     for element in document.elements("Directory"):
         name = document.value(element, "path")
@@ -308,18 +378,26 @@ def assigned_parameter_is_declared(document: CheckedDocument) -> Iterator[Findin
         for assignment in reference.iter("ParameterAssignment"):
             name = (assignment.get("parameterRef") or "").removeprefix("$")
             if name not in entry.parameters:
-                yield Finding(assignment, f"parameterRef: {unknown('parameter', name, entry.parameters)} in the catalogue entry")
+                yield Finding(
+                    assignment,
+                    f"parameterRef: {unknown('parameter', name, entry.parameters)} in the catalogue entry",
+                )
 
 
-_LEVELS = {"LogicFile": "error", "ScenarioFile": "error", "SceneGraphFile": "warning", "File": "warning"}
+_LEVELS = {
+    "LogicFile": "error",
+    "ScenarioFile": "error",
+    "SceneGraphFile": "warning",
+    "File": "warning",
+}
 
 
 @rule("xosc.toolchain:xosc:1.0.0:reference_control.resolvable_file_reference")
 def referred_file_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A file that is referred to must exist, relative to the referring file; a road network may be in a folder asked for.
 
-    Models for graphics and animations are only warned about, since a run can do without them; so are absolute paths, which
-    may exist on the machine that they are meant for.
+    Models for graphics and animations are only warned about, since a run can do without them; so
+    are absolute paths, which may exist on the machine that they are meant for.
     """
     for tag, level in _LEVELS.items():
         for element in document.elements(tag):
@@ -330,9 +408,17 @@ def referred_file_exists(document: CheckedDocument) -> Iterator[Finding]:
                 alike = in_any_case(document.file(name))
                 spelt = f"; {alike} differs in upper and lower case" if alike else ""
                 if not current().allows(document.file(name)):
-                    yield Finding(element, f"{tag}: {name!r} {current().outside}, which --untrusted refuses", "error")
+                    yield Finding(
+                        element,
+                        f"{tag}: {name!r} {current().outside}, which --untrusted refuses",
+                        "error",
+                    )
                     continue
-                yield Finding(element, f"{tag}: there is no file {name!r}{place}{spelt}", "warning" if absolute else level)
+                yield Finding(
+                    element,
+                    f"{tag}: there is no file {name!r}{place}{spelt}",
+                    "warning" if absolute else level,
+                )
 
 
 def _exists(document: CheckedDocument, tag: str, name: str) -> bool:

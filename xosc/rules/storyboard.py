@@ -8,7 +8,7 @@ from lxml import etree
 
 from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, rule, unknown
-from schemas.xml import local_name
+from schemas.common.xml import local_name
 from xosc.rules.values import satisfies
 
 EMPTY_ELEMENTS_UID = "xosc.toolchain:xosc:1.0.0:storyboard.elements_are_not_empty"
@@ -38,7 +38,8 @@ CHOICES = (
 def elements_are_not_empty(document: CheckedDocument) -> Iterator[Finding]:
     """A story, act, maneuver group, maneuver, event, action, condition group or collision condition must not be empty.
 
-    A maneuver group without maneuvers is information: the XSD allows it, as the XSDs before 1.3 allow an action without content.
+    A maneuver group without maneuvers is information: the XSD allows it, as the XSDs before 1.3
+    allow an action without content.
     """
     for element in document.elements(*_PARTS, *CHOICES):
         missing = lacking(element)
@@ -67,7 +68,10 @@ _WATCHED = {
 _WATCHED_TAGS = set(_WATCHED.values())
 
 
-@rule("asam.net:xosc:1.2.0:reference_control.resolvable_storyboard_element_reference", kinds=("scenario",))
+@rule(
+    "asam.net:xosc:1.2.0:reference_control.resolvable_storyboard_element_reference",
+    kinds=("scenario",),
+)
 def watched_element_exists(document: CheckedDocument) -> Iterator[Finding]:
     """A storyboardElementRef must name exactly one element of the given type, enclosing ones before it (`act::event`)."""
     known: dict[str, list[tuple[str, ...]]] = {tag: [] for tag in _WATCHED_TAGS}
@@ -82,19 +86,28 @@ def watched_element_exists(document: CheckedDocument) -> Iterator[Finding]:
         parts = tuple(reference.split("::"))
         matches = sum(chain[-len(parts) :] == parts for chain in chains)
         if matches == 0:
-            yield Finding(element, f"{attribute}: {unknown(kind, reference, [chain[-1] for chain in chains])}")
+            yield Finding(
+                element, f"{attribute}: {unknown(kind, reference, [chain[-1] for chain in chains])}"
+            )
         elif matches > 1:
             message = f"{matches} {kind} elements are called {reference!r}; say which with the enclosing names, like 'act::name'"
             yield Finding(element, f"{attribute}: {message}", "warning")
 
 
 def _walk(
-    document: CheckedDocument, source: CheckedDocument, parent: etree._Element, chain: tuple[str, ...]
+    document: CheckedDocument,
+    source: CheckedDocument,
+    parent: etree._Element,
+    chain: tuple[str, ...],
 ) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Element name and chain of names of the storyboard elements below one, those from catalogues included."""
     for child in parent.iterchildren(etree.Element):
         tag = local_name(child)
-        if tag == "CatalogReference" and local_name(parent) == "ManeuverGroup" and source is document:
+        if (
+            tag == "CatalogReference"
+            and local_name(parent) == "ManeuverGroup"
+            and source is document
+        ):
             entry = document.resolvable_entry(child)
             if entry is not None:
                 yield from _named(document, document.source(entry), entry.element, chain)
@@ -103,7 +116,10 @@ def _walk(
 
 
 def _named(
-    document: CheckedDocument, source: CheckedDocument, element: etree._Element, chain: tuple[str, ...]
+    document: CheckedDocument,
+    source: CheckedDocument,
+    element: etree._Element,
+    chain: tuple[str, ...],
 ) -> Iterator[tuple[str, tuple[str, ...]]]:
     own = (*chain, source.value(element, "name") or "")
     yield local_name(element), own
@@ -121,11 +137,16 @@ _MAGNITUDES = {
 _EDGES = ("rising", "falling", "risingOrFalling")
 
 
-@rule("xosc.toolchain:xosc:1.0.0:scenario_logic.condition_is_not_constant", level="warning", kinds=("scenario",))
+@rule(
+    "xosc.toolchain:xosc:1.0.0:scenario_logic.condition_is_not_constant",
+    level="warning",
+    kinds=("scenario",),
+)
 def condition_is_not_constant(document: CheckedDocument) -> Iterator[Finding]:
     """A condition should be able to become true, and must not be constant where it waits for an edge.
 
-    Parameters count with their default values; that one is false by default is for the record, since it may be varied.
+    Parameters count with their default values; that one is false by default is for the record,
+    since it may be varied.
     """
     for condition in document.elements("Condition"):
         edge = document.value(condition, "conditionEdge")
@@ -134,10 +155,18 @@ def condition_is_not_constant(document: CheckedDocument) -> Iterator[Finding]:
             if reason and edge in _EDGES:
                 yield Finding(element, f"never fires: {reason}, so there is no {edge} edge")
             elif not truth:
-                yield Finding(element, f"never fires: {reason}", "info" if local_name(element) == "ParameterCondition" else None)
+                yield Finding(
+                    element,
+                    f"never fires: {reason}",
+                    "info" if local_name(element) == "ParameterCondition" else None,
+                )
 
 
-@rule("xosc.toolchain:xosc:1.0.0:scenario_logic.start_trigger_is_not_empty", level="info", kinds=("scenario",))
+@rule(
+    "xosc.toolchain:xosc:1.0.0:scenario_logic.start_trigger_is_not_empty",
+    level="info",
+    kinds=("scenario",),
+)
 def start_trigger_is_not_empty(document: CheckedDocument) -> Iterator[Finding]:
     """A start trigger should have a condition: the standard gives an empty one no meaning (7.6.1).
 
@@ -145,7 +174,10 @@ def start_trigger_is_not_empty(document: CheckedDocument) -> Iterator[Finding]:
     """
     for trigger in document.elements("StartTrigger"):
         if trigger.find("ConditionGroup") is None:
-            yield Finding(trigger, "the start trigger has no condition, so its element starts at once; leave it out to say so")
+            yield Finding(
+                trigger,
+                "the start trigger has no condition, so its element starts at once; leave it out to say so",
+            )
 
 
 def _constant(document: CheckedDocument, element: etree._Element) -> tuple[bool, str] | None:
@@ -158,22 +190,34 @@ def _constant(document: CheckedDocument, element: etree._Element) -> tuple[bool,
     if value is None:
         return None
     what = _MAGNITUDES[local_name(element)]
-    if (rule_name == "lessThan" and value <= 0) or (rule_name in ("lessOrEqual", "equalTo") and value < 0):
+    if (rule_name == "lessThan" and value <= 0) or (
+        rule_name in ("lessOrEqual", "equalTo") and value < 0
+    ):
         return False, f"{what} is never {rule_name} {value:g}"
-    if (rule_name == "greaterOrEqual" and value <= 0) or (rule_name in ("greaterThan", "notEqualTo") and value < 0):
+    if (rule_name == "greaterOrEqual" and value <= 0) or (
+        rule_name in ("greaterThan", "notEqualTo") and value < 0
+    ):
         return True, f"{what} is always {rule_name} {value:g}"
     return None
 
 
-def _parameter_condition(document: CheckedDocument, element: etree._Element) -> tuple[bool, str] | None:
+def _parameter_condition(
+    document: CheckedDocument, element: etree._Element
+) -> tuple[bool, str] | None:
     """Parameters change only by a ParameterAction (of OpenSCENARIO 1.0 to 1.2)."""
     name = (document.value(element, "parameterRef") or "").removeprefix("$")
     declaration = document.declaration(document.root, name)
     actions = document.elements("ParameterAction")
-    changed = {(document.value(action, "parameterRef") or "").removeprefix("$") for action in actions}
+    changed = {
+        (document.value(action, "parameterRef") or "").removeprefix("$") for action in actions
+    }
     if declaration is None or name in changed:
         return None
-    rule_name, limit, value = element.get("rule") or "", document.value(element, "value"), document.value(declaration, "value")
+    rule_name, limit, value = (
+        element.get("rule") or "",
+        document.value(element, "value"),
+        document.value(declaration, "value"),
+    )
     if limit is None or value is None:
         return None
     try:

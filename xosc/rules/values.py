@@ -8,13 +8,24 @@ from lxml import etree
 
 from schemas.checks.document import CheckedDocument
 from schemas.checks.registry import Finding, negative, rule
-from schemas.expressions import FIRST_VERSION, FUNCTIONS, ExpressionError, evaluate, functions, is_expression, references
-from schemas.values import TYPES, holds, typed
-from schemas.xml import local_name
+from schemas.common.xml import local_name
+from schemas.expressions import (
+    FIRST_VERSION,
+    FUNCTIONS,
+    ExpressionError,
+    evaluate,
+    functions,
+    is_expression,
+    references,
+)
+from schemas.expressions.values import TYPES, holds, typed
 from xosc.rules.parameters import scenario_of
 
 
-@rule("asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference", kinds=("scenario", "catalog"))
+@rule(
+    "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference",
+    kinds=("scenario", "catalog"),
+)
 def default_is_of_the_declared_type(document: CheckedDocument) -> Iterator[Finding]:
     """The value of a ParameterDeclaration or VariableDeclaration must be of the declared type.
 
@@ -32,7 +43,9 @@ def default_is_of_the_declared_type(document: CheckedDocument) -> Iterator[Findi
             typed(kind, text)
         except ValueError as error:
             level = "warning" if document.type.kind == "catalog" else None
-            yield Finding(element, f"{element.get('name')}: the value is not of type {kind}: {error}", level)
+            yield Finding(
+                element, f"{element.get('name')}: the value is not of type {kind}: {error}", level
+            )
 
 
 DECLARED_TYPE_UID = "xosc.toolchain:xosc:1.0.0:parameters.value_is_of_the_declared_type"
@@ -44,9 +57,14 @@ def value_is_of_the_declared_type(document: CheckedDocument) -> Iterator[Finding
     """A value that a parameter or variable is compared with, or set to, must be of its declared type."""
     yield from _distributed(document)
     for family, attribute in _REFERENCES.items():
-        declared = {document.value(each, "name"): each for each in document.elements(f"{family}Declaration")}
+        declared = {
+            document.value(each, "name"): each for each in document.elements(f"{family}Declaration")
+        }
         for element, holder in _uses(document, family):
-            name, text = (document.value(holder, attribute) or "").removeprefix("$"), document.value(element, "value")
+            name, text = (
+                (document.value(holder, attribute) or "").removeprefix("$"),
+                document.value(element, "value"),
+            )
             if name not in declared or text is None:
                 continue
             try:
@@ -59,7 +77,9 @@ def value_is_of_the_declared_type(document: CheckedDocument) -> Iterator[Finding
                 yield Finding(element, f"{name}: the value is not of type {kind}: {error}")
 
 
-def _uses(document: CheckedDocument, family: str) -> Iterator[tuple[etree._Element, etree._Element]]:
+def _uses(
+    document: CheckedDocument, family: str
+) -> Iterator[tuple[etree._Element, etree._Element]]:
     """Elements with a value, and the elements that name its subject."""
     for condition in document.elements(f"{family}Condition"):
         yield condition, condition
@@ -72,7 +92,11 @@ def _uses(document: CheckedDocument, family: str) -> Iterator[tuple[etree._Eleme
 def _distributed(document: CheckedDocument) -> Iterator[Finding]:
     """Values that a distribution lists for parameters of its scenario."""
     scenario = scenario_of(document) if document.type.kind == "distribution" else None
-    declared = scenario.iterfind("ParameterDeclarations/ParameterDeclaration") if scenario is not None else ()
+    declared = (
+        scenario.iterfind("ParameterDeclarations/ParameterDeclaration")
+        if scenario is not None
+        else ()
+    )
     types = {each.get("name"): each.get("parameterType") for each in declared}
     for holder, _, name in document.values("parameterName", "parameterRef"):
         kind = types.get(name)
@@ -85,7 +109,11 @@ def _distributed(document: CheckedDocument) -> Iterator[Finding]:
                     yield Finding(element, f"{name}: the value is not of type {kind}: {error}")
 
 
-@rule("xosc.toolchain:xosc:1.1.0:parameters.default_value_obeys_constraints", kinds=("scenario", "catalog"), since=(1, 1))
+@rule(
+    "xosc.toolchain:xosc:1.1.0:parameters.default_value_obeys_constraints",
+    kinds=("scenario", "catalog"),
+    since=(1, 1),
+)
 def default_obeys_constraints(document: CheckedDocument) -> Iterator[Finding]:
     """The default value of a parameter must satisfy all constraints of at least one of its constraint groups."""
     for declaration in document.elements("ParameterDeclaration"):
@@ -113,7 +141,9 @@ def _is_typed(document: CheckedDocument, declaration: etree._Element, value: str
     return True
 
 
-def _broken(document: CheckedDocument, declaration: etree._Element, value: str, group: etree._Element) -> str | None:
+def _broken(
+    document: CheckedDocument, declaration: etree._Element, value: str, group: etree._Element
+) -> str | None:
     """The first constraint of a group that a value breaks, in words; None where it satisfies all that can be decided.
 
     Raises:
@@ -121,12 +151,18 @@ def _broken(document: CheckedDocument, declaration: etree._Element, value: str, 
     """
     for constraint in group.findall("ValueConstraint"):
         rule_name, limit = document.value(constraint, "rule"), document.value(constraint, "value")
-        if rule_name is not None and limit is not None and not satisfies(document, declaration, value, rule_name, limit):
+        if (
+            rule_name is not None
+            and limit is not None
+            and not satisfies(document, declaration, value, rule_name, limit)
+        ):
             return f"{rule_name} {limit}"
     return None
 
 
-def satisfies(document: CheckedDocument, declaration: etree._Element, value: str, rule_name: str, limit: str) -> bool:
+def satisfies(
+    document: CheckedDocument, declaration: etree._Element, value: str, rule_name: str, limit: str
+) -> bool:
     """Whether a value of a declared parameter compares to a limit as a rule of the standard says.
 
     Raises:
@@ -140,7 +176,8 @@ def satisfies(document: CheckedDocument, declaration: etree._Element, value: str
 def expression_has_allowed_operators(document: CheckedDocument) -> Iterator[Finding]:
     """Expressions must be well-formed and use only the operators and functions that the file's version of the standard has.
 
-    OpenSCENARIO 1.0 has no expressions. Functions that came later than the file's version are warnings: tools know them.
+    OpenSCENARIO 1.0 has no expressions. Functions that came later than the file's version are
+    warnings: tools know them.
     """
     for element, attribute, text in document.parametrised():
         if not is_expression(text):
@@ -151,23 +188,36 @@ def expression_has_allowed_operators(document: CheckedDocument) -> Iterator[Find
             yield Finding(element, f"{attribute}: {error.message}")
             continue
         if document.type.version < FIRST_VERSION:
-            yield Finding(element, f"{attribute}={text!r}: expressions exist since OpenSCENARIO 1.1")
+            yield Finding(
+                element, f"{attribute}={text!r}: expressions exist since OpenSCENARIO 1.1"
+            )
         for name in sorted(called):
             since = FUNCTIONS[name].since
             if FIRST_VERSION <= document.type.version < since:
                 version = ".".join(map(str, since))
-                yield Finding(element, f"{attribute}={text!r}: {name} exists since OpenSCENARIO {version}", "warning")
+                yield Finding(
+                    element,
+                    f"{attribute}={text!r}: {name} exists since OpenSCENARIO {version}",
+                    "warning",
+                )
 
 
-@rule("xosc.toolchain:xosc:1.1.0:expressions.expression_has_a_value", kinds=("scenario", "catalog"), since=(1, 1))
+@rule(
+    "xosc.toolchain:xosc:1.1.0:expressions.expression_has_a_value",
+    kinds=("scenario", "catalog"),
+    since=(1, 1),
+)
 def expression_has_a_value(document: CheckedDocument) -> Iterator[Finding]:
     """An expression must have a value with the parameters' defaults: no division by zero, no text in a sum, no overflow.
 
-    Malformed expressions, undeclared parameters and defaults of the wrong type are the business of other rules.
+    Malformed expressions, undeclared parameters and defaults of the wrong type are the business of
+    other rules.
     """
     for element, attribute, text in document.parametrised():
         try:
-            usable = is_expression(text) and all(_has_value(document, element, name) for name in references(text))
+            usable = is_expression(text) and all(
+                _has_value(document, element, name) for name in references(text)
+            )
         except ExpressionError:
             continue
         if not usable:
@@ -229,7 +279,9 @@ def condition_delay_is_not_negative(document: CheckedDocument) -> Iterator[Findi
     return negative(document, [("Condition", "delay")])
 
 
-@rule("asam.net:xosc:1.2.0:data_type.non_negative_transition_time_in_light_state_action", since=(1, 2))
+@rule(
+    "asam.net:xosc:1.2.0:data_type.non_negative_transition_time_in_light_state_action", since=(1, 2)
+)
 def light_transition_time_is_not_negative(document: CheckedDocument) -> Iterator[Finding]:
     """The transitionTime of a LightStateAction shall be non-negative."""
     return negative(document, [("LightStateAction", "transitionTime")])
@@ -241,4 +293,6 @@ def transition_value_is_not_negative(document: CheckedDocument) -> Iterator[Find
 
     A warning: players commonly take the magnitude of a negative rate.
     """
-    return negative(document, [(tag, "value") for tag in ("SpeedActionDynamics", "LaneChangeActionDynamics")])
+    return negative(
+        document, [(tag, "value") for tag in ("SpeedActionDynamics", "LaneChangeActionDynamics")]
+    )

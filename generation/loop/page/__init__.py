@@ -13,11 +13,11 @@ from generation.loop.findings import Against, EdgeCase, LoopResult, Ran, Round, 
 from generation.loop.loop import CATALOGUE, RECOGNISED, chosen
 from generation.report.regression import Fate
 from generation.report.report import PARTS_CSS, PARTS_JS
-from recognition.catalogue.index import rows_of
+from recognition.catalogue.writing.index import rows_of
 from recognition.labels.classes import Label
-from runner.outputs.folder import load_run
-from runner.replay.page import page, write_page
-from runner.replay.player import REPORT, preview
+from runner.batch.outputs.folder import load_run
+from runner.view.page import page, write_page
+from runner.view.replay.player import REPORT, preview
 
 PAGE = "index.html"
 """Name of the page in the output folder"""
@@ -41,7 +41,15 @@ def write(found: LoopResult, out: Path) -> Path:
     """Write the page into the output folder; links in it are relative to it. The same findings give the same bytes."""
     path = out / PAGE
     begin = "recordings" if found.recordings else "scenarios"
-    write_page(path, page(f"{out.resolve().name} – from {begin} to edge cases", _STYLES, _SCRIPTS, _data(found, out)))
+    write_page(
+        path,
+        page(
+            f"{out.resolve().name} – from {begin} to edge cases",
+            _STYLES,
+            _SCRIPTS,
+            _data(found, out),
+        ),
+    )
     return path
 
 
@@ -64,7 +72,9 @@ def _data(found: LoopResult, out: Path) -> Json:
         "catalogue": f"{CATALOGUE}/index.csv" if rows else None,
         "searches": searches,
         "refused": [asdict(each) for each in found.refused],
-        "scenarios": [_run(run, name) for name, runs in found.scenarios.files.items() for run in runs],
+        "scenarios": [
+            _run(run, name) for name, runs in found.scenarios.files.items() for run in runs
+        ],
         "sampled": found.scenarios.sampled,
         "against": _against(found.against),
         "reports": list(_reports(found)),
@@ -92,9 +102,19 @@ def _classes(rows: list[Json], found: LoopResult) -> list[Json]:
 def _recorded(row: Json, played: Ran) -> Json:
     """A scenario of the catalogue of recordings; classes that rules or model do not give are None."""
     runs = played.files.get(f"{CATALOGUE}/{row['file']}", [])
-    files = {"scenario": row["file"], "manoeuvre": row["maneuver"], "road": row["road"], "tags": row["openlabel"]}
-    copied = {name: row[name] for name in ("recording", "vehicle", "time", "confidence", "participants")}
-    labels = {name: row[name] if row[name] != Label.UNKNOWN.title else None for name in ("rule_class", "model_class")}
+    files = {
+        "scenario": row["file"],
+        "manoeuvre": row["maneuver"],
+        "road": row["road"],
+        "tags": row["openlabel"],
+    }
+    copied = {
+        name: row[name] for name in ("recording", "vehicle", "time", "confidence", "participants")
+    }
+    labels = {
+        name: row[name] if row[name] != Label.UNKNOWN.title else None
+        for name in ("rule_class", "model_class")
+    }
     return {
         **copied,
         **labels,
@@ -108,7 +128,11 @@ def _recorded(row: Json, played: Ran) -> Json:
 def _search(search: Searched, of: Round) -> Json:
     """A search with its edge cases, and how many failures it has."""
     values = {name: value for name, value in asdict(search).items() if name not in _NOT_PLOTTED}
-    return {**values, "failed": len(search.failed), "cases": [_case(case, of) for case in search.cases]}
+    return {
+        **values,
+        "failed": len(search.failed),
+        "cases": [_case(case, of) for case in search.cases],
+    }
 
 
 def _case(case: EdgeCase, of: Round) -> Json:
@@ -129,15 +153,23 @@ def _case(case: EdgeCase, of: Round) -> Json:
         "state": run.state if run else None,
         "message": run.message if run else None,
         "play": run.replay if run else None,
-        "recognised": [{"title": each.title, "file": f"round_{of.number}/{RECOGNISED}/{each.file}"} for each in labels],
-        "files": {"scenario": case.file, **({"road": case.road} if case.road else {}), "tags": tags},
+        "recognised": [
+            {"title": each.title, "file": f"round_{of.number}/{RECOGNISED}/{each.file}"}
+            for each in labels
+        ],
+        "files": {
+            "scenario": case.file,
+            **({"road": case.road} if case.road else {}),
+            "tags": tags,
+        },
     }
 
 
 def _add_previews(cases: list[tuple[str, Json]], out: Path) -> None:
     """Add moving pictures of collisions that a careful driver would have avoided, the first of each kind first.
 
-    A kind is a search and the participant that was touched. `turn` is the place of a case among those of its kind.
+    A kind is a search and the participant that was touched. `turn` is the place of a case among
+    those of its kind.
 
     Args:
         cases: with the titles of their searches.
@@ -158,14 +190,28 @@ def _against(found: Against | None) -> Json | None:
     """Return the fates of an earlier loop's failures."""
     if found is None:
         return None
-    compared = [{**asdict(each), "counts": {fate: each.counts[fate] for fate in Fate}} for each in found.compared]
-    return {"folder": found.folder, "sut": found.sut, "counts": {fate: found.counts[fate] for fate in Fate}, "compared": compared}
+    compared = [
+        {**asdict(each), "counts": {fate: each.counts[fate] for fate in Fate}}
+        for each in found.compared
+    ]
+    return {
+        "folder": found.folder,
+        "sut": found.sut,
+        "counts": {fate: found.counts[fate] for fate in Fate},
+        "compared": compared,
+    }
 
 
 def _run(run: ShownRun, name: str) -> Json:
     """The run of a scenario of the user's."""
     measures = {key: run.measures.get(key) for key in _MEASURES}
-    outcome = {"name": run.name, "state": run.state, "status": run.status, "message": run.message, "end": run.end}
+    outcome = {
+        "name": run.name,
+        "state": run.state,
+        "status": run.status,
+        "message": run.message,
+        "end": run.end,
+    }
     return {**outcome, "file": name, "measures": measures, "play": run.replay}
 
 

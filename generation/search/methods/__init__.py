@@ -1,7 +1,8 @@
 """Search methods by name: functions `search(problem, budget, seed)` of a folder's modules.
 
-A module describes its methods in a literal `METHODS`, by name; the function of a method has its name, dashes as underscores.
-This folder holds the methods that `xosc-generate` offers; `studies.generation` adds folders of its own.
+A module describes its methods in a literal `METHODS`, by name; the function of a method has its
+name, dashes as underscores. This folder holds the methods that `xosc-generate` offers;
+`studies.generation` adds folders of its own.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ class Method(NamedTuple):
         module: full name of the module with the method's function.
         title: for tables.
         meaning: one line for people.
-        realistic: whether it keeps to what is plausible: its reward has a realism term, or it draws from recorded parameters.
+        realistic: whether it keeps to what is plausible: its reward has a realism term, or it draws
+            from recorded parameters.
     """
 
     module: str

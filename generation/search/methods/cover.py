@@ -1,13 +1,15 @@
 """Coverage search: a quarter of the runs are draws of the density, the others cover the probability that is expected to fail.
 
-A guided run is chosen by what it is expected to reveal: its own predicted failure, times the predicted failures among draws of
-the density around it that are near no known failure. What is covered counts no more, so that no finding starves another one,
-and what traffic does more often counts more. Without a twin two models predict, each for half of the guided runs, so that what
-one cannot see does not starve the other: a forest, in which near misses have a small share, and a Gaussian process, which also
-expects failures where no run was. With a twin it is its verdict, less where no careful driver prevents the failure.
+A guided run is chosen by what it is expected to reveal: its own predicted failure, times the
+predicted failures among draws of the density around it that are near no known failure. What is
+covered counts no more, so that no finding starves another one, and what traffic does more often
+counts more. Without a twin two models predict, each for half of the guided runs, so that what one
+cannot see does not starve the other: a forest, in which near misses have a small share, and a
+Gaussian process, which also expects failures where no run was. With a twin it is its verdict, less
+where no careful driver prevents the failure.
 
-G. L. Nemhauser, L. A. Wolsey, M. L. Fisher, An analysis of approximations for maximizing submodular set functions, 1978 (the
-greedy choice of what covers most).
+G. L. Nemhauser, L. A. Wolsey, M. L. Fisher, An analysis of approximations for maximizing submodular
+set functions, 1978 (the greedy choice of what covers most).
 """
 
 from __future__ import annotations
@@ -23,11 +25,11 @@ from scipy.linalg import cho_solve, solve_triangular
 from scipy.spatial.distance import cdist
 from scipy.special import ndtr
 
-from generation.density.base import Whitening
-from generation.density.prior import Prior
-from generation.outcomes import Outcomes, joined, survivors
+from generation.search.outcomes import Outcomes, joined, survivors
 from generation.search.problem import BATCH, Calls, History, Plays, SearchProblem
-from generation.search.space import Space, apart, distinctive
+from generation.space.density.base import Whitening
+from generation.space.density.prior import Prior
+from generation.space.space import Space, apart, distinctive
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
 from schemas.common.packages import optional
@@ -38,7 +40,11 @@ METHODS = {
         "meaning": "draws of the density, and runs that cover what is expected to fail and ask where failures begin",
         "realistic": True,
     },
-    "draws": {"title": "draws of the density", "meaning": "draws of the density alone", "realistic": True},
+    "draws": {
+        "title": "draws of the density",
+        "meaning": "draws of the density alone",
+        "realistic": True,
+    },
 }
 
 
@@ -50,10 +56,11 @@ class CoverSettings:
         batch: runs of a round, and the share of the budget that they are where that is more.
         first: runs that explore before the first guided one, without a twin.
         explored: share of the runs that explores.
-        radius: distance in the unit cube, root mean square over the parameters that tell cases apart, up to which a failure
-            covers others.
+        radius: distance in the unit cube, root mean square over the parameters that tell cases
+            apart, up to which a failure covers others.
         least: distance from all runs that a guided run keeps.
-        drawn: draws of the density that are guided runs' candidates in a round, and as many that stand for traffic.
+        drawn: draws of the density that are guided runs' candidates in a round, and as many that
+            stand for traffic.
         stepped: further candidates: steps from known failures.
         step: standard deviation of steps, in whitened coordinates.
         played: draws in the place of `drawn` that stand for traffic, with a twin.
@@ -78,13 +85,19 @@ def draws(problem: SearchProblem, budget: int, seed: int) -> History:
     Raises:
         UsageError: the problem has no prior.
     """
-    prior, calls, generator = _prior_of(problem), Calls(problem, budget), np.random.default_rng(seed)
+    prior, calls, generator = (
+        _prior_of(problem),
+        Calls(problem, budget),
+        np.random.default_rng(seed),
+    )
     while calls.left:
         calls(prior.sample(min(BATCH, calls.left), generator))
     return calls.history
 
 
-def cover(problem: SearchProblem, budget: int, seed: int, settings: CoverSettings = CoverSettings()) -> History:
+def cover(
+    problem: SearchProblem, budget: int, seed: int, settings: CoverSettings = CoverSettings()
+) -> History:
     """Spend the budget.
 
     Raises:
@@ -106,10 +119,20 @@ Predict = Callable[[FloatArray], FloatArray]
 class _Search:
     """A search under way."""
 
-    def __init__(self, problem: SearchProblem, prior: Prior, budget: int, seed: int, settings: CoverSettings) -> None:
-        self._calls, self._prior, self._space, self._settings = Calls(problem, budget), prior, problem.space, settings
+    def __init__(
+        self, problem: SearchProblem, prior: Prior, budget: int, seed: int, settings: CoverSettings
+    ) -> None:
+        self._calls, self._prior, self._space, self._settings = (
+            Calls(problem, budget),
+            prior,
+            problem.space,
+            settings,
+        )
         self._generator = np.random.default_rng(seed)
-        self._frame, self._told = Frame.of(problem.space, prior, self._generator), distinctive(problem.space)
+        self._frame, self._told = (
+            Frame.of(problem.space, prior, self._generator),
+            distinctive(problem.space),
+        )
         self._reach = float(np.sqrt(self._told.sum()))
         least, share = settings.batch
         self._batch = max(least, round(share * budget))
@@ -117,7 +140,9 @@ class _Search:
         self._failures = self._theta if problem.found is None else problem.found
         self._forest, self._process = Forest(), GaussianProcess(_HELD)
         self._twin = problem.twin
-        self._traffic = prior.sample(settings.drawn if self._twin is None else settings.played, self._generator)
+        self._traffic = prior.sample(
+            settings.drawn if self._twin is None else settings.played, self._generator
+        )
         self._chance: FloatArray | None = None
         self._emitters: list[Predict] = [
             lambda theta: self._forest.failing(self._unit(theta)),
@@ -126,7 +151,11 @@ class _Search:
         if self._twin is not None:
             verdicts = partial(self._verdicts, self._twin)
             chance = verdicts(self._traffic)
-            self._traffic, self._chance, self._emitters = self._traffic[chance > 0.0], chance[chance > 0.0], [verdicts]
+            self._traffic, self._chance, self._emitters = (
+                self._traffic[chance > 0.0],
+                chance[chance > 0.0],
+                [verdicts],
+            )
 
     def run(self) -> History:
         """Search."""
@@ -143,7 +172,9 @@ class _Search:
         """Run points (n, d)."""
         found = self._calls(theta)
         self._theta = np.concatenate([self._theta, found.theta])
-        self._failures = np.concatenate([self._failures, found.theta[found.outcomes.collision & found.outcomes.executed]])
+        self._failures = np.concatenate(
+            [self._failures, found.theta[found.outcomes.collision & found.outcomes.executed]]
+        )
         if self._twin is None:
             self._forest.learn(self._unit(found.theta), found.outcomes)
             self._process.learn(self._frame.coordinates(found.theta), found.outcomes)
@@ -163,32 +194,48 @@ class _Search:
         worth, traffic = emitter(theta), self._unit(self._traffic)
         theta, worth = theta[worth > 0.0], worth[worth > 0.0]
         chance = emitter(self._traffic) if self._chance is None else self._chance
-        left = np.where(apart(traffic, self._unit(self._failures), self._settings.radius), chance, 0.0)
+        left = np.where(
+            apart(traffic, self._unit(self._failures), self._settings.radius), chance, 0.0
+        )
         return theta[self._most(self._unit(theta), worth, traffic, left, n)]
 
     def _candidates(self) -> FloatArray:
         """Draws of the density, and steps from failures that are known or that the twin has (m, d)."""
         drawn = self._prior.sample(self._settings.drawn, self._generator)
-        parents = self._failures if self._chance is None else np.concatenate([self._failures, self._traffic])
+        parents = (
+            self._failures
+            if self._chance is None
+            else np.concatenate([self._failures, self._traffic])
+        )
         if not len(parents):
             return drawn
-        start = self._frame.coordinates(parents[self._generator.integers(len(parents), size=self._settings.stepped)])
-        steps = self._frame.points(start + self._generator.normal(0.0, self._settings.step, start.shape))
+        start = self._frame.coordinates(
+            parents[self._generator.integers(len(parents), size=self._settings.stepped)]
+        )
+        steps = self._frame.points(
+            start + self._generator.normal(0.0, self._settings.step, start.shape)
+        )
         return np.concatenate([drawn, steps])
 
-    def _most(self, unit: FloatArray, worth: FloatArray, traffic: FloatArray, left: FloatArray, n: int) -> IntArray:
+    def _most(
+        self, unit: FloatArray, worth: FloatArray, traffic: FloatArray, left: FloatArray, n: int
+    ) -> IntArray:
         """Indices of candidates (m, k), n or fewer, each the one that is expected to reveal most beside those before it.
 
         Args:
             worth: predicted failure (m,) of each.
-            traffic: draws (t, k) that stand for traffic. left: predicted failure (t,) of those that are not covered.
+            traffic: draws (t, k) that stand for traffic. left: predicted failure (t,) of those that
+                are not covered.
         """
         near = (cdist(unit, traffic) < self._settings.radius * self._reach).astype(np.float64)
         free, chosen = np.ones(len(unit), bool), list[int]()
         while len(chosen) < n and free.any():
             best = int(np.argmax(np.where(free, worth * (near @ left + _ALONE), -1.0)))
             chosen.append(best)
-            free &= np.square(unit - unit[best]).sum(axis=1) >= (self._settings.least * self._reach) ** 2
+            free &= (
+                np.square(unit - unit[best]).sum(axis=1)
+                >= (self._settings.least * self._reach) ** 2
+            )
             left = left * (1.0 - near[best] * min(worth[best], _SURE))
         return np.array(chosen, np.int64)
 
@@ -222,7 +269,8 @@ class Frame:
 
     Attributes:
         varied: the parameters that are searched (d,); nuisances are drawn with them.
-        whitening: of recorded points in the unit cube: steps are as long as traffic varies, in the directions in which it does.
+        whitening: of recorded points in the unit cube: steps are as long as traffic varies, in the
+            directions in which it does.
     """
 
     space: Space
@@ -261,7 +309,9 @@ _CLEAR, _BRAKED = 0.1, 0.8
 
 def nearness(outcomes: Outcomes) -> FloatArray:
     """By both margins, least clearance and greatest DRAC (n,), 0 to below 1; 0 where no run took place."""
-    near = _CLEAR * np.exp(-np.minimum(outcomes.clearance, 1e3) / _FAR) + _BRAKED * np.minimum(outcomes.max_drac / _HARD, 1.0)
+    near = _CLEAR * np.exp(-np.minimum(outcomes.clearance, 1e3) / _FAR) + _BRAKED * np.minimum(
+        outcomes.max_drac / _HARD, 1.0
+    )
     return np.where(outcomes.executed, near, 0.0)
 
 
@@ -314,7 +364,10 @@ class Forest:
         outcomes = joined(self._outcomes)
         failing = outcomes.collision & outcomes.executed
         values, x = np.where(failing, 1.0, _NEAR * nearness(outcomes)), np.concatenate(self._x)
-        forest, rows = self._ensemble.ExtraTreesRegressor(_TREES, random_state=0), _learnt(failing, _MOST)
+        forest, rows = (
+            self._ensemble.ExtraTreesRegressor(_TREES, random_state=0),
+            _learnt(failing, _MOST),
+        )
         self._forest, self._grown = forest.fit(differences(x[rows]), values[rows]), len(self)
 
 
@@ -326,7 +379,8 @@ class GaussianProcess:
     C. E. Rasmussen and C. K. I. Williams, Gaussian processes for machine learning, 2006.
 
     Args:
-        most: runs that it holds at most; of more it takes evenly chosen ones of failures and of others.
+        most: runs that it holds at most; of more it takes evenly chosen ones of failures and of
+            others.
 
     Raises:
         MissingExtra: scikit-learn is not installed.
@@ -355,7 +409,9 @@ class GaussianProcess:
         x, lower, weights, mean = self._known = self._known or self._conditioned()
         between = self._kernel(x, rows)
         explained = np.square(solve_triangular(lower, between, lower=True)).sum(axis=0)
-        return mean + between.T @ weights, np.sqrt(np.maximum(self._kernel.diag(rows) - explained, _LEAST))
+        return mean + between.T @ weights, np.sqrt(
+            np.maximum(self._kernel.diag(rows) - explained, _LEAST)
+        )
 
     def _conditioned(self) -> tuple[FloatArray, FloatArray, FloatArray, float]:
         """The runs that it holds, the Cholesky factor of their covariance, their weights, and the mean score."""
@@ -369,11 +425,18 @@ class GaussianProcess:
 
     def _fit(self, x: FloatArray, values: FloatArray) -> None:
         kernels, held = self._library.kernels, _learnt(values >= 1.0, _FITTED)
-        kernel = kernels.ConstantKernel(0.1, (1e-3, 1e1)) * kernels.RBF(np.ones(x.shape[1]), (0.1, 30.0))
-        process = self._library.GaussianProcessRegressor(kernel + kernels.WhiteKernel(1e-2, (1e-4, 1e-1)), random_state=0)
+        kernel = kernels.ConstantKernel(0.1, (1e-3, 1e1)) * kernels.RBF(
+            np.ones(x.shape[1]), (0.1, 30.0)
+        )
+        process = self._library.GaussianProcessRegressor(
+            kernel + kernels.WhiteKernel(1e-2, (1e-4, 1e-1)), random_state=0
+        )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # lengths at their limits are no fault here
-            self._kernel, self._at = process.fit(x[held], values[held] - values[held].mean()).kernel_, len(x)
+            self._kernel, self._at = (
+                process.fit(x[held], values[held] - values[held].mean()).kernel_,
+                len(x),
+            )
 
 
 _LEAST = 1e-8
@@ -390,7 +453,10 @@ def _learnt(failing: BoolArray, most: int) -> IntArray:
         return np.arange(len(failing))
     groups = [np.flatnonzero(failing), np.flatnonzero(~failing)]
     least = min(most // 2, *map(len, groups))
-    chosen = [each[np.linspace(0, len(each) - 1, min(len(each), most - least)).astype(int)] for each in groups]
+    chosen = [
+        each[np.linspace(0, len(each) - 1, min(len(each), most - least)).astype(int)]
+        for each in groups
+    ]
     return np.sort(np.concatenate(chosen))
 
 

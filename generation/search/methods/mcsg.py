@@ -11,11 +11,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from generation.density.base import Whitening
-from generation.outcomes import Episodes
+from generation.search.outcomes import Episodes
 from generation.search.problem import Calls, History, SearchProblem
-from generation.search.space import Space, diverse
-from recognition.training.windows import seeded
+from generation.space.density.base import Whitening
+from generation.space.space import Space, diverse
+from recognition.trfe.training.windows import seeded
 from schemas.common.array_types import FloatArray
 
 METHODS = {
@@ -45,7 +45,8 @@ class McsgSettings:
         reach: greatest edit of the first stage, in standard deviations of the real parameters.
         spread: standard deviation of the untrained policy's edits, the same way.
         elite: share of all episodes so far that the next ones start from.
-        apart: least distance of two of the elite in the unit cube, root mean square over the parameters.
+        apart: least distance of two of the elite in the unit cube, root mean square over the
+            parameters.
     """
 
     batch: int = 50
@@ -80,8 +81,9 @@ def single(space: Space, real: FloatArray) -> Moves:
 def coordinated(space: Space, real: FloatArray) -> Moves:
     """Edits in standard deviations of real parameters (n, d), which the later parameters follow.
 
-    With LLᵀ the covariance of the real ones in the unit cube, an edit δ of parameter j adds δ times column j of L: the parameter
-    moves by δ standard deviations given those before it, and those after it move as they do together in traffic.
+    With LLᵀ the covariance of the real ones in the unit cube, an edit δ of parameter j adds δ times
+    column j of L: the parameter moves by δ standard deviations given those before it, and those
+    after it move as they do together in traffic.
     """
     rows = np.ascontiguousarray(Whitening.of(space.unit(real)).factor.T)
     return Moves(rows, np.ones(len(rows)))
@@ -150,7 +152,9 @@ class Bins(NamedTuple):
 
     def holding(self, step: int, edits: Tensor) -> Tensor:
         """The bin that holds each edit (n,) of a parameter, or is nearest to it."""
-        return ((edits - self.low[step]) / self.width[step]).floor().long().clamp(0, self.number - 1)
+        return (
+            ((edits - self.low[step]) / self.width[step]).floor().long().clamp(0, self.number - 1)
+        )
 
 
 class Policy(nn.Module):
@@ -168,7 +172,9 @@ class Policy(nn.Module):
         self.lstm = nn.LSTM(2 * d, HIDDEN, LAYERS, dropout=DROPOUT)
         self.bins = bins
         self.weight = nn.Parameter(torch.zeros(d, bins.number, HIDDEN))
-        self.bias = nn.Parameter(torch.stack([-0.5 * (bins.centres(step) / spread[step]) ** 2 for step in range(d)]))
+        self.bias = nn.Parameter(
+            torch.stack([-0.5 * (bins.centres(step) / spread[step]) ** 2 for step in range(d)])
+        )
 
     def forward(self, step: int, observation: Tensor, state: State | None) -> tuple[Tensor, State]:
         """Logits (n, bins) of a parameter's edit, and what is remembered, given the observation (n, 2d)."""
@@ -178,7 +184,9 @@ class Policy(nn.Module):
     def rebin(self, bins: Bins) -> None:
         """Change to other bins; each is weighed as the old bin was that its centre lies in."""
         old, self.bins = self.bins, bins
-        chosen = torch.stack([old.holding(step, bins.centres(step)) for step in range(len(self.bias))])
+        chosen = torch.stack(
+            [old.holding(step, bins.centres(step)) for step in range(len(self.bias))]
+        )
         with torch.no_grad():
             weight = self.weight.gather(1, chosen[..., None].expand(-1, -1, HIDDEN))
             bias = self.bias.gather(1, chosen)
@@ -205,7 +213,10 @@ class Learner:
         self._baseline = _Baseline(settings.momentum)
         self._edits, self._rewards = list[FloatArray](), list[FloatArray]()
         reach = torch.from_numpy(settings.reach * moves.deviation).float()
-        self._policy = Policy(Bins(-reach, reach, settings.bins[0]), torch.from_numpy(settings.spread * moves.deviation).float())
+        self._policy = Policy(
+            Bins(-reach, reach, settings.bins[0]),
+            torch.from_numpy(settings.spread * moves.deviation).float(),
+        )
         self._optimiser = torch.optim.Adam(self._policy.parameters(), settings.rate)
         self._log_probability = torch.zeros(0)
 
@@ -232,7 +243,10 @@ class Learner:
         edits, rewards = np.concatenate(self._edits), np.concatenate(self._rewards)
         best = np.argsort(-rewards, kind="stable")[: max(int(_TOP * len(rewards)), 1)]
         outside = (1.0 - self._settings.span) / 2
-        low, high = (torch.from_numpy(edge).float() for edge in np.quantile(edits[best], (outside, 1.0 - outside), axis=0))
+        low, high = (
+            torch.from_numpy(edge).float()
+            for edge in np.quantile(edits[best], (outside, 1.0 - outside), axis=0)
+        )
         old = self._policy.bins
         missing = (_NARROWEST * (old.high - old.low) - (high - low)).clamp(min=0.0) / 2
         self._policy.rebin(Bins(low - missing, high + missing, self._settings.bins[1]))
@@ -243,7 +257,8 @@ def rollout(policy: Policy, edits: Edits, noise: bool) -> tuple[Tensor, FloatArr
     """Edit all parameters, each by a bin that the policy draws.
 
     Args:
-        noise: whether an edit is normal around the bin's centre, half a bin its standard deviation, or uniform in the bin.
+        noise: whether an edit is normal around the bin's centre, half a bin its standard deviation,
+            or uniform in the bin.
 
     Returns:
         log-probability (n,) of the bins, and the edits (n, d).
@@ -296,14 +311,19 @@ class Starts(Protocol):
 class EliteStarts:
     """Real scenarios (or what was found before) at first, then the elite of all episodes so far.
 
-    The elite is chosen by criticality − w·t·max((NLL − Q99)/IQR, 0), t the share of the budget that is spent. The reward's
-    realism term is the same far from traffic as a little outside; this one goes on falling, so that what is critical is drawn
-    back to where traffic is, and it grows with time, so that it is critical first.
+    The elite is chosen by criticality − w·t·max((NLL − Q99)/IQR, 0), t the share of the budget that
+    is spent. The reward's realism term is the same far from traffic as a little outside; this one
+    goes on falling, so that what is critical is drawn back to where traffic is, and it grows with
+    time, so that it is critical first.
     """
 
     def __init__(self, problem: SearchProblem, settings: McsgSettings) -> None:
         self._problem, self._settings = problem, settings
-        self._theta, self._critical, self._excess = np.empty((0, len(problem.space.parameters))), np.empty(0), np.empty(0)
+        self._theta, self._critical, self._excess = (
+            np.empty((0, len(problem.space.parameters))),
+            np.empty(0),
+            np.empty(0),
+        )
 
     def add(self, episodes: Episodes) -> None:
         """Take note of episodes."""
@@ -347,8 +367,8 @@ def mcsg(
 ) -> History:
     """Spend the budget in three equal stages: coarse bins, fine bins around the best edits, and these with Gaussian noise.
 
-    The state is carried on: once there are as many episodes as in a batch, the next ones start from the elite of all, so that
-    critical scenarios are edited further instead of being found anew.
+    The state is carried on: once there are as many episodes as in a batch, the next ones start from
+    the elite of all, so that critical scenarios are edited further instead of being found anew.
 
     Args:
         problem: what is searched.
@@ -358,7 +378,11 @@ def mcsg(
         edits: gives the edits of a space, given real parameters (n, d).
         starts: gives what episodes start from.
     """
-    calls, generator, drawn = Calls(problem, budget), np.random.default_rng(seed), starts(problem, settings)
+    calls, generator, drawn = (
+        Calls(problem, budget),
+        np.random.default_rng(seed),
+        starts(problem, settings),
+    )
     with seeded(seed):
         learner = Learner(problem.space, edits(problem.space, problem.real), settings)
         for stage in range(3):
@@ -373,6 +397,8 @@ def mcsg(
     return calls.history
 
 
-def mcsg_published(problem: SearchProblem, budget: int, seed: int, settings: McsgSettings = McsgSettings()) -> History:
+def mcsg_published(
+    problem: SearchProblem, budget: int, seed: int, settings: McsgSettings = McsgSettings()
+) -> History:
     """MCSG as published: no elite, and edits of single parameters."""
     return mcsg(problem, budget, seed, settings, edits=single, starts=RealStarts)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.outcomes import Outcomes
 from generation.search.methods.mcsg import McsgSettings, RealStarts, mcsg, single
+from generation.search.outcomes import Outcomes
 from generation.search.problem import COLLISION, RISK, SAFE, History, SearchProblem
 from schemas.common.array_types import FloatArray
 from studies.generation.strategies import GeneticSettings, evolve, rewarded
@@ -16,11 +16,27 @@ METHODS = {
         "meaning": "MCSG where a collision pays the same whatever R_risk",
         "realistic": True,
     },
-    "no-coordination": {"title": "No-Coordination", "meaning": "MCSG with edits of single parameters", "realistic": True},
-    "no-elite": {"title": "No-Elite", "meaning": "MCSG that starts from real scenarios throughout", "realistic": True},
+    "no-coordination": {
+        "title": "No-Coordination",
+        "meaning": "MCSG with edits of single parameters",
+        "realistic": True,
+    },
+    "no-elite": {
+        "title": "No-Elite",
+        "meaning": "MCSG that starts from real scenarios throughout",
+        "realistic": True,
+    },
     "no-kde": {"title": "No-KDE", "meaning": "MCSG without the realism term", "realistic": False},
-    "no-learning": {"title": "No-Learning", "meaning": "MCSG with an untrained policy", "realistic": True},
-    "no-maneuver": {"title": "No-Maneuver", "meaning": "MCSG on trajectories, without manoeuvre parameters", "realistic": True},
+    "no-learning": {
+        "title": "No-Learning",
+        "meaning": "MCSG with an untrained policy",
+        "realistic": True,
+    },
+    "no-maneuver": {
+        "title": "No-Maneuver",
+        "meaning": "MCSG on trajectories, without manoeuvre parameters",
+        "realistic": True,
+    },
     "no-rl": {
         "title": "No-RL",
         "meaning": "MCSG's reward and starts, a genetic algorithm in place of the policy",
@@ -70,5 +86,13 @@ def no_rl(problem: SearchProblem, budget: int, seed: int) -> History:
     Raises:
         UsageError: pymoo is not installed.
     """
-    chosen = np.random.default_rng(seed).integers(len(problem.real), size=GeneticSettings.population)
-    return evolve(problem, budget, seed, problem.space.unit(problem.real[chosen]), lambda episodes: episodes.rewards)
+    chosen = np.random.default_rng(seed).integers(
+        len(problem.real), size=GeneticSettings.population
+    )
+    return evolve(
+        problem,
+        budget,
+        seed,
+        problem.space.unit(problem.real[chosen]),
+        lambda episodes: episodes.rewards,
+    )

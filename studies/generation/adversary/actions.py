@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.datasets import Source
-from recognition.datasets import open as open_data
 from recognition.labels.classes import Rules
+from recognition.labels.maneuvers.estimation import LaneCoordinates, lane_motion, segment
+from recognition.labels.maneuvers.parameters import CUT_IN, Unit
 from recognition.labels.scene import prepare
-from recognition.maneuvers.estimation import LaneCoordinates, lane_motion, segment
-from recognition.maneuvers.parameters import CUT_IN, Unit
-from recognition.sites import site_of
+from recognition.recordings import Source
+from recognition.recordings import open as open_data
+from recognition.scenes import site_of
 from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.storage import read_parquet
@@ -28,9 +28,10 @@ DECISIONS = 16
 STATE = ("gap", "aside", "drift", "closing", "speed", "along", "across")
 """State of a driver relative to the ego, the vehicle it cuts in on.
 
-gap: from the ego's front to the driver's rear along the road, m, negative where they are beside each other. aside: distance of
-their middles across the road, m, positive on the side that the driver comes from. drift: the driver's speed across the road,
-m/s, positive away from the ego. closing: speed of the ego less the driver's, m/s. speed: the driver's, m/s. along, across: its
+gap: from the ego's front to the driver's rear along the road, m, negative where they are beside
+each other. aside: distance of their middles across the road, m, positive on the side that the
+driver comes from. drift: the driver's speed across the road, m/s, positive away from the ego.
+closing: speed of the ego less the driver's, m/s. speed: the driver's, m/s. along, across: its
 accelerations, m/s²."""
 ACTION = ("along", "across")
 """Action of a driver: its accelerations (m/s²) at the next decision."""
@@ -78,7 +79,10 @@ class Actions:
     def joined(cls, parts: Sequence[Actions]) -> Actions:
         """Several tables as one, with episodes numbered anew."""
         counts = np.cumsum([0, *(int(part.episodes[-1]) + 1 if len(part) else 0 for part in parts)])
-        columns = {each.name: np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(cls)}
+        columns = {
+            each.name: np.concatenate([getattr(part, each.name) for part in parts])
+            for each in fields(cls)
+        }
         moved = [part.episodes + count for part, count in zip(parts, counts[:-1], strict=True)]
         return cls(**columns | {"episodes": np.concatenate(moved)})
 
@@ -87,9 +91,16 @@ class Actions:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        numbers = zip((*STATE, *_NEXT), np.round(self.joint, _DIGITS).astype(np.float32).T, strict=True)
-        labels = {"recording": pa.array(self.recordings.tolist()).dictionary_encode(), "episode": self.episodes.astype(np.int32)}
-        pq.write_table(pa.table(labels | dict(numbers)), path, compression="zstd", compression_level=19)
+        numbers = zip(
+            (*STATE, *_NEXT), np.round(self.joint, _DIGITS).astype(np.float32).T, strict=True
+        )
+        labels = {
+            "recording": pa.array(self.recordings.tolist()).dictionary_encode(),
+            "episode": self.episodes.astype(np.int32),
+        }
+        pq.write_table(
+            pa.table(labels | dict(numbers)), path, compression="zstd", compression_level=19
+        )
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Actions:
@@ -104,16 +115,30 @@ class Actions:
         try:
             columns = "recording", "episode", *STATE, *_NEXT
             if lacking := sorted({*columns} - {*pq.read_schema(path).names}):
-                raise InvalidFile(f"no table of actions: there is no column {lacking[0]}", path=path)
+                raise InvalidFile(
+                    f"no table of actions: there is no column {lacking[0]}", path=path
+                )
             table = read_parquet(path, columns=list(columns))
-            numbers = np.stack([table[name].to_numpy().astype(np.float64) for name in (*STATE, *_NEXT)], axis=1)
-            recordings, episodes = np.array(table["recording"].to_pylist(), np.str_), table["episode"].to_numpy().astype(np.int64)
+            numbers = np.stack(
+                [table[name].to_numpy().astype(np.float64) for name in (*STATE, *_NEXT)], axis=1
+            )
+            recordings, episodes = (
+                np.array(table["recording"].to_pylist(), np.str_),
+                table["episode"].to_numpy().astype(np.int64),
+            )
         except (OSError, pa.ArrowException, KeyError, ValueError) as error:
             raise InvalidFile(f"no table of actions: {error}", path=path) from None
         if len(bad := np.argwhere(~np.isfinite(numbers))):
             row, column = bad[0].tolist()
-            raise InvalidFile(f"row {row + 1}: {(*STATE, *_NEXT)[column]} is not a finite number", path=path)
-        return cls(np.round(numbers[:, : len(STATE)], _DIGITS), np.round(numbers[:, len(STATE) :], _DIGITS), recordings, episodes)
+            raise InvalidFile(
+                f"row {row + 1}: {(*STATE, *_NEXT)[column]} is not a finite number", path=path
+            )
+        return cls(
+            np.round(numbers[:, : len(STATE)], _DIGITS),
+            np.round(numbers[:, len(STATE) :], _DIGITS),
+            recordings,
+            episodes,
+        )
 
 
 def extract(path: str | PathLike[str], roads: str | PathLike[str]) -> Actions:
@@ -126,7 +151,9 @@ def extract(path: str | PathLike[str], roads: str | PathLike[str]) -> Actions:
         UsageError: no vehicle cuts in.
         InvalidFile: a recording is malformed.
     """
-    found = Actions.joined([_extracted(source, Path(roads)) for source in open_data(path, roads).sources])
+    found = Actions.joined(
+        [_extracted(source, Path(roads)) for source in open_data(path, roads).sources]
+    )
     if not len(found):
         raise UsageError("these recordings have no cut-in that lasts long enough", path=path)
     return found
@@ -139,7 +166,9 @@ def _extracted(source: Source, roads: Path) -> Actions:
     episodes = [each for unit in units for each in _episode(motion, unit)]
     rows = np.concatenate(episodes) if episodes else np.empty((0, len(STATE) + len(ACTION)))
     numbers = np.repeat(np.arange(len(episodes)), [len(each) for each in episodes])
-    return Actions(rows[:, : len(STATE)], rows[:, len(STATE) :], np.full(len(rows), source.name), numbers)
+    return Actions(
+        rows[:, : len(STATE)], rows[:, len(STATE) :], np.full(len(rows), source.name), numbers
+    )
 
 
 def _episode(motion: LaneCoordinates, unit: Unit) -> Iterator[FloatArray]:
@@ -160,7 +189,9 @@ def _episode(motion: LaneCoordinates, unit: Unit) -> Iterator[FloatArray]:
         yield np.hstack([states[:-1], states[1:, -len(ACTION) :]])
 
 
-def _states(motion: LaneCoordinates, rows: IntArray, others: IntArray, wide: int, shift: float) -> FloatArray:
+def _states(
+    motion: LaneCoordinates, rows: IntArray, others: IntArray, wide: int, shift: float
+) -> FloatArray:
     """States (k, 7) at rows of a driver and of the other one; `wide` is half the rows that differences reach over."""
     scene, side = motion.scene, -np.sign(shift)
     time, lateral = wide * scene.step, motion.lateral
@@ -170,4 +201,7 @@ def _states(motion: LaneCoordinates, rows: IntArray, others: IntArray, wide: int
     drift = side * (lateral[rows + wide] - lateral[rows - wide]) / (2.0 * time)
     across = side * (lateral[rows + wide] - 2.0 * lateral[rows] + lateral[rows - wide]) / time**2
     speed = scene.speed[rows]
-    return np.stack([gap, aside, drift, scene.speed[others] - speed, speed, scene.acceleration[rows], across], axis=1)
+    return np.stack(
+        [gap, aside, drift, scene.speed[others] - speed, speed, scene.acceleration[rows], across],
+        axis=1,
+    )

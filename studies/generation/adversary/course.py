@@ -1,7 +1,8 @@
 """Courses of many episodes at once: an ego with its system under test beside an actor that the caller moves.
 
-The ego is that of `generation.twin`: its verdicts are SUMO's, as far as `python -m studies.generation twin` says, and everything
-that is found here is run on SUMO before it is reported.
+The ego is that of `generation.twin`: its verdicts are SUMO's, as far as `python -m
+studies.generation twin` says, and everything that is found here is run on SUMO before it is
+reported.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import numpy as np
 
 from generation.twin.episodes import Situation, driver
 from generation.twin.motion import Actor, Body, Script, driven, read
-from runner.measures.relations import box_distance
-from runner.settings import RunSettings
+from runner.judging.measures.relations import box_distance
+from runner.judging.settings import RunSettings
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import Unsupported
 
@@ -29,7 +30,8 @@ class Scene:
     """Setting of episodes: the content of a manoeuvre scenario with one actor on a straight road.
 
     Attributes:
-        script: of the scenario. ego, actor: the participants. side: +1 where the actor begins to the left of the ego, else −1.
+        script: of the scenario. ego, actor: the participants. side: +1 where the actor begins to
+            the left of the ego, else −1.
     """
 
     script: Script
@@ -42,14 +44,23 @@ class Scene:
         """Read the scene of a scenario with settings of runs.
 
         Raises:
-            Unsupported: it is no manoeuvre of one actor who begins in a lane beside the ego's, on a straight road.
+            Unsupported: it is no manoeuvre of one actor who begins in a lane beside the ego's, on a
+                straight road.
             InvalidFile: it is malformed.
         """
         script = read(path, settings)
-        if len(script.actors) != 2 or script.actors[1].change is None or script.actors[0].lane == script.actors[1].lane:
-            raise Unsupported("an adversary needs one actor, who begins in a lane beside the ego's", path=path)
+        if (
+            len(script.actors) != 2
+            or script.actors[1].change is None
+            or script.actors[0].lane == script.actors[1].lane
+        ):
+            raise Unsupported(
+                "an adversary needs one actor, who begins in a lane beside the ego's", path=path
+            )
         ego, actor = script.actors
-        return cls(script, ego, actor, float(np.sign(script.lanes[actor.lane] - script.lanes[ego.lane])))
+        return cls(
+            script, ego, actor, float(np.sign(script.lanes[actor.lane] - script.lanes[ego.lane]))
+        )
 
     @property
     def between(self) -> float:
@@ -70,7 +81,8 @@ class Course:
     Args:
         scene: of all of them.
         sut: the system under test.
-        starts: gap from the ego's front to the actor's rear (m), the actor's and the ego's speed (m/s) (n, 3).
+        starts: gap from the ego's front to the actor's rear (m), the actor's and the ego's speed
+            (m/s) (n, 3).
         dt: time step, s.
 
     Attributes:
@@ -88,7 +100,11 @@ class Course:
         self._driver = driver(sut, n)
         self.ego = _body(scene.ego, np.full(n, START), lanes[scene.ego.lane], ego_speed)
         self.actor = _body(scene.actor, START + scene.between + gap, lanes[scene.actor.lane], speed)
-        self.contact, self._returning, self._changed = np.full(n, -1), np.zeros(n, bool), np.zeros(n, bool)
+        self.contact, self._returning, self._changed = (
+            np.full(n, -1),
+            np.zeros(n, bool),
+            np.zeros(n, bool),
+        )
         self.clearance = np.full(n, np.inf)
         self._look()
 
@@ -96,14 +112,18 @@ class Course:
         """One step, in which the actor moves to positions (n,), m, and the ego as its driver decides."""
         ego, actor, dt = self.ego, self.actor, self.dt
         before = ego.speed, actor.speed, actor.y
-        seen = Situation(ego.motion(), [actor.motion()], ego.speed, ego.acceleration, ego.target, self._changed)
+        seen = Situation(
+            ego.motion(), [actor.motion()], ego.speed, ego.acceleration, ego.target, self._changed
+        )
         intervenes, wanted = self._driver.control(seen, dt)
         speed, self._returning = driven(ego, intervenes, wanted, self._returning, dt)
         ego.move(speed, np.zeros_like(speed), dt)
         _moved(actor, x, y, dt)
         self.steps += 1
         after = ego.speed, actor.speed, actor.y
-        self._changed = np.any([np.abs(b - a) > _CHANGED for a, b in zip(before, after, strict=True)], axis=0)
+        self._changed = np.any(
+            [np.abs(b - a) > _CHANGED for a, b in zip(before, after, strict=True)], axis=0
+        )
         self._look()
 
     @property
@@ -128,7 +148,16 @@ def replayed(scene: Scene, sut: Any, starts: FloatArray, ways: FloatArray, dt: f
 
 def _body(actor: Actor, x: FloatArray, y: float, speed: FloatArray) -> Body:
     n = len(x)
-    return Body(actor, np.array(x), np.full(n, y), np.zeros(n), speed.copy(), np.zeros(n), speed.copy(), np.zeros(n))
+    return Body(
+        actor,
+        np.array(x),
+        np.full(n, y),
+        np.zeros(n),
+        speed.copy(),
+        np.zeros(n),
+        speed.copy(),
+        np.zeros(n),
+    )
 
 
 def _moved(body: Body, x: FloatArray, y: FloatArray, dt: float) -> None:

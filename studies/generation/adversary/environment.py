@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.outcomes import JUDGES
+from generation.search.outcomes import JUDGES
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from studies.generation.adversary import OBJECTIVES
 from studies.generation.adversary.actions import DECISIONS, INTERVAL, STATE
@@ -32,7 +32,8 @@ class Episodes:
         ways: positions of the actor's reference point (n, steps + 1, 2), m, at each time step.
         contact: step of the first contact (n,); −1 for none.
         foreseeable: as likely as recorded driving, up to the contact or the end (n,).
-        preventable: a collision that one of the judges does not have on the same way of the actor (n,).
+        preventable: a collision that one of the judges does not have on the same way of the actor
+            (n,).
         log_density: mean log-density of the decisions up to the contact (n,).
         clearance: least distance of the boxes (n,), m.
     """
@@ -69,7 +70,8 @@ class Environment:
     """Plays episodes of a policy.
 
     Args:
-        scene: place and entities. driving: of recorded drivers. sut: the system under test. dt: time step, s.
+        scene: place and entities. driving: of recorded drivers. sut: the system under test. dt:
+            time step, s.
         discount: of what comes later, for the shape of the reward.
         objective: shapes it, a name in `studies.generation.adversary.OBJECTIVES`.
 
@@ -78,10 +80,22 @@ class Environment:
     """
 
     def __init__(
-        self, scene: Scene, driving: Driving, sut: Any, dt: float, discount: float, objective: str = OBJECTIVES[0]
+        self,
+        scene: Scene,
+        driving: Driving,
+        sut: Any,
+        dt: float,
+        discount: float,
+        objective: str = OBJECTIVES[0],
     ) -> None:
         self._near = shape(objective)
-        self._scene, self._driving, self._sut, self._dt, self._discount = scene, driving, sut, dt, discount
+        self._scene, self._driving, self._sut, self._dt, self._discount = (
+            scene,
+            driving,
+            sut,
+            dt,
+            discount,
+        )
         self._steps = round(INTERVAL / dt)
 
     def play(self, starts: FloatArray, policy: Any) -> tuple[Episodes, Transitions]:
@@ -90,8 +104,19 @@ class Environment:
         Args:
             policy: gives actions (n, 2), −1 to 1, for what is observed (n, `OBSERVED`).
         """
-        driver = _Adversary(self._scene, self._driving, Course(self._scene, self._sut, starts, self._dt), self._steps)
-        seen, done, near, density, contacts = [driver.observed()], [], [self._near(driver.course)], [], [driver.course.contact]
+        driver = _Adversary(
+            self._scene,
+            self._driving,
+            Course(self._scene, self._sut, starts, self._dt),
+            self._steps,
+        )
+        seen, done, near, density, contacts = (
+            [driver.observed()],
+            [],
+            [self._near(driver.course)],
+            [],
+            [driver.course.contact],
+        )
         for _ in range(DECISIONS):
             done.append(driver.act(policy(seen[-1])))
             seen.append(driver.observed())
@@ -99,34 +124,52 @@ class Environment:
             density.append(driver.density)
             contacts.append(driver.course.contact)
         episodes = self._judged(starts, driver, np.array(density))
-        return episodes, self._transitions(episodes, np.array(seen), np.array(done), np.array(near), np.array(contacts))
+        return episodes, self._transitions(
+            episodes, np.array(seen), np.array(done), np.array(near), np.array(contacts)
+        )
 
     def _judged(self, starts: FloatArray, driver: _Adversary, density: FloatArray) -> Episodes:
         course, ways = driver.course, np.stack(driver.ways, axis=1)
         hit = course.contact >= 0
         decisions = np.where(hit, -(-course.contact // self._steps), DECISIONS).clip(1)
         sums = np.cumsum(density, axis=0)[decisions - 1, np.arange(len(starts))]
-        likely = np.array([self._driving.foreseeable(total, count) for total, count in zip(sums, decisions, strict=True)])
+        likely = np.array(
+            [
+                self._driving.foreseeable(total, count)
+                for total, count in zip(sums, decisions, strict=True)
+            ]
+        )
         prevented = np.zeros(len(starts), bool)
         for judge in JUDGES:
             left = np.flatnonzero(hit & ~prevented)
             if left.size:
-                prevented[left] = replayed(self._scene, judge, starts[left], ways[left], self._dt).contact < 0
+                prevented[left] = (
+                    replayed(self._scene, judge, starts[left], ways[left], self._dt).contact < 0
+                )
         return Episodes(
             starts, ways, course.contact, likely & driver.inside(), prevented, sums / decisions, course.clearance
         )  # fmt: skip
 
     def _transitions(
-        self, episodes: Episodes, seen: FloatArray, done: FloatArray, near: FloatArray, contacts: IntArray
+        self,
+        episodes: Episodes,
+        seen: FloatArray,
+        done: FloatArray,
+        near: FloatArray,
+        contacts: IntArray,
     ) -> Transitions:
         """Return the transitions up to each contact, with shaped rewards."""
         before, after = contacts[:-1] < 0, contacts[1:] < 0
         worth = np.where(episodes.failing, 1.0, _UNPREVENTED * episodes.foreseeable)
         hit = before & ~after
-        reward = self._discount * np.where(hit, 0.0, near[1:]) - near[:-1] + np.where(hit, worth, 0.0)
+        reward = (
+            self._discount * np.where(hit, 0.0, near[1:]) - near[:-1] + np.where(hit, worth, 0.0)
+        )
         over = hit.astype(np.float64)
         over[-1] = 1.0
-        return Transitions(seen[:-1][before], done[before], reward[before], seen[1:][before], over[before])
+        return Transitions(
+            seen[:-1][before], done[before], reward[before], seen[1:][before], over[before]
+        )
 
 
 class _Adversary:
@@ -148,21 +191,30 @@ class _Adversary:
         aside, drift = side * (actor.y - ego.y), side * self._velocity[:, 1]
         own = self._acceleration * self._turn
         speed = self._velocity[:, 0]
-        return np.stack([self.course.gap, aside, drift, ego.speed - speed, speed, own[:, 0], own[:, 1]], axis=1)
+        return np.stack(
+            [self.course.gap, aside, drift, ego.speed - speed, speed, own[:, 0], own[:, 1]], axis=1
+        )
 
     def observed(self) -> FloatArray:
         """Observations of the policy (n, `OBSERVED`), about −1 to 1."""
         driving, count = self._driving, min(self._count, DECISIONS - 1)
         left = self._sums - driving.least[count] * self._count
-        time, likely = np.full(len(left), self._count / DECISIONS), np.clip(left / _SPENT, -1.0, 1.0)
+        time, likely = (
+            np.full(len(left), self._count / DECISIONS),
+            np.clip(left / _SPENT, -1.0, 1.0),
+        )
         state = np.clip((self.state - driving.mean) / (2.0 * driving.spread), -3.0, 3.0)
-        return np.hstack([state, np.stack([self.course.ego.acceleration / _BRAKING, time, likely], axis=1)])
+        return np.hstack(
+            [state, np.stack([self.course.ego.acceleration / _BRAKING, time, likely], axis=1)]
+        )
 
     def act(self, wanted: FloatArray) -> FloatArray:
         """Do what is nearest to the wanted (n, 2), −1 to 1, that is foreseeable; what is done, on the same scale."""
         limits, state = self._driving.limits, self.state
         middle, half = 0.5 * (limits.high + limits.low), 0.5 * (limits.high - limits.low)
-        action, self.density = self._driving.kept(state, middle + half * wanted, self._sums, self._count)
+        action, self.density = self._driving.kept(
+            state, middle + half * wanted, self._sums, self._count
+        )
         self._sums, self._count = self._sums + self.density, self._count + 1
         self._move(action * self._turn)
         return (action - middle) / half

@@ -1,7 +1,8 @@
 """Search of an adversary: a policy learns by TD3 to make a system under test fail, on the twin.
 
-Its actions are those of recorded drivers (`studies.generation.adversary.driving`). A failure is a collision that a careful driver
-prevents on the same trajectory. All failures are kept while the policy learns, from the first episode on.
+Its actions are those of recorded drivers (`studies.generation.adversary.driving`). A failure is a
+collision that a careful driver prevents on the same trajectory. All failures are kept while the
+policy learns, from the first episode on.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from generation.search.space import diverse
-from recognition.training.windows import seeded
+from generation.space.space import diverse
+from recognition.trfe.training.windows import seeded
 from schemas.common.array_types import FloatArray
 from studies.generation.adversary import OBJECTIVES
 from studies.generation.adversary.actions import ACTION, DECISIONS, INTERVAL
@@ -33,10 +34,12 @@ class AdversarySettings:
     """Settings of the search.
 
     Attributes:
-        rounds, episodes: how often so many episodes are played. updates: of the networks after each round.
+        rounds, episodes: how often so many episodes are played. updates: of the networks after each
+            round.
         warm_up: rounds in which actions are drawn evenly.
         learns: whether the policy learns; otherwise all actions are drawn evenly.
-        apart: least distance of two failures, as a share of the ranges of what describes them, root mean square.
+        apart: least distance of two failures, as a share of the ranges of what describes them, root
+            mean square.
         objective: shapes the reward (`studies.generation.adversary.OBJECTIVES`).
         td3: of the networks.
     """
@@ -65,7 +68,8 @@ class Found:
     """Results of a search on the twin.
 
     Attributes:
-        failures: foreseeable and preventable, none much like another, in the order in which they were found.
+        failures: foreseeable and preventable, none much like another, in the order in which they
+            were found.
         rounds: how it went.
     """
 
@@ -80,17 +84,24 @@ def search(
     """Have an adversary learn, and keep what it finds.
 
     Args:
-        scene: place and entities. driving: of recorded drivers. starts: draws how episodes begin. sut: the system under test.
+        scene: place and entities. driving: of recorded drivers. starts: draws how episodes begin.
+            sut: the system under test.
         dt: time step, s. seed: of all that is drawn.
         progress: called with the number of episodes after each round.
     """
     generator, found, rounds = np.random.default_rng(seed), [], []
     with seeded(seed):
-        environment = Environment(scene, driving, sut, dt, settings.td3.discount, settings.objective)
+        environment = Environment(
+            scene, driving, sut, dt, settings.td3.discount, settings.objective
+        )
         policy = TD3(OBSERVED, len(ACTION), generator, settings.td3)
         for number in range(settings.rounds):
             drawn = number < settings.warm_up or not settings.learns
-            act = (lambda seen: generator.uniform(-1.0, 1.0, (len(seen), len(ACTION)))) if drawn else policy
+            act = (
+                (lambda seen: generator.uniform(-1.0, 1.0, (len(seen), len(ACTION))))
+                if drawn
+                else policy
+            )
             episodes, transitions = environment.play(starts(settings.episodes, generator), act)
             if settings.learns:
                 policy.remember(tuple(transitions))
@@ -119,4 +130,6 @@ def _counted(episodes: Episodes) -> Round:
 
 
 def _joined(parts: list[Episodes]) -> Episodes:
-    return Episodes(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+    return Episodes(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
+    )

@@ -1,6 +1,7 @@
 """Shaping of an adversary's reward between its decisions: nearness of a collision, 0 to 1.
 
-As a potential of the state it changes no optimum (A. Ng, D. Harada, S. Russell, ICML 1999); it decides how soon one is found.
+As a potential of the state it changes no optimum (A. Ng, D. Harada, S. Russell, ICML 1999); it
+decides how soon one is found.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from runner.measures.risk_field import risk_field
+from runner.judging.measures.risk_field import risk_field
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 from studies.generation.adversary import OBJECTIVES
@@ -25,8 +26,9 @@ _CLOSING = (-4.0, 0.0, 4.0)
 _WEIGHT = np.array([[1.0, 1.0, 1.0], [0.5, 0.75, 1.0], [0.5, 0.75, 1.0]])
 """A rule for each two of these: the weight of the risk field's probability; the rest is that of nearness.
 
-Beside the ego nearness leads nowhere, as recorded drivers have no contact; where one is far ahead and opening, the risk field is
-flat. Of three tables tried on development seeds this one finds most."""
+Beside the ego nearness leads nowhere, as recorded drivers have no contact; where one is far ahead
+and opening, the risk field is flat. Of three tables tried on development seeds this one finds
+most."""
 _SLOWEST = 1.0
 """Speed (m/s) that headways are worked out with at least"""
 
@@ -51,13 +53,16 @@ def fuzzy(course: Course) -> FloatArray:
 def rule_weight(headway: FloatArray, closing: FloatArray) -> FloatArray:
     """The weight of the probability (n,), 0 to 1, by the rules.
 
-    Inference of order zero with products (T. Takagi, M. Sugeno, IEEE Transactions on Systems, Man, and Cybernetics 15, 1985);
-    as the memberships of each quantity add up to 1, there is nothing to normalise.
+    Inference of order zero with products (T. Takagi, M. Sugeno, IEEE Transactions on Systems, Man,
+    and Cybernetics 15, 1985); as the memberships of each quantity add up to 1, there is nothing to
+    normalise.
 
     Args:
         headway: s (n,). closing: m/s (n,).
     """
-    found: FloatArray = np.einsum("ni,nj,ij->n", _memberships(headway, _HEADWAY), _memberships(closing, _CLOSING), _WEIGHT)
+    found: FloatArray = np.einsum(
+        "ni,nj,ij->n", _memberships(headway, _HEADWAY), _memberships(closing, _CLOSING), _WEIGHT
+    )
     return found
 
 
@@ -76,5 +81,7 @@ def shape(objective: str) -> Shape:
         UsageError: there is none.
     """
     if objective not in _SHAPES:
-        raise UsageError(f"there is no objective {objective!r}; objectives: {', '.join(OBJECTIVES)}")
+        raise UsageError(
+            f"there is no objective {objective!r}; objectives: {', '.join(OBJECTIVES)}"
+        )
     return _SHAPES[objective]

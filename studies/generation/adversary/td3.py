@@ -1,6 +1,7 @@
 """TD3: a deterministic policy with two critics.
 
-S. Fujimoto, H. van Hoof, D. Meger, Addressing Function Approximation Error in Actor-Critic Methods, ICML 2018.
+S. Fujimoto, H. van Hoof, D. Meger, Addressing Function Approximation Error in Actor-Critic Methods,
+ICML 2018.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ class TD3Settings:
     Attributes:
         hidden: units of both layers of each network.
         discount, rate, averaging: γ, of Adam, and τ of the target networks.
-        noise, target_noise, clipped: standard deviations of explored and of smoothed actions, and the most of the latter.
+        noise, target_noise, clipped: standard deviations of explored and of smoothed actions, and
+            the most of the latter.
         delay: updates of critics for one of the policy.
         batch: transitions of an update. remembered: most transitions.
     """
@@ -58,10 +60,14 @@ class TD3:
         generator: of all that is drawn. Weights are drawn by torch: seed it before.
     """
 
-    def __init__(self, observed: int, actions: int, generator: np.random.Generator, settings: TD3Settings) -> None:
+    def __init__(
+        self, observed: int, actions: int, generator: np.random.Generator, settings: TD3Settings
+    ) -> None:
         self._size, self._generator, self._actions = settings, generator, actions
         self._policy = nn.Sequential(_network(observed, actions, settings.hidden), nn.Tanh())
-        self._critics = nn.ModuleList(_network(observed + actions, 1, settings.hidden) for _ in range(2))
+        self._critics = nn.ModuleList(
+            _network(observed + actions, 1, settings.hidden) for _ in range(2)
+        )
         self._policy_target, self._critics_target = deepcopy(self._policy), deepcopy(self._critics)
         self._policy_optimiser = torch.optim.Adam(self._policy.parameters(), lr=settings.rate)
         self._critic_optimiser = torch.optim.Adam(self._critics.parameters(), lr=settings.rate)
@@ -83,12 +89,17 @@ class TD3:
         """Take transitions into memory; the oldest go."""
         kept = self._size.remembered
         fresh = [_tensor(column) for column in columns]
-        self._memory = [torch.cat([old, new])[-kept:] if len(old) else new for old, new in zip(self._memory, fresh, strict=True)]
+        self._memory = [
+            torch.cat([old, new])[-kept:] if len(old) else new
+            for old, new in zip(self._memory, fresh, strict=True)
+        ]
 
     def learn(self, updates: int) -> None:
         """Learn from what is remembered."""
         for _ in range(updates):
-            rows = torch.from_numpy(self._generator.integers(len(self._memory[0]), size=self._size.batch))
+            rows = torch.from_numpy(
+                self._generator.integers(len(self._memory[0]), size=self._size.batch)
+            )
             self._update(Batch(*(column[rows] for column in self._memory)))
 
     def _update(self, batch: Batch) -> None:
@@ -96,17 +107,26 @@ class TD3:
         with torch.no_grad():
             drawn = self._generator.normal(0.0, size.target_noise, batch.done.shape)
             noise = _tensor(drawn).clamp(-size.clipped, size.clipped)
-            following = torch.cat([batch.then, (self._policy_target(batch.then) + noise).clamp(-1.0, 1.0)], dim=1)
+            following = torch.cat(
+                [batch.then, (self._policy_target(batch.then) + noise).clamp(-1.0, 1.0)], dim=1
+            )
             least = torch.minimum(*(critic(following)[:, 0] for critic in self._critics_target))
             target = batch.reward + size.discount * (1.0 - batch.over) * least
         error = sum(((critic(both)[:, 0] - target) ** 2).mean() for critic in self._critics)
         _step(self._critic_optimiser, error)
         self._updates += 1
         if self._updates % size.delay == 0:
-            value = self._critics[0](torch.cat([batch.seen, self._policy(batch.seen)], dim=1)).mean()
+            value = self._critics[0](
+                torch.cat([batch.seen, self._policy(batch.seen)], dim=1)
+            ).mean()
             _step(self._policy_optimiser, -value)
-            for target_network, network in ((self._policy_target, self._policy), (self._critics_target, self._critics)):
-                for slow, fast in zip(target_network.parameters(), network.parameters(), strict=True):
+            for target_network, network in (
+                (self._policy_target, self._policy),
+                (self._critics_target, self._critics),
+            ):
+                for slow, fast in zip(
+                    target_network.parameters(), network.parameters(), strict=True
+                ):
                     slow.data.lerp_(fast.data, size.averaging)
 
 

@@ -8,9 +8,23 @@ from generation.search.methods.mcsg import McsgSettings, RealStarts, mcsg, singl
 from generation.search.problem import History, SearchProblem
 from studies.generation.strategies import rewarded
 
-METHODS = {"ccsf": {"title": "CCSF", "meaning": "REINFORCE with an LSTM, on criticality", "realistic": False}}
+METHODS = {
+    "ccsf": {
+        "title": "CCSF",
+        "meaning": "REINFORCE with an LSTM, on criticality",
+        "realistic": False,
+    }
+}
 
 
-def ccsf(problem: SearchProblem, budget: int, seed: int, settings: McsgSettings = McsgSettings()) -> History:  # noqa: B008 - frozen
+def ccsf(
+    problem: SearchProblem, budget: int, seed: int, settings: McsgSettings = McsgSettings()
+) -> History:  # noqa: B008 - frozen
     """MCSG's policy and stages, with edits of single parameters, always from real scenarios, rewarded for criticality alone."""
-    return rewarded(partial(mcsg, settings=settings, edits=single, starts=RealStarts), problem, budget, seed, weight=0.0)
+    return rewarded(
+        partial(mcsg, settings=settings, edits=single, starts=RealStarts),
+        problem,
+        budget,
+        seed,
+        weight=0.0,
+    )

@@ -12,7 +12,13 @@ import numpy as np
 from generation.search.problem import Calls, History, SearchProblem
 from schemas.common.packages import optional
 
-METHODS = {"cma-es": {"title": "CMA-ES", "meaning": "evolution strategy on MCSG's reward, with restarts", "realistic": True}}
+METHODS = {
+    "cma-es": {
+        "title": "CMA-ES",
+        "meaning": "evolution strategy on MCSG's reward, with restarts",
+        "realistic": True,
+    }
+}
 
 
 @dataclass(frozen=True)
@@ -28,7 +34,9 @@ class CmaSettings:
     sigma: float = 0.2
 
 
-def cma_es(problem: SearchProblem, budget: int, seed: int, settings: CmaSettings = CmaSettings()) -> History:
+def cma_es(
+    problem: SearchProblem, budget: int, seed: int, settings: CmaSettings = CmaSettings()
+) -> History:
     """From a real scenario; anew from another one whenever it has converged.
 
     Raises:
@@ -38,7 +46,12 @@ def cma_es(problem: SearchProblem, budget: int, seed: int, settings: CmaSettings
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     while calls.left:
         start = problem.space.unit(problem.real[generator.integers(len(problem.real))])
-        options = {"bounds": [0, 1], "popsize": settings.population, "seed": int(generator.integers(1, 2**31)), "verbose": -9}
+        options = {
+            "bounds": [0, 1],
+            "popsize": settings.population,
+            "seed": int(generator.integers(1, 2**31)),
+            "verbose": -9,
+        }
         strategy = cma.CMAEvolutionStrategy(start, settings.sigma, options)
         while calls.left and not strategy.stop():
             points = strategy.ask()

@@ -7,7 +7,9 @@ import numpy as np
 from generation.search.problem import History, SearchProblem
 from studies.generation.strategies import GeneticSettings, evolve
 
-METHODS = {"gacs": {"title": "GACS", "meaning": "genetic algorithm on criticality", "realistic": False}}
+METHODS = {
+    "gacs": {"title": "GACS", "meaning": "genetic algorithm on criticality", "realistic": False}
+}
 
 
 def gacs(
@@ -22,4 +24,11 @@ def gacs(
         UsageError: pymoo is not installed.
     """
     start = np.random.default_rng(seed).random((settings.population, len(problem.space.parameters)))
-    return evolve(problem, budget, seed, start, lambda found: problem.reward.criticality(found.outcomes), settings.distance)
+    return evolve(
+        problem,
+        budget,
+        seed,
+        start,
+        lambda found: problem.reward.criticality(found.outcomes),
+        settings.distance,
+    )

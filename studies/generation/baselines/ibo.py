@@ -12,7 +12,9 @@ import numpy as np
 from generation.search.problem import Calls, History, SearchProblem
 from schemas.common.packages import optional
 
-METHODS = {"ibo": {"title": "IBO", "meaning": "Bayesian optimisation of criticality", "realistic": False}}
+METHODS = {
+    "ibo": {"title": "IBO", "meaning": "Bayesian optimisation of criticality", "realistic": False}
+}
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,9 @@ class BayesSettings:
     batch: int = 1
 
 
-def ibo(problem: SearchProblem, budget: int, seed: int, settings: BayesSettings = BayesSettings()) -> History:
+def ibo(
+    problem: SearchProblem, budget: int, seed: int, settings: BayesSettings = BayesSettings()
+) -> History:
     """Optuna's Gaussian process sampler.
 
     Raises:
@@ -38,11 +42,15 @@ def ibo(problem: SearchProblem, budget: int, seed: int, settings: BayesSettings 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     calls, names = Calls(problem, budget), problem.space.names
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of an experimental option, and of points that are no power of two
+        warnings.simplefilter(
+            "ignore"
+        )  # of an experimental option, and of points that are no power of two
         study = _study(optuna, seed, names, settings.starts)
     while calls.left:
         trials = [study.ask() for _ in range(min(settings.batch, calls.left))]
-        unit = np.array([[trial.suggest_float(name, 0.0, 1.0) for name in names] for trial in trials])
+        unit = np.array(
+            [[trial.suggest_float(name, 0.0, 1.0) for name in names] for trial in trials]
+        )
         rewards = problem.reward.criticality(calls(problem.space.scaled(unit)).outcomes)
         for trial, reward in zip(trials, rewards.tolist(), strict=True):
             study.tell(trial, reward)
@@ -53,7 +61,9 @@ def _study(optuna: Any, seed: int, names: Sequence[str], starts: int) -> Any:
     """A study whose first points are Sobol's."""
     from scipy.stats import qmc
 
-    sampler = optuna.samplers.GPSampler(seed=seed, n_startup_trials=starts, deterministic_objective=True)
+    sampler = optuna.samplers.GPSampler(
+        seed=seed, n_startup_trials=starts, deterministic_objective=True
+    )
     study = optuna.create_study(direction="maximize", sampler=sampler)
     for point in qmc.Sobol(len(names), rng=seed).random(starts):
         study.enqueue_trial(dict(zip(names, point.tolist(), strict=True)))

@@ -1,6 +1,7 @@
 """Level sets of a Gaussian process: runs are chosen where the border of failure is least known.
 
-B. Bryan et al., Active learning for identifying function threshold boundaries, 2005 (the straddle heuristic).
+B. Bryan et al., Active learning for identifying function threshold boundaries, 2005 (the straddle
+heuristic).
 """
 
 from __future__ import annotations
@@ -11,12 +12,16 @@ import numpy as np
 
 from generation.search.methods.cover import BORDER, Frame, GaussianProcess
 from generation.search.problem import Calls, History, SearchProblem
-from generation.search.space import diverse
+from generation.space.space import diverse
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 
 METHODS = {
-    "level-sets": {"title": "GP level sets", "meaning": "Gaussian process, straddle heuristic on draws", "realistic": True}
+    "level-sets": {
+        "title": "GP level sets",
+        "meaning": "Gaussian process, straddle heuristic on draws",
+        "realistic": True,
+    }
 }
 
 
@@ -27,7 +32,8 @@ class LevelSettings:
     Attributes:
         first: draws of the density before the first choice.
         batch: runs of a round.
-        candidates: draws of the density, and steps from known failures, among which a round chooses.
+        candidates: draws of the density, and steps from known failures, among which a round
+            chooses.
         step: standard deviation of steps, in whitened coordinates.
         least: distance of two choices of a round in whitened coordinates, root mean square.
     """
@@ -43,7 +49,9 @@ _MOST = 3000
 """Runs that the process holds at most"""
 
 
-def level_sets(problem: SearchProblem, budget: int, seed: int, settings: LevelSettings = LevelSettings()) -> History:
+def level_sets(
+    problem: SearchProblem, budget: int, seed: int, settings: LevelSettings = LevelSettings()
+) -> History:
     """Spend the budget.
 
     Raises:
@@ -59,7 +67,9 @@ def level_sets(problem: SearchProblem, budget: int, seed: int, settings: LevelSe
         found = calls(theta)
         rows = frame.coordinates(found.theta)
         process.learn(rows, found.outcomes)
-        failures = np.concatenate([failures, rows[found.outcomes.executed & found.outcomes.collision]])
+        failures = np.concatenate(
+            [failures, rows[found.outcomes.executed & found.outcomes.collision]]
+        )
         if calls.left:
             theta = _candidates(frame, failures, settings, generator)
             theta = theta[prior.foreseeable(theta)]
@@ -74,10 +84,14 @@ def _straddle(mean: FloatArray, deviation: FloatArray) -> FloatArray:
     return np.asarray(1.96 * deviation - np.abs(mean - BORDER))
 
 
-def _candidates(frame: Frame, failures: FloatArray, settings: LevelSettings, generator: np.random.Generator) -> FloatArray:
+def _candidates(
+    frame: Frame, failures: FloatArray, settings: LevelSettings, generator: np.random.Generator
+) -> FloatArray:
     drawn, stepped = settings.candidates
     theta = frame.prior.sample(drawn, generator)
     if not len(failures):
         return theta
     start = failures[generator.integers(len(failures), size=stepped)]
-    return np.concatenate([theta, frame.points(start + generator.normal(0.0, settings.step, start.shape))])
+    return np.concatenate(
+        [theta, frame.points(start + generator.normal(0.0, settings.step, start.shape))]
+    )

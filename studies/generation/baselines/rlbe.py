@@ -15,11 +15,15 @@ from torch.distributions import Normal
 
 from generation.search.methods.mcsg import Edits, single
 from generation.search.problem import Calls, History, SearchProblem
-from recognition.training.windows import seeded
+from recognition.trfe.training.windows import seeded
 from studies.generation.strategies import perceptron
 
 METHODS = {
-    "rlbe": {"title": "RLBE", "meaning": "proximal policy optimisation of edits, risk and plausibility", "realistic": True}
+    "rlbe": {
+        "title": "RLBE",
+        "meaning": "proximal policy optimisation of edits, risk and plausibility",
+        "realistic": True,
+    }
 }
 
 
@@ -51,7 +55,9 @@ class _Steps(NamedTuple):
     returns: Tensor
 
 
-def rlbe(problem: SearchProblem, budget: int, seed: int, settings: PPOSettings = PPOSettings()) -> History:
+def rlbe(
+    problem: SearchProblem, budget: int, seed: int, settings: PPOSettings = PPOSettings()
+) -> History:
     """Gaussian edits of one parameter after the other, rewarded at the end by the problem's reward."""
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     with seeded(seed):
@@ -81,7 +87,12 @@ def _play(agent: _ActorCritic, edits: Edits, calls: Calls) -> _Steps:
             log_probabilities.append(choice.log_prob(chosen[-1]))
             edits.edit(chosen[-1].double().numpy())
     rewards = torch.from_numpy(calls(edits.theta).rewards).float()
-    return _Steps(torch.cat(states), torch.cat(chosen), torch.cat(log_probabilities), rewards.repeat(len(states)))
+    return _Steps(
+        torch.cat(states),
+        torch.cat(chosen),
+        torch.cat(log_probabilities),
+        rewards.repeat(len(states)),
+    )
 
 
 class _ActorCritic(nn.Module):
@@ -108,4 +119,8 @@ class _ActorCritic(nn.Module):
         ratio = (choice.log_prob(steps.edits) - steps.log_probabilities).exp()
         clipped = ratio.clamp(1.0 - settings.clip, 1.0 + settings.clip)
         surrogate = torch.minimum(ratio * advantage, clipped * advantage).mean()
-        return (value - steps.returns).square().mean() - surrogate - settings.entropy * choice.entropy().mean()
+        return (
+            (value - steps.returns).square().mean()
+            - surrogate
+            - settings.entropy * choice.entropy().mean()
+        )

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from generation.search.problem import Calls, History, SearchProblem
-from recognition.training.windows import seeded
+from recognition.trfe.training.windows import seeded
 from schemas.common.array_types import FloatArray, IntArray
 from studies.generation.strategies import perceptron
 
@@ -36,7 +36,8 @@ class DQNSettings:
         step: of a parameter, as a share of its range.
         horizon: time to collision that counts like none, s.
         discount, rate: of future rewards, and of Adam.
-        exploring: share of the budget over which the share of random actions falls from 1 to `least`.
+        exploring: share of the budget over which the share of random actions falls from 1 to
+            `least`.
         updates, sample: after each step of the walkers, and transitions to an update.
         target: steps of the walkers after which the target network is renewed.
     """
@@ -54,7 +55,9 @@ class DQNSettings:
     target: int = 5
 
 
-def rltester(problem: SearchProblem, budget: int, seed: int, settings: DQNSettings = DQNSettings()) -> History:
+def rltester(
+    problem: SearchProblem, budget: int, seed: int, settings: DQNSettings = DQNSettings()
+) -> History:
     """Walks through the unit cube from uniform starts; the reward of a step is −min TTC of the scenario that it leads to."""
     calls, generator = Calls(problem, budget), np.random.default_rng(seed)
     d = len(problem.space.parameters)
@@ -64,7 +67,9 @@ def rltester(problem: SearchProblem, budget: int, seed: int, settings: DQNSettin
         while calls.left:
             if rounds % settings.length == 0:
                 state = generator.random((settings.walkers, d))
-            explored = 1.0 - (1.0 - settings.least) * min((1.0 - calls.left / budget) / settings.exploring, 1.0)
+            explored = 1.0 - (1.0 - settings.least) * min(
+                (1.0 - calls.left / budget) / settings.exploring, 1.0
+            )
             action = agent.act(state, explored, generator)
             moved = np.array(state)
             moved[np.arange(len(moved)), action // 2] += settings.step * (2 * (action % 2) - 1)
@@ -95,7 +100,9 @@ class _Agent:
         drawn = generator.integers(self._actions, size=len(state))
         return np.where(generator.random(len(state)) < explored, drawn, best)
 
-    def keep(self, state: FloatArray, action: IntArray, reward: FloatArray, after: FloatArray) -> None:
+    def keep(
+        self, state: FloatArray, action: IntArray, reward: FloatArray, after: FloatArray
+    ) -> None:
         """Remember transitions."""
         self._memory.append((state, action, reward, after))
 
@@ -103,10 +110,14 @@ class _Agent:
         """Update the network on remembered transitions."""
         if renew:
             self._target.load_state_dict(self._network.state_dict())
-        state, action, reward, after = (torch.from_numpy(np.concatenate(part)) for part in zip(*self._memory, strict=True))
+        state, action, reward, after = (
+            torch.from_numpy(np.concatenate(part)) for part in zip(*self._memory, strict=True)
+        )
         for _ in range(self._settings.updates):
             rows = torch.from_numpy(generator.integers(len(state), size=self._settings.sample))
-            loss = self._loss(state[rows].float(), action[rows], reward[rows].float(), after[rows].float())
+            loss = self._loss(
+                state[rows].float(), action[rows], reward[rows].float(), after[rows].float()
+            )
             self._optimiser.zero_grad()
             loss.backward()
             self._optimiser.step()
@@ -114,4 +125,6 @@ class _Agent:
     def _loss(self, state: Tensor, action: Tensor, reward: Tensor, after: Tensor) -> Tensor:
         with torch.no_grad():
             worth = reward + self._settings.discount * self._target(after).max(dim=1).values
-        return functional.smooth_l1_loss(self._network(state).gather(1, action[:, None])[:, 0], worth)
+        return functional.smooth_l1_loss(
+            self._network(state).gather(1, action[:, None])[:, 0], worth
+        )

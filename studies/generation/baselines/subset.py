@@ -1,6 +1,7 @@
 """Subset simulation: chains of draws of the density that are held to ever nearer misses until they fail, then anew.
 
-S. K. Au and J. L. Beck, Estimation of small failure probabilities in high dimensions by subset simulation, 2001.
+S. K. Au and J. L. Beck, Estimation of small failure probabilities in high dimensions by subset
+simulation, 2001.
 """
 
 from __future__ import annotations
@@ -14,7 +15,13 @@ from generation.search.problem import Calls, History, SearchProblem
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 
-METHODS = {"subset": {"title": "subset simulation", "meaning": "chains of draws held to ever nearer misses", "realistic": True}}
+METHODS = {
+    "subset": {
+        "title": "subset simulation",
+        "meaning": "chains of draws held to ever nearer misses",
+        "realistic": True,
+    }
+}
 
 
 @dataclass(frozen=True)
@@ -36,7 +43,9 @@ class SubsetSettings:
     levels: int = 6
 
 
-def subset(problem: SearchProblem, budget: int, seed: int, settings: SubsetSettings = SubsetSettings()) -> History:
+def subset(
+    problem: SearchProblem, budget: int, seed: int, settings: SubsetSettings = SubsetSettings()
+) -> History:
     """Spend the budget: a simulation that reached the failures, or its last level, is followed by another.
 
     Raises:
@@ -51,7 +60,9 @@ def subset(problem: SearchProblem, budget: int, seed: int, settings: SubsetSetti
     return calls.history
 
 
-def _simulation(calls: Calls, frame: Frame, settings: SubsetSettings, generator: np.random.Generator) -> None:
+def _simulation(
+    calls: Calls, frame: Frame, settings: SubsetSettings, generator: np.random.Generator
+) -> None:
     found = calls(frame.prior.sample(settings.level, generator))
     theta, values, step = found.theta, scores(found.outcomes), settings.step
     for _ in range(settings.levels):
@@ -60,7 +71,9 @@ def _simulation(calls: Calls, frame: Frame, settings: SubsetSettings, generator:
         limit = float(np.quantile(values, 1.0 - settings.kept))
         failing = limit >= 1.0
         chosen = np.argsort(-values, kind="stable")[: round(settings.kept * len(values))]
-        theta, values, step = _chains(calls, frame, (theta[chosen], values[chosen]), limit, step, settings, generator)
+        theta, values, step = _chains(
+            calls, frame, (theta[chosen], values[chosen]), limit, step, settings, generator
+        )
         if failing:
             return
 

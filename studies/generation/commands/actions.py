@@ -9,16 +9,21 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from schemas.common.command_line import Verbose, Version, interruptible
+from schemas.common.terminal.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation actions"
 
 
 def command(
     paths: Annotated[
-        list[Path] | None, typer.Argument(metavar="RECORDINGS...", help="Folders of recordings.  [default: our own actions]")
+        list[Path] | None,
+        typer.Argument(
+            metavar="RECORDINGS...", help="Folders of recordings.  [default: our own actions]"
+        ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Keep the actions in this table.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Keep the actions in this table.")
+    ] = None,
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
@@ -37,7 +42,9 @@ def command(
         if out is not None:
             actions.write(out)
         driving, episodes = Driving(actions), len(np.unique(actions.episodes))
-        print(f"{len(actions)} decisions in {episodes} episodes of {len(set(actions.recordings))} recordings")
+        print(
+            f"{len(actions)} decisions in {episodes} episodes of {len(set(actions.recordings))} recordings"
+        )
         print(f"log p(action | state), held out: {driving.held_out.mean():.3f} on average")
         print(
             f"least mean of foreseeable episodes: {driving.least[0]:.2f} at first, {driving.least[DECISIONS - 1]:.2f} at the end"

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from generation.options import Pin, Ray
-from runner.run_options import Sut, Timestep
-from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.common.command_line import (
+from generation.report.options import Pin, Ray
+from runner.batch.options import Sut, Timestep
+from runner.judging.settings import DEFAULT_SYSTEM, RunSettings
+from schemas.common.terminal.command_line import (
     CatalogPath,
     Jobs,
     Quiet,
@@ -22,7 +22,7 @@ from schemas.common.command_line import (
     out_folder,
     progress_bar,
 )
-from schemas.common.options import parameters_of
+from schemas.common.terminal.options import parameters_of
 from studies.generation.adversary import OBJECTIVES
 
 if TYPE_CHECKING:
@@ -33,20 +33,33 @@ _LISTED = 3
 
 
 def command(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A scenario with an actor beside the ego.")],
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO", help="A scenario with an actor beside the ego.")
+    ],
     out: Annotated[Path, out_folder("Folder for the files; nothing in it is overwritten.")],
     sut: Sut = DEFAULT_SYSTEM,
     recorded: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Table of recorded actions.  [default: our own recordings']")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Table of recorded actions.  [default: our own recordings']"
+        ),
     ] = None,
     objective: Annotated[
         str, typer.Option(metavar="NAME", help=f"What shapes the reward: {', '.join(OBJECTIVES)}.")
     ] = OBJECTIVES[0],
-    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Most runs, those of the reference drivers among them.")] = 3000,
+    budget: Annotated[
+        int,
+        typer.Option(
+            min=1, metavar="N", help="Most runs, those of the reference drivers among them."
+        ),
+    ] = 3000,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     pin: Pin = None,
     most: Annotated[int, typer.Option(min=1, metavar="N", help="Most failures to write.")] = 100,
-    apart: Annotated[float, typer.Option(min=0.0, help="Least distance of two failures, as a share of the ranges.")] = 0.05,
+    apart: Annotated[
+        float,
+        typer.Option(min=0.0, help="Least distance of two failures, as a share of the ranges."),
+    ] = 0.05,
     timestep: Timestep = RunSettings.timestep,
     road_path: RoadPath = None,
     catalog_path: CatalogPath = None,
@@ -64,9 +77,16 @@ def command(
     from studies.generation.adversary.search import AdversarySettings
     from studies.generation.adversary.shape import shape
 
-    run = RunSettings(sut=sut, timestep=timestep, road_path=tuple(road_path or ()), catalog_path=tuple(catalog_path or ()))
+    run = RunSettings(
+        sut=sut,
+        timestep=timestep,
+        road_path=tuple(road_path or ()),
+        catalog_path=tuple(catalog_path or ()),
+    )
     chosen = AdversarySettings(objective=objective, apart=apart)
-    settings = Settings(run, budget, most, seed, recorded, jobs, ray, parameters_of(pin or [], "--pin"), chosen)
+    settings = Settings(
+        run, budget, most, seed, recorded, jobs, ray, parameters_of(pin or [], "--pin"), chosen
+    )
     shape(objective)  # reject a wrong name before recordings are read
     with interruptible(NAME):
         with progress_bar(scenario.stem, chosen.rounds * chosen.episodes, quiet) as progress:
@@ -78,7 +98,10 @@ def command(
 
 def _report(scenario: Path, written: Written, sut: str) -> Iterator[str]:
     rounds = written.rounds
-    episodes, foreseeable = sum(each.episodes for each in rounds), sum(each.foreseeable for each in rounds)
+    episodes, foreseeable = (
+        sum(each.episodes for each in rounds),
+        sum(each.foreseeable for each in rounds),
+    )
     failures = sum(each.failures for each in rounds)
     yield f"{scenario.name}: adversary against {sut}"
     yield f"  {episodes} episodes on the twin, {foreseeable} of them as likely as recorded driving; {failures} failures"

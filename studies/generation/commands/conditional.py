@@ -7,14 +7,17 @@ from typing import Annotated
 
 import typer
 
-from generation.options import Recorded
-from schemas.common.command_line import Verbose, Version, interruptible
+from generation.report.options import Recorded
+from schemas.common.terminal.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation conditional"
 
 
 def command(
-    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO...", help="Scenarios of two adversaries, of the library.")],
+    scenarios: Annotated[
+        list[Path],
+        typer.Argument(metavar="SCENARIO...", help="Scenarios of two adversaries, of the library."),
+    ],
     recorded: Recorded = None,
     _verbose: Verbose = False,
     _version: Version = False,
@@ -22,9 +25,9 @@ def command(
     """Compare conditional flows with the density that judges pairs, on recordings that were not fitted; needs zuko."""
     import numpy as np
 
-    from generation.logical.maneuvers import EGO
-    from generation.recorded import kind_of, of_recordings, of_samples
-    from generation.search.space import Space
+    from generation.space.logical.maneuvers import EGO
+    from generation.space.recorded import kind_of, of_recordings, of_samples
+    from generation.space.space import Space
     from studies.generation.conditional import comparison
 
     speed = f"{EGO}_Speed_mps"
@@ -32,7 +35,17 @@ def command(
         for scenario in scenarios:
             space = Space.of(scenario)
             found = of_samples(of_recordings(recorded, kind_of(scenario)), space).within(space)
-            held = [speed, *(name for name in found.recorded_prior(space, "student").searched if name != speed)]
+            held = [
+                speed,
+                *(
+                    name
+                    for name in found.recorded_prior(space, "student").searched
+                    if name != speed
+                ),
+            ]
             rows = np.stack([found.values[name] for name in held], axis=1)
             usable = (rows > 0.0).all(axis=1)
-            print(f"{scenario.stem}\n\n{comparison(np.log(rows[usable]), found.recordings[usable]).markdown()}", flush=True)
+            print(
+                f"{scenario.stem}\n\n{comparison(np.log(rows[usable]), found.recordings[usable]).markdown()}",
+                flush=True,
+            )

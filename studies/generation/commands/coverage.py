@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from generation.options import Density
-from schemas.common.command_line import Verbose, Version, interruptible
+from generation.report.options import Density
+from schemas.common.terminal.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation coverage"
 _SYSTEMS = ("cas", "aeb", "idm", "r157-cc")
@@ -17,23 +17,40 @@ _PLANTED = "planted"
 
 
 def command(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; what is there is not made again.")],
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for the results; what is there is not made again."
+        ),
+    ],
     systems: Annotated[
-        list[str] | None, typer.Option("--system", metavar="NAME", help="Only these systems; `planted` sleeps in a region.")
+        list[str] | None,
+        typer.Option(
+            "--system", metavar="NAME", help="Only these systems; `planted` sleeps in a region."
+        ),
     ] = None,
-    repetitions: Annotated[int, typer.Option(min=1, metavar="N", help="Drawn sets of recordings.")] = 100,
+    repetitions: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Drawn sets of recordings.")
+    ] = 100,
     runs: Annotated[int, typer.Option(min=30, metavar="N", help="Runs of each estimate.")] = 600,
     density: Density = "gaussian",
-    pool: Annotated[int, typer.Option(min=1000, metavar="N", help="Draws of the density that a region is planted by.")] = 40_000,
+    pool: Annotated[
+        int,
+        typer.Option(
+            min=1000, metavar="N", help="Draws of the density that a region is planted by."
+        ),
+    ] = 40_000,
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
     """Draw recordings anew, fit the density on them, and estimate systems on the twin: how often does the interval cover?"""
     from dataclasses import replace
 
-    from generation.outcomes import Evaluate
-    from generation.recorded import kind_of, of_recordings, of_samples
+    from generation.search.outcomes import Evaluate
+    from generation.space.recorded import kind_of, of_recordings, of_samples
     from schemas.common.errors import UsageError
     from schemas.common.storage import Records
     from studies.generation.coverage import coverage, markdown
@@ -48,12 +65,22 @@ def command(
         recorded = of_samples(of_recordings(None, kind_of(scenario)), space)
         prior = recorded.prior(space, density)
         problem = replace(posing.problem, prior=prior)
-        evaluated: dict[str, Evaluate] = {name: partial(twin, sut=name) for name in names if name != _PLANTED}
+        evaluated: dict[str, Evaluate] = {
+            name: partial(twin, sut=name) for name in names if name != _PLANTED
+        }
         if _PLANTED in names:
             drawn = Pool.of(prior, twin, pool, out / f"{scenario.stem}_{density}_pool_{pool}.npz")
             evaluated[_PLANTED] = plant(Plan("box", 1, 4e-3, False), space, prior, twin, drawn, 0)
         found = []
-        for each in coverage(problem, recorded, evaluated, density, repetitions, runs, Records(out / f"{density}.jsonl")):
+        for each in coverage(
+            problem,
+            recorded,
+            evaluated,
+            density,
+            repetitions,
+            runs,
+            Records(out / f"{density}.jsonl"),
+        ):
             found.append(each)
             print(*each, flush=True)
         print(markdown(found))

@@ -7,19 +7,23 @@ from typing import Annotated
 
 import typer
 
-from generation.options import Kind, Recorded
-from runner.run_options import Sut
-from runner.settings import DEFAULT_SYSTEM
-from schemas.common.command_line import Jobs, Verbose, Version, interruptible
+from generation.report.options import Kind, Recorded
+from runner.batch.options import Sut
+from runner.judging.settings import DEFAULT_SYSTEM
 from schemas.common.errors import Unsupported
+from schemas.common.terminal.command_line import Jobs, Verbose, Version, interruptible
 
 NAME = "python -m studies.generation crosscheck"
 
 
 def command(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")],
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")
+    ],
     repeats: Annotated[int, typer.Option(min=1, metavar="N", help="Estimates of each kind.")] = 5,
-    truth: Annotated[int, typer.Option(min=1, metavar="N", help="Draws of crude Monte Carlo.")] = 100_000,
+    truth: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Draws of crude Monte Carlo.")
+    ] = 100_000,
     sut: Sut = DEFAULT_SYSTEM,
     recorded: Recorded = None,
     kind: Kind = None,
@@ -28,8 +32,8 @@ def command(
     _version: Version = False,
 ) -> None:
     """Compare estimates with subset simulation by OpenTURNS and with crude Monte Carlo, all on the twin; needs openturns."""
-    from generation.density.prior import RecordedPrior
     from generation.estimation.estimate import FAILURE, EstimateSettings, Known, estimate
+    from generation.space.density.prior import RecordedPrior
     from studies.generation.crosscheck import openturns, subset_simulation
     from studies.generation.problem import posed
     from studies.generation.truth import crude
@@ -38,10 +42,25 @@ def command(
     with interruptible(NAME), posed(scenario, sut, jobs, recorded, kind) as posing:
         prior, twin = posing.problem.prior, posing.problem.twin
         if twin is None or not isinstance(prior, RecordedPrior):
-            raise Unsupported("this scenario has no twin, or a prior that is not of recordings alone", path=scenario)
+            raise Unsupported(
+                "this scenario has no twin, or a prior that is not of recordings alone",
+                path=scenario,
+            )
         for seed in range(repeats):
-            print(f"OpenTURNS, subset simulation, seed {seed}: {subset_simulation(prior, twin, seed)}", flush=True)
+            print(
+                f"OpenTURNS, subset simulation, seed {seed}: {subset_simulation(prior, twin, seed)}",
+                flush=True,
+            )
         for seed in range(repeats):
-            found = estimate(prior, twin, twin, Known.nothing(prior), twin, EstimateSettings(seed=seed, controlled=False))
-            print(f"ours, {found.runs} runs, seed {seed}: {found.probabilities[FAILURE]}", flush=True)
+            found = estimate(
+                prior,
+                twin,
+                twin,
+                Known.nothing(prior),
+                twin,
+                EstimateSettings(seed=seed, controlled=False),
+            )
+            print(
+                f"ours, {found.runs} runs, seed {seed}: {found.probabilities[FAILURE]}", flush=True
+            )
         print(f"crude Monte Carlo: {crude(prior, twin, truth)}", flush=True)

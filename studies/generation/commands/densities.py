@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from generation.density.models import models
-from generation.options import Kind, Pin, Recorded
-from runner.run_options import Sut
-from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.common.command_line import Jobs, Verbose, Version, interruptible
+from generation.report.options import Kind, Pin, Recorded
+from generation.space.density.models import models
+from runner.batch.options import Sut
+from runner.judging.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.common.errors import UsageError
-from schemas.common.options import parameters_of
+from schemas.common.terminal.command_line import Jobs, Verbose, Version, interruptible
+from schemas.common.terminal.options import parameters_of
 
 if TYPE_CHECKING:
-    from generation.recorded import Recorded as Units
-    from generation.search.space import Space
+    from generation.space.recorded import Recorded as Units
+    from generation.space.space import Space
     from studies.recognition.report.tables import Table
 
 NAME = "python -m studies.generation densities"
@@ -30,15 +30,24 @@ def command(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario.")],
     only: Annotated[
         list[str] | None,
-        typer.Option("--density", metavar="NAME", help=f"Only these of {', '.join(models())} (repeatable)."),
+        typer.Option(
+            "--density", metavar="NAME", help=f"Only these of {', '.join(models())} (repeatable)."
+        ),
     ] = None,
     recorded: Recorded = None,
     kind: Kind = None,
     pin: Pin = None,
     runs: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Runs of replays, and of each density's draws: the gate; 0 for none.")
+        int,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Runs of replays, and of each density's draws: the gate; 0 for none.",
+        ),
     ] = 0,
-    twin: Annotated[bool, typer.Option("--twin", help="Play runs with the twin, in the place of SUMO.")] = False,
+    twin: Annotated[
+        bool, typer.Option("--twin", help="Play runs with the twin, in the place of SUMO.")
+    ] = False,
     sut: Sut = DEFAULT_SYSTEM,
     jobs: Jobs = 2,
     _verbose: Verbose = False,
@@ -46,12 +55,13 @@ def command(
 ) -> None:
     """Compare densities of recorded parameters by held-out log-likelihood, in a cross-validation by recording.
 
-    With --runs they are simulated too: recorded units with their own values, and draws of the densities.
+    With --runs they are simulated too: recorded units with their own values, and draws of the
+    densities.
     """
-    from generation.density.models import model
-    from generation.outcomes import Evaluator
-    from generation.recorded import kind_of, of_recordings, of_samples
-    from generation.search.space import Space
+    from generation.search.outcomes import Evaluator
+    from generation.space.density.models import model
+    from generation.space.recorded import kind_of, of_recordings, of_samples
+    from generation.space.space import Space
     from generation.twin.episodes import Twin
     from studies.generation.densities import comparison
 
@@ -62,23 +72,32 @@ def command(
         space = Space.of(scenario, parameters_of(pin or [], "--pin"))
         found = of_samples(samples, space).within(space)
         if not len(found.theta):
-            raise UsageError("no recorded manoeuvre is inside the limits of its parameters", path=scenario)
+            raise UsageError(
+                "no recorded manoeuvre is inside the limits of its parameters", path=scenario
+            )
         print(comparison(found.theta, found.recordings, only).markdown(), end="")
         if runs:
             names = only or list(models())
             play = Twin if twin else partial(Evaluator, processes=jobs)
             simulate = partial(play, scenario, run=RunSettings(sut=sut))
-            print("\n" + _gated(space, of_samples(samples, space), names, runs, simulate).markdown(), end="")
+            print(
+                "\n" + _gated(space, of_samples(samples, space), names, runs, simulate).markdown(),
+                end="",
+            )
 
 
-def _gated(space: Space, recorded: Units, names: Sequence[str], runs: int, simulate: Callable[..., Any]) -> Table:
-    from generation.density.gate import Share
+def _gated(
+    space: Space, recorded: Units, names: Sequence[str], runs: int, simulate: Callable[..., Any]
+) -> Table:
+    from generation.search.gate import Share
     from studies.generation.densities import gated
 
     replays = recorded.replays(space)
     if replays is None:
         raise UsageError("nothing is recorded that could be replayed")
     own, units = replays
-    replayed = Share.of(simulate(space=own)(units[np.random.default_rng(0).permutation(len(units))[:runs]]))
+    replayed = Share.of(
+        simulate(space=own)(units[np.random.default_rng(0).permutation(len(units))[:runs]])
+    )
     priors = {name: recorded.recorded_prior(space, name) for name in names}
     return gated(priors, simulate(space=space), replayed, 2 * runs)

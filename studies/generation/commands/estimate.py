@@ -8,22 +8,34 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from generation.options import Kind, Recorded
-from runner.run_options import Sut
-from runner.settings import DEFAULT_SYSTEM
-from schemas.common.command_line import Jobs, Verbose, Version, interruptible
+from generation.report.options import Kind, Recorded
+from runner.batch.options import Sut
+from runner.judging.settings import DEFAULT_SYSTEM
 from schemas.common.errors import Unsupported
+from schemas.common.terminal.command_line import Jobs, Verbose, Version, interruptible
 
 NAME = "python -m studies.generation estimate"
 
 
 def command(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")],
-    repeats: Annotated[int, typer.Option(min=1, metavar="N", help="Estimates, each with a seed of its own.")] = 20,
-    truth: Annotated[int, typer.Option(min=1, metavar="N", help="Draws of the prior that say what is true.")] = 100_000,
-    runs: Annotated[int, typer.Option(min=30, metavar="N", help="Runs of each estimate, played on the twin.")] = 600,
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")
+    ],
+    repeats: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Estimates, each with a seed of its own.")
+    ] = 20,
+    truth: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Draws of the prior that say what is true.")
+    ] = 100_000,
+    runs: Annotated[
+        int, typer.Option(min=30, metavar="N", help="Runs of each estimate, played on the twin.")
+    ] = 600,
     without_twin: Annotated[
-        bool, typer.Option("--without-twin", help="Estimate after a search of as many runs, as where a scenario has no twin.")
+        bool,
+        typer.Option(
+            "--without-twin",
+            help="Estimate after a search of as many runs, as where a scenario has no twin.",
+        ),
     ] = False,
     sut: Sut = DEFAULT_SYSTEM,
     recorded: Recorded = None,
@@ -51,5 +63,9 @@ def command(
             low, high = found.interval
             covered += low <= share <= high
             variations.append(found.variation)
-            print(f"seed {seed}: {found}, coefficient of variation {found.variation:.3f}", flush=True)
-        print(f"{covered} of {repeats} intervals cover it; coefficient of variation {np.mean(variations):.3f} on average")
+            print(
+                f"seed {seed}: {found}, coefficient of variation {found.variation:.3f}", flush=True
+            )
+        print(
+            f"{covered} of {repeats} intervals cover it; coefficient of variation {np.mean(variations):.3f} on average"
+        )

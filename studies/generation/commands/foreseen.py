@@ -7,18 +7,23 @@ from typing import Annotated
 
 import typer
 
-from generation.options import Recorded
-from runner.run_options import Sut
-from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.common.command_line import Verbose, Version, interruptible
+from generation.report.options import Recorded
+from runner.batch.options import Sut
+from runner.judging.settings import DEFAULT_SYSTEM, RunSettings
+from schemas.common.terminal.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation foreseen"
 
 
 def command(
-    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO...", help="Scenarios of two adversaries, of the library.")],
+    scenarios: Annotated[
+        list[Path],
+        typer.Argument(metavar="SCENARIO...", help="Scenarios of two adversaries, of the library."),
+    ],
     sut: Sut = DEFAULT_SYSTEM,
-    draws: Annotated[int, typer.Option(min=1, metavar="N", help="Draws of the density, played by the twin.")] = 4000,
+    draws: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Draws of the density, played by the twin.")
+    ] = 4000,
     recorded: Recorded = None,
     _verbose: Verbose = False,
     _version: Version = False,
@@ -27,8 +32,8 @@ def command(
     neither adversary brings about alone, the whole space."""
     from tempfile import TemporaryDirectory
 
-    from generation.recorded import kind_of, of_recordings, of_samples
-    from generation.search.space import Space
+    from generation.space.recorded import kind_of, of_recordings, of_samples
+    from generation.space.space import Space
     from generation.twin.episodes import Twin
     from studies.generation.foreseen import limits
     from studies.generation.pairs import Coordinated, acting_alone
@@ -39,7 +44,9 @@ def command(
             units = of_samples(of_recordings(recorded, kind_of(scenario)), space)
             with TemporaryDirectory() as scratch:
                 paths = {"": scenario, **acting_alone(scenario, Path(scratch))}
-                twins = {name: Twin(path, space, RunSettings(sut=sut)) for name, path in paths.items()}
+                twins = {
+                    name: Twin(path, space, RunSettings(sut=sut)) for name, path in paths.items()
+                }
             twin = twins.pop("")
             found = limits(space, units, twin, Coordinated(twin, twins), draws)
             print(f"{scenario.stem}\n\n{found.markdown()}", flush=True)

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from generation.options import Recorded
-from runner.run_options import Sut
-from runner.settings import DEFAULT_SYSTEM
-from schemas.common.command_line import Verbose, Version, interruptible
+from generation.report.options import Recorded
+from runner.batch.options import Sut
+from runner.judging.settings import DEFAULT_SYSTEM
+from schemas.common.terminal.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation jerk"
 
@@ -17,7 +17,9 @@ NAME = "python -m studies.generation jerk"
 def command(
     recorded: Recorded = None,
     sut: Sut = DEFAULT_SYSTEM,
-    draws: Annotated[int, typer.Option(min=1, metavar="N", help="Draws of the density, played by the twin.")] = 100_000,
+    draws: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Draws of the density, played by the twin.")
+    ] = 100_000,
     seed: Annotated[int, typer.Option(help="Seed of the draws.")] = 0,
     _verbose: Verbose = False,
     _version: Version = False,
@@ -35,5 +37,9 @@ def command(
         )
         for name, rows in (("all", slice(None)), ("those that fail with it", found.with_it)):
             jerk = found.jerk[rows]
-            shares = "; ".join(f"{each:.2f}" for each in np.quantile(jerk, [0.1, 0.5, 0.9])) if len(jerk) else "none"
+            shares = (
+                "; ".join(f"{each:.2f}" for each in np.quantile(jerk, [0.1, 0.5, 0.9]))
+                if len(jerk)
+                else "none"
+            )
             print(f"  jerk of {name}, 10, 50 and 90 %: {shares} m/s³")

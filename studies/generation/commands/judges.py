@@ -7,16 +7,21 @@ from typing import Annotated
 
 import typer
 
-from generation.options import Kind, Recorded
-from schemas.common.command_line import Verbose, Version, interruptible
+from generation.report.options import Kind, Recorded
+from schemas.common.terminal.command_line import Verbose, Version, interruptible
 
 NAME = "python -m studies.generation judges"
 
 
 def command(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")],
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario that the twin plays.")
+    ],
     systems: Annotated[
-        list[str] | None, typer.Option("--system", metavar="NAME", help="Only these systems, with parameters (repeatable).")
+        list[str] | None,
+        typer.Option(
+            "--system", metavar="NAME", help="Only these systems, with parameters (repeatable)."
+        ),
     ] = None,
     recorded: Recorded = None,
     kind: Kind = None,
@@ -24,8 +29,8 @@ def command(
     _version: Version = False,
 ) -> None:
     """Replay all recorded units on the twin with each reference driver, and count collisions by kind of site."""
-    from generation.recorded import kind_of, of_recordings, of_samples
-    from generation.search.space import Space
+    from generation.space.recorded import kind_of, of_recordings, of_samples
+    from generation.space.space import Space
     from schemas.common.errors import UsageError
     from studies.generation.judges import SYSTEMS, Replays
 
@@ -34,5 +39,7 @@ def command(
         units = of_samples(of_recordings(recorded, kind or kind_of(scenario)), space)
         found = Replays.of(scenario, space, units, systems or SYSTEMS)
         if found is None:
-            raise UsageError("nothing is recorded of a parameter: there is nothing to replay", path=scenario)
+            raise UsageError(
+                "nothing is recorded of a parameter: there is nothing to replay", path=scenario
+            )
         print(found.markdown())

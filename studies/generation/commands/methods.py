@@ -7,11 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from generation.options import Density, Kind, Pin, Recorded
-from runner.run_options import Sut, Timestep
-from schemas.common.command_line import Jobs, Quiet, Verbose, Version, interruptible, out_folder, progress_bar
+from generation.report.options import Density, Kind, Pin, Recorded
+from runner.batch.options import Sut, Timestep
 from schemas.common.errors import UsageError
-from schemas.common.options import parameters_of
+from schemas.common.terminal.command_line import (
+    Jobs,
+    Quiet,
+    Verbose,
+    Version,
+    interruptible,
+    out_folder,
+    progress_bar,
+)
+from schemas.common.terminal.options import parameters_of
 
 if TYPE_CHECKING:
     from studies.generation.comparison.study import Study
@@ -23,8 +31,12 @@ def command(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario.")],
     out: Annotated[Path, out_folder("Folder for searches, tables and figures.")],
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds.")] = 5,
-    budget: Annotated[int, typer.Option(min=3, metavar="N", help="Simulator calls of each search.")] = 3000,
-    methods: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only these methods (repeatable).")] = None,
+    budget: Annotated[
+        int, typer.Option(min=3, metavar="N", help="Simulator calls of each search.")
+    ] = 3000,
+    methods: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only these methods (repeatable).")
+    ] = None,
     recorded: Recorded = None,
     kind: Kind = None,
     sut: Sut = "cas",
@@ -41,12 +53,14 @@ def command(
 
     After an interruption the same command continues; more seeds and methods can be added later.
     """
-    from generation.recorded import kind_of, of_recordings, of_samples
+    from generation.space.recorded import kind_of, of_recordings, of_samples
     from studies.generation.comparison.study import Study, StudySettings
 
     names = _methods(methods)
     samples = of_recordings(recorded, kind or kind_of(scenario))
-    settings = StudySettings(sut, budget, density, timestep=timestep, pinned=parameters_of(pin or []))
+    settings = StudySettings(
+        sut, budget, density, timestep=timestep, pinned=parameters_of(pin or [])
+    )
     with (
         interruptible(NAME, "the same command continues"),
         Study(scenario, lambda space: of_samples(samples, space), out, settings, jobs) as study,

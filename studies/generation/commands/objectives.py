@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from runner.run_options import Sut
-from runner.settings import DEFAULT_SYSTEM, RunSettings
-from schemas.common.command_line import Verbose, Version, interruptible
+from runner.batch.options import Sut
+from runner.judging.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.common.errors import UsageError
+from schemas.common.terminal.command_line import Verbose, Version, interruptible
 from studies.generation.adversary import OBJECTIVES
 
 NAME = "python -m studies.generation objectives"
@@ -19,22 +19,28 @@ _EVEN = "even"
 
 
 def command(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A scenario with an actor beside the ego.")],
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO", help="A scenario with an actor beside the ego.")
+    ],
     sut: Sut = DEFAULT_SYSTEM,
     rounds: Annotated[int, typer.Option(min=1, metavar="N", help="Rounds of each search.")] = 20,
     seed: Annotated[int, typer.Option(help="Seed of the first search with each setting.")] = 100,
-    seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Searches with each setting, of consecutive seeds.")] = 1,
+    seeds: Annotated[
+        int,
+        typer.Option(min=1, metavar="N", help="Searches with each setting, of consecutive seeds."),
+    ] = 1,
     only: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME", help=f"{_EVEN}, or what shapes the reward: {', '.join(OBJECTIVES)} (repeatable).  [default: all]"
+            metavar="NAME",
+            help=f"{_EVEN}, or what shapes the reward: {', '.join(OBJECTIVES)} (repeatable).  [default: all]",
         ),
     ] = None,
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
     """Count the failures on the twin of actions that are drawn evenly, and of policies that learn by each objective."""
-    from generation.search.space import Space
+    from generation.space.space import Space
     from generation.twin.episodes import Twin
     from studies.generation.adversary.actions import OWN, Actions
     from studies.generation.adversary.course import Scene
@@ -48,14 +54,32 @@ def command(
     if unknown := set(only or ()) - settings.keys():
         raise UsageError(f"--only {min(unknown)!r}: settings are {', '.join(settings)}")
     with interruptible(NAME):
-        scene, driving, starts = Scene.of(scenario), Driving(Actions.read(OWN)), starts_of(scenario, {})
+        scene, driving, starts = (
+            Scene.of(scenario),
+            Driving(Actions.read(OWN)),
+            starts_of(scenario, {}),
+        )
         space = Space.of(scenario)
         twin = Twin(scenario, space, RunSettings(sut=sut))
         for name, each in ((name, settings[name]) for name in only or settings):
             for own in range(seed, seed + seeds):
                 found = search(scene, driving, starts, sut, RunSettings.timestep, own, each)
-                counts = (sum(getattr(one, part) for one in found.rounds) for part in ("episodes", "foreseeable", "failures"))
+                counts = (
+                    sum(getattr(one, part) for one in found.rounds)
+                    for part in ("episodes", "foreseeable", "failures")
+                )
                 distinct = len(found.failures.contact)
-                reached = int(twin(as_maneuvers(scene, space, found.failures, RunSettings.timestep)).collision.sum())
-                print(f"{name}, seed {own}: " + "{} episodes, {} foreseeable, {} failures".format(*counts), end="")
-                print(f", {distinct} distinct, of which the nearest manoeuvres collide too: {reached}", flush=True)
+                reached = int(
+                    twin(
+                        as_maneuvers(scene, space, found.failures, RunSettings.timestep)
+                    ).collision.sum()
+                )
+                print(
+                    f"{name}, seed {own}: "
+                    + "{} episodes, {} foreseeable, {} failures".format(*counts),
+                    end="",
+                )
+                print(
+                    f", {distinct} distinct, of which the nearest manoeuvres collide too: {reached}",
+                    flush=True,
+                )

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from generation.options import Recorded
-from runner.run_options import Sut
-from runner.settings import DEFAULT_SYSTEM
-from schemas.common.command_line import Jobs, Verbose, Version, interruptible
+from generation.report.options import Recorded
+from runner.batch.options import Sut
+from runner.judging.settings import DEFAULT_SYSTEM
+from schemas.common.terminal.command_line import Jobs, Verbose, Version, interruptible
 
 NAME = "python -m studies.generation pairs"
 _FIRST = 100
@@ -18,11 +18,18 @@ _FIRST = 100
 
 
 def command(
-    scenarios: Annotated[list[Path], typer.Argument(metavar="SCENARIO...", help="Scenarios of two adversaries, of the library.")],
+    scenarios: Annotated[
+        list[Path],
+        typer.Argument(metavar="SCENARIO...", help="Scenarios of two adversaries, of the library."),
+    ],
     sut: Sut = DEFAULT_SYSTEM,
-    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs on SUMO of each search.")] = 1000,
+    budget: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Runs on SUMO of each search.")
+    ] = 1000,
     seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of reported seeds.")] = 1,
-    both: Annotated[bool, typer.Option("--both", help="Search for those alone that need both.")] = False,
+    both: Annotated[
+        bool, typer.Option("--both", help="Search for those alone that need both.")
+    ] = False,
     recorded: Recorded = None,
     jobs: Jobs = 2,
     _verbose: Verbose = False,

@@ -7,32 +7,67 @@ from typing import Annotated
 
 import typer
 
-from generation.options import Kind
-from runner.run_options import Timestep
-from runner.settings import RunSettings
-from schemas.common.command_line import Jobs, Verbose, Version, interruptible
+from generation.report.options import Kind
+from runner.batch.options import Timestep
+from runner.judging.settings import RunSettings
+from schemas.common.terminal.command_line import Jobs, Verbose, Version, interruptible
 
 NAME = "python -m studies.generation planted"
 
 
 def command(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario, or a variation file.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; what is there is not made again.")],
-    generator: Annotated[str, typer.Option(help="Generator of planted systems: development, reported.")] = "development",
-    methods: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only these methods (repeatable).")] = None,
-    budget: Annotated[int, typer.Option(min=1, metavar="N", help="Runs of each search; judged after 100, 300 and N.")] = 1000,
-    seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds: each plants another system.")] = 10,
-    first: Annotated[int | None, typer.Option(metavar="N", help="First seed.  [default: that of the generator]")] = None,
-    base: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Driver outside the regions.  [default: survives everything]")
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO", help="A logical scenario, or a variation file.")
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for the results; what is there is not made again."
+        ),
+    ],
+    generator: Annotated[
+        str, typer.Option(help="Generator of planted systems: development, reported.")
+    ] = "development",
+    methods: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only these methods (repeatable).")
     ] = None,
-    times: Annotated[float, typer.Option(metavar="F", help="Factor of the plans' probabilities, for small pools.")] = 1.0,
-    plans: Annotated[list[int] | None, typer.Option("--plan", metavar="N", help="Only this plan (repeatable, from 0).")] = None,
+    budget: Annotated[
+        int,
+        typer.Option(min=1, metavar="N", help="Runs of each search; judged after 100, 300 and N."),
+    ] = 1000,
+    seeds: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Number of seeds: each plants another system.")
+    ] = 10,
+    first: Annotated[
+        int | None, typer.Option(metavar="N", help="First seed.  [default: that of the generator]")
+    ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Driver outside the regions.  [default: survives everything]"
+        ),
+    ] = None,
+    times: Annotated[
+        float,
+        typer.Option(metavar="F", help="Factor of the plans' probabilities, for small pools."),
+    ] = 1.0,
+    plans: Annotated[
+        list[int] | None,
+        typer.Option("--plan", metavar="N", help="Only this plan (repeatable, from 0)."),
+    ] = None,
     kind: Kind = None,
-    free: Annotated[list[str] | None, typer.Option(metavar="NAME=LOW..HIGH", help="Search this too (repeatable).")] = None,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=LOW..HIGH", help="Search this too (repeatable)."),
+    ] = None,
     timestep: Timestep = RunSettings.timestep,
     jobs: Jobs = 2,
-    pool: Annotated[int, typer.Option(min=1000, metavar="N", help="Draws of the density that recall is measured by.")] = 40_000,
+    pool: Annotated[
+        int,
+        typer.Option(
+            min=1000, metavar="N", help="Draws of the density that recall is measured by."
+        ),
+    ] = 40_000,
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
@@ -44,7 +79,15 @@ def command(
 
     from schemas.common.errors import UsageError
     from schemas.common.storage import Records
-    from studies.generation.planted.study import FIRST_SEED, PLANS, ROWS, TWIN, Benchmark, statements, table
+    from studies.generation.planted.study import (
+        FIRST_SEED,
+        PLANS,
+        ROWS,
+        TWIN,
+        Benchmark,
+        statements,
+        table,
+    )
     from studies.generation.planted.systems import PERFECT, UNDRIVEN, Pool
     from studies.generation.problem import posed
 
@@ -53,9 +96,13 @@ def command(
     if unknown := [name for name in methods or () if name not in ROWS]:
         raise UsageError(f"there is no row {unknown[0]!r}; rows: {', '.join(ROWS)}")
     if plans and max(plans) >= len(PLANS[generator]):
-        raise UsageError(f"the generator {generator} has {len(PLANS[generator])} plans, counted from 0")
+        raise UsageError(
+            f"the generator {generator} has {len(PLANS[generator])} plans, counted from 0"
+        )
     chosen = [PLANS[generator][number] for number in plans or range(len(PLANS[generator]))]
-    chosen = [replace(plan, base=base or PERFECT, probability=times * plan.probability) for plan in chosen]
+    chosen = [
+        replace(plan, base=base or PERFECT, probability=times * plan.probability) for plan in chosen
+    ]
     with (
         interruptible(NAME, "the same command continues"),
         posed(scenario, UNDRIVEN, jobs, None, kind, timestep, free or ()) as posing,

@@ -9,10 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from runner.run_options import Timestep
-from runner.settings import RunSettings
-from schemas.common.command_line import Jobs, Quiet, Verbose, Version, interruptible, out_folder
+from runner.batch.options import Timestep
+from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError
+from schemas.common.terminal.command_line import (
+    Jobs,
+    Quiet,
+    Verbose,
+    Version,
+    interruptible,
+    out_folder,
+)
 
 if TYPE_CHECKING:
     from runner.batch.jobs import Job, Outcome
@@ -25,16 +32,35 @@ LIBRARY = Path("xosc/library")
 def command(
     paths: Annotated[
         list[Path],
-        typer.Argument(metavar="PATH...", help="Folders of xosc-generate or of a comparison of methods, or files."),
+        typer.Argument(
+            metavar="PATH...",
+            help="Folders of xosc-generate or of a comparison of methods, or files.",
+        ),
     ],
-    systems: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only these systems (repeatable).")] = None,
-    method: Annotated[str, typer.Option(help="Of a comparison: the method whose cases are run.")] = "mcsg",
-    most: Annotated[int, typer.Option(min=1, metavar="N", help="Of a comparison: most cases.")] = 100,
-    scenarios: Annotated[Path, typer.Option(metavar="DIR", help="Of a comparison: folder of its scenario.")] = LIBRARY,
-    recorded: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="Of a comparison: its recordings.  [default: our own recordings]")
+    systems: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only these systems (repeatable).")
     ] = None,
-    draw: Annotated[int, typer.Option(min=0, metavar="N", help="Run N uniform points of each logical scenario instead.")] = 0,
+    method: Annotated[
+        str, typer.Option(help="Of a comparison: the method whose cases are run.")
+    ] = "mcsg",
+    most: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Of a comparison: most cases.")
+    ] = 100,
+    scenarios: Annotated[
+        Path, typer.Option(metavar="DIR", help="Of a comparison: folder of its scenario.")
+    ] = LIBRARY,
+    recorded: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH", help="Of a comparison: its recordings.  [default: our own recordings]"
+        ),
+    ] = None,
+    draw: Annotated[
+        int,
+        typer.Option(
+            min=0, metavar="N", help="Run N uniform points of each logical scenario instead."
+        ),
+    ] = 0,
     timestep: Timestep = RunSettings.timestep,
     jobs: Jobs = 2,
     out: Annotated[Path | None, out_folder("Folder for systems.md and cases.parquet.")] = None,
@@ -44,8 +70,8 @@ def command(
 ) -> None:
     """Run every case with every system under test, and with the careful and competent driver of UN R157.
 
-    Every parameter set of a variation file is a case. Of a comparison of methods, the cases are the best ones of one method over
-    all its seeds, no two of them much alike.
+    Every parameter set of a variation file is a case. Of a comparison of methods, the cases are the
+    best ones of one method over all its seeds, no two of them much alike.
     """
     from studies.generation.systems import SYSTEMS, compare
 
@@ -53,9 +79,19 @@ def command(
         if draw:
             cases: list[Job | Outcome] = [case for path in paths for case in _drawn(path, draw)]
         else:
-            cases = [case for path in paths for case in _cases_of(path, method, most, scenarios, recorded)]
-        progress = _ignore if quiet else lambda system: print(f"{system}: {len(cases)} cases", file=sys.stderr, flush=True)
-        found = compare(cases, systems or SYSTEMS, timestep=timestep, processes=jobs, progress=progress)
+            cases = [
+                case
+                for path in paths
+                for case in _cases_of(path, method, most, scenarios, recorded)
+            ]
+        progress = (
+            _ignore
+            if quiet
+            else lambda system: print(f"{system}: {len(cases)} cases", file=sys.stderr, flush=True)
+        )
+        found = compare(
+            cases, systems or SYSTEMS, timestep=timestep, processes=jobs, progress=progress
+        )
         for line in _failures(found):
             print(line, file=sys.stderr)
         print(found.markdown(), end="")
@@ -63,9 +99,11 @@ def command(
             found.write(out)
 
 
-def _cases_of(path: Path, method: str, most: int, scenarios: Path, recorded: Path | None) -> Sequence[Job | Outcome]:
+def _cases_of(
+    path: Path, method: str, most: int, scenarios: Path, recorded: Path | None
+) -> Sequence[Job | Outcome]:
     """The cases that a path stands for."""
-    from generation.settings import Choice
+    from generation.search.settings import Choice
     from runner.batch.jobs import jobs_of
     from studies.generation.comparison.edge_cases import CONFIGURATION, edge_cases, opened
 
@@ -74,7 +112,10 @@ def _cases_of(path: Path, method: str, most: int, scenarios: Path, recorded: Pat
             return edge_cases(study, method, Choice(most))
     files = sorted(path.rglob("*_edge_cases.xosc")) if path.is_dir() else [path]
     if not files:
-        raise UsageError("neither a comparison of methods nor edge cases of xosc-generate are in this folder", path=path)
+        raise UsageError(
+            "neither a comparison of methods nor edge cases of xosc-generate are in this folder",
+            path=path,
+        )
     return list(jobs_of(files, {}, True))
 
 
@@ -82,7 +123,7 @@ def _drawn(path: Path, count: int) -> Iterator[Job]:
     """Uniform points of a logical scenario."""
     import numpy as np
 
-    from generation.search.space import Space
+    from generation.space.space import Space
     from runner.batch.jobs import Job
 
     space = Space.of(path)

@@ -9,10 +9,10 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from generation.options import Kind, Recorded
-from runner.run_options import Sut
-from runner.settings import DEFAULT_SYSTEM
-from schemas.common.command_line import Jobs, Verbose, Version, interruptible
+from generation.report.options import Kind, Recorded
+from runner.batch.options import Sut
+from runner.judging.settings import DEFAULT_SYSTEM
+from schemas.common.terminal.command_line import Jobs, Verbose, Version, interruptible
 
 NAME = "python -m studies.generation twin"
 _PLAYED = 32_768
@@ -21,8 +21,12 @@ _PLAYED = 32_768
 
 def command(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A logical scenario.")],
-    draws: Annotated[int, typer.Option(min=4, metavar="N", help="Draws of the prior, and as many uniform ones.")] = 500,
-    finds: Annotated[int, typer.Option(min=0, metavar="N", help="Failures found on the twin, at most.")] = 250,
+    draws: Annotated[
+        int, typer.Option(min=4, metavar="N", help="Draws of the prior, and as many uniform ones.")
+    ] = 500,
+    finds: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Failures found on the twin, at most.")
+    ] = 250,
     seed: Annotated[int, typer.Option(help="Of everything that is drawn.")] = 0,
     sut: Sut = DEFAULT_SYSTEM,
     recorded: Recorded = None,
@@ -42,4 +46,6 @@ def command(
         begun = time.process_time()
         assert problem.problem.twin is not None
         problem.problem.twin(theta)
-        print(f"{len(theta) / (time.process_time() - begun):.0f} episodes a second of processor time, uniform draws")
+        print(
+            f"{len(theta) / (time.process_time() - begun):.0f} episodes a second of processor time, uniform draws"
+        )

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.outcomes import Episodes, joined
-from generation.recorded import kind_of, of_recordings, of_samples
-from generation.search.space import distinctive, diverse
-from generation.settings import Choice
+from generation.search.outcomes import Episodes, joined
+from generation.search.settings import Choice
+from generation.space.recorded import kind_of, of_recordings, of_samples
+from generation.space.space import distinctive, diverse
 from runner.batch.jobs import Job
 from schemas.common.errors import InvalidFile, UsageError
 from studies.generation.comparison.study import Study, StudySettings
@@ -58,8 +58,15 @@ def edge_cases(study: Study, method: str, choice: Choice) -> list[Job]:
     order = np.argsort(-likelihood, kind="stable")
     order = order[(episodes.outcomes.collision & foreseeable)[order]]
     told = distinctive(study.space)
-    chosen = order[diverse(study.space.unit(episodes.theta[order])[:, told], choice.apart, choice.most)]
+    chosen = order[
+        diverse(study.space.unit(episodes.theta[order])[:, told], choice.apart, choice.most)
+    ]
     return [
-        Job(f"{method}~{number:06d}", study.scenario, study.scenario, {**study.space.pinned, **study.space.values(row)})
+        Job(
+            f"{method}~{number:06d}",
+            study.scenario,
+            study.scenario,
+            {**study.space.pinned, **study.space.values(row)},
+        )
         for number, row in enumerate(episodes.theta[chosen])
     ]

@@ -16,9 +16,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from generation.outcomes import Episodes
-from recognition.maneuvers.estimation import reconstruct
-from recognition.maneuvers.parameters import PARAMETERS
+from generation.search.outcomes import Episodes
+from recognition.labels.maneuvers.estimation import reconstruct
+from recognition.labels.maneuvers.parameters import PARAMETERS
 from studies.generation.comparison.measures import curves, last_third
 from studies.generation.comparison.report import FIGURES, results
 from studies.generation.comparison.study import Key, Study
@@ -63,8 +63,14 @@ def _learning(study: Study, keys: list[Key]) -> Figure:
         place = list(METHODS).index(name)
         for figure, axes in panels.items():
             mean = np.mean([one[figure] for one in found], axis=0)
-            style = {"linewidth": 3.0, "color": GENERATED, "zorder": 5} if name == "mcsg" else {"color": _COLOURS(place)}
-            axes.plot(np.arange(1, len(mean) + 1), mean, label=METHODS[name].title.strip("*"), **style)
+            style = (
+                {"linewidth": 3.0, "color": GENERATED, "zorder": 5}
+                if name == "mcsg"
+                else {"color": _COLOURS(place)}
+            )
+            axes.plot(
+                np.arange(1, len(mean) + 1), mean, label=METHODS[name].title.strip("*"), **style
+            )
     for figure, axes in panels.items():
         axes.set_xlabel("simulator calls")
         axes.set_ylabel(f"{FIGURES[figure]}, mean of the last 150 calls")
@@ -81,11 +87,18 @@ def _ablations(study: Study) -> Figure:
     canvas = Figure(figsize=(12, 3.8), layout="constrained")
     for axes, figure in zip(canvas.subplots(1, len(shown)), shown, strict=True):
         values = [[getattr(one, figure) for one in seeds.values()] for seeds in found.values()]
-        means, spreads = [fmean(each) for each in values], [stdev(each) if len(each) > 1 else 0.0 for each in values]
+        means, spreads = (
+            [fmean(each) for each in values],
+            [stdev(each) if len(each) > 1 else 0.0 for each in values],
+        )
         colours = [GENERATED if name == "mcsg" else "#90a4ae" for name in found]
         axes.bar(range(len(found)), means, yerr=spreads, color=colours, capsize=3)
         axes.set_xticks(
-            range(len(found)), [METHODS[name].title.strip("*") for name in found], rotation=40, ha="right", fontsize=8
+            range(len(found)),
+            [METHODS[name].title.strip("*") for name in found],
+            rotation=40,
+            ha="right",
+            fontsize=8,
         )
         axes.set_title(FIGURES[figure], fontsize=10)
         axes.grid(alpha=0.3, axis="y")
@@ -98,10 +111,21 @@ def _projections(study: Study, generated: Episodes) -> Figure:
     pairs = list(combinations(range(len(space.names)), 2))
     canvas, panels = _panels(len(pairs), 6, (2.6, 2.4))
     for axes, (one, other) in zip(panels, pairs, strict=True):
-        _scatter(axes, study.recorded.theta[:, (one, other)], generated.theta[:, (one, other)], generated.outcomes.collision)
+        _scatter(
+            axes,
+            study.recorded.theta[:, (one, other)],
+            generated.theta[:, (one, other)],
+            generated.outcomes.collision,
+        )
         axes.set_xlabel(_short(space.names[one]), fontsize=7)
         axes.set_ylabel(_short(space.names[other]), fontsize=7)
-    canvas.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=9, frameon=False)
+    canvas.legend(
+        *panels[0].get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=3,
+        fontsize=9,
+        frameon=False,
+    )
     return canvas
 
 
@@ -118,18 +142,30 @@ def _methods(study: Study, keys: list[Key]) -> Figure:
     canvas, panels = _panels(len(names), 5, (2.8, 2.6), shared=True)
     for axes, name in zip(panels, names, strict=True):
         generated = last_third(study.history(next(key for key in keys if key.method == name)))
-        _scatter(axes, flat(study.recorded.theta), flat(generated.theta), generated.outcomes.collision)
+        _scatter(
+            axes, flat(study.recorded.theta), flat(generated.theta), generated.outcomes.collision
+        )
         axes.set_title(METHODS[name].title.strip("*"), fontsize=9)
-    canvas.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize=9, frameon=False)
+    canvas.legend(
+        *panels[0].get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=3,
+        fontsize=9,
+        frameon=False,
+    )
     return canvas
 
 
-def _panels(number: int, abreast: int, size: tuple[float, float], shared: bool = False) -> tuple[Figure, list[Axes]]:
+def _panels(
+    number: int, abreast: int, size: tuple[float, float], shared: bool = False
+) -> tuple[Figure, list[Axes]]:
     """A figure of small panels of a size (inches), so many abreast at the most."""
     columns = min(abreast, number)
     rows = -(-number // columns)
     canvas = Figure(figsize=(size[0] * columns, size[1] * rows + 0.5), layout="constrained")
-    panels = list(canvas.subplots(rows, columns, squeeze=False, sharex=shared, sharey=shared).ravel())
+    panels = list(
+        canvas.subplots(rows, columns, squeeze=False, sharex=shared, sharey=shared).ravel()
+    )
     for axes in panels:
         axes.tick_params(labelsize=6)
     for axes in panels[number:]:
@@ -145,7 +181,9 @@ def _scatter(axes: Axes, real: FloatArray, generated: FloatArray, collision: np.
         (generated[collision], GENERATED, "generated, collision"),
     ):
         shown = points[generator.permutation(len(points))[:_SHOWN]]
-        axes.scatter(shown[:, 0], shown[:, 1], s=5, color=colour, alpha=0.5, linewidths=0, label=label)
+        axes.scatter(
+            shown[:, 0], shown[:, 1], s=5, color=colour, alpha=0.5, linewidths=0, label=label
+        )
 
 
 def _trajectories(study: Study, generated: Episodes) -> Figure:
@@ -153,12 +191,20 @@ def _trajectories(study: Study, generated: Episodes) -> Figure:
     canvas = Figure(figsize=(12, 4.2), layout="constrained")
     ahead, speed = canvas.subplots(1, 2)
     collisions = generated.theta[generated.outcomes.collision]
-    for theta, colour, label in ((study.recorded.theta, REAL, "recorded"), (collisions, GENERATED, "generated, collision")):
+    for theta, colour, label in (
+        (study.recorded.theta, REAL, "recorded"),
+        (collisions, GENERATED, "generated, collision"),
+    ):
         chosen = theta[np.random.default_rng(0).permutation(len(theta))[:_MOTIONS]]
         for number, row in enumerate(chosen):
             time = np.linspace(-row[2], row[4] + row[6], 120)
             way, aside = reconstruct(row, 1.0, time)
-            style = {"color": colour, "alpha": 0.5, "linewidth": 1.0, "label": label if not number else None}
+            style = {
+                "color": colour,
+                "alpha": 0.5,
+                "linewidth": 1.0,
+                "label": label if not number else None,
+            }
             ahead.plot(way, aside, **style)
             speed.plot(time, np.gradient(way, time), **style)
     ahead.set_xlabel("way since the manoeuvre began [m]")
@@ -173,7 +219,9 @@ def _trajectories(study: Study, generated: Episodes) -> Figure:
 
 def _is_manoeuvre(study: Study) -> bool:
     """Whether the space is that of the seven parameters, in their order."""
-    return [name.partition("_")[2] for name in study.space.names] == [each.name for each in PARAMETERS.values()]
+    return [name.partition("_")[2] for name in study.space.names] == [
+        each.name for each in PARAMETERS.values()
+    ]
 
 
 def _short(name: str) -> str:

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.outcomes import Episodes, Evaluate
+from generation.search.outcomes import Episodes, Evaluate
 from generation.search.problem import History, SearchProblem
-from generation.search.space import diverse
-from generation.settings import Choice
+from generation.search.settings import Choice
+from generation.space.space import diverse
 from schemas.common.array_types import BoolArray, FloatArray
 
 JUDGED = 100
@@ -28,7 +28,8 @@ class Measures(NamedTuple):
         plausible: share of the episodes whose realism term is 0.
         edge_cases: share of the episodes that are plausible and end in a collision.
         distinct: number of these that are no nearer to each other than written edge cases are.
-        diversity: mean distance of two episodes in the unit cube, root mean square over the parameters.
+        diversity: mean distance of two episodes in the unit cube, root mean square over the
+            parameters.
         reward: mean.
         failed: share of the episodes that did not take place.
     """
@@ -51,7 +52,9 @@ def last_third(history: History) -> Episodes:
 
 def taken(episodes: Episodes, chosen: BoolArray) -> Episodes:
     """Some episodes, by a mask (n,)."""
-    return Episodes(episodes.theta[chosen], episodes.outcomes.take(chosen), episodes.rewards[chosen])
+    return Episodes(
+        episodes.theta[chosen], episodes.outcomes.take(chosen), episodes.rewards[chosen]
+    )
 
 
 def measure(episodes: Episodes, problem: SearchProblem) -> Measures:
@@ -75,7 +78,8 @@ def measure(episodes: Episodes, problem: SearchProblem) -> Measures:
 def avoided(history: History, careful: Evaluate) -> float | None:
     """Share of the last third's collisions, or of evenly chosen ones among them, where the careful driver has none.
 
-    Runs of the careful driver that did not take place do not count; None where nothing is left to judge.
+    Runs of the careful driver that did not take place do not count; None where nothing is left to
+    judge.
     """
     last = last_third(history)
     theta = last.theta[last.outcomes.collision]
@@ -88,7 +92,11 @@ def avoided(history: History, careful: Evaluate) -> float | None:
 
 def curves(history: History, window: int = 150) -> dict[str, FloatArray]:
     """Means (n,) of R_risk, collisions and rewards over the last `window` episodes at each episode."""
-    columns = {"r_risk": history.outcomes.r_risk, "collisions": history.outcomes.collision, "reward": history.rewards}
+    columns = {
+        "r_risk": history.outcomes.r_risk,
+        "collisions": history.outcomes.collision,
+        "reward": history.rewards,
+    }
     total = {name: np.concatenate([[0.0], np.cumsum(values)]) for name, values in columns.items()}
     ends = np.arange(1, len(history.theta) + 1)
     starts = np.maximum(ends - window, 0)

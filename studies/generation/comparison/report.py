@@ -6,7 +6,7 @@ from statistics import fmean
 
 import numpy as np
 
-from schemas.common.text import csv_text
+from schemas.common.terminal.text import csv_text
 from studies.generation import densities, reconstruction
 from studies.generation.comparison import trajectories
 from studies.generation.comparison.measures import Measures, last_third, measure
@@ -43,7 +43,9 @@ def results(study: Study, complete: bool = False) -> Results:
     found: Results = {}
     for key in study.searches():
         history = study.history(key)
-        found.setdefault(key.method, {})[key.seed] = measure(history if complete else last_third(history), study.problem)
+        found.setdefault(key.method, {})[key.seed] = measure(
+            history if complete else last_third(history), study.problem
+        )
     return found
 
 
@@ -56,7 +58,13 @@ def _tables(study: Study, last: Results, complete: Results) -> list[Table]:
     """All tables for which there are results."""
     header = ("", *FIGURES.values())
     found = [
-        Table("generated", "What the methods generate", _LAST_NOTE, (*header, "avoidable"), _rows(last, study)),
+        Table(
+            "generated",
+            "What the methods generate",
+            _LAST_NOTE,
+            (*header, "avoidable"),
+            _rows(last, study),
+        ),
         Table("calls", "What the methods spend their calls on", _ALL_NOTE, header, _rows(complete)),
         reconstruction.overall(study.recorded.errors),
         trajectories.table(study),
@@ -69,7 +77,10 @@ def _rows(found: Results, study: Study | None = None) -> list[tuple[str, ...]]:
     """A row for each method; with a study, the share of avoidable collisions at the end."""
     rows = []
     for name, seeds in found.items():
-        row = [title(name), *(_cell([getattr(values, figure) for values in seeds.values()]) for figure in FIGURES)]
+        row = [
+            title(name),
+            *(_cell([getattr(values, figure) for values in seeds.values()]) for figure in FIGURES),
+        ]
         if study is not None:
             shares = [study.avoidable(Key(name, seed)) for seed in seeds]
             row.append(spread((share for share in shares if share is not None), 2))
@@ -85,14 +96,25 @@ def write_report(study: Study) -> list[Table]:
     """Write `report.md`, a CSV for each table, and `results.csv` with every single figure; the tables."""
     last, complete = results(study), results(study, complete=True)
     found = _tables(study, last, complete)
-    text = "\n".join([f"# Results of generation\n\n{_introduction(study, last)}\n", *(table.markdown() for table in found)])
+    text = "\n".join(
+        [
+            f"# Results of generation\n\n{_introduction(study, last)}\n",
+            *(table.markdown() for table in found),
+        ]
+    )
     (study.out / "report.md").write_text(text, encoding="utf-8", newline="\n")
     (study.out / "tables").mkdir(exist_ok=True)
     for table in found:
-        (study.out / "tables" / f"{table.name}.csv").write_text(table.csv(), encoding="utf-8", newline="\n")
+        (study.out / "tables" / f"{table.name}.csv").write_text(
+            table.csv(), encoding="utf-8", newline="\n"
+        )
     rows: list[tuple[object, ...]] = [("episodes", "method", "seed", *Measures._fields)]
     for episodes, measured in (("last third", last), ("all", complete)):
-        rows += ((episodes, name, seed, *values) for name, seeds in measured.items() for seed, values in seeds.items())
+        rows += (
+            (episodes, name, seed, *values)
+            for name, seeds in measured.items()
+            for seed, values in seeds.items()
+        )
     (study.out / "results.csv").write_text(csv_text(rows), encoding="utf-8", newline="\n")
     return found
 
@@ -125,7 +147,9 @@ def _verdict(found: Results) -> str:
     for figure in ("r_risk", "collisions", "log_likelihood", "edge_cases", "distinct"):
         ranked = sorted(means, key=lambda name: -means[name][figure])
         realistic = [name for name in ranked if METHODS[name].realistic]
-        best = [f"{METHODS[name].title.strip('*')} {means[name][figure]:.3g}" for name in ranked[:3]]
+        best = [
+            f"{METHODS[name].title.strip('*')} {means[name][figure]:.3g}" for name in ranked[:3]
+        ]
         lines.append(
             f"- {FIGURES[figure]}: MCSG is number {realistic.index('mcsg') + 1} of the {len(realistic)} methods that keep to the "
             f"plausible (†), number {ranked.index('mcsg') + 1} of all {len(ranked)} ({', '.join(best)})"

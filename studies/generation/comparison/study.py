@@ -13,11 +13,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.outcomes import CAREFUL, Evaluate, Evaluator
-from generation.recorded import Recorded
-from generation.search.problem import History, Memory, Realism, Reward, SearchProblem, counted, method
-from generation.search.space import Space
-from runner.settings import DEFAULT_SYSTEM, RunSettings
+from generation.search.outcomes import CAREFUL, Evaluate, Evaluator
+from generation.search.problem import (
+    History,
+    Memory,
+    Realism,
+    Reward,
+    SearchProblem,
+    counted,
+    method,
+)
+from generation.space.recorded import Recorded
+from generation.space.space import Space
+from runner.judging.settings import DEFAULT_SYSTEM, RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 from studies.generation.comparison.measures import avoided
@@ -67,8 +75,8 @@ class Study:
         out: folder of the results.
         settings: what makes results comparable.
         processes: how many runs at a time; results do not depend on it.
-        evaluators: makes what runs a scenario at points of a space, given the name of a system under test; by default, real
-            runs.
+        evaluators: makes what runs a scenario at points of a space, given the name of a system
+            under test; by default, real runs.
 
     Attributes:
         recorded: parameters from recordings that lie in the box.
@@ -91,7 +99,9 @@ class Study:
         self.scenario, self.out, self.settings, self.store = scenario, out, settings, Store(out)
         self.space = Space.of(scenario, settings.pinned)
         self.recorded = recorded(self.space).within(self.space)
-        self.store.open({**asdict(settings), "scenario": scenario.name, "inputs": self._fingerprint()})
+        self.store.open(
+            {**asdict(settings), "scenario": scenario.name, "inputs": self._fingerprint()}
+        )
         self._processes, self._stack = processes, ExitStack()
         self._careful: dict[Path, Evaluate] = {}
         self._evaluators = evaluators or self._simulator
@@ -100,26 +110,42 @@ class Study:
     def __enter__(self) -> Study:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self._stack.close()
 
     def pending(self, seeds: int, names: Sequence[str] | None = None) -> list[Key]:
         """Searches that are not there yet, in the order in which `run` makes them: all methods of a seed, then the next seed."""
-        keys = [Key(name, seed) for seed in range(seeds) for name in METHODS if names is None or name in names]
+        keys = [
+            Key(name, seed)
+            for seed in range(seeds)
+            for name in METHODS
+            if names is None or name in names
+        ]
         return [key for key in keys if not self._path(key).exists()]
 
-    def run(self, pending: Sequence[Key], progress: Callable[[int], None] = lambda calls: None) -> Iterator[Key]:
+    def run(
+        self, pending: Sequence[Key], progress: Callable[[int], None] = lambda calls: None
+    ) -> Iterator[Key]:
         """Make searches; each is given back when it is on disk. `progress` is called with the number of points just evaluated."""
 
         for key in pending:
             path, knots = self._path(key), key.method in TRAJECTORIES
             scenario, problem = (
-                (self.trajectories.scenario, self.trajectories.problem) if knots else (self.scenario, self.problem)
+                (self.trajectories.scenario, self.trajectories.problem)
+                if knots
+                else (self.scenario, self.problem)
             )
             path.parent.mkdir(parents=True, exist_ok=True)
             calls = path.with_suffix(".jsonl")
             remembered = Memory(counted(problem.evaluate, progress), calls)
-            history = method(key.method, METHODS)(replace(problem, evaluate=remembered), self.settings.budget, key.seed)
+            history = method(key.method, METHODS)(
+                replace(problem, evaluate=remembered), self.settings.budget, key.seed
+            )
             self._judge(key, history, scenario, problem.space)
             if knots:
                 history.save(self._knots(key))
@@ -138,11 +164,18 @@ class Study:
         setting = setting_of(self.scenario, self.space)
         scenario = write(self.out / "knots", self.space, setting)
         space = Space.of(scenario, self.settings.pinned)
-        return Trajectories(scenario, setting, self._posed(scenario, space, space.clip(knots_of(self.recorded.theta, setting))))
+        return Trajectories(
+            scenario,
+            setting,
+            self._posed(scenario, space, space.clip(knots_of(self.recorded.theta, setting))),
+        )
 
     def searches(self) -> list[Key]:
         """Searches that are there, methods in their order."""
-        found = [Key(path.parent.name, int(path.stem)) for path in (self.out / "searches").glob("*/*.npz")]
+        found = [
+            Key(path.parent.name, int(path.stem))
+            for path in (self.out / "searches").glob("*/*.npz")
+        ]
         return sorted(found, key=lambda key: (list(METHODS).index(key.method), key.seed))
 
     def history(self, key: Key) -> History:
@@ -162,7 +195,9 @@ class Study:
         """The problem of a scenario, given its recorded parameters."""
         realism = Realism.fitted(self.settings.density, real, self.recorded.recordings)
         reward = Reward(realism, self.settings.weight)
-        return SearchProblem(space, self._evaluators(self.settings.sut, scenario, space), reward, real)
+        return SearchProblem(
+            space, self._evaluators(self.settings.sut, scenario, space), reward, real
+        )
 
     def _judge(self, key: Key, history: History, scenario: Path, space: Space) -> None:
         """Have the careful and competent driver of UN R157 drive the collisions."""
@@ -185,7 +220,9 @@ class Study:
     def _fingerprint(self) -> str:
         """Of the scenario's text and the recorded parameters."""
         if not len(self.recorded.theta):
-            raise UsageError("no recorded manoeuvre is inside the limits of its parameters", path=self.scenario)
+            raise UsageError(
+                "no recorded manoeuvre is inside the limits of its parameters", path=self.scenario
+            )
         content = self.scenario.read_bytes() + np.ascontiguousarray(self.recorded.theta).tobytes()
         return hashlib.sha256(content).hexdigest()[:16]
 

@@ -37,7 +37,11 @@ def table(study: Study) -> Table:
         judge = _Judge(study)
         rows.append(_row("recorded, by their knots", [judge.recorded]))
         for name in dict.fromkeys(key.method for key in keys):
-            rows.append(_row(METHODS[name].title, [judge.figures(key) for key in keys if key.method == name]))
+            rows.append(
+                _row(
+                    METHODS[name].title, [judge.figures(key) for key in keys if key.method == name]
+                )
+            )
     return Table("trajectories", "Trajectories and manoeuvres", _NOTE, _HEADER, rows)
 
 
@@ -45,7 +49,8 @@ class _Judge:
     """Describes episodes by both kinds of parameters.
 
     Attributes:
-        recorded: figures of the recorded manoeuvres, described by knots and then by the nearest manoeuvres.
+        recorded: figures of the recorded manoeuvres, described by knots and then by the nearest
+            manoeuvres.
     """
 
     def __init__(self, study: Study) -> None:
@@ -53,7 +58,9 @@ class _Judge:
         knots = self._side.problem.real
         nearest = maneuvers_of(knots, self._side.setting)
         self._limits = np.quantile([nearest.lateral, nearest.longitudinal], _NEAR, axis=1)
-        self.recorded = self._figures(knots, nearest.theta, np.zeros(len(knots), bool), self._near(nearest))
+        self.recorded = self._figures(
+            knots, nearest.theta, np.zeros(len(knots), bool), self._near(nearest)
+        )
 
     def figures(self, key: Key) -> Figures:
         """Of the last third of a search."""
@@ -61,15 +68,21 @@ class _Judge:
         if key.method not in TRAJECTORIES:
             last = last_third(self._study.history(key))
             every = np.ones(len(last.theta), bool)
-            return self._figures(knots_of(last.theta, setting), last.theta, last.outcomes.collision, every)
+            return self._figures(
+                knots_of(last.theta, setting), last.theta, last.outcomes.collision, every
+            )
         last = last_third(self._study.knots(key))
         nearest = maneuvers_of(last.theta, setting)
-        return self._figures(last.theta, nearest.theta, last.outcomes.collision, self._near(nearest))
+        return self._figures(
+            last.theta, nearest.theta, last.outcomes.collision, self._near(nearest)
+        )
 
     def _near(self, nearest: Nearest) -> BoolArray:
         return (nearest.lateral <= self._limits[0]) & (nearest.longitudinal <= self._limits[1])
 
-    def _figures(self, knots: FloatArray, theta: FloatArray, collision: BoolArray, near: BoolArray) -> Figures:
+    def _figures(
+        self, knots: FloatArray, theta: FloatArray, collision: BoolArray, near: BoolArray
+    ) -> Figures:
         sides = (self._side.problem, knots), (self._study.problem, theta)
         found = [_likelihoods(problem.reward.realism, rows, collision) for problem, rows in sides]
         return (*found[0], *found[1], float(near.mean()))
@@ -78,11 +91,18 @@ class _Judge:
 def _likelihoods(realism: Realism, theta: FloatArray, collision: BoolArray) -> Figures:
     """Mean log-density, share of the plausible, and of the plausible collisions."""
     log_likelihood, plausible = realism.judged(theta)
-    return float(log_likelihood.mean()), float(plausible.mean()), float((plausible & collision).mean())
+    return (
+        float(log_likelihood.mean()),
+        float(plausible.mean()),
+        float((plausible & collision).mean()),
+    )
 
 
 def _row(title: str, found: list[Figures]) -> tuple[str, ...]:
     return (
         title,
-        *(spread(column, 1 if "log" in head else 3) for head, column in zip(_HEADER[1:], zip(*found, strict=True), strict=True)),
+        *(
+            spread(column, 1 if "log" in head else 3)
+            for head, column in zip(_HEADER[1:], zip(*found, strict=True), strict=True)
+        ),
     )

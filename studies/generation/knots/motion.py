@@ -7,9 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.search.space import Space
-from recognition.maneuvers.estimation import distance_model, fit_speeds, progress, reconstruct
-from recognition.maneuvers.parameters import PARAMETERS
+from generation.space.space import Space
+from recognition.labels.maneuvers.estimation import (
+    distance_model,
+    fit_speeds,
+    progress,
+    reconstruct,
+)
+from recognition.labels.maneuvers.parameters import PARAMETERS
 from schemas.common.array_types import FloatArray
 
 NUMBER = 6
@@ -59,7 +64,9 @@ def knots_of(theta: FloatArray, setting: Setting) -> FloatArray:
     gap, before = values[:, 0], values[:, 2]
     total = values[:, (2, 4, 6)].sum(axis=1)
     time = total[:, None] * _SHARES - before[:, None]
-    moved = np.array([reconstruct(row, -setting.aside, times) for row, times in zip(values, time, strict=True)])
+    moved = np.array(
+        [reconstruct(row, -setting.aside, times) for row, times in zip(values, time, strict=True)]
+    )
     ahead = gap[:, None] + CAR + moved[:, 0] - setting.ego_speed * time
     return np.column_stack([total, ahead, setting.aside + moved[:, 1, 1:-1]])
 
@@ -85,9 +92,14 @@ def maneuvers_of(knots: FloatArray, setting: Setting) -> Nearest:
 def _nearest(row: FloatArray, setting: Setting) -> tuple[FloatArray, tuple[float, float]]:
     """The seven parameters nearest to one trajectory, and the root mean squares that are left across and along the lane."""
     total, ahead, beside = _curves(row, setting.aside, np.linspace(0.0, 1.0, _SAMPLES))
-    time, way = np.linspace(0.0, total, _SAMPLES), ahead + setting.ego_speed * np.linspace(0.0, total, _SAMPLES)
+    time, way = (
+        np.linspace(0.0, total, _SAMPLES),
+        ahead + setting.ego_speed * np.linspace(0.0, total, _SAMPLES),
+    )
     start, duration = _times(total)
-    model = setting.aside * (1.0 - progress(np.clip((time - start[:, None]) / duration[:, None], 0.0, 1.0)))
+    model = setting.aside * (
+        1.0 - progress(np.clip((time - start[:, None]) / duration[:, None], 0.0, 1.0))
+    )
     off = np.square(model - beside).mean(axis=1)
     best = int(off.argmin())
     begins, lasts = float(start[best]), float(duration[best])
@@ -112,10 +124,16 @@ def _times(total: float) -> tuple[FloatArray, FloatArray]:
     return start[possible], duration[possible]
 
 
-def _curves(row: FloatArray, aside: float, shares: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+def _curves(
+    row: FloatArray, aside: float, shares: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
     """The scene's time, and ways ahead and aside at shares of it."""
     along = weights(shares)
-    return float(row[0]), along @ row[1 : NUMBER + 1], along @ np.array([aside, *row[NUMBER + 1 :], 0.0])
+    return (
+        float(row[0]),
+        along @ row[1 : NUMBER + 1],
+        along @ np.array([aside, *row[NUMBER + 1 :], 0.0]),
+    )
 
 
 def weights(shares: FloatArray) -> FloatArray:

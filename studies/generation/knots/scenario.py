@@ -10,21 +10,21 @@ import numpy as np
 from scenariogeneration import xosc as sg
 
 import xodr
-from generation.logical.library import ROADS, SCENARIOS
-from generation.logical.maneuvers import EGO, MANEUVERS
-from generation.logical.roads import GEOMETRIES
-from generation.search.space import Space
-from generation.variations import AUTHOR
-from recognition.maneuvers.parameters import PARAMETERS, declared_name
+from generation.search.variations import AUTHOR
+from generation.space.logical.library import ROADS, SCENARIOS
+from generation.space.logical.maneuvers import EGO, MANEUVERS
+from generation.space.logical.roads import GEOMETRIES
+from generation.space.space import Space
+from recognition.labels.maneuvers.parameters import PARAMETERS, declared_name
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 from studies.generation.knots.motion import NUMBER, Setting, box, knots_of, weights
-from xosc import maneuvers
 from xosc.document import Document
 from xosc.exports import standard
 from xosc.exports.draft import DEFAULTS, Draft, Folder
-from xosc.maneuvers import FileHeader
-from xosc.maneuvers.entities import Number
+from xosc.writing import maneuvers
+from xosc.writing.maneuvers import FileHeader
+from xosc.writing.maneuvers.entities import Number
 
 LOGICAL = "cut_in_highway"
 """The logical scenario that this is the trajectory-level one of."""
@@ -47,7 +47,10 @@ def setting_of(scenario: Path, space: Space) -> Setting:
     """
     seven = tuple(declared_name(_ACTOR, role) for role in PARAMETERS)
     if scenario.stem != LOGICAL or space.names != seven:
-        raise UsageError(f"No-Maneuver has trajectories in the place of all seven parameters of {LOGICAL} only", path=scenario)
+        raise UsageError(
+            f"No-Maneuver has trajectories in the place of all seven parameters of {LOGICAL} only",
+            path=scenario,
+        )
     road = xodr.load(ROADS / f"{_PLACE.file}.xodr").roads[_PLACE.road]
     widths = [road.lane_width(_PLACE.spot, lane) for lane in (_PLACE.left, _PLACE.right)]
     return Setting(float(space.pinned[_SPEED]), 0.5 * sum(widths))
@@ -63,22 +66,32 @@ def write(folder: Path, space: Space, setting: Setting) -> Path:
         UsageError: another file is in the way.
     """
     name = f"{LOGICAL}_knots.xosc"
-    standard.scenario(_document(SCENARIOS / name, space, setting), None, Draft(Folder(folder), DEFAULTS))
+    standard.scenario(
+        _document(SCENARIOS / name, space, setting), None, Draft(Folder(folder), DEFAULTS)
+    )
     return folder / name
 
 
 def _document(path: Path, space: Space, setting: Setting) -> Document:
-    stop = [[maneuvers.collision(EGO, _ACTOR)], [maneuvers.simulation_time(f"${TIME}", "greaterOrEqual")]]
+    stop = [
+        [maneuvers.collision(EGO, _ACTOR)],
+        [maneuvers.simulation_time(f"${TIME}", "greaterOrEqual")],
+    ]
     return maneuvers.scenario(
         path,
         FileHeader(
-            "A vehicle cuts in from the left in front of the ego along a trajectory, on a straight motorway", AUTHOR, _DATE
+            "A vehicle cuts in from the left in front of the ego along a trajectory, on a straight motorway",
+            AUTHOR,
+            _DATE,
         ),
         road=f"../../xodr/library/{_PLACE.file}.xodr",
         entities={name: maneuvers.reference("vehicle_catalog", "car") for name in (EGO, _ACTOR)},
         init={
             EGO: [maneuvers.teleport(_position(_START)), maneuvers.speed(f"${_SPEED}")],
-            _ACTOR: [maneuvers.teleport(_vertices(setting)[0][1]), maneuvers.follow_trajectory(_trajectory(setting))],
+            _ACTOR: [
+                maneuvers.teleport(_vertices(setting)[0][1]),
+                maneuvers.follow_trajectory(_trajectory(setting)),
+            ],
         },
         parameters=_parameters(space, setting),
         catalogs={"Vehicle": "catalogs/vehicles"},
@@ -91,7 +104,12 @@ def _parameters(space: Space, setting: Setting) -> list[Any]:
     middle = knots_of(0.5 * (space.low + space.high), setting)[0]
     columns = zip((TIME, *AHEAD, *ASIDE), middle.tolist(), *box(space, setting), strict=True)
     knots = [
-        maneuvers.parameter(name, "double", round(value, 3), [[("greaterOrEqual", float(low)), ("lessOrEqual", float(high))]])
+        maneuvers.parameter(
+            name,
+            "double",
+            round(value, 3),
+            [[("greaterOrEqual", float(low)), ("lessOrEqual", float(high))]],
+        )
         for name, value, low, high in columns
     ]
     return [*knots, maneuvers.parameter(_SPEED, "double", setting.ego_speed)]
@@ -122,7 +140,8 @@ def _vertices(setting: Setting) -> list[tuple[str, Any]]:
 def _sum(row: FloatArray, names: tuple[str, ...]) -> str:
     """Weighted parameters, to be added."""
     return "".join(
-        f" {'-' if weight < 0.0 else '+'} {abs(weight):.6g} * ${name}" for weight, name in zip(row, names, strict=True)
+        f" {'-' if weight < 0.0 else '+'} {abs(weight):.6g} * ${name}"
+        for weight, name in zip(row, names, strict=True)
     )
 
 

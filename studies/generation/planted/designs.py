@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.stats import norm, qmc
 
-from generation.density.prior import Prior
 from generation.search.methods.cover import Frame
 from generation.search.problem import Calls, History, SearchProblem
+from generation.space.density.prior import Prior
 from schemas.common.array_types import FloatArray, IntArray
 
 
@@ -24,7 +24,8 @@ def cells(problem: SearchProblem, budget: int, seed: int) -> History:
 def sobol(problem: SearchProblem, budget: int, seed: int) -> History:
     """Sobol points in the foreseeable set, spread beyond the density by `_WIDE`.
 
-    I. M. Sobol, On the distribution of points in a cube and the approximate evaluation of integrals, 1967.
+    I. M. Sobol, On the distribution of points in a cube and the approximate evaluation of
+    integrals, 1967.
     """
     assert problem.prior is not None
     calls = Calls(problem, budget)

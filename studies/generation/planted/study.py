@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from generation.density.gate import NEAR, Statement
-from generation.outcomes import Outcomes
 from generation.pipeline import drawn_of
+from generation.search.gate import NEAR, Statement
 from generation.search.methods.cover import cover, draws
 from generation.search.methods.mcsg import mcsg, mcsg_published
+from generation.search.outcomes import Outcomes
 from generation.search.problem import History, Plays, Search, SearchProblem
-from generation.search.space import Space, distinctive
+from generation.space.space import Space, distinctive
 from schemas.common.array_types import FloatArray
 from schemas.common.storage import Records
 from studies.generation.baselines.cma_es import cma_es
@@ -81,7 +81,8 @@ class Found(NamedTuple):
     Attributes:
         regions: share of the planted regions with a run that fails there.
         near, far: share of failing draws of the density within 5 and 10 % of a found failure.
-        first: number of the first run that fails in a region; one more than the runs where none does.
+        first: number of the first run that fails in a region; one more than the runs where none
+            does.
         strange: share of the failing runs that are not foreseeable.
         own: share of the failing runs that lie in no region: failures of the base.
     """
@@ -112,7 +113,8 @@ class Result(NamedTuple):
 
     Attributes:
         plan, method, seed, runs: the search, and after how many runs it was judged.
-        found: what it found. seconds: processor time of the whole search, without what the twin played.
+        found: what it found. seconds: processor time of the whole search, without what the twin
+            played.
         stated: the product's statement after so many runs, a quarter of them unguided draws.
     """
 
@@ -158,12 +160,21 @@ def stated(planted: Planted, problem: SearchProblem, pool: Pool, history: Histor
     drawn = pool.hits
     drawn = drawn[planted.within(pool.theta[drawn], pool.undriven.take(drawn)).any(axis=0)]
     unlike = np.zeros(len(pool.theta), bool)
-    unlike[drawn] = _distances(problem.space, pool.theta[drawn], sought[failing]) >= NEAR if failing.any() else True
+    unlike[drawn] = (
+        _distances(problem.space, pool.theta[drawn], sought[failing]) >= NEAR
+        if failing.any()
+        else True
+    )
     fails = np.isin(np.arange(len(pool.theta)), drawn)
     generator, missed = np.random.default_rng(0), float(unlike.mean())
     rows = [generator.choice(len(pool.theta), unguided, replace=False) for _ in range(_STATED)]
-    bounds = [Statement(unguided, int(fails[each].sum()), int(unlike[each].sum())).unknown for each in rows]
-    return Stated(missed, float(np.mean(bounds)), float(np.mean([each < missed for each in bounds])))
+    bounds = [
+        Statement(unguided, int(fails[each].sum()), int(unlike[each].sum())).unknown
+        for each in rows
+    ]
+    return Stated(
+        missed, float(np.mean(bounds)), float(np.mean([each < missed for each in bounds]))
+    )
 
 
 def _distances(space: Space, theta: FloatArray, others: FloatArray) -> FloatArray:
@@ -178,7 +189,8 @@ class Benchmark(NamedTuple):
     """A generator's systems in a scenario, and the searches of each.
 
     Attributes:
-        problem: with prior. plays: plays points with any system. pool: what recall is measured by. plans: of the systems.
+        problem: with prior. plays: plays points with any system. pool: what recall is measured by.
+            plans: of the systems.
         first: seed of the first system. methods: names in `ROWS`. budget: runs of a search.
     """
 
@@ -205,7 +217,10 @@ class Benchmark(NamedTuple):
         known = {_key(each): each for each in records.read()[0]}
         for seed in range(self.first, self.first + seeds):
             missing = [
-                (plan, name) for name in self.methods for plan in self.plans if (str(plan), name, seed, self.budget) not in known
+                (plan, name)
+                for name in self.methods
+                for plan in self.plans
+                if (str(plan), name, seed, self.budget) not in known
             ]
             groups = [[each] for each in missing if each[1] in _ALONE]
             for group in ([each for each in missing if each[1] not in _ALONE], *groups):
@@ -216,12 +231,19 @@ class Benchmark(NamedTuple):
                 for plan in self.plans:
                     for mark in self.marks:
                         entry = known[str(plan), name, seed, mark]
-                        yield Result(*_key(entry), Found(*entry["found"]), entry["seconds"], Stated(*entry["stated"]))
+                        yield Result(
+                            *_key(entry),
+                            Found(*entry["found"]),
+                            entry["seconds"],
+                            Stated(*entry["stated"]),
+                        )
 
     def _searched(self, group: Sequence[tuple[Plan, str]], seed: int) -> Iterator[dict[str, Any]]:
         """Search by methods for plans, all at once."""
         systems = [self.planted(plan, seed) for plan, _ in group]
-        works = [self._work(each, name, seed) for each, (_, name) in zip(systems, group, strict=True)]
+        works = [
+            self._work(each, name, seed) for each, (_, name) in zip(systems, group, strict=True)
+        ]
         found = together(works, self.plays)
         for each, (plan, name), (history, seconds) in zip(systems, group, found, strict=True):
             for mark in self.marks:
@@ -252,7 +274,8 @@ def _key(entry: Mapping[str, Any]) -> tuple[str, str, int, int]:
 def table(found: Sequence[Result]) -> str:
     """A row for each number of runs and method over all systems, then for each plan after the last run, in Markdown.
 
-    Intervals are of 95 %, by bootstrap over systems; the lead of `cover` is the difference in recall on the same systems.
+    Intervals are of 95 %, by bootstrap over systems; the lead of `cover` is the difference in
+    recall on the same systems.
     """
     lines = [
         "| planted | runs | method | systems | regions found | recall 5 % | recall 10 % | lead of `cover` | first failure "
@@ -263,7 +286,9 @@ def table(found: Sequence[Result]) -> str:
     for mark in runs:
         lines += _rows("all", [each for each in found if each.runs == mark])
     for plan in dict.fromkeys(each.plan for each in found):
-        lines += _rows(plan, [each for each in found if each.plan == plan and each.runs == runs[-1]])
+        lines += _rows(
+            plan, [each for each in found if each.plan == plan and each.runs == runs[-1]]
+        )
     return "\n".join(lines)
 
 
@@ -271,12 +296,23 @@ def _rows(plan: str, found: Sequence[Result]) -> Iterator[str]:
     ours = {(each.plan, each.seed): each.found.far for each in found if each.method == OURS}
     for name in dict.fromkeys(each.method for each in found):
         of = [each for each in found if each.method == name]
-        regions, near, far = (np.array([getattr(each.found, which) for each in of]) for which in ("regions", "near", "far"))
-        ahead = np.array([ours[each.plan, each.seed] - each.found.far for each in of if (each.plan, each.seed) in ours])
+        regions, near, far = (
+            np.array([getattr(each.found, which) for each in of])
+            for which in ("regions", "near", "far")
+        )
+        ahead = np.array(
+            [
+                ours[each.plan, each.seed] - each.found.far
+                for each in of
+                if (each.plan, each.seed) in ours
+            ]
+        )
         lead = "–" if name == OURS or not len(ahead) else _mean(ahead, "+.2f")
         first = np.median([each.found.first for each in of])
         nothing = sum(each.found.regions == 0.0 for each in of)
-        strange, own, seconds = np.mean([(each.found.strange, each.found.own, each.seconds) for each in of], axis=0)
+        strange, own, seconds = np.mean(
+            [(each.found.strange, each.found.own, each.seconds) for each in of], axis=0
+        )
         yield (
             f"| {plan} | {of[0].runs} | {name} | {len(of)} | {_mean(regions, '.2f')} | {near.mean():.2f} | {_mean(far, '.2f')} "
             f"| {lead} | {first:.0f} | {nothing} | {strange:.2f} | {own:.2f} | {seconds:.1f} |"

@@ -1,12 +1,13 @@
 """Systems with planted failures, made by seed: regions of foreseeable manoeuvres in which a driver sleeps.
 
-The undriven run, on the kinematic twin or on SUMO, says what happens there: a point fails if it lies in a region and collides
-undriven. Outside its regions the driver is perfect, or any system under test. With a gradient it gets worse near a region;
-without one nothing announces a failure.
+The undriven run, on the kinematic twin or on SUMO, says what happens there: a point fails if it
+lies in a region and collides undriven. Outside its regions the driver is perfect, or any system
+under test. With a gradient it gets worse near a region; without one nothing announces a failure.
 
-The development generator plants boxes, ellipsoids, slabs, shells at the edge of the foreseeable, interactions of two parameters,
-and sleep at certain times of the scene. The reported one plants corners, curved bands, hollow shells, cones, tails beyond a
-plane, and sleep that depends on how long a danger has lasted.
+The development generator plants boxes, ellipsoids, slabs, shells at the edge of the foreseeable,
+interactions of two parameters, and sleep at certain times of the scene. The reported one plants
+corners, curved bands, hollow shells, cones, tails beyond a plane, and sleep that depends on how
+long a danger has lasted.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from generation.density.prior import Prior
-from generation.outcomes import Outcomes, joined
 from generation.search.methods.cover import Frame
+from generation.search.outcomes import Outcomes, joined
 from generation.search.problem import Plays
-from generation.search.space import Space
+from generation.space.density.prior import Prior
+from generation.space.space import Space
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 Score = Callable[[FloatArray, Outcomes], FloatArray]
@@ -55,7 +56,9 @@ class Pool(NamedTuple):
             found = plays(theta, UNDRIVEN)
             collided = found.collision & found.executed
             path.parent.mkdir(parents=True, exist_ok=True)
-            np.savez_compressed(path, theta=theta, collision=collided, conflict=found.conflict, r_risk=found.r_risk)
+            np.savez_compressed(
+                path, theta=theta, collision=collided, conflict=found.conflict, r_risk=found.r_risk
+            )
         with np.load(path, allow_pickle=False) as kept:
             theta = kept["theta"]
             return cls(theta, Outcomes.of(len(theta), **{name: kept[name] for name in _KEPT}))
@@ -72,7 +75,8 @@ class Region:
 
     Attributes:
         shape: name in `SHAPES`.
-        score: distance from its middle. level: score at its border. reach: score at which nothing announces it any more.
+        score: distance from its middle. level: score at its border. reach: score at which nothing
+            announces it any more.
     """
 
     shape: str
@@ -86,7 +90,9 @@ class Region:
 
     def nearness(self, theta: FloatArray, undriven: Outcomes) -> FloatArray:
         """1 at the border, less outside, 0 from `reach` on (n,)."""
-        return np.clip((self.reach - self.score(theta, undriven)) / (self.reach - self.level), 0.0, 1.0)
+        return np.clip(
+            (self.reach - self.score(theta, undriven)) / (self.reach - self.level), 0.0, 1.0
+        )
 
 
 @dataclass(frozen=True)
@@ -109,9 +115,7 @@ class Plan:
     def __str__(self) -> str:
         several = "regions" if self.number > 1 else "region"
         base = "" if self.base == PERFECT else f", {self.base}"
-        return (
-            f"{self.number} {several}, {self.shape}, {self.probability:g}, {'gradient' if self.gradient else 'no gradient'}{base}"
-        )
+        return f"{self.number} {several}, {self.shape}, {self.probability:g}, {'gradient' if self.gradient else 'no gradient'}{base}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +130,11 @@ class Planted:
         """The outcomes at points (n, d)."""
         undriven = self.plays(theta, UNDRIVEN)
         held = self.within(theta, undriven)
-        driven = self._perfect(undriven) if self.plan.base == PERFECT else self.plays(theta, self.plan.base)
+        driven = (
+            self._perfect(undriven)
+            if self.plan.base == PERFECT
+            else self.plays(theta, self.plan.base)
+        )
         near = np.max([each.nearness(theta, undriven) for each in self.regions], axis=0)
         worse = np.where(undriven.collision & self.plan.gradient, near, 0.0)
         worsened = replace(
@@ -135,7 +143,9 @@ class Planted:
             clearance=driven.clearance * (1.0 - worse),
             max_drac=driven.max_drac + _WORSE * worse,
         )
-        return joined([worsened, undriven]).take(np.arange(len(theta)) + len(theta) * (undriven.collision & held.any(axis=0)))
+        return joined([worsened, undriven]).take(
+            np.arange(len(theta)) + len(theta) * (undriven.collision & held.any(axis=0))
+        )
 
     @staticmethod
     def _perfect(undriven: Outcomes) -> Outcomes:
@@ -187,10 +197,16 @@ def _slab(place: Place) -> Score:
 
 def _shell(place: Place) -> Score:
     """A part of the rarest draws."""
-    limit = float(np.quantile(place.prior.log_density(place.prior.sample(2000, np.random.default_rng(0))), _RARE))
+    limit = float(
+        np.quantile(
+            place.prior.log_density(place.prior.sample(2000, np.random.default_rng(0))), _RARE
+        )
+    )
 
     def score(theta: FloatArray, undriven: Outcomes) -> FloatArray:
-        return np.where(place.prior.log_density(theta) <= limit, _ellipsoid(place)(theta, undriven), _FAR)
+        return np.where(
+            place.prior.log_density(theta) <= limit, _ellipsoid(place)(theta, undriven), _FAR
+        )
 
     return score
 
@@ -210,7 +226,9 @@ def _interaction(place: Place) -> Score:
 
 def _timing(place: Place) -> Score:
     """Sleep during some time of the scene, for part of the manoeuvres."""
-    column = [number for number, name in enumerate(place.space.names) if name in place.prior.nuisances][:1]
+    column = [
+        number for number, name in enumerate(place.space.names) if name in place.prior.nuisances
+    ][:1]
     scale = max(float(np.ptp(place.prior.sample(200, np.random.default_rng(0))[:, column])), 1e-9)
 
     def score(theta: FloatArray, _: Outcomes) -> FloatArray:
@@ -240,7 +258,9 @@ def _ridge(place: Place) -> Score:
 
 def _ring(place: Place) -> Score:
     """Between two ellipsoids."""
-    return lambda theta, _: np.abs(np.sqrt(np.square(place.off(theta)[:, place.columns]).mean(axis=1)) - place.drawn)
+    return lambda theta, _: np.abs(
+        np.sqrt(np.square(place.off(theta)[:, place.columns]).mean(axis=1)) - place.drawn
+    )
 
 
 def _cone(place: Place) -> Score:
@@ -308,14 +328,26 @@ def plant(plan: Plan, space: Space, prior: Prior, plays: Plays, pool: Pool, seed
         raise ValueError(f"{count} draws of the pool in a region: {_FEWEST} are needed")
     regions, undriven = [], pool.undriven.take(hits)
     for middle in generator.choice(hits, plan.number, replace=False):
-        columns = generator.permutation(frame.dimension)[: generator.integers(2, frame.dimension + 1)]
-        scales, drawn = np.exp(generator.uniform(-0.7, 0.7, frame.dimension)), float(generator.uniform(0.5, 1.0))
+        columns = generator.permutation(frame.dimension)[
+            : generator.integers(2, frame.dimension + 1)
+        ]
+        scales, drawn = (
+            np.exp(generator.uniform(-0.7, 0.7, frame.dimension)),
+            float(generator.uniform(0.5, 1.0)),
+        )
         of = pool.theta[[middle]], pool.undriven.take(np.array([middle]))
         score = SHAPES[plan.shape](Place(frame, space, prior, *of, columns, scales, drawn))
         scores = np.sort(score(pool.theta[hits], undriven))
         level = float(scores[min(count, len(scores)) - 1])
         usual = scores[scores < _FAR]
-        regions.append(Region(plan.shape, score, level, max(float(np.median(usual)), level + _BORDER * (1.0 + abs(level)))))
+        regions.append(
+            Region(
+                plan.shape,
+                score,
+                level,
+                max(float(np.median(usual)), level + _BORDER * (1.0 + abs(level))),
+            )
+        )
     return Planted(plan, regions, plays)
 
 

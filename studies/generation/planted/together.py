@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from generation.outcomes import Outcomes
+from generation.search.outcomes import Outcomes
 from generation.search.problem import Plays
 from schemas.common.array_types import FloatArray
 

@@ -7,14 +7,18 @@ from typing import Annotated
 
 import typer
 
-from schemas.common.command_line import Verbose, Version, interruptible, out_folder
+from schemas.common.terminal.command_line import Verbose, Version, interruptible, out_folder
 
 
 @interruptible("studies.recognition agreement")
 def agreement(
-    data: Annotated[Path, typer.Argument(metavar="RECORDINGS", help="Folder or file with recordings.")],
+    data: Annotated[
+        Path, typer.Argument(metavar="RECORDINGS", help="Folder or file with recordings.")
+    ],
     out: Annotated[Path, out_folder("Folder for agreement.md and its plots.")],
-    signalised: Annotated[bool, typer.Option("--signalised", help="Count junctions with traffic lights as well.")] = False,
+    signalised: Annotated[
+        bool, typer.Option("--signalised", help="Count junctions with traffic lights as well.")
+    ] = False,
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:

@@ -58,7 +58,9 @@ def _map(place: Place, axes: Axes) -> None:
             axes.plot(x, y, color=colours[label - 1], linewidth=1.6, label=title)
     x, y = (np.concatenate(values) for values in zip(*place.ways, strict=True))
     axes.set(title="windows of the events", xlabel="x / m", ylabel="y / m")
-    axes.set(xlim=(x.min() - _MARGIN, x.max() + _MARGIN), ylim=(y.min() - _MARGIN, y.max() + _MARGIN))
+    axes.set(
+        xlim=(x.min() - _MARGIN, x.max() + _MARGIN), ylim=(y.min() - _MARGIN, y.max() + _MARGIN)
+    )
     axes.set_aspect("auto" if np.ptp(x) > 8.0 * np.ptp(y) else "equal")
     axes.legend(fontsize="small", loc="best")
 
@@ -68,7 +70,11 @@ def _changes(place: Place, axes: Axes) -> None:
         for index, (time, side) in enumerate(lines):
             title = f"{label.title} ({len(lines)})" if index == 0 else None
             axes.plot(time, side, color=f"C{number}", linewidth=0.7, alpha=0.6, label=title)
-    axes.set(title="lateral position about t*", xlabel="time from t* / s", ylabel="to the left of the place at t* / m")
+    axes.set(
+        title="lateral position about t*",
+        xlabel="time from t* / s",
+        ylabel="to the left of the place at t* / m",
+    )
     axes.axvline(0.0, color=_FAINT, zorder=0)
     axes.legend(fontsize="small")
 
@@ -77,5 +83,9 @@ def _cuts(place: Place, axes: Axes) -> None:
     for label, time, gap in place.gaps:
         colour = "C0" if label in (Label.CUT_IN, Label.URBAN_CUT_IN) else "C1"
         axes.plot(time, gap, color=colour, linewidth=0.7, alpha=0.6)
-    axes.set(title="gap to the lead about cut in (blue) and cut out (orange)", xlabel="time from t* / s", ylabel="gap / m")
+    axes.set(
+        title="gap to the lead about cut in (blue) and cut out (orange)",
+        xlabel="time from t* / s",
+        ylabel="gap / m",
+    )
     axes.axvline(0.0, color=_FAINT, zorder=0)

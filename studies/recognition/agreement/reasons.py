@@ -14,7 +14,9 @@ def reasons(scene: Scene) -> list[str]:
     turn, crossed = np.degrees(np.abs(passages.turn)), crosses(scene)
     why = np.full(len(passages), "in the way of a stronger one", object)
     why[(turn < rules.straight) & ~crossed] = "straight, no crossing traffic"
-    why[(turn >= rules.straight) & (turn < rules.turn[0])] = f"turns {rules.straight:.0f} to {rules.turn[0]:.0f}° inside"
+    why[(turn >= rules.straight) & (turn < rules.turn[0])] = (
+        f"turns {rules.straight:.0f} to {rules.turn[0]:.0f}° inside"
+    )
     why[turn > rules.turn[1]] = f"turns more than {rules.turn[1]:.0f}°"
     why[np.isnan(turn)] = "too little of it recorded"
     why[~scene.complete[passages.row]] = "window not whole"

@@ -28,7 +28,10 @@ def report(places: Sequence[Place], plots: dict[str, list[str]]) -> str:
         _turns(places),
         _reasons(places),
     ]
-    parts += [_failures(places), *(f"![{place}]({file})\n" for place, files in plots.items() for file in files)]
+    parts += [
+        _failures(places),
+        *(f"![{place}]({file})\n" for place, files in plots.items() for file in files),
+    ]
     return "\n".join(part for part in parts if part)
 
 
@@ -38,7 +41,10 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def _sizes(places: Sequence[Place]) -> str:
-    rows = [(p.name, p.recordings, p.rows, len(p.vehicles), len(unique(p.vehicles)), len(p.events)) for p in places]
+    rows = [
+        (p.name, p.recordings, p.rows, len(p.vehicles), len(unique(p.vehicles)), len(p.events))
+        for p in places
+    ]
     return _table(["place", "recordings", "rows", "tracks", "vehicles", "events"], rows)
 
 
@@ -59,7 +65,11 @@ def _lane_changes(places: Sequence[Place]) -> str:
         def share(test: Callable[[Vehicle], bool], groups: list[list[Vehicle]] = groups) -> int:
             return sum(any(test(one) for one in group) for group in groups)
 
-        own = share(lambda one: bool(one.own_changes)) if any(one.own_changes is not None for one in place.vehicles) else "–"
+        own = (
+            share(lambda one: bool(one.own_changes))
+            if any(one.own_changes is not None for one in place.vehicles)
+            else "–"
+        )
         numbers = (
             share(lambda one: one.steps[0] > one.steps[1]), share(lambda one: one.steps[1] > one.steps[0]),
             share(lambda one: one.changes[0] > 0), share(lambda one: one.changes[1] > 0),
@@ -68,7 +78,17 @@ def _lane_changes(places: Sequence[Place]) -> str:
             share(lambda one: Label.RAMP_ENTERING in one.labels), share(lambda one: Label.RAMP_EXITING in one.labels),
         )  # fmt: skip
         rows.append((place.name, len(groups), own, *numbers))
-    header = ["place", "vehicles", "by own lanes", "left", "right", "left held", "right held", "label 5", "label 6"]
+    header = [
+        "place",
+        "vehicles",
+        "by own lanes",
+        "left",
+        "right",
+        "left held",
+        "right held",
+        "label 5",
+        "label 6",
+    ]
     header += ["from ramp", "to ramp", "label 7", "label 8"]
     return "## Vehicles that change lane\n\n" + _table(header, rows) if rows else ""
 
@@ -79,13 +99,26 @@ def _turns(places: Sequence[Place]) -> str:
     for place in places:
         if not any(event.label in _JUNCTION for event in place.events):
             continue
-        for name, test in (("left", _is_left), ("right", _is_right), ("straight", _is_straight), ("between", _is_between)):
+        for name, test in (
+            ("left", _is_left),
+            ("right", _is_right),
+            ("straight", _is_straight),
+            ("between", _is_between),
+        ):
             mine = [one for one in place.vehicles if one.turn is not None and test(one.turn)]
             labelled = [sum(label in one.labels for one in mine) for label in _JUNCTION]
             none = sum(not set(_JUNCTION) & set(one.labels) for one in mine)
             rows.append((place.name, name, len(mine), *labelled, none))
-    header = ["place", "way", "vehicles", *(label.title.removeprefix("unsignalised ") for label in _JUNCTION), "no label"]
-    return "## Turns of the ways, and labels at junctions\n\n" + _table(header, rows) if rows else ""
+    header = [
+        "place",
+        "way",
+        "vehicles",
+        *(label.title.removeprefix("unsignalised ") for label in _JUNCTION),
+        "no label",
+    ]
+    return (
+        "## Turns of the ways, and labels at junctions\n\n" + _table(header, rows) if rows else ""
+    )
 
 
 def _reasons(places: Sequence[Place]) -> str:
@@ -98,7 +131,12 @@ def _reasons(places: Sequence[Place]) -> str:
         if one.turn is not None and not set(_JUNCTION) & set(one.labels)
     )
     rows = [(*key, number) for key, number in sorted(found.items())]
-    return "## Why there is no label at the junction\n\n" + _table(["place", "reason", "vehicles"], rows) if rows else ""
+    return (
+        "## Why there is no label at the junction\n\n"
+        + _table(["place", "reason", "vehicles"], rows)
+        if rows
+        else ""
+    )
 
 
 def _is_left(turn: float) -> bool:
@@ -119,4 +157,8 @@ def _is_between(turn: float) -> bool:
 
 def _failures(places: Sequence[Place]) -> str:
     found = [(name, reason) for place in places for name, reason in place.failures.items()]
-    return "## Recordings that could not be labelled\n\n" + _table(["recording", "reason"], found) if found else ""
+    return (
+        "## Recordings that could not be labelled\n\n" + _table(["recording", "reason"], found)
+        if found
+        else ""
+    )

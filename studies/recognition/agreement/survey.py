@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.datasets import Source
-from recognition.datasets import open as open_data
-from recognition.datasets.formats import commonroad, highd
 from recognition.labels import RULES, Label, LabelledEvent, Rules
 from recognition.labels.scene import Scene, events, prepare
-from recognition.sites import LaneRole, Site, site_of
+from recognition.recordings import Source
+from recognition.recordings import open as open_data
+from recognition.recordings.formats import commonroad, highd
+from recognition.scenes import LaneRole, Site, site_of
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import ToolchainError
 from studies.recognition.agreement.geometry import net_turn, own_lane_changes
@@ -29,8 +29,10 @@ class Vehicle:
     """One track that events may be about, and its labels.
 
     Attributes:
-        steps: lanes crossed to the left and to the right, however short the stay. changes: left and right changes that are held.
-        ramps: whether it comes from a ramp onto a main lane, and from one onto a ramp, however short its way there.
+        steps: lanes crossed to the left and to the right, however short the stay. changes: left and
+            right changes that are held.
+        ramps: whether it comes from a ramp onto a main lane, and from one onto a ramp, however
+            short its way there.
         turn: change of direction between the ends of its way, rad; None for who hardly moves.
         unlabelled: what keeps it from a label at a junction.
         own_changes: changes of the lane that the data set itself names, None where it names none.
@@ -56,7 +58,8 @@ class Place:
     Attributes:
         name: of the place: sites of one CommonRoad map count as one.
         failures: recordings that can't be labelled, and why.
-        lines: by label, x and y of the ways during the windows of its events, of the first recording of each map.
+        lines: by label, x and y of the ways during the windows of its events, of the first
+            recording of each map.
         ways: x and y of all vehicles in that recording.
         sides: by label, for changes of lane and ramps, time from t* and lateral position.
         gaps: for cuts, label, time from t* and gap to the lead, NaN without one.
@@ -128,7 +131,10 @@ def _vehicles(scene: Scene, name: str, found: list[LabelledEvent]) -> Iterator[V
         if not scene.egos[track]:
             continue
         ego, step = scene.names[track], changes.step[rows]
-        box, own = scene.recording.tracks[ego].box, scene.recording.tracks[ego].columns.get("source_lane")
+        box, own = (
+            scene.recording.tracks[ego].box,
+            scene.recording.tracks[ego].columns.get("source_lane"),
+        )
         mine = changes.left[(changes.row >= rows.start) & (changes.row < rows.stop)]
         yield Vehicle(
             recording=name,
@@ -163,11 +169,22 @@ def _draw(place: Place, scene: Scene, event: LabelledEvent, here: bool) -> None:
         place.lines.setdefault(event.label, []).append((scene.x[window], scene.y[window]))
     about = slice(max(row - 4 * half, scene.first[row]), min(row + 4 * half, scene.last[row]) + 1)
     time = scene.time[about] - scene.time[row]
-    if event.label in (Label.LANE_CHANGE_LEFT, Label.LANE_CHANGE_RIGHT, Label.RAMP_ENTERING, Label.RAMP_EXITING):
+    if event.label in (
+        Label.LANE_CHANGE_LEFT,
+        Label.LANE_CHANGE_RIGHT,
+        Label.RAMP_ENTERING,
+        Label.RAMP_EXITING,
+    ):
         side = scene.changes.side[about] - scene.changes.side[row]
         place.sides.setdefault(event.label, []).append((time, side))
     if event.label in (Label.CUT_IN, Label.URBAN_CUT_IN, Label.CUT_OUT, Label.URBAN_CUT_OUT):
-        place.gaps.append((event.label, time, np.where(scene.leads.row[about] >= 0, scene.leads.gap[about], np.nan)))
+        place.gaps.append(
+            (
+                event.label,
+                time,
+                np.where(scene.leads.row[about] >= 0, scene.leads.gap[about], np.nan),
+            )
+        )
 
 
 def unique(vehicles: list[Vehicle]) -> list[list[Vehicle]]:
@@ -177,7 +194,10 @@ def unique(vehicles: list[Vehicle]) -> list[list[Vehicle]]:
         groups = named.setdefault((vehicle.name, vehicle.size), [])
         pieces = _pieces(vehicle)
         same = [group for group in groups if group[0] & pieces]
-        merged = (pieces.union(*(group[0] for group in same)), [one for group in same for one in group[1]] + [vehicle])
+        merged = (
+            pieces.union(*(group[0] for group in same)),
+            [one for group in same for one in group[1]] + [vehicle],
+        )
         groups[:] = [group for group in groups if group not in same] + [merged]
     return [group[1] for groups in named.values() for group in groups]
 
@@ -185,4 +205,6 @@ def unique(vehicles: list[Vehicle]) -> list[list[Vehicle]]:
 def _pieces(vehicle: Vehicle) -> set[object]:
     speed = np.round(vehicle.speed, 2)
     pieces = [speed[start : start + _PIECE] for start in range(len(speed) - _PIECE + 1)]
-    return {piece.tobytes() for piece in pieces if np.ptp(piece) > 0.05} or {(vehicle.recording, vehicle.name)}
+    return {piece.tobytes() for piece in pieces if np.ptp(piece) > 0.05} or {
+        (vehicle.recording, vehicle.name)
+    }

@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from recognition.encoder.config import TrainingSchedule
-from recognition.encoder.model import Encoder
-from recognition.encoder.training import deterministic, train
-from recognition.trfe.samples import Features
+from recognition.trfe.encoder.config import TrainingSchedule
+from recognition.trfe.encoder.model import Encoder
+from recognition.trfe.encoder.training import deterministic, train
+from recognition.trfe.inputs.samples import Features
 from studies.recognition.baselines.open_set.heads import HeadMethod
 
 
@@ -21,8 +21,8 @@ class Whole(nn.Module):
     Args:
         encoder: a copy of it is trained.
         head: reads (n, numbers + dim).
-        numbers: how many columns of samples, the first ones, the head reads as they are; those that follow are inputs of the
-            encoder, flattened.
+        numbers: how many columns of samples, the first ones, the head reads as they are; those that
+            follow are inputs of the encoder, flattened.
     """
 
     def __init__(self, encoder: Encoder, head: nn.Module, numbers: int) -> None:
@@ -41,8 +41,8 @@ class EndToEnd(HeadMethod):
 
     Source of the order: Kumar et al., Fine-Tuning can Distort Pretrained Features, ICLR 2022.
 
-    Samples are numbers and flattened inputs of windows, see `studies.recognition.protocol.trials.Trial.beside_inputs`; only the
-    numbers are standardised.
+    Samples are numbers and flattened inputs of windows, see
+    `studies.recognition.protocol.trials.Trial.beside_inputs`; only the numbers are standardised.
 
     Args:
         method: has the head, its loss and its rejection.
@@ -53,7 +53,9 @@ class EndToEnd(HeadMethod):
 
     network: Whole
 
-    def __init__(self, method: HeadMethod, encoder: Encoder, numbers: int, schedule: TrainingSchedule) -> None:
+    def __init__(
+        self, method: HeadMethod, encoder: Encoder, numbers: int, schedule: TrainingSchedule
+    ) -> None:
         super().__init__(method.seed)
         self.method, self.encoder, self.numbers, self.schedule = method, encoder, numbers, schedule
 
@@ -64,7 +66,9 @@ class EndToEnd(HeadMethod):
     def _loss(self, network: nn.Module, features: Tensor, indices: Tensor) -> Tensor:
         assert isinstance(network, Whole)
         read = network(features)
-        with torch.autocast(read.device.type, enabled=False):  # distances in a head need more digits than an encoder
+        with torch.autocast(
+            read.device.type, enabled=False
+        ):  # distances in a head need more digits than an encoder
             return self.method._loss(network.head, read, indices)
 
     def _optimise(self, inputs: Tensor, targets: Tensor) -> None:
@@ -74,7 +78,12 @@ class EndToEnd(HeadMethod):
         self.method.network = self.network.head
         self.method._optimise(read, targets)
         with deterministic(self.seed):
-            train(self.network, inputs.numpy(), self.schedule, lambda batch, rows: self._loss(self.network, batch, targets[rows]))
+            train(
+                self.network,
+                inputs.numpy(),
+                self.schedule,
+                lambda batch, rows: self._loss(self.network, batch, targets[rows]),
+            )
 
     def _finish(self, features: Tensor, indices: Tensor) -> None:
         self.method._finish(self.network(features), indices)

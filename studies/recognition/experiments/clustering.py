@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from recognition.trfe.candidates import Buffer
 from recognition.trfe.config import Steps
-from recognition.trfe.known import discover
+from recognition.trfe.discovery.candidates import Buffer
+from recognition.trfe.forest.known import discover
 from schemas.common.array_types import IntArray
 from studies.recognition import kinds, metrics
 from studies.recognition.baselines.clustering.kmeans import KMeansFeatures
@@ -32,14 +32,19 @@ OWN = {
 """TRFE's own ways to cluster, by name, with the titles of their rows in the report."""
 _OF_ENCODERS = (ENCODED_GIVEN_K, ALL_FEATURES, LINKAGE)
 """Further methods, on the encoders' features alone."""
-TITLES = {**OWN, MAP_ONLY: "map only, one frame: k-means, given K", **kinds.titles(kinds.CLUSTERING)}
+TITLES = {
+    **OWN,
+    MAP_ONLY: "map only, one frame: k-means, given K",
+    **kinds.titles(kinds.CLUSTERING),
+}
 """Methods by name."""
 
 
 def measure_clustering(name: str, trial: Trial) -> dict[str, Any]:
     """Cluster the new classes of a trial; the fields of `metrics.Clustering` and the number of samples.
 
-    The samples are the first ones of new classes in the stream, as if screening had missed and mistaken none.
+    The samples are the first ones of new classes in the stream, as if screening had missed and
+    mistaken none.
     """
     trial = trial.only_encoded if name in _OF_ENCODERS else seen_by(name, trial)
     if name in OWN:

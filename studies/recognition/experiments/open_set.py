@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from recognition.encoder.config import TrainingSchedule
-from recognition.trfe.samples import UNKNOWN, Features
+from recognition.trfe.encoder.config import TrainingSchedule
+from recognition.trfe.inputs.samples import UNKNOWN, Features
 from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition import kinds, metrics
 from studies.recognition.baselines.end_to_end import EndToEnd
@@ -40,7 +40,8 @@ class Together(NamedTuple):
 
     Attributes:
         frozen: name of the method with the same head on frozen features.
-        rate, steps: greatest learning rate and number of steps, chosen on development seeds 0 and 1.
+        rate, steps: greatest learning rate and number of steps, chosen on development seeds 0
+            and 1.
     """
 
     frozen: str
@@ -51,7 +52,10 @@ class Together(NamedTuple):
 PLAIN = {"logistic-changes": "logistic", "logistic-without-roles": "logistic", "knn-changes": "knn"}
 """Methods on what changes in windows alone, or on that without the roles of lanes, by name, with those of their kinds: tokens
 only."""
-END_TO_END = {"mls-end-to-end": Together("mls", 5e-4, 100), "cac-end-to-end": Together("cac", 1.5e-3, 300)}
+END_TO_END = {
+    "mls-end-to-end": Together("mls", 5e-4, 100),
+    "cac-end-to-end": Together("cac", 1.5e-3, 300),
+}
 """Methods whose heads train the encoder too, by name: tokens only."""
 _BATCH = 96
 """Windows in a step of these."""
@@ -83,7 +87,10 @@ TITLES = {
     ENCODED_ON_ALL: "TRFE, encoders' features alone, pretrained on all classes",
     **kinds.titles(kinds.SCREENINGS),
     **kinds.titles(kinds.OPEN_SET),
-    **{name: f"{kinds.titles(kinds.OPEN_SET)[learnt.frozen]}, end to end" for name, learnt in END_TO_END.items()},
+    **{
+        name: f"{kinds.titles(kinds.OPEN_SET)[learnt.frozen]}, end to end"
+        for name, learnt in END_TO_END.items()
+    },
 }
 """Methods by name, with the titles of their rows in the report."""
 
@@ -101,7 +108,8 @@ def measure_open_set(name: str, trial: Trial) -> dict[str, Any]:
     """Fit a method on the known classes of a trial and measure it on known and new ones.
 
     Returns:
-        The fields of `metrics.OpenSet`, the threshold, and the confusion matrix: `[truth, prediction, windows]` for each pair
+        The fields of `metrics.OpenSet`, the threshold, and the confusion matrix: `[truth,
+        prediction, windows]` for each pair
         that occurs, with 0 for unknown.
     """
     found = _own_rule(trial) if name == OWN_RULE else _common_rule(name, trial)
@@ -109,7 +117,9 @@ def measure_open_set(name: str, trial: Trial) -> dict[str, Any]:
     return {
         **metrics.open_set(trial.truth, found.closed, found.scores, found.predicted)._asdict(),
         "threshold": found.threshold,
-        "confusion": [[*map(int, pair), int(count)] for pair, count in zip(pairs.T, counts, strict=True)],
+        "confusion": [
+            [*map(int, pair), int(count)] for pair, count in zip(pairs.T, counts, strict=True)
+        ],
     }
 
 
@@ -135,7 +145,9 @@ def seen_by(name: str, trial: Trial) -> Trial:
 def judged(model: OpenSetMethod, features: Features) -> Judged:
     """Return a fitted method's results for samples in one pass; `predict` would classify and score them again."""
     closed, scores = model.classify(features), model.score(features)
-    return Judged(closed, scores, np.where(scores > model.threshold, UNKNOWN, closed), model.threshold)
+    return Judged(
+        closed, scores, np.where(scores > model.threshold, UNKNOWN, closed), model.threshold
+    )
 
 
 def _unfitted(name: str, trial: Trial) -> OpenSetMethod:
@@ -154,5 +166,7 @@ def _unfitted(name: str, trial: Trial) -> OpenSetMethod:
 
 def _end_to_end(learnt: Together, trial: Trial) -> EndToEnd:
     head: HeadMethod = kinds.kind(kinds.OPEN_SET, learnt.frozen).METHOD(trial.seed)
-    schedule = long_enough(TrainingSchedule(1, _BATCH, learnt.rate), len(trial.labelled.rows), learnt.steps)
+    schedule = long_enough(
+        TrainingSchedule(1, _BATCH, learnt.rate), len(trial.labelled.rows), learnt.steps
+    )
     return EndToEnd(head, trial.pretrained, trial.changes + trial.tuned, schedule)

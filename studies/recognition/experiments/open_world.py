@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from recognition.trfe.samples import UNKNOWN
-from recognition.trfe.screening import EvtJoint
+from recognition.trfe.forest.screening import EvtJoint
+from recognition.trfe.inputs.samples import UNKNOWN
 from recognition.trfe.trfe import TRFE
 from schemas.common.array_types import IntArray
 from studies.recognition import metrics
@@ -39,7 +39,8 @@ def measure_open_world(name: str, trial: Trial) -> dict[str, Any]:
 def measure_chain(name: str, first: Trial, rounds: Sequence[Round]) -> list[dict[str, Any]]:
     """All rounds of a seed on the model's own discoveries: only the classes known at first ever have true labels.
 
-    The encoder is that of the first round throughout, and what remains in the buffer waits for the next round.
+    The encoder is that of the first round throughout, and what remains in the buffer waits for the
+    next round.
 
     Returns:
         For each round, see `follow`.
@@ -52,7 +53,9 @@ def begin(variant: Variant, trial: Trial) -> TRFE:
     """A model that knows the known classes of a trial."""
     config = replace(variant.config, seed=trial.seed, changes=trial.changes, pretrained=trial.tuned)
     held = trial.validation
-    return variant.model(config, steps=variant.steps).fit(*trial.labelled[:2], held.features, held.labels)
+    return variant.model(config, steps=variant.steps).fit(
+        *trial.labelled[:2], held.features, held.labels
+    )
 
 
 def follow(model: TRFE, trial: Trial, names: dict[int, int]) -> dict[str, Any]:
@@ -62,9 +65,12 @@ def follow(model: TRFE, trial: Trial, names: dict[int, int]) -> dict[str, Any]:
         names: true class of each class discovered so far; those matched in this round are added.
 
     Returns:
-        The fields of `metrics.Clustering` over new samples and those put into classes discovered now; `mistaken`, the share of
-        the other samples put there; and afterwards, on test windows of all classes so far, `macro_f1` over the true classes,
-        discovered ones under their names, and `found`, the share of test windows of new classes that get a discovered class.
+        The fields of `metrics.Clustering` over new samples and those put into classes discovered
+        now; `mistaken`, the share of
+        the other samples put there; and afterwards, on test windows of all classes so far,
+        `macro_f1` over the true classes,
+        discovered ones under their names, and `found`, the share of test windows of new classes
+        that get a discovered class.
     """
     before = model.known.classes
     labels, truth = walk(model, trial.stream), trial.stream.labels
@@ -73,11 +79,16 @@ def follow(model: TRFE, trial: Trial, names: dict[int, int]) -> dict[str, Any]:
     clusters = np.where(discovered, labels, metrics.DROPPED)
     agreement = metrics.clustering(truth[judged], clusters[judged], among=trial.round.new)
     names.update(agreement.matches)
-    tested, of_new = model.recognise(trial.test.features).labels, np.isin(trial.test.labels, trial.round.new)
+    tested, of_new = (
+        model.recognise(trial.test.features).labels,
+        np.isin(trial.test.labels, trial.round.new),
+    )
     return {
         **agreement._asdict(),
         "mistaken": float(np.mean(discovered[~is_new])) if (~is_new).any() else 0.0,
-        "macro_f1": metrics.macro_f1(trial.test.labels, [names.get(label, label) for label in tested.tolist()]),
+        "macro_f1": metrics.macro_f1(
+            trial.test.labels, [names.get(label, label) for label in tested.tolist()]
+        ),
         "found": float(np.mean(~np.isin(tested[of_new], [UNKNOWN, *before]))),
     }
 
@@ -86,7 +97,8 @@ def walk(model: TRFE, stream: Samples) -> IntArray:
     """Let a stream pass by a model, which discovers when its buffer is full, at most every half capacity, and at the end.
 
     Returns:
-        Label (n,) that each sample got: a known class, a discovered one by promotion or later recognition, or 0.
+        Label (n,) that each sample got: a known class, a discovered one by promotion or later
+        recognition, or 0.
     """
     labels = np.full(len(stream.rows), UNKNOWN, dtype=np.int64)
     capacity, fresh = model.buffer.capacity, 0

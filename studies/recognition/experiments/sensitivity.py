@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from recognition.grids import Grid
-from recognition.training.windows import View
-from recognition.trfe.samples import UNKNOWN
+from recognition.trfe.inputs.grids import Grid
+from recognition.trfe.inputs.samples import UNKNOWN
+from recognition.trfe.training.windows import View
 from studies.recognition import metrics
 from studies.recognition.baselines.open_set.voting import VotingMethod
 from studies.recognition.experiments.open_set import judged
@@ -25,7 +25,10 @@ def measure_delta(trial: Trial) -> dict[str, Any]:
     labels = [np.where(found.score > 1.0 - delta, UNKNOWN, found.closed) for delta in DELTAS]
     return {
         "points": [
-            {"value": delta, **metrics.open_set(truth, found.closed, found.score, predicted)._asdict()}
+            {
+                "value": delta,
+                **metrics.open_set(truth, found.closed, found.score, predicted)._asdict(),
+            }
             for delta, predicted in zip(DELTAS, labels, strict=True)
         ]
     }
@@ -36,7 +39,9 @@ def measure_trees(trial: Trial) -> dict[str, Any]:
     fitted, held, tested = trial.labelled, trial.validation, trial.test.features
     points = []
     for trees in TREES:
-        model = VotingMethod(trial.seed, trees=trees).fit(fitted.features, fitted.labels, held.features, held.labels)
+        model = VotingMethod(trial.seed, trees=trees).fit(
+            fitted.features, fitted.labels, held.features, held.labels
+        )
         found = judged(model, tested)
         figures = metrics.open_set(trial.truth, found.closed, found.scores, found.predicted)
         points.append({"value": trees, **figures._asdict()})
@@ -53,6 +58,8 @@ def measure_probe(trial: Trial, view: View) -> dict[str, Any]:
     labels, tested = trial.windows.labels[training], trial.test
     found = {"features": probe(trial.features[training], labels, tested.features, tested.labels)}
     if isinstance(view, Grid) and "speed" in view.channels:
-        fitted, judged = (speed_code(trial.windows.inputs[rows], view) for rows in (training, tested.rows))
+        fitted, judged = (
+            speed_code(trial.windows.inputs[rows], view) for rows in (training, tested.rows)
+        )
         found["speed"] = probe(fitted, labels, judged, tested.labels)
     return found

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from recognition.training import Unit
-from schemas.common.command_line import Verbose, Version, interruptible, out_folder
+from recognition.trfe.training import Unit
 from schemas.common.errors import UsageError
+from schemas.common.terminal.command_line import Verbose, Version, interruptible, out_folder
 
 if TYPE_CHECKING:
     from studies.recognition.protocol.evaluation import Evaluation
@@ -22,22 +22,38 @@ _PRINTED = ("open-set", "clustering", "open-world", "chain")
 
 
 def protocol(
-    path: Annotated[Path, typer.Argument(metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings.")],
+    path: Annotated[
+        Path,
+        typer.Argument(
+            metavar="WINDOWS_OR_RECORDINGS", help="Folder of windows, or of recordings."
+        ),
+    ],
     out: Annotated[Path, out_folder("Folder for results, caches, tables and figures.")],
-    seeds: Annotated[int, typer.Option(min=1, metavar="N", help="Number of seeds; each has its own split.")] = 5,
+    seeds: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Number of seeds; each has its own split.")
+    ] = 5,
     first_seed: Annotated[
         int,
-        typer.Option(min=0, metavar="N", help="The first of them: figures are reported of others than settings are chosen by."),
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="The first of them: figures are reported of others than settings are chosen by.",
+        ),
     ] = 0,
     methods: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Only these methods and variants (repeatable).")
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Only these methods and variants (repeatable)."),
     ] = None,
     experiments: Annotated[
-        list[str] | None, typer.Option(metavar="KIND", help="Only these kinds of experiments (repeatable).")
+        list[str] | None,
+        typer.Option(metavar="KIND", help="Only these kinds of experiments (repeatable)."),
     ] = None,
-    scale: Annotated[str, typer.Option(help="quick (100), standard (400) or paper (2600) events of each class.")] = "standard",
+    scale: Annotated[
+        str, typer.Option(help="quick (100), standard (400) or paper (2600) events of each class.")
+    ] = "standard",
     events_per_class: Annotated[
-        int | None, typer.Option(min=20, metavar="N", help="Events of each class, in place of --scale.")
+        int | None,
+        typer.Option(min=20, metavar="N", help="Events of each class, in place of --scale."),
     ] = None,
     preset: Annotated[
         str,
@@ -47,23 +63,33 @@ def protocol(
         ),
     ] = "cpu",
     channels: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Only these channels of the grids (repeatable).")
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Only these channels of the grids (repeatable)."),
     ] = None,
     split_by: Annotated[
-        Unit, typer.Option(help="What is never divided between training and test: recording or vehicle.")
+        Unit,
+        typer.Option(help="What is never divided between training and test: recording or vehicle."),
     ] = "recording",
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Seeds at a time, each in a process.")] = 2,
+    jobs: Annotated[
+        int,
+        typer.Option(
+            "--jobs", "-j", min=1, metavar="N", help="Seeds at a time, each in a process."
+        ),
+    ] = 2,
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True,
     _verbose: Verbose = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")
+    ] = False,
     _version: Version = False,
 ) -> None:
     """Evaluate TRFE and every method beside it by the incremental open-world protocol.
 
-    An interrupted evaluation goes on with the same command; more seeds, methods and experiments can be added later.
+    An interrupted evaluation goes on with the same command; more seeds, methods and experiments can
+    be added later.
     """
-    from recognition.grids import CHANNELS, Grid
-    from recognition.tokens import Tokens
+    from recognition.trfe.inputs.grids import CHANNELS, Grid
+    from recognition.trfe.inputs.tokens import Tokens
     from studies.recognition.protocol import pixels
     from studies.recognition.protocol.evaluation import EXPERIMENTS, Evaluation, ProtocolSettings
     from studies.recognition.protocol.presets import PRESETS, TOKENS
@@ -72,11 +98,15 @@ def protocol(
     _require("scale", [scale], SCALES)
     _require("preset", [preset], (*PRESETS, pixels.PRESET))
     _require("experiment", experiments or (), EXPERIMENTS)
-    _require("method", methods or (), sorted({name for names in EXPERIMENTS.values() for name in names}))
+    _require(
+        "method", methods or (), sorted({name for names in EXPERIMENTS.values() for name in names})
+    )
     _require("channel", channels or (), CHANNELS)
     kinds = [name for name in EXPERIMENTS if not experiments or name in experiments]
     with interruptible("studies.recognition protocol", "the same command goes on where it was"):
-        grid = Grid(channels=tuple(one for one in CHANNELS if one in channels)) if channels else Grid()
+        grid = (
+            Grid(channels=tuple(one for one in CHANNELS if one in channels)) if channels else Grid()
+        )
         view = Tokens() if preset == TOKENS else grid
         settings = ProtocolSettings(events_per_class or SCALES[scale], preset, split_by, view)
         evaluation = Evaluation(path, out, settings)
@@ -114,7 +144,9 @@ def _show(counts: Iterable[int], total: int, quiet: bool) -> None:
 
     console = Console(stderr=True)
     columns = TextColumn("results"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as progress:
+    with Progress(
+        *columns, console=console, disable=quiet or not console.is_terminal, transient=True
+    ) as progress:
         task = progress.add_task("results", total=total)
         for count in counts:
             progress.update(task, completed=count)

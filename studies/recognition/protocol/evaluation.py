@@ -9,11 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from recognition.encoder.config import preset
-from recognition.grids import Grid
-from recognition.training import Unit
-from recognition.training.windows import Split, View, Windows, fingerprint, source_of, split, windows_at
-from recognition.trfe.samples import BACKGROUND
+from recognition.trfe.encoder.config import preset
+from recognition.trfe.inputs.grids import Grid
+from recognition.trfe.inputs.samples import BACKGROUND
+from recognition.trfe.training import Unit
+from recognition.trfe.training.windows import (
+    Split,
+    View,
+    Windows,
+    fingerprint,
+    source_of,
+    split,
+    windows_at,
+)
 from studies.recognition.ablations import CHAINED, VARIANTS
 from studies.recognition.experiments import clustering, open_set, open_world, sensitivity
 from studies.recognition.protocol import pixels
@@ -81,7 +89,9 @@ class Evaluation:
         self.settings, self.store, self.cache = settings, Store(out), out / "cache"
         configuration = {**asdict(settings), "recordings": source_of(path)}
         self.store.check(configuration)
-        self.windows: Windows = windows_at(path, self.cache / "windows", settings.view, settings.events_per_class)
+        self.windows: Windows = windows_at(
+            path, self.cache / "windows", settings.view, settings.events_per_class
+        )
         self.store.open({**configuration, "windows": fingerprint(self.windows)})
         self._splits: dict[int, Split] = {}
         self._trials = Trials(self.windows, settings.view, chosen, self.cache)
@@ -89,7 +99,9 @@ class Evaluation:
     def split(self, seed: int) -> Split:
         """The split of a seed."""
         if seed not in self._splits:
-            self._splits[seed] = split(self.windows, seed, self.settings.unit, self.settings.events_per_class)
+            self._splits[seed] = split(
+                self.windows, seed, self.settings.unit, self.settings.events_per_class
+            )
         return self._splits[seed]
 
     def rounds(self, seed: int) -> list[Round]:
@@ -101,7 +113,9 @@ class Evaluation:
         """The trial of a round (from 1) of a seed."""
         return self._trials.trial(self.split(seed), self.rounds(seed)[number - 1], seed)
 
-    def pending(self, seeds: int, kinds: Sequence[str], names: Sequence[str] | None = None, first: int = 0) -> list[Key]:
+    def pending(
+        self, seeds: int, kinds: Sequence[str], names: Sequence[str] | None = None, first: int = 0
+    ) -> list[Key]:
         """Results that are not there yet, in the order in which `run` makes them.
 
         Args:
@@ -143,10 +157,16 @@ class Evaluation:
             case "open-world":
                 values = open_world.measure_open_world(key.method, trial)
             case "chain":
-                links = open_world.measure_chain(key.method, self.trial(key.seed, 1), self.rounds(key.seed))
+                links = open_world.measure_chain(
+                    key.method, self.trial(key.seed, 1), self.rounds(key.seed)
+                )
                 return [(key._replace(round=number), link) for number, link in enumerate(links, 1)]
             case "sensitivity":
-                values = (sensitivity.measure_delta if key.method == "delta" else sensitivity.measure_trees)(trial)
+                values = (
+                    sensitivity.measure_delta
+                    if key.method == "delta"
+                    else sensitivity.measure_trees
+                )(trial)
             case _:
                 values = sensitivity.measure_probe(trial, self.settings.view)
         return [(key, values)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.trfe.samples import Features
+from recognition.trfe.inputs.samples import Features
 
 PRESET = "pca"
 """Name of these features among the presets of the encoder."""
@@ -28,13 +28,20 @@ def pixel_features(training: NDArray[np.uint8], grids: NDArray[np.uint8], seed: 
 
     chosen = np.random.default_rng(seed).permutation(len(training))[:_FITTED]
     sample = _coarse(training[np.sort(chosen)])
-    model = PCA(min(_COMPONENTS, *sample.shape), svd_solver="randomized", random_state=seed).fit(sample)
-    parts = [model.transform(_coarse(grids[start : start + _BATCH])) for start in range(0, len(grids), _BATCH)]
+    model = PCA(min(_COMPONENTS, *sample.shape), svd_solver="randomized", random_state=seed).fit(
+        sample
+    )
+    parts = [
+        model.transform(_coarse(grids[start : start + _BATCH]))
+        for start in range(0, len(grids), _BATCH)
+    ]
     return np.concatenate(parts).astype(np.float32)
 
 
 def _coarse(grids: NDArray[np.uint8]) -> Features:
     """Means (n, pixels) over blocks of cells; what is left over at the far edges is dropped."""
     rows, columns = (edge // _BLOCK * _BLOCK for edge in grids.shape[3:])
-    blocks = grids[..., :rows, :columns].reshape(*grids.shape[:3], rows // _BLOCK, _BLOCK, columns // _BLOCK, _BLOCK)
+    blocks = grids[..., :rows, :columns].reshape(
+        *grids.shape[:3], rows // _BLOCK, _BLOCK, columns // _BLOCK, _BLOCK
+    )
     return blocks.mean(axis=(4, 6), dtype=np.float32).reshape(len(grids), -1) / 255.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
-from recognition.encoder.config import PRESETS as PRODUCT
-from recognition.encoder.config import Architecture, Preset
+from recognition.trfe.encoder.config import PRESETS as PRODUCT
+from recognition.trfe.encoder.config import Architecture, Preset
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -17,21 +17,27 @@ _GLANCE = 1.0
 """Seconds from one look at what is there to the next."""
 
 
-def run_beside(path: Path, out: Path, settings: ProtocolSettings, pending: Sequence[Key], processes: int) -> Iterator[int]:
+def run_beside(
+    path: Path, out: Path, settings: ProtocolSettings, pending: Sequence[Key], processes: int
+) -> Iterator[int]:
     """Make results of an evaluation; say again and again how many of them are there.
 
     Args:
         path, out, settings: of the evaluation, see `Evaluation`.
         pending: the results, seed by seed.
-        processes: seeds that are worked on at a time. Each process computes with one thread, so that results are the same for
-            any number; two processes of one thread also get half as much again done as one of two.
+        processes: seeds that are worked on at a time. Each process computes with one thread, so
+            that results are the same for any number; two processes of one thread also get half as
+            much again done as one of two.
 
     Raises:
         UsageError: a process died.
     """
     store = Store(out)
     with executor(processes) as pool:
-        running = {pool.submit(_run, path, out, settings, list(keys)) for _, keys in groupby(pending, lambda key: key.seed)}
+        running = {
+            pool.submit(_run, path, out, settings, list(keys))
+            for _, keys in groupby(pending, lambda key: key.seed)
+        }
         try:
             while running:
                 done, running = wait(running, _GLANCE, FIRST_EXCEPTION)

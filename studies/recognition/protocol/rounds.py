@@ -32,6 +32,11 @@ def rounds(classes: Sequence[int]) -> list[Round]:
     """
     ordered = sorted(classes)
     if len(ordered) <= FIRST:
-        raise UsageError(f"the protocol needs {FIRST} known classes and a new one, there are {len(ordered)} in every split")
+        raise UsageError(
+            f"the protocol needs {FIRST} known classes and a new one, there are {len(ordered)} in every split"
+        )
     starts = range(FIRST, len(ordered), STEP)
-    return [Round(number, tuple(ordered[:start]), tuple(ordered[start : start + STEP])) for number, start in enumerate(starts, 1)]
+    return [
+        Round(number, tuple(ordered[:start]), tuple(ordered[start : start + STEP]))
+        for number, start in enumerate(starts, 1)
+    ]

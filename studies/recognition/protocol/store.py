@@ -68,12 +68,17 @@ class Store:
     def results(self, kind: str) -> Iterator[tuple[Key, dict[str, Any]]]:
         """All results of a kind, sorted by method, seed and round."""
         root = self.folder / _RESULTS / kind
-        found = [Key(kind, path.parent.name, *_numbers(path)) for path in root.glob("*/seed*-round*.json")]
+        found = [
+            Key(kind, path.parent.name, *_numbers(path))
+            for path in root.glob("*/seed*-round*.json")
+        ]
         for key in sorted(found):
             yield key, self.read(key)
 
     def _path(self, key: Key) -> Path:
-        return self.folder / _RESULTS / key.kind / key.method / f"seed{key.seed}-round{key.round}.json"
+        return (
+            self.folder / _RESULTS / key.kind / key.method / f"seed{key.seed}-round{key.round}.json"
+        )
 
 
 def _write(path: Path, values: dict[str, Any]) -> None:

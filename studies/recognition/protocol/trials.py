@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.encoder.config import Architecture, Preset, TrainingSchedule
-from recognition.tokens import CHANGES, MOTION_CHANGES, Tokens, changes
-from recognition.training.windows import Split, View, Windows
-from recognition.trfe.candidates import Preprocessing
 from recognition.trfe.config import Config
+from recognition.trfe.discovery.candidates import Preprocessing
+from recognition.trfe.encoder.config import Architecture, Preset, TrainingSchedule
 from recognition.trfe.forest import TREES, VotingForest, grow
-from recognition.trfe.samples import UNKNOWN, Features, drawn_of_each
+from recognition.trfe.inputs.samples import UNKNOWN, Features, drawn_of_each
+from recognition.trfe.inputs.tokens import CHANGES, MOTION_CHANGES, Tokens, changes
+from recognition.trfe.training.windows import Split, View, Windows
 from recognition.trfe.trfe import TRFE
 from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.pool import Pool
@@ -27,7 +27,7 @@ from studies.recognition.protocol.rounds import FIRST, STEP, Round
 from studies.recognition.strategies import grow_plain
 
 if TYPE_CHECKING:
-    from recognition.encoder.model import Encoder
+    from recognition.trfe.encoder.model import Encoder
 
 _PRETRAINING, _FINETUNING = 100, 100
 """Fewest steps of each training of the encoder."""
@@ -59,7 +59,8 @@ class Trial:
         seed: of everything drawn.
         features: (n, d) of all windows in the split, by window number; those of others are 0.
         changes: how many columns, the first ones, are of what changes in a window of tokens.
-        tuned: how many of the encoders' columns, which follow, are of the encoder before fine-tuning.
+        tuned: how many of the encoders' columns, which follow, are of the encoder before
+            fine-tuning.
         trials: what made it.
     """
 
@@ -95,22 +96,35 @@ class Trial:
     @cached_property
     def only_encoded(self) -> Trial:
         """The same with the encoders' features alone."""
-        return replace(self, features=np.ascontiguousarray(self.features[:, self.changes :]), changes=0)
+        return replace(
+            self, features=np.ascontiguousarray(self.features[:, self.changes :]), changes=0
+        )
 
     @cached_property
     def only_tuned(self) -> Trial:
         """The same with features of the fine-tuned encoder alone."""
-        return replace(self.only_encoded, features=np.ascontiguousarray(self.only_encoded.features[:, self.tuned :]), tuned=0)
+        return replace(
+            self.only_encoded,
+            features=np.ascontiguousarray(self.only_encoded.features[:, self.tuned :]),
+            tuned=0,
+        )
 
     @cached_property
     def only_changes(self) -> Trial:
         """The same with what changes in windows of tokens alone."""
-        return replace(self, features=np.ascontiguousarray(self.features[:, : self.changes]), tuned=0)
+        return replace(
+            self, features=np.ascontiguousarray(self.features[:, : self.changes]), tuned=0
+        )
 
     @cached_property
     def without_roles(self) -> Trial:
         """The same with the changes of motion and gap alone, without the roles of lanes."""
-        return replace(self, features=np.ascontiguousarray(self.features[:, :MOTION_CHANGES]), changes=MOTION_CHANGES, tuned=0)
+        return replace(
+            self,
+            features=np.ascontiguousarray(self.features[:, :MOTION_CHANGES]),
+            changes=MOTION_CHANGES,
+            tuned=0,
+        )
 
     @cached_property
     def map_only(self) -> Trial:
@@ -121,7 +135,9 @@ class Trial:
     def labelled(self) -> Samples:
         """Training samples of the known classes, of each at most as many as methods are fitted on."""
         rows = self._rows(self.split.labelled, self.round.known)
-        drawn = drawn_of_each(self.windows.labels[rows], MOST_FITTED, np.random.default_rng(self.seed))
+        drawn = drawn_of_each(
+            self.windows.labels[rows], MOST_FITTED, np.random.default_rng(self.seed)
+        )
         return self._samples(rows[np.sort(drawn)])
 
     @cached_property
@@ -145,19 +161,25 @@ class Trial:
         mixed."""
         new = self._rows(np.concatenate([self.split.labelled, self.split.stream]), self.round.new)
         rows = np.concatenate([new, self._rows(self.split.stream, self.round.known)])
-        return self._samples(np.random.default_rng([self.seed, self.round.number]).permutation(rows))
+        return self._samples(
+            np.random.default_rng([self.seed, self.round.number]).permutation(rows)
+        )
 
     @cached_property
     def appearing(self) -> Samples:
         """The first samples of new classes in the stream, as many as TRFE's buffer holds: as if screening made no mistake."""
-        return self.stream.only(np.isin(self.stream.labels, self.round.new)).only(slice(Preprocessing().capacity))
+        return self.stream.only(np.isin(self.stream.labels, self.round.new)).only(
+            slice(Preprocessing().capacity)
+        )
 
     @cached_property
     def pool(self) -> Pool:
         """The same for clustering methods."""
         new, known = self.appearing, self.labelled
         inputs = self.windows.inputs[new.rows]
-        return Pool(new.features, inputs, known.features, known.labels, len(self.round.new), self.config)
+        return Pool(
+            new.features, inputs, known.features, known.labels, len(self.round.new), self.config
+        )
 
     @property
     def config(self) -> Config:
@@ -191,14 +213,17 @@ class Trial:
 class Trials:
     """Makes trials; encoders and features are made once and kept in a folder.
 
-    One encoder is pretrained for each seed on training windows of the first known classes, without labels. In each round it is
-    fine-tuned further, from the checkpoint of the round before, on the labelled windows of the classes known by then. All methods
-    share its features, with those that it had before fine-tuning beside them, and of tokens with what changes in a window.
+    One encoder is pretrained for each seed on training windows of the first known classes, without
+    labels. In each round it is fine-tuned further, from the checkpoint of the round before, on the
+    labelled windows of the classes known by then. All methods share its features, with those that
+    it had before fine-tuning beside them, and of tokens with what changes in a window.
 
     Attributes:
         windows: all of them. view: theirs. cache: the folder.
-        preset: of the encoder; without one, features are those of `studies.recognition.protocol.pixels`.
-        on_all: pretrain on windows of all classes instead, as an ablation: unknown ones are not unseen then.
+        preset: of the encoder; without one, features are those of
+            `studies.recognition.protocol.pixels`.
+        on_all: pretrain on windows of all classes instead, as an ablation: unknown ones are not
+            unseen then.
     """
 
     windows: Windows
@@ -211,14 +236,26 @@ class Trials:
         """The trial of a round of a seed."""
         rows = np.sort(np.concatenate([split.labelled, split.stream, split.validation, split.test]))
         before = _before_all(round_)
-        parts = [self._features(rows, split, one, seed) for one in ((before, round_) if self.preset else (before,))]
+        parts = [
+            self._features(rows, split, one, seed)
+            for one in ((before, round_) if self.preset else (before,))
+        ]
         tuned = sum(part.shape[1] for part in parts[:-1])
         if isinstance(self.view, Tokens):
             parts = [changes(self.windows.inputs[rows]), *parts]
         made = np.concatenate(parts, axis=1)
         features = np.zeros((len(self.windows), made.shape[1]), dtype=np.float32)
         features[rows] = made
-        return Trial(self.windows, split, round_, seed, features, CHANGES if isinstance(self.view, Tokens) else 0, tuned, self)
+        return Trial(
+            self.windows,
+            split,
+            round_,
+            seed,
+            features,
+            CHANGES if isinstance(self.view, Tokens) else 0,
+            tuned,
+            self,
+        )
 
     def _features(self, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
         """Features of windows by the encoder of a round, or by principal components, which are the same in all rounds."""
@@ -231,7 +268,7 @@ class Trials:
         return np.load(path, allow_pickle=False)
 
     def _encode(self, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
-        from recognition.encoder.storage import features
+        from recognition.trfe.encoder.storage import features
 
         if self.preset is None:
             training = np.sort(np.concatenate([split.labelled, split.stream]))
@@ -240,22 +277,35 @@ class Trials:
 
     def encoder(self, split: Split, round_: Round, seed: int) -> Encoder:
         """The encoder of a round of a seed; there is none without a preset."""
-        from recognition.encoder.storage import load, save
-        from recognition.encoder.training import finetune, pretrain
+        from recognition.trfe.encoder.storage import load, save
+        from recognition.trfe.encoder.training import finetune, pretrain
 
         preset = self.preset
         assert preset is not None, "principal components have no encoder"
         place = self._folder(seed) / f"encoder{round_.number}"
         if (place / "encoder.safetensors").exists():
-            return load(place, type(preset.architecture) if isinstance(preset.architecture, Architecture) else Architecture)
+            return load(
+                place,
+                type(preset.architecture)
+                if isinstance(preset.architecture, Architecture)
+                else Architecture,
+            )
         if round_.number == 0:
             rows = np.sort(np.concatenate([split.labelled, split.stream]))
-            training = self.windows.select(rows if self.on_all else rows[np.isin(self.windows.labels[rows], round_.known)])
+            training = self.windows.select(
+                rows if self.on_all else rows[np.isin(self.windows.labels[rows], round_.known)]
+            )
             longer = long_enough(preset.pretraining, len(training), _PRETRAINING)
             made = pretrain(training, preset._replace(pretraining=longer), self.view, seed)
         else:
-            before = Round(round_.number - 1, round_.known[:-STEP], ()) if round_.number > 1 else _before_all(round_)
-            known = self.windows.select(split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)])
+            before = (
+                Round(round_.number - 1, round_.known[:-STEP], ())
+                if round_.number > 1
+                else _before_all(round_)
+            )
+            known = self.windows.select(
+                split.labelled[np.isin(self.windows.labels[split.labelled], round_.known)]
+            )
             longer = long_enough(preset.finetuning, len(known), _FINETUNING)
             made = finetune(self.encoder(split, before, seed), known, longer, seed)
         save(made, place)
@@ -272,4 +322,6 @@ def _before_all(round_: Round) -> Round:
 
 def long_enough(schedule: TrainingSchedule, windows: int, steps: int) -> TrainingSchedule:
     """The schedule with so many epochs that few windows make as many steps too; presets are made for the paper's scale."""
-    return schedule._replace(epochs=max(schedule.epochs, math.ceil(steps * schedule.batch / windows)))
+    return schedule._replace(
+        epochs=max(schedule.epochs, math.ceil(steps * schedule.batch / windows))
+    )

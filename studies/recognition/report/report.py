@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from recognition.labels import Label
-from recognition.trfe.samples import BACKGROUND
-from schemas.common.text import csv_text
+from recognition.trfe.inputs.samples import BACKGROUND
+from schemas.common.terminal.text import csv_text
 from studies.recognition.ablations import CHAINED, VARIANTS
 from studies.recognition.experiments import clustering, open_set
 from studies.recognition.protocol.evaluation import EXPERIMENTS, Evaluation
@@ -51,10 +51,33 @@ def tables(evaluation: Evaluation) -> list[Table]:
     """All tables for which there are results."""
     found = [
         _data(evaluation),
-        *_compared(evaluation, "open-set", _OPEN_SET, "macro_f1", "Open-set recognition", _OPEN_SET_NOTE),
-        *_compared(evaluation, "clustering", _CLUSTERING, "accuracy", "Clustering of the new classes", _CLUSTERING_NOTE),
-        *_compared(evaluation, "open-world", _OPEN_WORLD, "macro_f1", "Open world, ablations and options", _OPEN_WORLD_NOTE),
-        *_compared(evaluation, "chain", _OPEN_WORLD, "macro_f1", "Open world on its own discoveries", _CHAIN_NOTE),
+        *_compared(
+            evaluation, "open-set", _OPEN_SET, "macro_f1", "Open-set recognition", _OPEN_SET_NOTE
+        ),
+        *_compared(
+            evaluation,
+            "clustering",
+            _CLUSTERING,
+            "accuracy",
+            "Clustering of the new classes",
+            _CLUSTERING_NOTE,
+        ),
+        *_compared(
+            evaluation,
+            "open-world",
+            _OPEN_WORLD,
+            "macro_f1",
+            "Open world, ablations and options",
+            _OPEN_WORLD_NOTE,
+        ),
+        *_compared(
+            evaluation,
+            "chain",
+            _OPEN_WORLD,
+            "macro_f1",
+            "Open world on its own discoveries",
+            _CHAIN_NOTE,
+        ),
         *(_curve(evaluation, name, title) for name, title in (("delta", "δ"), ("trees", "T"))),
         _capacities(evaluation),
         _probe(evaluation),
@@ -86,15 +109,24 @@ _CHAIN_NOTE = (
 )
 
 
-def _compared(evaluation: Evaluation, kind: str, figures: dict[str, str], main: str, title: str, note: str) -> list[Table]:
+def _compared(
+    evaluation: Evaluation, kind: str, figures: dict[str, str], main: str, title: str, note: str
+) -> list[Table]:
     titles, results = (
         TITLES[kind],
-        results_of(evaluation.store, kind, [name for name in EXPERIMENTS[kind] if not _is_capacity(name)]),
+        results_of(
+            evaluation.store, kind, [name for name in EXPERIMENTS[kind] if not _is_capacity(name)]
+        ),
     )
     results = {name: seeds for name, seeds in results.items() if not _is_capacity(name)}
     return [
         Table(kind, title, note, *comparison(results, titles, figures)),
-        Table(f"{kind}-rounds", f"{title}: {figures[main]} by round", "", *by_round(results, titles, main)),
+        Table(
+            f"{kind}-rounds",
+            f"{title}: {figures[main]} by round",
+            "",
+            *by_round(results, titles, main),
+        ),
     ]
 
 
@@ -106,50 +138,95 @@ def _data(evaluation: Evaluation) -> Table:
     first = min(_seeds(evaluation), default=0)
     split, labels = evaluation.split(first), evaluation.windows.labels
     rows = [
-        (str(int(label)), Label(int(label)).title, *(str(np.count_nonzero(labels[part] == label)) for part in split[:4]))
+        (
+            str(int(label)),
+            Label(int(label)).title,
+            *(str(np.count_nonzero(labels[part] == label)) for part in split[:4]),
+        )
         for label in np.unique(labels[split.test])
         if label != BACKGROUND
     ]
     names = len(np.unique(evaluation.windows.recordings))
-    left_out = ", ".join(f"{Label(label).title} ({count} windows)" for label, count in split.left_out.items())
-    note = f"Windows of seed {first}, of {names} recordings, split by {evaluation.settings.unit}." + (
-        f" Left out, as they are not in every part: {left_out}." if left_out else ""
+    left_out = ", ".join(
+        f"{Label(label).title} ({count} windows)" for label, count in split.left_out.items()
     )
-    return Table("data", "Data", note, ("id", "class", "labelled", "stream", "validation", "test"), rows)
+    note = (
+        f"Windows of seed {first}, of {names} recordings, split by {evaluation.settings.unit}."
+        + (f" Left out, as they are not in every part: {left_out}." if left_out else "")
+    )
+    return Table(
+        "data", "Data", note, ("id", "class", "labelled", "stream", "validation", "test"), rows
+    )
 
 
 def _curve(evaluation: Evaluation, name: str, symbol: str) -> Table:
     seeds = results_of(evaluation.store, "sensitivity", [name]).get(name, {})
-    values = [point["value"] for rounds in seeds.values() for point in next(iter(rounds.values()))["points"]]
-    figures = {"macro_f1": "macro-F1", "accuracy": "(K+1) accuracy", "auroc": "AUROC", "false_rejection": "false rejection"}
-    rows = [(f"{value:g}", *(spread(_at(seeds, value, figure)) for figure in figures)) for value in sorted(set(values))]
-    return Table(f"sensitivity-{name}", f"Sensitivity to {symbol}", "", (symbol, *figures.values()), rows)
+    values = [
+        point["value"]
+        for rounds in seeds.values()
+        for point in next(iter(rounds.values()))["points"]
+    ]
+    figures = {
+        "macro_f1": "macro-F1",
+        "accuracy": "(K+1) accuracy",
+        "auroc": "AUROC",
+        "false_rejection": "false rejection",
+    }
+    rows = [
+        (f"{value:g}", *(spread(_at(seeds, value, figure)) for figure in figures))
+        for value in sorted(set(values))
+    ]
+    return Table(
+        f"sensitivity-{name}", f"Sensitivity to {symbol}", "", (symbol, *figures.values()), rows
+    )
 
 
 def _at(seeds: dict[int, dict[int, dict[str, Any]]], value: float, figure: str) -> list[float]:
     """The figure of each seed at one value of the parameter, as the mean over its rounds."""
     return [
-        fmean(point[figure] for one in rounds.values() for point in one["points"] if point["value"] == value)
+        fmean(
+            point[figure]
+            for one in rounds.values()
+            for point in one["points"]
+            if point["value"] == value
+        )
         for rounds in seeds.values()
     ]
 
 
 def _capacities(evaluation: Evaluation) -> Table:
-    results = results_of(evaluation.store, "open-world", [name for name in EXPERIMENTS["open-world"] if _is_capacity(name)])
+    results = results_of(
+        evaluation.store,
+        "open-world",
+        [name for name in EXPERIMENTS["open-world"] if _is_capacity(name)],
+    )
     results = {name: seeds for name, seeds in results.items() if _is_capacity(name)}
     header, rows = comparison(results, {name: name[1:] for name in results}, _OPEN_WORLD)
     rows = [row[:-1] for row in rows]
-    return Table("sensitivity-w", "Sensitivity to W", "As in the open world.", ("W", *header[1:-1]), rows)
+    return Table(
+        "sensitivity-w", "Sensitivity to W", "As in the open world.", ("W", *header[1:-1]), rows
+    )
 
 
 def _probe(evaluation: Evaluation) -> Table:
     results = results_of(evaluation.store, "probe", EXPERIMENTS["probe"])
-    measured = {figure for rounds in results.get("encoder", {}).values() for values in rounds.values() for figure in values}
+    measured = {
+        figure
+        for rounds in results.get("encoder", {}).values()
+        for values in rounds.values()
+        for figure in values
+    }
     titles = {"features": "the encoder's features", "speed": "the ego's speed alone"}
-    tables = {title: by_round(results, {"encoder": title}, figure) for figure, title in titles.items() if figure in measured}
+    tables = {
+        title: by_round(results, {"encoder": title}, figure)
+        for figure, title in titles.items()
+        if figure in measured
+    }
     header = next(iter(tables.values()), (("",), []))[0]
     note = "Mean accuracy over known and new classes of a logistic regression on frozen features, with labels of all of them."
-    return Table("probe", "Linear probe", note, header, [row for _, rows in tables.values() for row in rows])
+    return Table(
+        "probe", "Linear probe", note, header, [row for _, rows in tables.values() for row in rows]
+    )
 
 
 def write_report(evaluation: Evaluation, out: Path) -> list[Table]:
@@ -162,12 +239,18 @@ def write_report(evaluation: Evaluation, out: Path) -> list[Table]:
         f"{', '.join(map(str, seeds))}, encoder preset "
         f"`{settings.preset}`, at most {settings.events_per_class or 'all'} events of each class.\n\n{PUBLISHED}"
     )
-    text = "\n".join([f"# Results of recognition\n\n{intro}\n", *(table.markdown() for table in found)])
+    text = "\n".join(
+        [f"# Results of recognition\n\n{intro}\n", *(table.markdown() for table in found)]
+    )
     (out / "report.md").write_text(text, encoding="utf-8", newline="\n")
     (out / "tables").mkdir(exist_ok=True)
     for table in found:
-        (out / "tables" / f"{table.name}.csv").write_text(table.csv(), encoding="utf-8", newline="\n")
-    (out / "results.csv").write_text(csv_text(_single_figures(evaluation)), encoding="utf-8", newline="\n")
+        (out / "tables" / f"{table.name}.csv").write_text(
+            table.csv(), encoding="utf-8", newline="\n"
+        )
+    (out / "results.csv").write_text(
+        csv_text(_single_figures(evaluation)), encoding="utf-8", newline="\n"
+    )
     return found
 
 
@@ -179,5 +262,9 @@ def _single_figures(evaluation: Evaluation) -> list[tuple[Any, ...]]:
     rows: list[tuple[Any, ...]] = [("kind", "method", "seed", "round", "figure", "value")]
     for kind in EXPERIMENTS:
         for key, values in evaluation.store.results(kind):
-            rows += [(*key, name, value) for name, value in values.items() if isinstance(value, int | float)]
+            rows += [
+                (*key, name, value)
+                for name, value in values.items()
+                if isinstance(value, int | float)
+            ]
     return rows

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from statistics import fmean, stdev
 from typing import Any, NamedTuple
 
-from schemas.common.text import csv_text
+from schemas.common.terminal.text import csv_text
 from studies.recognition.protocol.store import Store
 
 Results = dict[str, dict[int, dict[int, dict[str, Any]]]]
@@ -69,7 +69,8 @@ def comparison(
 ) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Header and rows: a row for each method, a column for each figure (name of the value → heading), means over rounds.
 
-    The last column is the p of a paired t-test over seeds, of a row's first figure against that of TRFE.
+    The last column is the p of a paired t-test over seeds, of a row's first figure against that of
+    TRFE.
     """
     first = next(iter(figures))
     rows = [
@@ -83,7 +84,11 @@ def comparison(
     return ("", *figures.values(), "p"), rows
 
 
-def paired(seeds: dict[int, dict[int, dict[str, Any]]], others: dict[int, dict[int, dict[str, Any]]], figure: str) -> str:
+def paired(
+    seeds: dict[int, dict[int, dict[str, Any]]],
+    others: dict[int, dict[int, dict[str, Any]]],
+    figure: str,
+) -> str:
     """p of a two-sided paired t-test over the seeds that both have; a dash where there are fewer than three."""
     from scipy.stats import ttest_rel
 
@@ -94,13 +99,20 @@ def paired(seeds: dict[int, dict[int, dict[str, Any]]], others: dict[int, dict[i
     return "–" if one == other else f"{ttest_rel(one, other).pvalue:.2g}"
 
 
-def by_round(results: Results, titles: dict[str, str], figure: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def by_round(
+    results: Results, titles: dict[str, str], figure: str
+) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Header and rows: a row for each method, a column for each round."""
-    numbers = sorted({number for seeds in results.values() for rounds in seeds.values() for number in rounds})
+    numbers = sorted(
+        {number for seeds in results.values() for rounds in seeds.values() for number in rounds}
+    )
     rows = [
         (
             titles.get(name, name),
-            *(spread(rounds[number][figure] for rounds in seeds.values() if number in rounds) for number in numbers),
+            *(
+                spread(rounds[number][figure] for rounds in seeds.values() if number in rounds)
+                for number in numbers
+            ),
         )
         for name, seeds in results.items()
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.trfe.screening import EvtScreening
+from recognition.trfe.forest.screening import EvtScreening
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 TITLE = "TRFE, votes alone"
@@ -14,7 +14,9 @@ PLAIN_VOTES = False
 class EvtPooled(EvtScreening):
     """score = 1 − s, with d = T − max_k v_k + U(0, 1) and one distribution for all known classes."""
 
-    def _lacking(self, votes: IntArray, distances: FloatArray | None, jitter: FloatArray | float) -> FloatArray:
+    def _lacking(
+        self, votes: IntArray, distances: FloatArray | None, jitter: FloatArray | float
+    ) -> FloatArray:
         return self.trees - votes.max(axis=1, keepdims=True) + np.reshape(jitter, (-1, 1))
 
     def _belongs(self, columns: IntArray) -> BoolArray:

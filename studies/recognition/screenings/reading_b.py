@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from recognition.trfe.screening import Screening
+from recognition.trfe.forest.screening import Screening
 from schemas.common.array_types import FloatArray, IntArray
 
 TITLE = "CEVT (reading B)"
@@ -18,10 +18,10 @@ _STEEPEST = 1e4
 class WeibullVotes(Screening):
     """score = 1 − F_k(m) with m = max_k v_k + jitter, k its class and F_k(m) = 1 − exp(−(m/λ_k)^c_k); unknown where F_k(m) < δ.
 
-    F_k is the Weibull distribution of greatest likelihood for the calibration samples of class k. Votes are whole numbers and
-    often all T; calibration adds U(0, 1) to them, scoring the mean of it, 0.5.
-    Reference: Balasubramanian et al., "Open-set Recognition based on the Combination of Deep Learning and Ensemble Method for
-    Detecting Unknown Traffic Scenarios" (IV 2021).
+    F_k is the Weibull distribution of greatest likelihood for the calibration samples of class k.
+    Votes are whole numbers and often all T; calibration adds U(0, 1) to them, scoring the mean of
+    it, 0.5. Reference: Balasubramanian et al., "Open-set Recognition based on the Combination of
+    Deep Learning and Ensemble Method for Detecting Unknown Traffic Scenarios" (IV 2021).
 
     Args:
         delta: samples below this quantile of the winning class's votes are unknown.
@@ -42,7 +42,9 @@ class WeibullVotes(Screening):
     def _score(self, votes: IntArray, distances: FloatArray | None) -> FloatArray:
         column = votes.argmax(axis=1)
         ratio = (votes.max(axis=1) + 0.5) / self.scales[column]
-        with np.errstate(over="ignore"):  # where votes hardly vary the power is beyond floats, and the score 0
+        with np.errstate(
+            over="ignore"
+        ):  # where votes hardly vary the power is beyond floats, and the score 0
             return np.exp(-(ratio ** self.shapes[column]))
 
 

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition import datasets
-from recognition.datasets.observations import deviation
-from recognition.datasets.rows import Columns, Rows, pieces
-from recognition.datasets.smoothing import RAW, breaks, centres
-from recognition.datasets.source import TrackParticipant
+from recognition import recordings as datasets
+from recognition.recordings.observations import deviation
+from recognition.recordings.rows import Columns, Rows, pieces
+from recognition.recordings.smoothing import RAW, breaks, centres
+from recognition.recordings.source import TrackParticipant
 from runner.recording import Track
 from schemas.common.array_types import BoolArray, FloatArray
 
@@ -59,7 +59,8 @@ class Case(NamedTuple):
     """A task of smoothing.
 
     Attributes:
-        tracks: what is shown; rows that are not have values on the straight line between those that are.
+        tracks: what is shown; rows that are not have values on the straight line between those that
+            are.
         unseen: rows that are not shown or jump away (n,).
         off: deviation of the centre of each row as it was recorded, m.
         truth: what is to be found.
@@ -76,7 +77,12 @@ class Case(NamedTuple):
 def drawn(path: Path, most: int, rng: np.random.Generator) -> Iterator[Tracks]:
     """Tracks of a data set, drawn until they have `most` rows, those of a recording together."""
     recordings = [source.load() for source in datasets.open(path).sources]
-    found = [(number, track) for number, each in enumerate(recordings) for track in each.tracks.values() if _usable(track)]
+    found = [
+        (number, track)
+        for number, each in enumerate(recordings)
+        for track in each.tracks.values()
+        if _usable(track)
+    ]
     order = rng.permutation(len(found))
     before = np.cumsum([0, *(len(found[i][1].columns["time"]) for i in order)])[:-1]
     chosen = {int(i) for i in order[before < most]}
@@ -105,8 +111,12 @@ def hidden(tracks: Tracks, rng: np.random.Generator) -> Case:
     astray = breaks(rows, x, y).astray
     unseen = _stretches(rows, rng)
     truth = States(x, y, columns["h"], columns["speed"], columns["acceleration"])
-    shown = States(*(_between(values, rows, unseen) for values in truth._replace(h=np.unwrap(truth.h))))
-    return Case(_placed(tracks, shown), unseen | astray, deviation(rows, x, y), truth, unseen & ~astray)
+    shown = States(
+        *(_between(values, rows, unseen) for values in truth._replace(h=np.unwrap(truth.h)))
+    )
+    return Case(
+        _placed(tracks, shown), unseen | astray, deviation(rows, x, y), truth, unseen & ~astray
+    )
 
 
 def noisy(tracks: Tracks, rng: np.random.Generator) -> Case:
@@ -116,14 +126,20 @@ def noisy(tracks: Tracks, rng: np.random.Generator) -> Case:
     reach = max(1, round(_ABOUT / rows.step))
     here = np.arange(len(rows))
     before, after = np.maximum(here - reach, rows.first), np.minimum(here + reach, rows.last)
-    change = (columns["speed"][after] - columns["speed"][before]) / (rows.time[after] - rows.time[before])
+    change = (columns["speed"][after] - columns["speed"][before]) / (
+        rows.time[after] - rows.time[before]
+    )
     truth = States(x, y, columns["h"], columns["speed"], change)
     noise = rng.uniform(*_NOISE)
     shown = truth._replace(
-        x=x + noise * _lasting(rows, rng), y=y + noise * _lasting(rows, rng), h=truth.h + _TURN * noise * _lasting(rows, rng)
+        x=x + noise * _lasting(rows, rng),
+        y=y + noise * _lasting(rows, rng),
+        h=truth.h + _TURN * noise * _lasting(rows, rng),
     )
     everywhere = np.ones(len(rows), bool)
-    return Case(_placed(tracks, shown), ~everywhere, deviation(rows, shown.x, shown.y), truth, everywhere)
+    return Case(
+        _placed(tracks, shown), ~everywhere, deviation(rows, shown.x, shown.y), truth, everywhere
+    )
 
 
 def _usable(track: Track) -> bool:
@@ -132,12 +148,26 @@ def _usable(track: Track) -> bool:
 
 
 def _joined(tracks: list[Track], step: float) -> Tracks:
-    columns = {name: np.concatenate([track.columns[f"raw_{name}"] for track in tracks]) for name in RAW}
+    columns = {
+        name: np.concatenate([track.columns[f"raw_{name}"] for track in tracks]) for name in RAW
+    }
     time = np.concatenate([track.columns["time"] for track in tracks])
     starts = np.append(0, np.cumsum([len(track.columns["time"]) for track in tracks]))
     numbers = np.arange(len(tracks))
-    rows = Rows(np.arange(len(time)), numbers, starts, time, step, *pieces(time, starts, step), np.zeros_like(numbers))
-    return Tracks(rows, [TrackParticipant(track.name, track.kind, track.category, track.box) for track in tracks], columns)
+    rows = Rows(
+        np.arange(len(time)),
+        numbers,
+        starts,
+        time,
+        step,
+        *pieces(time, starts, step),
+        np.zeros_like(numbers),
+    )
+    return Tracks(
+        rows,
+        [TrackParticipant(track.name, track.kind, track.category, track.box) for track in tracks],
+        columns,
+    )
 
 
 def _stretches(rows: Rows, rng: np.random.Generator) -> BoolArray:
@@ -174,5 +204,11 @@ def _placed(tracks: Tracks, shown: States) -> Tracks:
     """Tracks with these states."""
     behind = tracks.rows.each([one.box.x for one in tracks.who])
     x, y = shown.x - behind * np.cos(shown.h), shown.y - behind * np.sin(shown.h)
-    columns = {"x": x, "y": y, "h": shown.h, "speed": shown.speed, "acceleration": shown.acceleration}
+    columns = {
+        "x": x,
+        "y": y,
+        "h": shown.h,
+        "speed": shown.speed,
+        "acceleration": shown.acceleration,
+    }
     return tracks._replace(columns=columns)

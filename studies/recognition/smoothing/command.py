@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from schemas.common.command_line import Verbose, Version, interruptible, out_folder
 from schemas.common.errors import UsageError
+from schemas.common.terminal.command_line import Verbose, Version, interruptible, out_folder
 
 if TYPE_CHECKING:
     from studies.recognition.smoothing.search import Judged, Material, Trial
@@ -19,25 +19,42 @@ if TYPE_CHECKING:
 @interruptible("studies.recognition smoothing")
 def smoothing(
     development: Annotated[
-        list[Path], typer.Argument(metavar="RECORDINGS...", help="Data sets to choose settings by, a folder or file each.")
+        list[Path],
+        typer.Argument(
+            metavar="RECORDINGS...", help="Data sets to choose settings by, a folder or file each."
+        ),
     ],
-    report: Annotated[list[Path], typer.Option("--report", metavar="PATH", help="Data set to report on (repeatable).")],
+    report: Annotated[
+        list[Path],
+        typer.Option("--report", metavar="PATH", help="Data set to report on (repeatable)."),
+    ],
     out: Annotated[Path, out_folder("Folder for smoothing.md.")],
-    own: Annotated[int, typer.Option(min=0, metavar="SEED", help="Seed of the exact recordings to choose by.")] = 400,
-    report_own: Annotated[int, typer.Option(min=0, metavar="SEED", help="Seed of those to report on.")] = 402,
-    rows: Annotated[int, typer.Option(min=1, metavar="N", help="Rows drawn of each data set.")] = 20_000,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of what is drawn, hidden, and of noise.")] = 0,
+    own: Annotated[
+        int, typer.Option(min=0, metavar="SEED", help="Seed of the exact recordings to choose by.")
+    ] = 400,
+    report_own: Annotated[
+        int, typer.Option(min=0, metavar="SEED", help="Seed of those to report on.")
+    ] = 402,
+    rows: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Rows drawn of each data set.")
+    ] = 20_000,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of what is drawn, hidden, and of noise.")
+    ] = 0,
     _verbose: Verbose = False,
     _version: Version = False,
 ) -> None:
     """Choose settings of smoothing on recordings, and hold it against other ways to smooth on others.
 
-    Stretches of 0.2 to 1 s are hidden from tracks, and found again. Exact recordings of our own get noise, and are smoothed.
+    Stretches of 0.2 to 1 s are hidden from tracks, and found again. Exact recordings of our own get
+    noise, and are smoothed.
     """
     from schemas.common.storage import keep, writing
     from studies.recognition.smoothing.search import BY_HAND, METHODS, best, judged, searched
 
-    if {path.resolve() for path in development} & {path.resolve() for path in report} or own == report_own:
+    if {path.resolve() for path in development} & {
+        path.resolve() for path in report
+    } or own == report_own:
         raise UsageError("what settings are chosen by is not to be reported on")
     for paths in (development, report):
         twice = [path for path in paths if sum(path.stem == other.stem for other in paths) > 1]
@@ -45,14 +62,22 @@ def smoothing(
             raise UsageError(f"two data sets have the name {twice[0].stem!r}", path=twice[0])
     with writing("the report", out):
         out.mkdir(parents=True, exist_ok=True)
-        chosen_by, reported = _material(development, own, rows, seed), _material(report, report_own, rows, seed)
+        chosen_by, reported = (
+            _material(development, own, rows, seed),
+            _material(report, report_own, rows, seed),
+        )
         tried = [searched(method, chosen_by) for method in METHODS]
         hand = next(trial for trial in tried[0] if trial.settings == BY_HAND)
         lines = [("set by hand", METHODS[0], hand)]
         bests = (best(trials, hand.judged.error) for trials in tried)
-        lines += [(method.name, method, trial) for method, trial in zip(METHODS, bests, strict=True)]
+        lines += [
+            (method.name, method, trial) for method, trial in zip(METHODS, bests, strict=True)
+        ]
         chosen = [(name, trial.settings, trial.judged) for name, _, trial in lines]
-        others = [(name, trial.settings, judged(method.make(**trial.settings), reported)) for name, method, trial in lines]
+        others = [
+            (name, trial.settings, judged(method.make(**trial.settings), reported))
+            for name, method, trial in lines
+        ]
         parts = ["## Chosen by", *_table(chosen), "", "## Reported on", *_table(others)]
         parts += ["", "## About the settings set by hand", *_about(tried[0], hand)]
         print(keep(("\n".join(parts) + "\n").encode(), out / "smoothing.md"))
@@ -100,7 +125,11 @@ def _about(trials: Sequence[Trial], hand: Trial) -> Iterator[str]:
     for name in hand.settings:
         for trial in trials:
             if (
-                all(trial.settings[other] == value for other, value in hand.settings.items() if other != name)
+                all(
+                    trial.settings[other] == value
+                    for other, value in hand.settings.items()
+                    if other != name
+                )
                 and trial is not hand
             ):
                 yield f"| {name} {trial.settings[name]:g} | {' | '.join(_compared(trial.judged, hand.judged))} |"
@@ -111,5 +140,8 @@ _COMPARED = ("hidden likelihood", "hidden place", "exact")
 
 def _compared(found: Judged, than: Judged) -> list[str]:
     """Compare the likelihood of hidden places, and errors."""
-    more = [f"{100.0 * (a / b - 1.0):+.1f} %" for a, b in ((found.place, than.place), (found.error, than.error))]
+    more = [
+        f"{100.0 * (a / b - 1.0):+.1f} %"
+        for a, b in ((found.place, than.place), (found.error, than.error))
+    ]
     return [f"{found.likelihood - than.likelihood:+.3f}", *more]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.datasets.observations import Noise
+from recognition.recordings.observations import Noise
 from studies.recognition.smoothing import ways
 from studies.recognition.smoothing.cases import Case
 from studies.recognition.smoothing.scores import Score, score
@@ -45,7 +45,9 @@ class Judged(NamedTuple):
     @property
     def error(self) -> float:
         """Geometric mean of the errors of place (m), speed (m/s) and acceleration (m/s²) on exact recordings."""
-        return float(np.exp(np.mean(np.log([self.exact.place, self.exact.speed, self.exact.acceleration]))))
+        return float(
+            np.exp(np.mean(np.log([self.exact.place, self.exact.speed, self.exact.acceleration])))
+        )
 
 
 class Method(NamedTuple):
@@ -98,22 +100,29 @@ BY_HAND = Noise()._asdict()
 
 def judged(way: Way, material: Material) -> Judged:
     """Score a method on all material."""
-    return Judged({name: score(way, cases) for name, cases in material.recordings.items()}, score(way, material.exact))
+    return Judged(
+        {name: score(way, cases) for name, cases in material.recordings.items()},
+        score(way, material.exact),
+    )
 
 
 def searched(method: Method, material: Material) -> list[Trial]:
     """All settings of a method, tried."""
-    grid = (dict(zip(method.values, values, strict=True)) for values in product(*method.values.values()))
+    grid = (
+        dict(zip(method.values, values, strict=True)) for values in product(*method.values.values())
+    )
     return [Trial(settings, judged(method.make(**settings), material)) for settings in grid]
 
 
 def best(trials: Sequence[Trial], bar: float) -> Trial:
     """The trial with the greatest likelihood of hidden places, of those that are as exact as the bar.
 
-    Settings that follow noise find hidden rows well, whose noise is that of the rows beside them; but not exact recordings.
+    Settings that follow noise find hidden rows well, whose noise is that of the rows beside them;
+    but not exact recordings.
 
     Args:
-        bar: greatest error on exact recordings; where all have more, it is the trial with the least.
+        bar: greatest error on exact recordings; where all have more, it is the trial with the
+            least.
     """
     exact = [trial for trial in trials if trial.judged.error <= bar]
     if not exact:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from recognition.datasets import motion_models
-from recognition.datasets.observations import Bounds, Noise, Observations
-from recognition.datasets.smoothing import centres, observed, states
+from recognition.recordings import motion_models
+from recognition.recordings.observations import Bounds, Noise, Observations
+from recognition.recordings.smoothing import centres, observed, states
 from schemas.common.array_types import BoolArray, FloatArray
 from studies.recognition.smoothing.cases import Case, States
 
@@ -33,7 +33,9 @@ def constant_acceleration(jerk: float, case: Case) -> States:
     seen = _seen(case, Noise(jerk=jerk, tails=_GAUSSIAN))
     free = np.full(len(seen.time), np.inf)
     forwards = Bounds(*[free] * len(seen.bounds))._replace(reverse=np.zeros(len(free)))
-    return States(*motion_models.smooth_pedestrians(case.tracks.rows, seen._replace(bounds=forwards)).T)
+    return States(
+        *motion_models.smooth_pedestrians(case.tracks.rows, seen._replace(bounds=forwards)).T
+    )
 
 
 def savitzky_golay(window: float, order: int, case: Case) -> States:
@@ -45,7 +47,12 @@ def savitzky_golay(window: float, order: int, case: Case) -> States:
 
     def filtered(_: FloatArray, values: FloatArray, __: BoolArray) -> FloatArray:
         own = min(length, (len(values) - 1) // 2 * 2 + 1)
-        return np.stack([savgol_filter(values, own, min(order, own - 1), deriv=each, delta=step) for each in range(3)])
+        return np.stack(
+            [
+                savgol_filter(values, own, min(order, own - 1), deriv=each, delta=step)
+                for each in range(3)
+            ]
+        )
 
     return _of_coordinates(case, filtered)
 
@@ -74,7 +81,9 @@ def _of_coordinates(case: Case, smooth: _Smooth) -> States:
     found = np.empty((2, 3, len(rows)))
     for start, end in zip(rows.starts[:-1].tolist(), rows.starts[1:].tolist(), strict=True):
         for i, values in enumerate(places):
-            found[i, :, start:end] = smooth(rows.time[start:end], values[start:end], case.unseen[start:end])
+            found[i, :, start:end] = smooth(
+                rows.time[start:end], values[start:end], case.unseen[start:end]
+            )
     (x, vx, ax), (y, vy, ay) = found
     cos, sin = np.cos(columns["h"]), np.sin(columns["h"])
     speed = vx * cos + vy * sin

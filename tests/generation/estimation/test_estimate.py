@@ -5,9 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.marginals import DeclaredPrior, uniform
-from generation.estimation.estimate import FAILURE, PREVENTABLE, EstimateSettings, Known, Proposal, Stage, Stages, estimate
-from generation.outcomes import Outcomes
+from generation.estimation.estimate import (
+    FAILURE,
+    PREVENTABLE,
+    EstimateSettings,
+    Known,
+    Proposal,
+    Stage,
+    Stages,
+    estimate,
+)
+from generation.search.outcomes import Outcomes
+from generation.space.density.marginals import DeclaredPrior, uniform
 from schemas.common.array_types import FloatArray
 
 EDGE, TRUTH = 0.04, 0.04**2
@@ -20,7 +29,9 @@ def failing(theta: FloatArray, sut: str | None = None) -> Outcomes:
     edge = EDGE if sut is None else EDGE / 2
     collision = (theta[:, 0] < edge) & (theta[:, 1] > -EDGE)
     speeds = np.where(collision, 12.0, 0.0)
-    return Outcomes.of(len(theta), collision=collision, impact_speed=speeds, status=["completed"] * len(theta))
+    return Outcomes.of(
+        len(theta), collision=collision, impact_speed=speeds, status=["completed"] * len(theta)
+    )
 
 
 def surviving(theta: FloatArray, sut: str | None = None) -> Outcomes:
@@ -48,10 +59,16 @@ def test_weights_of_draws_have_the_mean_1() -> None:
 @pytest.mark.parametrize("controlled", [False, True])
 def test_intervals_cover_the_truth(controlled: bool) -> None:
     found = [
-        estimate(PRIOR, failing, failing, NONE, misled, EstimateSettings(300, seed, controlled)).probabilities
+        estimate(
+            PRIOR, failing, failing, NONE, misled, EstimateSettings(300, seed, controlled)
+        ).probabilities
         for seed in range(10)
     ]
-    for event, truth in ((FAILURE, TRUTH), (PREVENTABLE, TRUTH / 2), ("impact at 10 to 20 m/s", TRUTH)):
+    for event, truth in (
+        (FAILURE, TRUTH),
+        (PREVENTABLE, TRUTH / 2),
+        ("impact at 10 to 20 m/s", TRUTH),
+    ):
         covered = sum(each[event].interval[0] <= truth <= each[event].interval[1] for each in found)
         assert covered >= 8, event
     variation = np.mean([each[FAILURE].variation for each in found])
@@ -79,24 +96,33 @@ def test_an_unsure_density_widens_the_interval_and_leaves_the_value() -> None:
 def searched(seed: int) -> Known:
     """Runs of a search: evenly spread over twice the corner, and a few elsewhere."""
     generator = np.random.default_rng(seed)
-    corner = np.stack([generator.uniform(0, 2 * EDGE, 200), generator.uniform(-2 * EDGE, 0, 200)], axis=1)
+    corner = np.stack(
+        [generator.uniform(0, 2 * EDGE, 200), generator.uniform(-2 * EDGE, 0, 200)], axis=1
+    )
     theta = np.concatenate([corner, PRIOR.sample(60, generator)])
     return Known(theta, failing(theta).collision)
 
 
 @pytest.mark.slow
 def test_runs_of_before_make_the_proposal_without_a_twin() -> None:
-    found = [estimate(PRIOR, failing, failing, searched(seed), None, EstimateSettings(300, seed)) for seed in range(2)]
+    found = [
+        estimate(PRIOR, failing, failing, searched(seed), None, EstimateSettings(300, seed))
+        for seed in range(2)
+    ]
     chances = [each.probabilities[FAILURE] for each in found]
     assert all(each.interval[0] <= TRUTH <= each.interval[1] for each in chances)
     assert np.mean([each.variation for each in chances]) < 0.15
-    assert all(each.known > searched(seed).failing.sum() for seed, each in enumerate(found)), "the first stage's are known too"
+    assert all(each.known > searched(seed).failing.sum() for seed, each in enumerate(found)), (
+        "the first stage's are known too"
+    )
 
 
 @pytest.mark.slow
 def test_failures_alone_make_the_proposal_where_no_run_is_known_to_pass() -> None:
     theta, fails = searched(5)
-    found = estimate(PRIOR, failing, failing, Known(theta[fails], fails[fails]), None, EstimateSettings(400))
+    found = estimate(
+        PRIOR, failing, failing, Known(theta[fails], fails[fails]), None, EstimateSettings(400)
+    )
     low, high = found.probabilities[FAILURE].interval
     assert low <= TRUTH <= high
 
@@ -104,7 +130,9 @@ def test_failures_alone_make_the_proposal_where_no_run_is_known_to_pass() -> Non
 def test_draws_of_several_stages_have_weights_of_the_mean_1() -> None:
     generator = np.random.default_rng(0)
     known = PRIOR.sample(40_000, generator)
-    proposal = Proposal(PRIOR, 0.2, known[failing(known).collision], known[failing(known / 2).collision])
+    proposal = Proposal(
+        PRIOR, 0.2, known[failing(known).collision], known[failing(known / 2).collision]
+    )
     stages = Stages([Stage(5_000, None), Stage(15_000, proposal)])
     theta = np.concatenate([PRIOR.sample(5_000, generator), proposal.sample(15_000, generator)])
     weights = stages.weights(theta)
@@ -122,7 +150,9 @@ def test_too_few_failures_leave_draws_of_the_prior() -> None:
 
 def test_where_nothing_fails_its_parts_are_not_told() -> None:
     told = list(estimate(PRIOR, surviving, surviving, NONE, None, EstimateSettings(200)).lines())
-    assert [line for line in told if "no draw fails" in line] == ["  collision: below 1.5e-02 (no draw fails)"]
+    assert [line for line in told if "no draw fails" in line] == [
+        "  collision: below 1.5e-02 (no draw fails)"
+    ]
 
 
 def test_runs_that_fail_count_for_nothing_and_are_told() -> None:

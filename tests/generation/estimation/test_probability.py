@@ -17,7 +17,9 @@ def test_draws_of_the_prior_count_as_they_are() -> None:
     u, weights = draws(2000)
     found = probability(u < 0.1, weights, 1.0)
     assert found.value == pytest.approx((u < 0.1).mean())
-    assert found.deviation == pytest.approx(np.sqrt(found.value * (1 - found.value) / 2000), rel=0.01)
+    assert found.deviation == pytest.approx(
+        np.sqrt(found.value * (1 - found.value) / 2000), rel=0.01
+    )
     assert found.effective == pytest.approx((u < 0.1).sum())
     assert found.stable
 
@@ -63,7 +65,9 @@ def test_an_unsure_density_widens_the_interval() -> None:
     u, weights = draws(2000)
     sure = probability(u < 0.1, weights, 1.0)
     unsure = sure._replace(density=0.3)
-    assert unsure.interval[0] < 0.7 * sure.interval[0] and unsure.interval[1] > 1.4 * sure.interval[1]
+    assert (
+        unsure.interval[0] < 0.7 * sure.interval[0] and unsure.interval[1] > 1.4 * sure.interval[1]
+    )
     assert unsure.value == sure.value and unsure.stable
 
 

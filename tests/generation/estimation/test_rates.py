@@ -8,13 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from generation.density.roles import Role
-from generation.estimation.probability import PER_DISTANCE, PER_HOUR, Driving, Probability, driving, probability
-from generation.logical.library import SCENARIOS
-from generation.logical.pairs import PAIRS, PairUnits, pair_units
-from generation.recorded import of_recordings, of_samples
-from generation.search.space import Space
-from recognition.maneuvers.units import OWN, Exposure, Samples, extract
+from generation.estimation.probability import (
+    PER_DISTANCE,
+    PER_HOUR,
+    Driving,
+    Probability,
+    driving,
+    probability,
+)
+from generation.space.density.roles import Role
+from generation.space.logical.library import SCENARIOS
+from generation.space.logical.pairs import PAIRS, PairUnits, pair_units
+from generation.space.recorded import of_recordings, of_samples
+from generation.space.space import Space
+from recognition.labels.maneuvers.units import OWN, Exposure, Samples, extract
 from tests.recognition.motorway import write_motorway
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -40,7 +47,10 @@ def test_a_sure_probability_leaves_the_uncertainty_of_the_count() -> None:
 def test_many_manoeuvres_leave_the_uncertainty_of_the_probability() -> None:
     vague = Probability(0.01, 0.003, 100.0, 1.0)
     low, high = met(10**7, hours=1e6, units=10**7, possible=10**7).rates(vague)[PER_HOUR].interval
-    assert (low, high) == (pytest.approx(10.0 * vague.interval[0], rel=0.02), pytest.approx(10.0 * vague.interval[1], rel=0.02))
+    assert (low, high) == (
+        pytest.approx(10.0 * vague.interval[0], rel=0.02),
+        pytest.approx(10.0 * vague.interval[1], rel=0.02),
+    )
 
 
 def test_both_uncertainties_make_the_interval_wider() -> None:
@@ -54,15 +64,21 @@ def test_both_uncertainties_make_the_interval_wider() -> None:
 
 def test_recordings_that_differ_widen_the_interval_of_the_count_and_sites_are_told_apart() -> None:
     parts = {
-        f"{site}/{n}": Exposure(1.0, 80.0, {"cut_in": count}) for site in "ab" for n, count in enumerate([5] * 10 + [75] * 10)
+        f"{site}/{n}": Exposure(1.0, 80.0, {"cut_in": count})
+        for site in "ab"
+        for n, count in enumerate([5] * 10 + [75] * 10)
     }
     alike = met(1600, hours=40.0, units=10**7, possible=10**7)
     over_dispersed = replace(alike, parts=parts)
-    one, other = (np.diff(each.rates(SURE)[PER_HOUR].interval)[0] for each in (alike, over_dispersed))
+    one, other = (
+        np.diff(each.rates(SURE)[PER_HOUR].interval)[0] for each in (alike, over_dispersed)
+    )
     assert other > 3.0 * one
     assert over_dispersed.by_site()["a"]["manoeuvres_per_hour"] == pytest.approx(40.0)
     assert not alike.by_site()
-    assert "simulated driving" in str(replace(alike, simulated=True)) and "simulated" not in str(alike)
+    assert "simulated driving" in str(replace(alike, simulated=True)) and "simulated" not in str(
+        alike
+    )
 
 
 def test_where_nothing_fails_there_is_a_limit() -> None:
@@ -95,11 +111,22 @@ def test_pairs_have_rates_of_the_recordings_that_they_were_sought_in(name: str) 
     assert isinstance(found, Driving)
     every = Exposure.total(samples.exposure.values())
     assert (found.exposure.hours, found.exposure.kilometres) == (every.hours, every.kilometres)
-    assert found.count > found.units == len(pairs.recordings) >= len(recorded.theta) >= found.possible > 0
-    kinds = [(samples.kinds == part.kind).sum() / every.counts[part.kind] for part in PAIRS[name].parts]
+    assert (
+        found.count
+        > found.units
+        == len(pairs.recordings)
+        >= len(recorded.theta)
+        >= found.possible
+        > 0
+    )
+    kinds = [
+        (samples.kinds == part.kind).sum() / every.counts[part.kind] for part in PAIRS[name].parts
+    ]
     assert found.count == pytest.approx(found.units / np.prod(kinds), abs=0.5)
     rate = found.rates(SURE)[PER_HOUR]
-    assert rate.value == pytest.approx(0.01 * found.possible / found.units * found.count / every.hours)
+    assert rate.value == pytest.approx(
+        0.01 * found.possible / found.units * found.count / every.hours
+    )
     assert f"{found.count} manoeuvres {pairs.kind} in " in str(found)
 
 
@@ -119,6 +146,8 @@ def test_what_is_not_known_is_said_by_name(tmp_path: Path) -> None:
     prior = of_samples(of_recordings(None, "cut_in"), free).prior(free, "gaussian")
     recorded = of_samples(samples, free)
     assert "how many hours" in str(driving(recorded._replace(exposure={}), free, prior))
-    assert str(driving(of_samples(samples, pinned), pinned, prior)).startswith("Ego_Speed_mps is pinned")
+    assert str(driving(of_samples(samples, pinned), pinned, prior)).startswith(
+        "Ego_Speed_mps is pinned"
+    )
     others = {**recorded.roles, "Other_Gap_m": Role("Other", "gap")}
     assert "several actors" in str(driving(recorded._replace(roles=others), free, prior))

@@ -14,8 +14,8 @@ import runner
 import xosc
 from generation.loop.inputs import Inputs
 from recognition.labels import Rules, label
-from recognition.sites import site_of
-from runner.settings import RunSettings
+from recognition.scenes import site_of
+from runner.judging.settings import RunSettings
 
 ROOT = Path(__file__).parents[3]
 DEMO = Path(generation.loop.__file__).parent / "demo"
@@ -23,7 +23,9 @@ ADAS = RunSettings(sut="adas", world="kinematic")
 
 
 def command() -> list[str]:
-    planned = subprocess.run(["make", "--dry-run", "demo"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    planned = subprocess.run(
+        ["make", "--dry-run", "demo"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
     return shlex.split(next(line for line in planned.splitlines() if "xosc-loop" in line))
 
 
@@ -43,9 +45,14 @@ def test_each_scenario_has_sets_that_adas_survives_and_others_at_which_it_collid
     found = Inputs.of(DEMO)
     assert len(found.scenarios) == 3
     for path in found.scenarios:
-        runs = [runner.run(file, ADAS, parameters=dict(values)) for file, values in islice(xosc.variations(path), 5)]
+        runs = [
+            runner.run(file, ADAS, parameters=dict(values))
+            for file, values in islice(xosc.variations(path), 5)
+        ]
         assert {bool(run.verdict.failures) for run in runs} == {True, False}, path
-        assert not any(run.verdict.causes for run in runs if not run.verdict.failures), "each tests something"
+        assert not any(run.verdict.causes for run in runs if not run.verdict.failures), (
+            "each tests something"
+        )
 
 
 def test_make_demo_runs_the_loop_on_them() -> None:
@@ -58,7 +65,12 @@ def test_make_demo_runs_the_loop_on_them() -> None:
 @pytest.mark.study
 def test_the_demo_shows_recognised_unknown_and_generated_scenarios(tmp_path: Path) -> None:
     _, folder, _, _, *options = command()
-    done = subprocess.run(["xosc-loop", folder, "--out", tmp_path / "demo", *options], cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(
+        ["xosc-loop", folder, "--out", tmp_path / "demo", *options],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "demo" / "index.html").read_text(encoding="utf-8")
     for state in ("known", "unknown"):  # three unknown ones make no class of their own

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from generation.logical.library import SCENARIOS
 from generation.loop.findings import closing
 from generation.loop.inputs import Inputs
 from generation.loop.loop import run_loop
 from generation.loop.xosc_loop import main
-from generation.settings import LoopSettings
-from runner.settings import RunSettings
-from schemas.common.command_line import progress_bar
+from generation.search.settings import LoopSettings
+from generation.space.logical.library import SCENARIOS
+from runner.judging.settings import RunSettings
 from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.terminal.command_line import progress_bar
 from tests.commands import Command
 from tests.recognition.motorway import write_motorway
 from tests.runner.files import car, distribution, place, scenario
@@ -42,17 +42,35 @@ def test_scenarios_that_cannot_be_read_are_listed_and_the_others_go_on(tmp_path:
     (folder / "gone.xosc").symlink_to("nowhere")
     (folder / "folder.xosc").mkdir()
     (folder / "varied.xosc").write_text(
-        (folder / "varied.xosc").read_text(encoding="utf-8").replace("scenario.xosc", "nowhere.xosc"), encoding="utf-8"
+        (folder / "varied.xosc")
+        .read_text(encoding="utf-8")
+        .replace("scenario.xosc", "nowhere.xosc"),
+        encoding="utf-8",
     )
-    found = run_loop(folder, tmp_path / "out", LoopSettings(processes=1), partial(progress_bar, quiet=True), lambda *_: None)
+    found = run_loop(
+        folder,
+        tmp_path / "out",
+        LoopSettings(processes=1),
+        partial(progress_bar, quiet=True),
+        lambda *_: None,
+    )
     reasons = {each.title: each.reason for each in found.refused}
     assert set(reasons) == {"broken", "gone", "good", "varied"}
     assert "line 2: not well-formed XML" in reasons["broken"]
     assert reasons["gone"] == "no such file"
     assert "nowhere.xosc" in reasons["varied"]
     states = {name: [run.state for run in runs] for name, runs in found.scenarios.files.items()}
-    assert states == {"broken.xosc": ["error"], "gone.xosc": ["error"], "good.xosc": ["passed"], "varied.xosc": ["error"]}
-    assert {Path(each.partition(":")[0]).name for each in found.checked.problems} == {"broken.xosc", "gone.xosc", "varied.xosc"}
+    assert states == {
+        "broken.xosc": ["error"],
+        "gone.xosc": ["error"],
+        "good.xosc": ["passed"],
+        "varied.xosc": ["error"],
+    }
+    assert {Path(each.partition(":")[0]).name for each in found.checked.problems} == {
+        "broken.xosc",
+        "gone.xosc",
+        "varied.xosc",
+    }
     assert f"not searched: gone: {reasons['gone']}" in closing(found)
 
 
@@ -65,35 +83,58 @@ def test_of_a_variation_file_no_more_sets_are_run_than_asked_for(tmp_path: Path)
     shutil.copytree(folder, folder / "again")  # files of one name are told apart
     distribution(folder / "again", "many", {"Gap": (10, 40, 10)})
     settings = LoopSettings(processes=1, sample=2, rounds=0)
-    found = run_loop(folder, tmp_path / "out", settings, partial(progress_bar, quiet=True), lambda *_: None).scenarios
+    found = run_loop(
+        folder, tmp_path / "out", settings, partial(progress_bar, quiet=True), lambda *_: None
+    ).scenarios
     runs = {"few.xosc": 2, "many.xosc": 2, "scenario.xosc": 1}
-    assert {name: len(runs) for name, runs in found.files.items()} == runs | {f"again/{name}": runs[name] for name in runs}
+    assert {name: len(runs) for name, runs in found.files.items()} == runs | {
+        f"again/{name}": runs[name] for name in runs
+    }
     assert found.sampled == {"many.xosc": 6, "again/many.xosc": 4}
 
 
-def test_files_are_checked_with_the_roads_and_catalogues_that_they_are_run_with(tmp_path: Path) -> None:
+def test_files_are_checked_with_the_roads_and_catalogues_that_they_are_run_with(
+    tmp_path: Path,
+) -> None:
     folder, elsewhere = tmp_path / "mine", tmp_path / "elsewhere"
     standard.export(SCENARIOS / "simple_cut_in.xosc", "1.3", Folder(folder))
     elsewhere.mkdir()
     for part in ("roads", "catalogs/vehicles"):
         (folder / part).rename(elsewhere / Path(part).name)
-    run = RunSettings(timestep=0.1, road_path=(str(elsewhere / "roads"),), catalog_path=(str(elsewhere),))
+    run = RunSettings(
+        timestep=0.1, road_path=(str(elsewhere / "roads"),), catalog_path=(str(elsewhere),)
+    )
 
     def problems(run: RunSettings) -> list[str]:
         settings = LoopSettings(run, processes=1, rounds=0)
         out = tmp_path / f"out{len(run.road_path)}"
-        return run_loop(folder, out, settings, partial(progress_bar, quiet=True), lambda *_: None).checked.problems
+        return run_loop(
+            folder, out, settings, partial(progress_bar, quiet=True), lambda *_: None
+        ).checked.problems
 
     assert problems(run) == []
     assert any("there is no file" in each for each in problems(RunSettings()))
 
 
 @pytest.mark.slow
-def test_runs_that_end_with_an_error_are_told_and_change_the_exit_code(tmp_path: Path, command: Command) -> None:
+def test_runs_that_end_with_an_error_are_told_and_change_the_exit_code(
+    tmp_path: Path, command: Command
+) -> None:
     folder = tmp_path / "mine"
     crash = place("Ego", 100, 20) + place("Lead", 110, 0)
     scenario(folder, "collides", init=crash, stop=1.0)
-    arguments = (folder, "--labels", "rules", "--quiet", "--jobs", 1, "--rounds", 1, "--method", "draws")
+    arguments = (
+        folder,
+        "--labels",
+        "rules",
+        "--quiet",
+        "--jobs",
+        1,
+        "--rounds",
+        1,
+        "--method",
+        "draws",
+    )
     answer = command("xosc-loop", *arguments, "--out", tmp_path / "first")
     assert (answer.code, answer.err) == (0, ""), "what fails is what a loop is to find"
     foreign = '<ScenarioObject name="Ego"><ExternalObjectReference name="library/object"/></ScenarioObject>'
@@ -121,12 +162,18 @@ def test_recordings_that_cannot_be_read_are_listed_and_the_rest_goes_on(
     (folder / "notes.csv").write_bytes(b"\xff\xfe\x00")
     (folder / "half.tar.xz").write_bytes(b"\xfd7zXZ\0")
     scenario(folder, stop=0.2)
-    monkeypatch.setattr("sys.argv", ["xosc-loop", str(folder), "--out", str(out), "--labels", "rules", "--quiet"])
+    monkeypatch.setattr(
+        "sys.argv", ["xosc-loop", str(folder), "--out", str(out), "--labels", "rules", "--quiet"]
+    )
     with pytest.raises(SystemExit) as left:
         main()
     assert left.value.code == 1
     told = capsys.readouterr().err.splitlines()
-    reasons = {"cut/01": "values in a table", "half.tar.xz": "no tar archive", "notes.csv": "not UTF-8 text"}
+    reasons = {
+        "cut/01": "values in a table",
+        "half.tar.xz": "no tar archive",
+        "notes.csv": "not UTF-8 text",
+    }
     for line, (name, reason) in zip(told, reasons.items(), strict=True):
         assert line.startswith(f"xosc-loop: {name}: ")
         assert reason in line
@@ -149,7 +196,13 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
 def test_the_output_may_not_be_among_the_recordings(tmp_path: Path) -> None:
     scenario(tmp_path, stop=1.0)
     with pytest.raises(UsageError, match="inside the folder"):
-        run_loop(tmp_path, tmp_path / "out", LoopSettings(), lambda *_: progress_bar("", 0, quiet=True), lambda *_: None)
+        run_loop(
+            tmp_path,
+            tmp_path / "out",
+            LoopSettings(),
+            lambda *_: progress_bar("", 0, quiet=True),
+            lambda *_: None,
+        )
 
 
 def test_recordings_are_told_apart_by_their_content(tmp_path: Path) -> None:

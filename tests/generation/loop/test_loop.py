@@ -12,14 +12,14 @@ from urllib.parse import unquote
 
 import pytest
 
-from generation.logical.library import SCENARIOS
 from generation.loop.findings import LoopStage, StageFinding
 from generation.loop.loop import chosen, run_loop
 from generation.loop.page import PAGE, write
-from generation.settings import Ask, LoopSettings
-from runner.settings import RunSettings
+from generation.search.settings import Ask, LoopSettings
+from generation.space.logical.library import SCENARIOS
+from runner.judging.settings import RunSettings
 from schemas import check_many
-from schemas.common.command_line import expand, progress_bar
+from schemas.common.terminal.command_line import expand, progress_bar
 from tests.recognition.traffic import Car, write_highd
 from tests.runner.chromium import Browser
 from xosc.exports import standard
@@ -61,7 +61,10 @@ def go(folder: Path, out: Path, stop_at: str = "", processes: int = 1) -> list[t
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A car that follows another one for 15 s, and a logical scenario with its road and catalogues."""
     folder = tmp_path_factory.mktemp("mine")
-    cars = [Car(1, 10.0, 21.0, 30.0, frames=375, lane=6), Car(2, 55.0, 21.0, 30.0, frames=375, lane=6)]
+    cars = [
+        Car(1, 10.0, 21.0, 30.0, frames=375, lane=6),
+        Car(2, 55.0, 21.0, 30.0, frames=375, lane=6),
+    ]
     write_highd(folder / "recordings", cars)
     standard.export(SCENARIOS / "congestion_highway.xosc", "1.3", Folder(folder / "scenarios"))
     return folder
@@ -93,13 +96,21 @@ def data(out: Path) -> dict[str, Any]:
 def test_recordings_become_classes_searches_cases_and_runs(out: Path) -> None:
     told = data(out)
     assert told["recordings"] == 1
-    assert [each["title"] for each in told["classes"]] == ["highway car following", "highway free cruise"]
-    assert {search["target"] for search in told["searches"]} >= {"highway_car_following", "congestion_highway"}
+    assert [each["title"] for each in told["classes"]] == [
+        "highway car following",
+        "highway free cruise",
+    ]
+    assert {search["target"] for search in told["searches"]} >= {
+        "highway_car_following",
+        "congestion_highway",
+    }
     assert [run["name"] for run in told["scenarios"]] == ["congestion_highway"]
     cases = [case for search in told["searches"] for case in search["cases"]]
     assert {case["state"] for case in cases} <= {"passed", "failed"}
     for case in cases:
-        assert (case["state"] == "failed") == (case["verdict"] == "collision"), "a run says what the search said"
+        assert (case["state"] == "failed") == (case["verdict"] == "collision"), (
+            "a run says what the search said"
+        )
     assert told["checked"]["problems"] == []
 
 
@@ -114,7 +125,9 @@ def test_no_case_of_the_second_round_is_one_of_the_first(out: Path) -> None:
 
 def test_every_link_leads_to_a_file_in_the_folder(out: Path, browser: Browser) -> None:
     browser.open(out / PAGE)
-    links = browser.run("[...document.querySelectorAll('a')].map(a => a.getAttribute('href').split('#')[0])")
+    links = browser.run(
+        "[...document.querySelectorAll('a')].map(a => a.getAttribute('href').split('#')[0])"
+    )
     assert len(links) > 20
     for link in links:
         assert (out / unquote(link)).is_file(), link
@@ -123,11 +136,16 @@ def test_every_link_leads_to_a_file_in_the_folder(out: Path, browser: Browser) -
 
 def test_every_written_file_is_sound(out: Path) -> None:
     assert [
-        problem for _, found in check_many(expand([str(out / "round_1")])) for problem in found if problem.level == "error"
+        problem
+        for _, found in check_many(expand([str(out / "round_1")]))
+        for problem in found
+        if problem.level == "error"
     ] == []
 
 
-def test_the_same_folder_gives_the_same_page_in_one_go_and_by_one_process(folder: Path, out: Path, tmp_path: Path) -> None:
+def test_the_same_folder_gives_the_same_page_in_one_go_and_by_one_process(
+    folder: Path, out: Path, tmp_path: Path
+) -> None:
     whole = tmp_path / "out"
     go(folder, whole)
     assert (whole / PAGE).read_bytes() == (out / PAGE).read_bytes()
@@ -135,38 +153,69 @@ def test_the_same_folder_gives_the_same_page_in_one_go_and_by_one_process(folder
 
 @pytest.mark.parametrize("dark", [False, True])
 @pytest.mark.parametrize("width", [360, 1280])
-def test_nothing_sticks_out_of_the_page(out: Path, browser: Browser, width: int, dark: bool) -> None:
+def test_nothing_sticks_out_of_the_page(
+    out: Path, browser: Browser, width: int, dark: bool
+) -> None:
     browser.requests.clear()
     browser.open(out / PAGE, width=width, dark=dark)
     browser.run("document.querySelectorAll('details').forEach(each => { each.open = true; })")
     browser.settle()
     assert browser.run("document.documentElement.scrollWidth") <= width
     assert [address for address in browser.requests if not address.startswith("file:")] == []
-    browser.run("document.querySelectorAll('dt').forEach(each => { each.textContent = 'spline_based_trajectory_'.repeat(4); })")
-    assert browser.run("Math.min(...[...document.querySelectorAll('dd')].map(each => each.clientWidth))") > width / 3, (
-        "room is left"
+    browser.run(
+        "document.querySelectorAll('dt').forEach(each => { each.textContent = 'spline_based_trajectory_'.repeat(4); })"
     )
+    assert (
+        browser.run(
+            "Math.min(...[...document.querySelectorAll('dd')].map(each => each.clientWidth))"
+        )
+        > width / 3
+    ), "room is left"
 
 
-def test_the_page_begins_with_what_a_careful_driver_would_have_avoided(out: Path, browser: Browser) -> None:
-    avoidable = [case for search in data(out)["searches"] for case in search["cases"] if case["avoidable"] and case["play"]]
+def test_the_page_begins_with_what_a_careful_driver_would_have_avoided(
+    out: Path, browser: Browser
+) -> None:
+    avoidable = [
+        case
+        for search in data(out)["searches"]
+        for case in search["cases"]
+        if case["avoidable"] and case["play"]
+    ]
     browser.open(out / PAGE)
-    assert browser.run("document.querySelectorAll('.previews canvas').length") == min(len(avoidable), 12)
+    assert browser.run("document.querySelectorAll('.previews canvas').length") == min(
+        len(avoidable), 12
+    )
     assert browser.run("document.querySelector('main > section').className") == "panel avoided"
-    assert browser.text(".avoided h2").startswith(f"{len(avoidable)} collision" if avoidable else "No collision")
+    assert browser.text(".avoided h2").startswith(
+        f"{len(avoidable)} collision" if avoidable else "No collision"
+    )
     assert browser.unnamed() == []
 
 
-def test_regions_of_failure_have_the_replay_of_their_likeliest_edge_case(out: Path, browser: Browser) -> None:
+def test_regions_of_failure_have_the_replay_of_their_likeliest_edge_case(
+    out: Path, browser: Browser
+) -> None:
     told = data(out)
     search = next(each for each in told["searches"] if each["cases"])
     first = search["cases"][0]
     first["play"] = "a.html#t=1"
-    region = {"rule": "gap ≤ 5 m", "precision": 0.9, "recall": 0.8, "draws": 30, "drawn": 1, "low": 0.01, "high": 0.2}
+    region = {
+        "rule": "gap ≤ 5 m",
+        "precision": 0.9,
+        "recall": 0.8,
+        "draws": 30,
+        "drawn": 1,
+        "low": 0.01,
+        "high": 0.2,
+    }
     search["regions"] = [region | {"severity": 4.0, "cases": [first["files"]["scenario"]]}]
     before, _, rest = (out / PAGE).read_text(encoding="utf-8").partition('id="data">')
     changed = out / "regions.html"
-    changed.write_text(f'{before}id="data">{json.dumps(told)}</script>{rest.partition("</script>")[2]}', encoding="utf-8")
+    changed.write_text(
+        f'{before}id="data">{json.dumps(told)}</script>{rest.partition("</script>")[2]}',
+        encoding="utf-8",
+    )
     browser.open(changed)
     table = "[...document.querySelectorAll('table')].find(each => each.textContent.includes('gap ≤ 5 m'))"
     shown = browser.run(f"[...{table}.querySelectorAll('tbody td')].map(each => each.textContent)")
@@ -180,7 +229,12 @@ def test_tables_show_all_columns(out: Path, browser: Browser, width: int) -> Non
     browser.open(out / PAGE, width=width)
     browser.run("document.querySelectorAll('details').forEach(each => { each.open = true; })")
     browser.settle()
-    assert browser.run("[...document.querySelectorAll('.wide')].filter(each => each.scrollWidth > each.clientWidth).length") == 0
+    assert (
+        browser.run(
+            "[...document.querySelectorAll('.wide')].filter(each => each.scrollWidth > each.clientWidth).length"
+        )
+        == 0
+    )
 
 
 def test_a_replay_opens_by_keyboard(out: Path, browser: Browser) -> None:
@@ -199,4 +253,6 @@ def test_shown_scenarios_are_spread_over_confidence() -> None:
     rows = [{"class": "a", "file": f"{number}", "confidence": number / 10} for number in range(10)]
     assert [row["confidence"] for row in chosen(rows, 3)] == [0.9, 0.5, 0.0]
     assert len(chosen(rows, 20)) == 10
-    assert [row["file"] for row in chosen([*rows, {"class": "b", "file": "x", "confidence": None}], 1)] == ["9", "x"]
+    assert [
+        row["file"] for row in chosen([*rows, {"class": "b", "file": "x", "confidence": None}], 1)
+    ] == ["9", "x"]

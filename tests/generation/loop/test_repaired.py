@@ -9,18 +9,20 @@ from pathlib import Path
 
 import pytest
 
-from generation.logical.library import SCENARIOS
 from generation.loop.findings import LoopStage, StageFinding
 from generation.loop.loop import run_loop
-from generation.settings import Ask, LoopSettings
-from runner.settings import RunSettings
-from schemas.common.command_line import progress_bar
+from generation.search.settings import Ask, LoopSettings
+from generation.space.logical.library import SCENARIOS
+from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError
+from schemas.common.terminal.command_line import progress_bar
 from tests.runner.batch.test_inputs import SYSTEM
 from xosc.exports import standard
 from xosc.exports.draft import Folder
 
-SETTINGS = LoopSettings(model=None, rounds=1, budget=6, most=1, method="draws", processes=1, ask=Ask(density="uniform"))
+SETTINGS = LoopSettings(
+    model=None, rounds=1, budget=6, most=1, method="draws", processes=1, ask=Ask(density="uniform")
+)
 
 
 def go(folder: Path, out: Path, settings: LoopSettings = SETTINGS) -> list[str]:
@@ -45,7 +47,9 @@ def test_only_what_a_mended_scenario_decides_is_done_again(tmp_path: Path) -> No
     assert go(folder, out) == []
     (file,) = (folder / "cut_in_highway").rglob("cut_in_highway.xosc")
     file.write_text(file.read_text(encoding="utf-8") + "<!-- mended -->", encoding="utf-8")
-    assert go(folder, out) == [name for name in first if name != "round_1_search_congestion_highway"]
+    assert go(folder, out) == [
+        name for name in first if name != "round_1_search_congestion_highway"
+    ]
 
 
 @pytest.mark.slow
@@ -54,7 +58,9 @@ def test_a_scenario_without_its_road_is_named_and_searched_once_it_is_there(tmp_
     standard.export(SCENARIOS / "cut_in_highway.xosc", "1.3", Folder(folder))
     (road,) = folder.rglob("*.xodr")
     away = road.rename(tmp_path / "away")
-    run = partial(run_loop, folder, out, SETTINGS, partial(progress_bar, quiet=True), lambda *_: None)
+    run = partial(
+        run_loop, folder, out, SETTINGS, partial(progress_bar, quiet=True), lambda *_: None
+    )
     found = run()
     assert "LogicFile: the road network" in found.rounds[0].searches[0].error
     assert any("there is no file" in problem for problem in found.checked.problems)
@@ -65,7 +71,9 @@ def test_a_scenario_without_its_road_is_named_and_searched_once_it_is_there(tmp_
 
 
 @pytest.mark.slow
-def test_another_version_of_the_system_needs_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_version_of_the_system_needs_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder, out, module = tmp_path / "mine", tmp_path / "out", tmp_path / "plugged_in.py"
     standard.export(SCENARIOS / "cut_in_highway.xosc", "1.3", Folder(folder))
     monkeypatch.syspath_prepend(str(tmp_path))

@@ -10,8 +10,8 @@ import pytest
 from generation.loop.searches import Failures, failures
 from generation.search.methods.mcsg import mcsg
 from generation.search.problem import SearchProblem
-from generation.search.space import diverse
-from generation.settings import Choice
+from generation.search.settings import Choice
+from generation.space.space import diverse
 
 ALIKE = Choice().apart
 
@@ -35,9 +35,14 @@ def test_what_was_known_before_is_not_new(problem: SearchProblem) -> None:
     assert failures(problem.space, episodes, found.theta).new == 0
 
 
-def test_a_round_that_starts_from_failures_finds_more_new_ones_than_one_that_does_not(problem: SearchProblem) -> None:
+def test_a_round_that_starts_from_failures_finds_more_new_ones_than_one_that_does_not(
+    problem: SearchProblem,
+) -> None:
     first = failures(problem.space, mcsg(problem, 150, 0))
-    fed, alone = (np.mean([second(problem, first, fed, seed).new for seed in (1, 2, 3)]) for fed in (True, False))
+    fed, alone = (
+        np.mean([second(problem, first, fed, seed).new for seed in (1, 2, 3)])
+        for fed in (True, False)
+    )
     assert fed > alone
 
 

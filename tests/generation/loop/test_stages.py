@@ -36,12 +36,29 @@ from generation.loop.runs import FinishedStages
 from schemas.common.errors import UsageError
 
 COUNT = LoopStage("count")
-CASE = EdgeCase("a.xosc", None, {"Gap": 5.0}, CaseVerdict.COLLISION, CarefulDriver.AVOIDS, -1.5, 0.25)
+CASE = EdgeCase(
+    "a.xosc", None, {"Gap": 5.0}, CaseVerdict.COLLISION, CarefulDriver.AVOIDS, -1.5, 0.25
+)
 RUN = ShownRun(
-    "a", "failed", "completed", "collision with Lead at 2.00 s", 3.0, {"min_ttc": None}, "round_1/runs/a/replay.html#t=1"
+    "a",
+    "failed",
+    "completed",
+    "collision with Lead at 2.00 s",
+    3.0,
+    {"min_ttc": None},
+    "round_1/runs/a/replay.html#t=1",
 )
 REGION = SearchedRegion(
-    rule="gap ≤ 5 m", precision=0.9, recall=0.8, failures=5, draws=30, drawn=1, low=0.01, high=0.2, severity=4.0, cases=["a.xosc"]
+    rule="gap ≤ 5 m",
+    precision=0.9,
+    recall=0.8,
+    failures=5,
+    draws=30,
+    drawn=1,
+    low=0.01,
+    high=0.2,
+    severity=4.0,
+    cases=["a.xosc"],
 )
 FINDINGS: list[tuple[StageFinding, str]] = [
     (Recognised(classes={"highway cut in": 2}, states={"known": 2}), "2 scenarios recognised: 2 known"),
@@ -75,15 +92,22 @@ FINDINGS: list[tuple[StageFinding, str]] = [
 
 def stages(out: Path, told: list[tuple[str, bool]], **settings: Any) -> FinishedStages:
     return FinishedStages(
-        out, {"sut": "cas", **settings}, lambda stage, found, seconds: told.append((stage.name, seconds is not None))
+        out,
+        {"sut": "cas", **settings},
+        lambda stage, found, seconds: told.append((stage.name, seconds is not None)),
     )
 
 
 @pytest.mark.parametrize(("found", "words"), FINDINGS, ids=lambda value: type(value).__name__)
-def test_a_finished_stage_is_not_done_again(found: StageFinding, words: str, tmp_path: Path) -> None:
+def test_a_finished_stage_is_not_done_again(
+    found: StageFinding, words: str, tmp_path: Path
+) -> None:
     told: list[tuple[str, bool]] = []
     assert stages(tmp_path / "out", told).once(COUNT, type(found), lambda: found) is found
-    assert stages(tmp_path / "out", told).once(COUNT, type(found), lambda: pytest.fail("it was done")) == found
+    assert (
+        stages(tmp_path / "out", told).once(COUNT, type(found), lambda: pytest.fail("it was done"))
+        == found
+    )
     assert told == [("count", True), ("count", False)]
     assert summary(LoopStage("search", 2, "cut_in"), found) == f"round 2: {words}"
 
@@ -94,11 +118,15 @@ def test_a_stage_that_was_interrupted_is_done_again(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         stages(tmp_path / "out", []).once(COUNT, StageFinding, interrupted)
-    assert stages(tmp_path / "out", []).once(COUNT, Measured, lambda: Measured(kinds={"a": 1})).kinds == {"a": 1}
+    assert stages(tmp_path / "out", []).once(
+        COUNT, Measured, lambda: Measured(kinds={"a": 1})
+    ).kinds == {"a": 1}
 
 
 @pytest.mark.parametrize("finished", [True, False])
-def test_a_stage_of_other_content_is_done_again_without_what_was_made_of_the_old(tmp_path: Path, finished: bool) -> None:
+def test_a_stage_of_other_content_is_done_again_without_what_was_made_of_the_old(
+    tmp_path: Path, finished: bool
+) -> None:
     out, made = tmp_path / "out", tmp_path / "out" / "made"
 
     def work(name: str) -> Measured:
@@ -146,11 +174,19 @@ def damaged() -> list[str]:
         {**searched, "cases": {"0": case}},
         {name: value for name, value in searched.items() if name != "prior"},
     ]
-    return ["", "{", "[1]", json.dumps(searched), *(json.dumps({"of": "", "found": each}) for each in wrong)]
+    return [
+        "",
+        "{",
+        "[1]",
+        json.dumps(searched),
+        *(json.dumps({"of": "", "found": each}) for each in wrong),
+    ]
 
 
 @pytest.mark.parametrize("text", damaged())
-def test_a_damaged_stage_is_named_and_done_again(tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_damaged_stage_is_named_and_done_again(
+    tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     found = FINDINGS[2][0]
     assert isinstance(found, Searched)
     stages(tmp_path, []).once(COUNT, Searched, lambda: found)
@@ -168,7 +204,9 @@ def test_an_edited_finding_is_found_out(tmp_path: Path) -> None:
     stages(tmp_path, []).once(COUNT, Measured, lambda: Measured(kinds={"a": 1}))
     path = tmp_path / "stages" / "count.json"
     path.write_text(path.read_text().replace('"a": 1', '"a": 2'))
-    assert stages(tmp_path, []).once(COUNT, Measured, lambda: Measured(kinds={"a": 1})).kinds == {"a": 1}
+    assert stages(tmp_path, []).once(COUNT, Measured, lambda: Measured(kinds={"a": 1})).kinds == {
+        "a": 1
+    }
 
 
 @pytest.mark.parametrize("editable", [False, True])
@@ -180,7 +218,12 @@ def test_a_stage_whose_files_are_damaged_or_missing_is_done_again(
     def work() -> Measured:
         done.append(None)
         (out / "made").mkdir(exist_ok=True)
-        for path in (out / "made" / "a", out / "made" / "b", out / "made" / ".lock", out / "table.txt"):
+        for path in (
+            out / "made" / "a",
+            out / "made" / "b",
+            out / "made" / ".lock",
+            out / "table.txt",
+        ):
             path.write_text("sound")
         return Measured(kinds={})
 
@@ -197,12 +240,27 @@ def test_a_stage_whose_files_are_damaged_or_missing_is_done_again(
     assert again() == (1, f"{out}/made/b: {word}: count is done again\n")
     (out / "made" / "a").write_text("edited")
     (out / "table.txt").write_text("edited")
-    assert again() == ((0, "") if editable else (1, f"{out}/made/a (and 1 more): {word}: count is done again\n"))
+    assert again() == (
+        (0, "") if editable else (1, f"{out}/made/a (and 1 more): {word}: count is done again\n")
+    )
 
 
 def test_reasons_of_one_kind_are_told_in_one_line() -> None:
-    refused = [Refused("a", "no values: try --free X"), Refused("b", "no road"), Refused("c", "no values: try --free Y")]
-    found = LoopResult({}, 0, Recognised(), [*refused, Refused("d", "no road")], [], Ran(), Ran(), Checked(files=1, problems=[]))
+    refused = [
+        Refused("a", "no values: try --free X"),
+        Refused("b", "no road"),
+        Refused("c", "no values: try --free Y"),
+    ]
+    found = LoopResult(
+        {},
+        0,
+        Recognised(),
+        [*refused, Refused("d", "no road")],
+        [],
+        Ran(),
+        Ran(),
+        Checked(files=1, problems=[]),
+    )
     assert list(closing(found)) == [
         "not searched: a, c: no values: try --free X (that is of a; the page has the others)",
         "not searched: b, d: no road",

@@ -6,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
-from generation.density.gate import Gate, Share
 from generation.estimation.estimate import Estimate
 from generation.estimation.probability import Driving, Probability
-from generation.logical.library import SCENARIOS
-from generation.outcomes import REFERENCES, Cases, Episodes, Evaluator
 from generation.pipeline import Generated, evidence, summary, summary_file
-from generation.recorded import Recorded, of_recordings, of_samples
+from generation.search.gate import Gate, Share
+from generation.search.outcomes import REFERENCES, Cases, Episodes, Evaluator
 from generation.search.problem import History
-from generation.search.space import Space
-from generation.settings import SearchSettings
-from generation.variations import Writer, Written
-from recognition.maneuvers.units import Exposure
-from runner.settings import RunSettings
+from generation.search.settings import SearchSettings
+from generation.search.variations import Writer, Written
+from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import Recorded, of_recordings, of_samples
+from generation.space.space import Space
+from recognition.labels.maneuvers.units import Exposure
+from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.storage import write_object
 
@@ -54,7 +54,9 @@ def searched(sut: str, points: FloatArray, drawn: int = 0) -> Generated:
         outcomes = run(theta)
         rows = np.flatnonzero(outcomes.collision)[: len(points)]
         drivers = {name: run(theta[rows], each) for name, each in REFERENCES.items()}
-    cases = Cases(theta[rows], outcomes.take(rows), np.ones(len(rows)), -np.arange(len(rows)), drivers)
+    cases = Cases(
+        theta[rows], outcomes.take(rows), np.ones(len(rows)), -np.arange(len(rows)), drivers
+    )
     history = History(theta, outcomes, np.ones(len(theta)))
     gate = Gate(Share(0, 30), Share(0, 30))
     driving = Driving(Exposure(10.0, 800.0, {"cut_in": 50}), "cut_in", 2, 50, 40)

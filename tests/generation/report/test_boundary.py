@@ -5,12 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.density.roles import Role, roles_of
 from generation.report.counterexamples import Measure, Region, measures, region, unit_of
-from generation.search.space import Space
-from recognition.maneuvers.parameters import Parameter
+from generation.space.density.roles import Role, roles_of
+from generation.space.space import Space
+from recognition.labels.maneuvers.parameters import Parameter
 
-NAMES = ("CutIn_Gap_m", "CutIn_StartSpeed_mps", "CutIn_EndSpeed_mps", "CutIn_Duration_s", "CutIn_StartTime_s", "Ego_Speed_mps")
+NAMES = (
+    "CutIn_Gap_m",
+    "CutIn_StartSpeed_mps",
+    "CutIn_EndSpeed_mps",
+    "CutIn_Duration_s",
+    "CutIn_StartTime_s",
+    "Ego_Speed_mps",
+)
 SPACE = Space(tuple(Parameter(name, 1.0, 90.0) for name in NAMES))
 POINT = np.array([[30.0, 20.0, 16.0, 4.0, 3.0, 25.0], [60.0, 30.0, 30.0, 2.0, 1.0, 30.0]])
 
@@ -49,7 +56,10 @@ def test_what_chance_decides_scores_like_chance() -> None:
 
 
 def test_too_few_failures_have_no_boundary() -> None:
-    assert region(drawn(), np.arange(600) < 5) == "600 runs, 5 failures: a boundary needs 20 that fail and 20 that do not"
+    assert (
+        region(drawn(), np.arange(600) < 5)
+        == "600 runs, 5 failures: a boundary needs 20 that fail and 20 that do not"
+    )
     assert "one measure" in str(region(drawn()[:1], drawn()[0].values > 0.0))
 
 
@@ -66,13 +76,23 @@ def test_measures_are_those_of_a_tester() -> None:
 def test_where_the_ego_acts_it_is_the_one_behind() -> None:
     names = ("Ego_Gap_m", "Ego_StartSpeed_mps", "Lead_Speed_mps")
     space = Space(tuple(Parameter(name, 1.0, 90.0) for name in names))
-    found = {each.name: each.values[0] for each in measures(space, roles_of(names), np.array([[30.0, 25.0, 20.0]]))}
+    found = {
+        each.name: each.values[0]
+        for each in measures(space, roles_of(names), np.array([[30.0, 25.0, 20.0]]))
+    }
     assert (found["closing speed"], found["time headway"]) == (5.0, pytest.approx(1.2))
     assert found["speed of the leader"] == 20.0
 
 
 def test_what_has_no_role_is_a_measure_itself() -> None:
-    space = Space((Parameter("Overlap_percent", 0.0, 100.0), Parameter("Ego_speed_kph", 10.0, 60.0)))
-    found = measures(space, {"Ego_speed_kph": Role("Ego", "ego_speed", 3.6)}, np.array([[50.0, 36.0]]))
-    assert [(each.name, each.unit) for each in found] == [("Overlap_percent", "percent"), ("Ego_speed_kph", "km/h")]
+    space = Space(
+        (Parameter("Overlap_percent", 0.0, 100.0), Parameter("Ego_speed_kph", 10.0, 60.0))
+    )
+    found = measures(
+        space, {"Ego_speed_kph": Role("Ego", "ego_speed", 3.6)}, np.array([[50.0, 36.0]])
+    )
+    assert [(each.name, each.unit) for each in found] == [
+        ("Overlap_percent", "percent"),
+        ("Ego_speed_kph", "km/h"),
+    ]
     assert unit_of("speed") == ""

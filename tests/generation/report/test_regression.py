@@ -9,7 +9,16 @@ import pytest
 
 from generation.report.regression import Before, Fate, Shift, Tried, _regions, regression
 from schemas.common.errors import UsageError
-from tests.generation.report.searches import CUT_IN, EASY, HARD, SPACE, WEAK, searched, settings, written
+from tests.generation.report.searches import (
+    CUT_IN,
+    EASY,
+    HARD,
+    SPACE,
+    WEAK,
+    searched,
+    settings,
+    written,
+)
 
 OLD, NEW = "cas:brake=2", "cas:sensor_range=150"
 
@@ -57,7 +66,9 @@ def test_without_the_former_version_a_failure_is_unlike_and_no_alarm(before: Bef
 
 
 def test_a_failure_that_is_survived_is_not_fixed_where_its_neighbour_fails(before: Before) -> None:
-    found = regression(before, CUT_IN, Tried.of(searched(OLD, np.array([WEAK]) + 0.01)), settings(NEW))
+    found = regression(
+        before, CUT_IN, Tried.of(searched(OLD, np.array([WEAK]) + 0.01)), settings(NEW)
+    )
     assert found.fates[1] is Fate.STILL_THERE
 
 

@@ -15,7 +15,7 @@ import schemas
 from generation.estimation.probability import Probability
 from generation.report.regression import Before, Tried, regression
 from generation.report.report import chance, figure, headline, write_report
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from tests.generation.report.searches import CUT_IN, EASY, HARD, WEAK, searched, settings, written
 from tests.runner.chromium import Browser
 
@@ -28,7 +28,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     generated = searched(SUT, np.array([HARD, WEAK, EASY]), drawn=200)
     folder = written(generated, SUT, tmp_path_factory.mktemp("found"))
     compared = regression(Before.of(folder, CUT_IN), CUT_IN, Tried.of(generated), settings(SUT))
-    assert write_report(CUT_IN, generated, settings(SUT), folder, compared) == folder / "report.html"
+    assert (
+        write_report(CUT_IN, generated, settings(SUT), folder, compared) == folder / "report.html"
+    )
     return folder
 
 
@@ -42,7 +44,9 @@ def data(folder: Path) -> dict:
 @pytest.mark.slow
 def test_counterexamples_are_files_that_fail_when_they_are_run(folder: Path) -> None:
     found = data(folder)["counterexamples"]
-    assert [each["names"][0] for each in found] == ["likeliest_failure", "nearest_failure"][: len(found)]
+    assert [each["names"][0] for each in found] == ["likeliest_failure", "nearest_failure"][
+        : len(found)
+    ]
     for each in found:
         assert each["reproduced"]
         assert not schemas.check(folder / each["file"])
@@ -59,7 +63,10 @@ def test_each_region_has_replays_of_its_typical_and_likeliest_member(folder: Pat
         assert list(each["files"]) == ["typical", "likeliest"]
         for name, member in each["files"].items():
             assert member["reproduced"] and (folder / member["play"]).is_file()
-            assert member["file"].startswith(f"cut_in_highway_region_{number}_{name}") or each["typical"] == each["likeliest"]
+            assert (
+                member["file"].startswith(f"cut_in_highway_region_{number}_{name}")
+                or each["typical"] == each["likeliest"]
+            )
             assert not schemas.check(folder / member["file"])
     assert json.loads((folder / "cut_in_highway_regions.json").read_text())["regions"] == found
 
@@ -112,7 +119,10 @@ def test_the_headline_tells_probability_rates_and_bands() -> None:
 def test_an_unstable_estimate_is_no_headline() -> None:
     generated = searched(SUT, np.array([HARD]))
     assert generated.estimate is not None
-    chances = {name: each._replace(effective=9.0) for name, each in generated.estimate.probabilities.items()}
+    chances = {
+        name: each._replace(effective=9.0)
+        for name, each in generated.estimate.probabilities.items()
+    }
     unstable = replace(generated, estimate=generated.estimate._replace(probabilities=chances))
     said = " ".join(headline("cut_in_highway", "cas", unstable))
     assert "not known well enough for a headline: 9 effective failures are fewer than 50" in said
@@ -127,8 +137,17 @@ def test_what_is_stated_is_not_called_traffic() -> None:
 
 
 def test_numbers_are_short() -> None:
-    assert [figure(each) for each in (0.0, 0.2, 1234.5, 0.00123, 1.23e-6)] == ["0", "0.20", "1,234", "0.0012", "1.2·10⁻⁶"]
-    assert chance(Probability(0.0, 0.0, 0.0, 0.004)) == "at most 0.40\N{NO-BREAK SPACE}% (no draw fails)"
+    assert [figure(each) for each in (0.0, 0.2, 1234.5, 0.00123, 1.23e-6)] == [
+        "0",
+        "0.20",
+        "1,234",
+        "0.0012",
+        "1.2·10⁻⁶",
+    ]
+    assert (
+        chance(Probability(0.0, 0.0, 0.0, 0.004))
+        == "at most 0.40\N{NO-BREAK SPACE}% (no draw fails)"
+    )
 
 
 @pytest.mark.slow
@@ -136,7 +155,9 @@ def test_the_page_shows_all_of_it(folder: Path, tmp_path: Path) -> None:
     with Browser(tmp_path) as browser:
         for width, dark in ((1280, False), (390, True)):
             browser.open(folder / "report.html", width=width, dark=dark)
-            titles = browser.run("[...document.querySelectorAll('h2')].map(each => each.textContent)")
+            titles = browser.run(
+                "[...document.querySelectorAll('h2')].map(each => each.textContent)"
+            )
             assert [each.partition(" ")[0] for each in titles] == [
                 "How",
                 "Against",

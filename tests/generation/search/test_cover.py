@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from generation.logical.library import SCENARIOS
-from generation.outcomes import Outcomes
-from generation.recorded import of_recordings, of_samples
 from generation.search.methods.cover import CoverSettings, Forest, GaussianProcess, _Search, cover
+from generation.search.outcomes import Outcomes
 from generation.search.problem import Realism, Reward, SearchProblem
-from generation.search.space import Space
+from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import of_recordings, of_samples
+from generation.space.space import Space
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import UsageError
 
@@ -32,7 +32,9 @@ def fails(theta: FloatArray) -> Outcomes:
     """Two regions: small gaps, and great speeds at great gaps."""
     failing = near(theta) | fast(theta)
     drac = np.where(failing, 8.0, 4.0 * np.exp(-theta[:, GAP] / 20.0))
-    return Outcomes.of(len(theta), collision=failing, max_drac=drac, clearance=np.where(failing, 0.0, 2.0))
+    return Outcomes.of(
+        len(theta), collision=failing, max_drac=drac, clearance=np.where(failing, 0.0, 2.0)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +46,9 @@ def posed() -> SearchProblem:
 
 
 @pytest.mark.slow
-def test_the_budget_is_spent_on_possible_points_and_a_seed_repeats_itself(posed: SearchProblem) -> None:
+def test_the_budget_is_spent_on_possible_points_and_a_seed_repeats_itself(
+    posed: SearchProblem,
+) -> None:
     found, again = (cover(posed, 150, 1) for _ in range(2))
     assert len(found.theta) == 150
     assert posed.prior is not None and posed.prior.possible(found.theta).all()
@@ -74,9 +78,15 @@ def test_a_guided_run_counts_no_more_where_another_one_is(posed: SearchProblem) 
     """Many sure candidates in the region of most failures, and one unsure one in another: the second run goes there."""
     assert posed.prior is not None
     search = _Search(posed, posed.prior, 100, 1, CoverSettings())
-    crowd, alone = np.full((1, int(search._told.sum())), 0.2), np.full((1, int(search._told.sum())), 0.8)
+    crowd, alone = (
+        np.full((1, int(search._told.sum())), 0.2),
+        np.full((1, int(search._told.sum())), 0.8),
+    )
     aside = np.linspace(0.0, 0.06, 5)[:, None]
-    candidates, worth = np.concatenate([crowd + aside, alone]), np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.6])
+    candidates, worth = (
+        np.concatenate([crowd + aside, alone]),
+        np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.6]),
+    )
     traffic = np.concatenate([np.repeat(crowd, 3, axis=0), alone])
     assert search._most(candidates, worth, traffic, np.ones(4), 2)[1] == 5
 
@@ -86,7 +96,9 @@ def test_without_a_failure_every_run_is_still_spent(posed: SearchProblem) -> Non
     assert len(found.theta) == 90 and not found.outcomes.collision.any()
 
 
-def test_a_twin_guides_by_its_verdicts_and_unprevented_failures_count_less(posed: SearchProblem) -> None:
+def test_a_twin_guides_by_its_verdicts_and_unprevented_failures_count_less(
+    posed: SearchProblem,
+) -> None:
     def twin(theta: FloatArray, sut: str | None = None) -> Outcomes:
         """Careful drivers survive at great gaps alone."""
         found = fails(theta)

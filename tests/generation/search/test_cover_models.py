@@ -5,15 +5,28 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from generation.outcomes import Outcomes
-from generation.search.methods.cover import _FITTED, _MOST, Forest, GaussianProcess, _learnt, nearness, scores
+from generation.search.methods.cover import (
+    _FITTED,
+    _MOST,
+    Forest,
+    GaussianProcess,
+    _learnt,
+    nearness,
+    scores,
+)
+from generation.search.outcomes import Outcomes
 from schemas.common.array_types import FloatArray
 
 
 def test_points_near_failures_come_first() -> None:
     x = np.random.default_rng(0).random((400, 3))
     forest = Forest()
-    forest.learn(x[:300], Outcomes.of(300, collision=x[:300, 0] > 0.8, max_drac=8.0 * x[:300, 0], clearance=[1.0] * 300))
+    forest.learn(
+        x[:300],
+        Outcomes.of(
+            300, collision=x[:300, 0] > 0.8, max_drac=8.0 * x[:300, 0], clearance=[1.0] * 300
+        ),
+    )
     assert len(forest) == 300
     assert not len(forest.failing(x[:0]))
     order = np.argsort(-forest.failing(x[300:]))
@@ -25,7 +38,9 @@ def test_failures_that_depend_on_a_difference_come_first_even_beside_near_misses
     x = np.random.default_rng(0).random((600, 6))
     faster = x[:, 0] - x[:, 1]
     forest = Forest()
-    forest.learn(x[:300], Outcomes.of(300, collision=faster[:300] > 0.5, max_drac=8.0 * (x[:300, 2] > 0.5)))
+    forest.learn(
+        x[:300], Outcomes.of(300, collision=faster[:300] > 0.5, max_drac=8.0 * (x[:300, 2] > 0.5))
+    )
     order = np.argsort(-forest.failing(x[300:]))
     assert (faster[300:][order[:20]] > 0.5).mean() >= 0.9
 
@@ -37,13 +52,23 @@ def test_few_runs_predict_nothing() -> None:
 
 
 def test_passing_in_another_lane_is_further_from_a_failure_than_braking_for_a_leader() -> None:
-    found = Outcomes.of(3, clearance=[1.95, 6.0, 0.0], max_drac=[0.0, 3.0, 9.0], status=["completed", "completed", "error"])
+    found = Outcomes.of(
+        3,
+        clearance=[1.95, 6.0, 0.0],
+        max_drac=[0.0, 3.0, 9.0],
+        status=["completed", "completed", "error"],
+    )
     beside, braking, error = nearness(found)
     assert error == 0.0 < beside < braking < 1.0
 
 
 def test_a_failure_scores_more_than_any_miss_and_a_failed_run_nothing() -> None:
-    found = Outcomes.of(3, collision=[True, False, True], max_drac=[0.0, 99.0, 0.0], status=["completed", "completed", "error"])
+    found = Outcomes.of(
+        3,
+        collision=[True, False, True],
+        max_drac=[0.0, 99.0, 0.0],
+        status=["completed", "completed", "error"],
+    )
     failure, miss, error = scores(found)
     assert failure == 1.0 > miss > error == 0.0
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from generation.search.space import apart, diverse
+from generation.space.space import apart, diverse
 
 
 @settings(max_examples=50)
@@ -21,10 +21,15 @@ from generation.search.space import apart, diverse
 def test_each_is_the_first_no_nearer_than_that_to_those_before(
     n: int, sides: int, steps: int, least: float, most: int | None, seed: int
 ) -> None:
-    unit = np.random.default_rng(seed).integers(0, steps, (n, sides)) / steps  # on a grid: many are the same, or just as far
+    unit = (
+        np.random.default_rng(seed).integers(0, steps, (n, sides)) / steps
+    )  # on a grid: many are the same, or just as far
     kept: list[int] = []
     for index in range(n):
-        if len(kept) != most and (np.sqrt(np.square(unit[kept] - unit[index]).mean(axis=1)) >= least).all():
+        if (
+            len(kept) != most
+            and (np.sqrt(np.square(unit[kept] - unit[index]).mean(axis=1)) >= least).all()
+        ):
             kept.append(index)
     assert diverse(unit, least, most).tolist() == kept
 

@@ -14,13 +14,29 @@ from gymnasium.utils.env_checker import check_env
 from hypothesis import given
 from hypothesis import strategies as st
 
-from generation.density.models.mixtures import Gaussian
-from generation.outcomes import Outcomes
 from generation.search.environment import ScenarioEnv
-from generation.search.methods.mcsg import Bins, Edits, McsgSettings, Policy, coordinated, mcsg, single
-from generation.search.problem import Calls, History, Memory, Realism, Reward, SearchProblem, additive
-from generation.search.space import Space
-from recognition.maneuvers.parameters import Parameter
+from generation.search.methods.mcsg import (
+    Bins,
+    Edits,
+    McsgSettings,
+    Policy,
+    coordinated,
+    mcsg,
+    single,
+)
+from generation.search.outcomes import Outcomes
+from generation.search.problem import (
+    Calls,
+    History,
+    Memory,
+    Realism,
+    Reward,
+    SearchProblem,
+    additive,
+)
+from generation.space.density.models.mixtures import Gaussian
+from generation.space.space import Space
+from recognition.labels.maneuvers.parameters import Parameter
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.storage import Records
@@ -37,7 +53,9 @@ def test_a_collision_counts_on_top_of_risk() -> None:
     assert additive(found).tolist() == pytest.approx([-0.1, 0.1, 0.15, 0.35])
 
 
-def test_realism_costs_nothing_where_traffic_is_and_all_of_its_weight_far_away(realism: Realism) -> None:
+def test_realism_costs_nothing_where_traffic_is_and_all_of_its_weight_far_away(
+    realism: Realism,
+) -> None:
     likely, odd = driven(50, seed=7), np.tile([80.0, 40.0, 0.0, 10.0, 1.0, 40.0, 10.0], (3, 1))
     assert np.mean(realism.penalty(likely) == 0.0) > 0.9
     assert realism.penalty(odd).tolist() == [1.0] * 3
@@ -58,7 +76,10 @@ def test_the_environment_passes_gymnasiums_checker(problem: SearchProblem) -> No
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env := ScenarioEnv(problem), skip_render_check=True)
-    assert env.reset(seed=1)[0] in env.observation_space and env.action_space.sample() in env.action_space
+    assert (
+        env.reset(seed=1)[0] in env.observation_space
+        and env.action_space.sample() in env.action_space
+    )
 
 
 def test_an_episode_is_an_edit_of_each_parameter_and_one_call(problem: SearchProblem) -> None:
@@ -73,13 +94,19 @@ def test_an_episode_is_an_edit_of_each_parameter_and_one_call(problem: SearchPro
     assert np.allclose(info["theta"], SPACE.clip(start + 0.1 * (SPACE.high - SPACE.low)))
     assert isinstance(problem.evaluate, Kinematic)
     assert problem.evaluate.calls == 1
-    assert rewards[-1][1] == pytest.approx(float(problem.reward(info["theta"][None], problem.evaluate(info["theta"][None]))[0]))
+    assert rewards[-1][1] == pytest.approx(
+        float(problem.reward(info["theta"][None], problem.evaluate(info["theta"][None]))[0])
+    )
 
 
 @given(st.integers(0, 100), st.floats(-3.0, 3.0), st.integers(0, 6), st.booleans())
-def test_edits_stay_in_the_box_and_leave_earlier_parameters_alone(seed: int, change: float, at: int, together: bool) -> None:
+def test_edits_stay_in_the_box_and_leave_earlier_parameters_alone(
+    seed: int, change: float, at: int, together: bool
+) -> None:
     start = driven(4, seed)
-    edits = Edits(SPACE, start, coordinated(SPACE, driven(200)) if together else single(SPACE, driven(200)))
+    edits = Edits(
+        SPACE, start, coordinated(SPACE, driven(200)) if together else single(SPACE, driven(200))
+    )
     for step in range(7):
         edits.edit(np.full(4, change if step == at else 0.0))
     assert edits.done
@@ -89,7 +116,9 @@ def test_edits_stay_in_the_box_and_leave_earlier_parameters_alone(seed: int, cha
 
 def test_coordinated_edits_of_noise_spread_like_real_parameters() -> None:
     real = 0.2 * (driven(3000) - driven(3000).mean(axis=0)) + 0.5 * (SPACE.low + SPACE.high)
-    edits = Edits(SPACE, np.tile(0.5 * (SPACE.low + SPACE.high), (3000, 1)), coordinated(SPACE, real))
+    edits = Edits(
+        SPACE, np.tile(0.5 * (SPACE.low + SPACE.high), (3000, 1)), coordinated(SPACE, real)
+    )
     generator = np.random.default_rng(0)
     while not edits.done:
         edits.edit(generator.standard_normal(3000))
@@ -111,11 +140,19 @@ def test_new_bins_are_weighed_as_the_old_ones_they_lie_in() -> None:
         policy.rebin(Bins(-edge, edge, 5))
         assert torch.allclose(after[:, ::2], policy(1, observation, None)[0])
     assert before.shape == (3, 5)
-    assert policy.bins.holding(1, torch.tensor([-9.0, -1.9, 0.0, 1.9, 9.0])).tolist() == [0, 0, 2, 4, 4]
+    assert policy.bins.holding(1, torch.tensor([-9.0, -1.9, 0.0, 1.9, 9.0])).tolist() == [
+        0,
+        0,
+        2,
+        4,
+        4,
+    ]
 
 
 @pytest.mark.slow
-def test_mcsg_finds_plausible_collisions_where_traffic_has_hardly_any(problem: SearchProblem) -> None:
+def test_mcsg_finds_plausible_collisions_where_traffic_has_hardly_any(
+    problem: SearchProblem,
+) -> None:
     found = mcsg(problem, 1500, 2)
     last = slice(-500, None)
     drawn = Kinematic()(driven(2000, seed=5)).collision.mean()
@@ -126,7 +163,9 @@ def test_mcsg_finds_plausible_collisions_where_traffic_has_hardly_any(problem: S
 
 
 @pytest.mark.parametrize("budget", [1, 49, 160])
-def test_the_budget_is_spent_exactly_and_a_seed_decides_everything(problem: SearchProblem, budget: int) -> None:
+def test_the_budget_is_spent_exactly_and_a_seed_decides_everything(
+    problem: SearchProblem, budget: int
+) -> None:
     one, two = mcsg(problem, budget, 3), mcsg(problem, budget, 3)
     assert len(one.theta) == len(one.rewards) == len(one.outcomes) == budget
     assert np.array_equal(one.theta, two.theta)
@@ -149,7 +188,9 @@ def test_any_number_of_parameters_can_be_searched(d: int) -> None:
     assert found.rewards[-100:].mean() > found.rewards[:100].mean()
 
 
-def test_an_interrupted_search_goes_on_to_the_same_end(problem: SearchProblem, tmp_path: Path) -> None:
+def test_an_interrupted_search_goes_on_to_the_same_end(
+    problem: SearchProblem, tmp_path: Path
+) -> None:
     whole = mcsg(problem, 240, 1)
 
     class Interrupted(Kinematic):
@@ -170,7 +211,9 @@ def test_an_interrupted_search_goes_on_to_the_same_end(problem: SearchProblem, t
     assert fresh.calls == 240 - 130  # three batches, of 50, 30 and 50, were remembered
 
 
-def test_a_search_with_another_budget_or_seed_reuses_what_is_the_same(problem: SearchProblem, tmp_path: Path) -> None:
+def test_a_search_with_another_budget_or_seed_reuses_what_is_the_same(
+    problem: SearchProblem, tmp_path: Path
+) -> None:
     path, simulator = tmp_path / "calls.jsonl", Kinematic()
     mcsg(replace(problem, evaluate=Memory(simulator, path)), 20, 1)
     memory = Memory(simulator, path)
@@ -184,11 +227,16 @@ def test_a_search_with_another_budget_or_seed_reuses_what_is_the_same(problem: S
 
 
 @pytest.mark.slow
-def test_memory_answers_known_and_new_points_in_their_order_in_little_space(problem: SearchProblem, tmp_path: Path) -> None:
+def test_memory_answers_known_and_new_points_in_their_order_in_little_space(
+    problem: SearchProblem, tmp_path: Path
+) -> None:
     def nothing(theta: FloatArray) -> Outcomes:
         return Outcomes.of(len(theta), min_ttc=theta[:, 0])
 
-    memory, theta = Memory(nothing, tmp_path / "calls.jsonl"), problem.space.draw(6000, np.random.default_rng(0))
+    memory, theta = (
+        Memory(nothing, tmp_path / "calls.jsonl"),
+        problem.space.draw(6000, np.random.default_rng(0)),
+    )
     memory(theta[:100])
     mixed = np.concatenate([theta[50:150], theta[:20], theta[149:150]])
     np.testing.assert_array_equal(memory(mixed).min_ttc, mixed[:, 0])

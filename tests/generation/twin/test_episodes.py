@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from generation.logical.library import SCENARIOS
-from generation.outcomes import REFERENCES, Evaluator
-from generation.search.space import Space
+from generation.search.outcomes import REFERENCES, Evaluator
+from generation.space.logical.library import SCENARIOS
+from generation.space.space import Space
 from generation.twin.episodes import Twin
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
@@ -45,7 +45,9 @@ def test_episodes_are_those_of_the_interpreter(name: str) -> None:
     np.testing.assert_allclose(played.end_time, real.end_time, atol=1e-6)
     np.testing.assert_allclose(played.max_drac, real.max_drac, rtol=1e-6)
     np.testing.assert_allclose(played.min_ttc, real.min_ttc, rtol=1e-6)
-    np.testing.assert_allclose(played.clearance, real.clearance, atol=0.2)  # boxes that are turned are taken as spans
+    np.testing.assert_allclose(
+        played.clearance, real.clearance, atol=0.2
+    )  # boxes that are turned are taken as spans
     np.testing.assert_allclose(played.risk, real.risk, atol=0.05)
     assert not played.error.any()
 
@@ -66,7 +68,9 @@ def test_several_systems_at_once_do_what_each_does_alone(close: FloatArray) -> N
         for sut in suts:
             alone, beside = twin(points, sut), together(points, sut)
             for each in fields(alone):
-                np.testing.assert_array_equal(getattr(beside, each.name), getattr(alone, each.name), f"{sut}: {each.name}")
+                np.testing.assert_array_equal(
+                    getattr(beside, each.name), getattr(alone, each.name), f"{sut}: {each.name}"
+                )
 
 
 @pytest.mark.parametrize("sut", ["none", *REFERENCES.values(), "cas:sensor_range=40,brake=6"])
@@ -92,7 +96,9 @@ def test_no_points_have_no_outcomes() -> None:
     assert len(Twin(CUT_IN, spaced(CUT_IN))(np.empty((0, len(spaced(CUT_IN).names))))) == 0
 
 
-@pytest.mark.parametrize("name", ["merging_highway", "cut_in_sharp_curve", "roundabout_entering", "simple_cut_in"])
+@pytest.mark.parametrize(
+    "name", ["merging_highway", "cut_in_sharp_curve", "roundabout_entering", "simple_cut_in"]
+)
 def test_scenarios_that_can_not_be_played_are_refused(name: str) -> None:
     path = SCENARIOS / f"{name}.xosc"
     with pytest.raises(Unsupported):

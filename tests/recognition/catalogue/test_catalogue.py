@@ -15,29 +15,36 @@ import pytest
 
 import runner
 import xosc
-from recognition.catalogue import index, pipeline
-from recognition.catalogue.cut import SceneCutter, Scope
+from recognition.catalogue import pipeline
 from recognition.catalogue.detect import EgoRequirements, passage, vehicles
 from recognition.catalogue.pipeline import ByRules, Summary
 from recognition.catalogue.recordings import VEHICLES, CatalogueSettings
-from recognition.catalogue.write import CatalogueConfig, criticality_of
-from recognition.datasets import open as open_recordings
+from recognition.catalogue.writing import index
+from recognition.catalogue.writing.write import CatalogueConfig, criticality_of
+from recognition.recordings import open as open_recordings
+from recognition.scenes.cut import SceneCutter, Scope
 from runner.recording import Recording
 from schemas import check_many
-from schemas.common.command_line import expand, progress_bar
 from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.terminal.command_line import expand, progress_bar
 from tests.commands import Command
 from tests.recognition import motorway
 from tests.recognition.traffic import interaction_rows, write_csv
-from xosc import tags
+from xosc.writing import tags
 
 
 def build(recordings: Path, out: Path, **settings: object) -> Summary:
-    return pipeline.build([recordings], out, CatalogueSettings(**settings), ByRules, partial(progress_bar, quiet=True))
+    return pipeline.build(
+        [recordings], out, CatalogueSettings(**settings), ByRules, partial(progress_bar, quiet=True)
+    )
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 def rows(out: Path) -> list[dict]:
@@ -64,25 +71,36 @@ def catalogue(made: Path, tmp_path: Path) -> Path:
 
 
 def test_every_file_is_sound(made: Path) -> None:
-    assert [problem for _, problems in check_many(expand([str(made)])) for problem in problems] == []
+    assert [
+        problem for _, problems in check_many(expand([str(made)])) for problem in problems
+    ] == []
 
 
 def test_each_class_has_its_folder_with_catalogues_that_its_scenarios_refer_to(made: Path) -> None:
     cut_in = made / "highway_cut_in"
-    kinds = {path.parent.relative_to(cut_in / "catalogs").parts[0] for path in cut_in.glob("catalogs/**/*.xosc")}
+    kinds = {
+        path.parent.relative_to(cut_in / "catalogs").parts[0]
+        for path in cut_in.glob("catalogs/**/*.xosc")
+    }
     assert kinds == {"vehicles", "trajectories", "maneuvers", "controllers"}
     for path in cut_in.glob("*.xosc"):
-        assert xosc.resolve(xosc.load(path)).node.need("Entities").find("ScenarioObject"), "its references are resolved"
+        assert xosc.resolve(xosc.load(path)).node.need("Entities").find("ScenarioObject"), (
+            "its references are resolved"
+        )
 
 
 def test_catalogues_have_the_names_of_their_files(made: Path) -> None:
     files = list(made.rglob("catalogs/**/*.xosc"))
     assert len(files) > 3
-    assert [re.findall('<Catalog name="(.*?)"', path.read_text()) for path in files] == [[path.stem] for path in files]
+    assert [re.findall('<Catalog name="(.*?)"', path.read_text()) for path in files] == [
+        [path.stem] for path in files
+    ]
 
 
 @pytest.mark.parametrize("target", ["esmini", "1.0"])
-def test_exports_of_several_classes_fit_into_one_folder(command: Command, made: Path, tmp_path: Path, target: str) -> None:
+def test_exports_of_several_classes_fit_into_one_folder(
+    command: Command, made: Path, tmp_path: Path, target: str
+) -> None:
     """Each by a call of its own; a catalogue's file has its name, by which esmini opens it."""
     chosen = {row["class"]: row for row in rows(made) if row["maneuver"]}
     files = [made / row[name] for row in chosen.values() for name in ("file", "maneuver")]
@@ -92,12 +110,23 @@ def test_exports_of_several_classes_fit_into_one_folder(command: Command, made: 
         assert done.code == 0, done.err
     assert len(list(tmp_path.glob("*.xosc"))) == len(files)
     catalogs = list(tmp_path.rglob("catalogs/**/*.xosc"))
-    assert [re.findall('<Catalog name="(.*?)"', path.read_text()) for path in catalogs] == [[path.stem] for path in catalogs]
-    assert [problem for _, found in check_many(expand([str(tmp_path)])) for problem in found if problem.level == "error"] == []
+    assert [re.findall('<Catalog name="(.*?)"', path.read_text()) for path in catalogs] == [
+        [path.stem] for path in catalogs
+    ]
+    assert [
+        problem
+        for _, found in check_many(expand([str(tmp_path)]))
+        for problem in found
+        if problem.level == "error"
+    ] == []
 
 
 def test_scenarios_run_and_cut_in(made: Path) -> None:
-    row = next(row for row in rows(made) if row["class"] == "highway cut in" and row["vehicle"] == motorway.EGO)
+    row = next(
+        row
+        for row in rows(made)
+        if row["class"] == "highway cut in" and row["vehicle"] == motorway.EGO
+    )
     for name in (row["file"], row["maneuver"]):
         result = runner.run(made / name, sut="none", world="kinematic")
         assert (result.status, result.ego) == ("completed", "Ego")
@@ -107,15 +136,25 @@ def test_scenarios_run_and_cut_in(made: Path) -> None:
 
 def test_the_index_tells_the_same_in_all_its_formats(made: Path) -> None:
     told = rows(made)
-    assert {"highway cut in", "highway car following", "right lane change"} <= {row["class"] for row in told}
+    assert {"highway cut in", "highway car following", "right lane change"} <= {
+        row["class"] for row in told
+    }
     table = pq.read_table(made / "index.parquet").to_pylist()
     assert table == [{name: row[name] for name in index.COLUMNS} for row in told]
     beside = [row for row in told if row["min_distance"] is not None]
-    assert beside and all(row["max_risk_field"] >= 0.0 <= row["max_collision_probability"] <= 1.0 for row in beside)
+    assert beside and all(
+        row["max_risk_field"] >= 0.0 <= row["max_collision_probability"] <= 1.0 for row in beside
+    )
     with (made / "index.csv").open(newline="") as file:
         read = list(csv.DictReader(file))
-    assert [row["file"] for row in read] == [row["file"] for row in told] == sorted(row["file"] for row in told)
-    assert all((made / row[name]).is_file() for row in told for name in ("file", "openlabel", "road"))
+    assert (
+        [row["file"] for row in read]
+        == [row["file"] for row in told]
+        == sorted(row["file"] for row in told)
+    )
+    assert all(
+        (made / row[name]).is_file() for row in told for name in ("file", "openlabel", "road")
+    )
     assert all((row["maneuver"] is None) == bool(row["no_maneuver"]) for row in told)
     assert all((made / row["maneuver"]).is_file() for row in told if row["maneuver"])
 
@@ -125,27 +164,48 @@ def test_the_index_says_why_and_measures_the_pair_within_the_event(made: Path) -
     assert {row["trust"] for row in told} == {"rules alone"}
     (cut_in,) = [row for row in told if row["class"] == "highway cut in"][:1]
     assert re.search(
-        r"becomes the lead within 80 m; gap [\d.]+.*; ego on road .*; partner from road .* lane .* to road", cut_in["why"]
+        r"becomes the lead within 80 m; gap [\d.]+.*; ego on road .*; partner from road .* lane .* to road",
+        cut_in["why"],
     )
-    assert (cut_in["road_kind"], cut_in["partial"], cut_in["pair_touches"]) == ("main", False, False)
+    assert (cut_in["road_kind"], cut_in["partial"], cut_in["pair_touches"]) == (
+        "main",
+        False,
+        False,
+    )
     assert cut_in["gap"] == pytest.approx(cut_in["tags"]["gap"], abs=0.5)
-    assert cut_in["closing_speed"] == pytest.approx(cut_in["ego_speed"] - cut_in["partner_speed"], abs=0.1)
+    assert cut_in["closing_speed"] == pytest.approx(
+        cut_in["ego_speed"] - cut_in["partner_speed"], abs=0.1
+    )
     assert cut_in["pair_ttc"] is None or cut_in["pair_ttc"] >= cut_in["min_ttc"] - 0.002
 
 
 def test_tags_are_openlabel_beside_the_scenario_and_properties_in_it(made: Path) -> None:
-    row = next(row for row in rows(made) if row["class"] == "highway cut in" and row["vehicle"] == motorway.EGO)
+    row = next(
+        row
+        for row in rows(made)
+        if row["class"] == "highway cut in" and row["vehicle"] == motorway.EGO
+    )
     told = {tag.type: tag.value for tag in tags.read(made / row["openlabel"])}
-    expected = {"Class": "highway cut in", "State": "known", "RuleClass": "highway cut in", "Recording": row["recording"]}
+    expected = {
+        "Class": "highway cut in",
+        "State": "known",
+        "RuleClass": "highway cut in",
+        "Recording": row["recording"],
+    }
     assert expected.items() <= told.items()
     assert {"MotionCutIn", "RoadTypeMotorway", "VehicleCar"} <= told.keys()
     assert told["MinTimeHeadway"] == row["min_thw"] == pytest.approx(20.4 / 30.0, abs=0.02)
-    held = {each.get("name"): each.get("value") for each in xosc.load(made / row["file"]).root.iter("Property")}
+    held = {
+        each.get("name"): each.get("value")
+        for each in xosc.load(made / row["file"]).root.iter("Property")
+    }
     assert held["openlabel.Class"] == "highway cut in" and held["openlabel.Vehicle"] == motorway.EGO
 
 
 @pytest.mark.parametrize("version", [(1, 0), (1, 2)])
-def test_older_versions_are_written_on_request(recordings: Path, tmp_path: Path, version: tuple[int, int]) -> None:
+def test_older_versions_are_written_on_request(
+    recordings: Path, tmp_path: Path, version: tuple[int, int]
+) -> None:
     build(recordings, tmp_path, config=CatalogueConfig(version=version))
     files = sorted(tmp_path.rglob("*.xosc"))
     assert files and {xosc.load(file).version for file in files} == {version}
@@ -157,7 +217,9 @@ def test_older_versions_are_written_on_request(recordings: Path, tmp_path: Path,
 # the same again, and what people edit ----------------------------------------------------------
 
 
-def test_the_same_recordings_give_the_same_bytes(recordings: Path, made: Path, catalogue: Path, tmp_path: Path) -> None:
+def test_the_same_recordings_give_the_same_bytes(
+    recordings: Path, made: Path, catalogue: Path, tmp_path: Path
+) -> None:
     again = build(recordings, catalogue)
     assert (again.edited, again.removed) == ([], [])
     build(recordings, tmp_path / "elsewhere")
@@ -165,9 +227,13 @@ def test_the_same_recordings_give_the_same_bytes(recordings: Path, made: Path, c
 
 
 @pytest.mark.parametrize("name", ["scenario", "catalogue", "index.csv", "road"])
-def test_what_a_person_edited_stays_and_is_reported(recordings: Path, catalogue: Path, name: str) -> None:
+def test_what_a_person_edited_stays_and_is_reported(
+    recordings: Path, catalogue: Path, name: str
+) -> None:
     row = rows(catalogue)[0]
-    vehicles = next(catalogue.glob("*/catalogs/vehicles/*/*.xosc")).relative_to(catalogue).as_posix()
+    vehicles = (
+        next(catalogue.glob("*/catalogs/vehicles/*/*.xosc")).relative_to(catalogue).as_posix()
+    )
     edited = {"scenario": row["file"], "catalogue": vehicles, "road": row["road"]}.get(name, name)
     before = content(catalogue)
     (catalogue / edited).write_bytes(before[edited] + b"\n")
@@ -176,7 +242,9 @@ def test_what_a_person_edited_stays_and_is_reported(recordings: Path, catalogue:
     assert content(catalogue) == before | {edited: before[edited] + b"\n"}
 
 
-def test_a_persons_own_file_is_not_overwritten(recordings: Path, made: Path, tmp_path: Path) -> None:
+def test_a_persons_own_file_is_not_overwritten(
+    recordings: Path, made: Path, tmp_path: Path
+) -> None:
     row = rows(made)[0]
     (tmp_path / row["file"]).parent.mkdir(parents=True)
     (tmp_path / row["file"]).write_text("mine")
@@ -184,13 +252,20 @@ def test_a_persons_own_file_is_not_overwritten(recordings: Path, made: Path, tmp
     assert (tmp_path / row["file"]).read_text() == "mine"
 
 
-def test_files_that_are_no_longer_part_of_it_go_unless_edited(recordings: Path, catalogue: Path) -> None:
+def test_files_that_are_no_longer_part_of_it_go_unless_edited(
+    recordings: Path, catalogue: Path
+) -> None:
     kept, *others = [row["file"] for row in rows(catalogue)]
     (catalogue / kept).write_text("mine")
     summary = build(recordings, catalogue, scenes=VEHICLES)
     assert kept in summary.edited and set(others) <= set(summary.removed)
-    assert (catalogue / kept).read_text() == "mine" and not any((catalogue / name).exists() for name in others)
-    assert {path.parent.name for path in catalogue.glob("*/*.xosc")} == {"vehicles", Path(kept).parent.name}
+    assert (catalogue / kept).read_text() == "mine" and not any(
+        (catalogue / name).exists() for name in others
+    )
+    assert {path.parent.name for path in catalogue.glob("*/*.xosc")} == {
+        "vehicles",
+        Path(kept).parent.name,
+    }
 
 
 def test_a_catalogue_of_other_recordings_is_left_alone(catalogue: Path, tmp_path: Path) -> None:
@@ -231,17 +306,27 @@ def test_a_bad_recording_is_reported_and_the_others_go_on(recordings: Path, tmp_
 
 def test_recordings_of_one_name_are_refused(recordings: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"has a recording called .* too"):
-        pipeline.build([recordings, recordings], tmp_path, CatalogueSettings(), ByRules, partial(progress_bar, quiet=True))
+        pipeline.build(
+            [recordings, recordings],
+            tmp_path,
+            CatalogueSettings(),
+            ByRules,
+            partial(progress_bar, quiet=True),
+        )
 
 
 # scenes of vehicles -------------------------------------------------------------------------
 
 
-def test_every_usable_vehicle_has_a_scene_and_the_others_a_reason(recordings: Path, tmp_path: Path) -> None:
+def test_every_usable_vehicle_has_a_scene_and_the_others_a_reason(
+    recordings: Path, tmp_path: Path
+) -> None:
     summary = build(recordings, tmp_path, scenes=VEHICLES)
     told = rows(tmp_path)
     assert {row["vehicle"] for row in told} == {"1", "2", "3", "4", "5", "6"}
-    assert [(each["what"], each["reason"]) for each in summary.exclusions] == [("7", "moves within 2.0 m only")]
+    assert [(each["what"], each["reason"]) for each in summary.exclusions] == [
+        ("7", "moves within 2.0 m only")
+    ]
     assert summary.passages == {"straight": 6}
     assert {row["vehicle"]: row["class"] for row in told}[motorway.EGO] == "highway cut in"
 
@@ -255,27 +340,39 @@ def test_a_scene_that_begins_with_a_contact_is_reported(tmp_path: Path) -> None:
     ]
     recording = driven(tmp_path, all=rows_of_all)
     cutter = SceneCutter(recording, Scope())
-    found = {name: criticality_of(cutter.cut(name, 0.0, 9.0))["collision_time"] for name in recording.tracks}
+    found = {
+        name: criticality_of(cutter.cut(name, 0.0, 9.0))["collision_time"]
+        for name in recording.tracks
+    }
     assert found == {"1": 0.0, "2": 0.0, "3": None}
 
 
 def driven(tmp_path: Path, **tracks: list) -> Recording:
     (source,) = open_recordings(
-        write_csv(tmp_path / "site/vehicle_tracks_000.csv", [row for rows in tracks.values() for row in rows])
+        write_csv(
+            tmp_path / "site/vehicle_tracks_000.csv",
+            [row for rows in tracks.values() for row in rows],
+        )
     ).sources
     return source.load()
 
 
 @pytest.mark.parametrize(
-    ("turn", "name"), [(0.0, "straight"), (90.0, "left"), (-80.0, "right"), (170.0, "back"), (-40.0, "straight")]
+    ("turn", "name"),
+    [(0.0, "straight"), (90.0, "left"), (-80.0, "right"), (170.0, "back"), (-40.0, "straight")],
 )
-def test_passages_are_told_by_the_change_of_direction(tmp_path: Path, turn: float, name: str) -> None:
+def test_passages_are_told_by_the_change_of_direction(
+    tmp_path: Path, turn: float, name: str
+) -> None:
     share = np.clip((np.arange(120) - 40) / 40, 0.0, 1.0)
     h = np.radians(20.0 + turn * share)
     x, y = (np.cumsum(0.8 * f(h)) for f in (np.cos, np.sin))
     track = interaction_rows(1, 0.0, 0.0, 8.0, 0.0, 0.0, n=120)
     places = zip(track, x.tolist(), y.tolist(), h.tolist(), strict=True)
-    moved = [row | {"x": a, "y": b, "psi_rad": c, "vx": 8 * np.cos(c), "vy": 8 * np.sin(c)} for row, a, b, c in places]
+    moved = [
+        row | {"x": a, "y": b, "psi_rad": c, "vx": 8 * np.cos(c), "vy": 8 * np.sin(c)}
+        for row, a, b, c in places
+    ]
     assert passage(driven(tmp_path, one=moved).tracks["1"]) == name
 
 
@@ -288,6 +385,8 @@ def test_reasons_against_a_vehicle(recordings: Path) -> None:
     reasons = {each.what: each.reason for each in exclusions}
     assert names == []
     assert reasons["5"] == "recorded for 4.0 s only"
-    assert "jumps at 30 m/s" in reasons["1"] and "on a road for 100% of its rows only" in reasons["1"]
+    assert (
+        "jumps at 30 m/s" in reasons["1"] and "on a road for 100% of its rows only" in reasons["1"]
+    )
     assert "not recorded for 0.0 s in between" in reasons["1"]
     assert "moves within" in reasons["6"] and "jumps" not in reasons["6"]

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from safetensors import numpy as safetensors
 
-from recognition import datasets
+from recognition import recordings as datasets
 from recognition.catalogue.detect import DISCOVERED, KNOWN, RULES, UNKNOWN, Moment, joined
 from recognition.catalogue.model import ByModel, objection, title_of, unseen_sites
-from recognition.encoder.config import Architecture
-from recognition.encoder.model import GridEncoder
-from recognition.grids import Grid
 from recognition.labels import Label, LabelledEvent
-from recognition.sites import site_at
-from recognition.trfe.candidates import Buffer
+from recognition.scenes import site_at
 from recognition.trfe.config import Config
-from recognition.trfe.known import FIRST_DISCOVERED
+from recognition.trfe.discovery.candidates import Buffer
+from recognition.trfe.encoder.config import Architecture
+from recognition.trfe.encoder.model import GridEncoder
+from recognition.trfe.forest.known import FIRST_DISCOVERED
+from recognition.trfe.inputs.grids import Grid
 from recognition.trfe.storage import load
 from recognition.trfe.trfe import TRFE
 from runner.recording import Recording
@@ -53,7 +53,10 @@ def test_other_egos_classes_and_partners_are_other_findings() -> None:
 
 
 def test_the_moment_of_a_rule_stands_for_a_finding_then_the_surest() -> None:
-    sure, rule = moment(2.0, confidence=0.9), moment(3.0, confidence=0.1, rule=Label.CUT_IN, partner="5")
+    sure, rule = (
+        moment(2.0, confidence=0.9),
+        moment(3.0, confidence=0.1, rule=Label.CUT_IN, partner="5"),
+    )
     assert joined([moment(1.0, confidence=0.2), sure], gap=1.0)[0].moment is sure
     (finding,) = joined([moment(1.0, confidence=0.2), sure, rule, moment(4.0)], gap=1.0)
     assert finding.moment is rule
@@ -72,7 +75,9 @@ class Oracle:
     """Stands in for TRFE: windows about `cut` are cut-ins, other windows of egos 3 and 4 unknown, the rest free cruise."""
 
     def __init__(self, promotes: bool = True, capacity: int = 20) -> None:
-        self.encoders = (SimpleNamespace(view=Grid(channels=("others", "ego"), length=40.0, width=10.0)),)
+        self.encoders = (
+            SimpleNamespace(view=Grid(channels=("others", "ego"), length=40.0, width=10.0)),
+        )
         self.config = SimpleNamespace(preprocessing=SimpleNamespace(neighbours=3))
         self.buffer = Buffer(capacity)
         self.promotes, self.seen, self.rounds = promotes, 0, 0
@@ -86,11 +91,17 @@ class Oracle:
         unknown = labels == Label.UNKNOWN
         self.buffer.add(np.zeros((int(unknown.sum()), 4), np.float32), keys[unknown])
         self.seen += len(keys)
-        return SimpleNamespace(labels=labels, closed=np.full(len(keys), int(Label.CUT_IN)), confidence=np.full(len(keys), 0.5))
+        return SimpleNamespace(
+            labels=labels,
+            closed=np.full(len(keys), int(Label.CUT_IN)),
+            confidence=np.full(len(keys), 0.5),
+        )
 
     def discover(self) -> SimpleNamespace:
         self.rounds += 1
-        labels = np.where(np.arange(len(self.buffer)) % 2 == 0, FIRST_DISCOVERED if self.promotes else 0, 0)
+        labels = np.where(
+            np.arange(len(self.buffer)) % 2 == 0, FIRST_DISCOVERED if self.promotes else 0, 0
+        )
         return SimpleNamespace(keys=self.buffer.keys, labels=labels)
 
     def expand(self, found: SimpleNamespace) -> None:
@@ -102,7 +113,9 @@ def look(folder: Path, oracle: Oracle, *, sorts: bool = True, discover: bool = T
     (source,) = datasets.open(motorway.write_motorway(folder), roads=folder).sources
     recording = source.load()
     assert recording.network is not None
-    recording = Recording([*recording.tracks.values(), PARKED], recording.timestep, recording.network)
+    recording = Recording(
+        [*recording.tracks.values(), PARKED], recording.timestep, recording.network
+    )
     events = [
         LabelledEvent("01", motorway.EGO, 6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0}),
         LabelledEvent("01", "1", 0.1, Label.CUT_OUT, None, {}),
@@ -123,7 +136,12 @@ def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Oracle, ByModel]:
 def test_a_model_sees_events_and_a_regular_stride(looked: tuple[Oracle, ByModel]) -> None:
     moments = looked[1].moments("01")
     (event,) = [each for each in moments if each.rule]
-    assert (event.time, event.rule, event.partner, event.tags) == (6.0, Label.CUT_IN, motorway.CUTTER, {"gap": 40.0})
+    assert (event.time, event.rule, event.partner, event.tags) == (
+        6.0,
+        Label.CUT_IN,
+        motorway.CUTTER,
+        {"gap": 40.0},
+    )
     own = sorted(each.time for each in moments if each.ego == motorway.EGO)
     assert np.diff(own).min() >= 0.5 and np.diff(own).max() <= 1.5
     assert own[0] >= 0.75 and own[-1] <= 11.96 - 0.75
@@ -141,19 +159,30 @@ def test_the_model_decides_and_unknown_ones_are_discovered(looked: tuple[Oracle,
     assert recogniser.moments("01") == moments, "asking again changes nothing"
 
 
-def test_rules_sort_their_events_and_leave_the_rest_to_the_model_where_it_is_unknown(tmp_path: Path) -> None:
+def test_rules_sort_their_events_and_leave_the_rest_to_the_model_where_it_is_unknown(
+    tmp_path: Path,
+) -> None:
     recogniser = look(tmp_path, Oracle(), sorts=False)
     moments = recogniser.moments("01")
     (event,) = [each for each in moments if each.rule]
-    assert (event.title, event.state, event.model, event.labels_agree) == ("highway cut in", KNOWN, "highway free cruise", False)
+    assert (event.title, event.state, event.model, event.labels_agree) == (
+        "highway cut in",
+        KNOWN,
+        "highway free cruise",
+        False,
+    )
     rest = [each for each in moments if not each.rule]
-    assert {each.state for each in rest} == {UNKNOWN, DISCOVERED} and {each.labels_agree for each in rest} == {None}
+    assert {each.state for each in rest} == {UNKNOWN, DISCOVERED} and {
+        each.labels_agree for each in rest
+    } == {None}
     assert recogniser.sorted_by == RULES
     assert event.trust == "differ" and {each.trust for each in rest} == {"model alone"}
 
 
 @pytest.mark.parametrize("sorts", [True, False])
-def test_unknown_and_discovered_moments_are_given_on_request_only(tmp_path: Path, sorts: bool) -> None:
+def test_unknown_and_discovered_moments_are_given_on_request_only(
+    tmp_path: Path, sorts: bool
+) -> None:
     moments = look(tmp_path, Oracle(), sorts=sorts, discover=False).moments("01")
     assert {each.state for each in moments} <= {KNOWN}
     assert [each.rule for each in moments if each.rule] == [Label.CUT_IN]
@@ -170,17 +199,27 @@ def stating(folder: Path, unseen: object) -> Path:
     ("unseen", "why"),
     [
         (None, "does not state"),
-        ({"agree": 0.74, "wrong": 0.1}, "74% get their class from the model and 10% another one or none"),
-        ({"agree": 0.8, "wrong": 0.11}, "80% get their class from the model and 11% another one or none"),
+        (
+            {"agree": 0.74, "wrong": 0.1},
+            "74% get their class from the model and 10% another one or none",
+        ),
+        (
+            {"agree": 0.8, "wrong": 0.11},
+            "80% get their class from the model and 11% another one or none",
+        ),
         ({"agree": 0.75, "wrong": 0.1}, None),
     ],
 )
-def test_a_model_sorts_where_it_states_good_figures_for_sites_not_seen(tmp_path: Path, unseen: object, why: str | None) -> None:
+def test_a_model_sorts_where_it_states_good_figures_for_sites_not_seen(
+    tmp_path: Path, unseen: object, why: str | None
+) -> None:
     found = objection(unseen_sites(stating(tmp_path, unseen)))
     assert found is why if why is None else why in str(found)
 
 
-@pytest.mark.parametrize("unseen", [{"agree": 0.8}, 3, {"agree": "x", "wrong": 0}, {"agree": 1.2, "wrong": 0}])
+@pytest.mark.parametrize(
+    "unseen", [{"agree": 0.8}, 3, {"agree": "x", "wrong": 0}, {"agree": 1.2, "wrong": 0}]
+)
 def test_figures_that_are_no_shares_are_refused(tmp_path: Path, unseen: object) -> None:
     with pytest.raises(InvalidFile, match="unseen_sites"):
         unseen_sites(stating(tmp_path, unseen))
@@ -190,13 +229,17 @@ def test_what_waits_in_a_model_from_before_is_taken_for_none_of_the_moments(tmp_
     oracle = Oracle(capacity=10_000)
     oracle.buffer.add(np.zeros((6, 4), np.float32), np.arange(6))
     moments = look(tmp_path, oracle).moments("01")
-    assert [each.state == KNOWN for each in moments] == [number % 2 == 0 for number in range(6, 6 + len(moments))]
+    assert [each.state == KNOWN for each in moments] == [
+        number % 2 == 0 for number in range(6, 6 + len(moments))
+    ]
     assert DISCOVERED in {each.state for each in moments}
 
 
 @pytest.mark.slow
 def test_a_model_that_is_kept_knows_what_it_discovered(tmp_path: Path) -> None:
-    encoder = GridEncoder(Architecture(8, 1, 2, (4, 8, 8)), Grid(channels=("others", "ego"), length=40.0, width=10.0)).eval()
+    encoder = GridEncoder(
+        Architecture(8, 1, 2, (4, 8, 8)), Grid(channels=("others", "ego"), length=40.0, width=10.0)
+    ).eval()
     trfe = TRFE(Config(trees=20, delta=0.5), (encoder,))
     samples = [clouds([1, 2, 9], 60, seed=seed, width=8, apart=20.0) for seed in range(3)]
     known = [(features[truth < 9], truth[truth < 9]) for features, truth in samples]

@@ -15,11 +15,11 @@ from recognition.catalogue.pipeline import ByRules, LabelledRuns, label_runs
 from recognition.catalogue.recordings import CatalogueSettings
 from runner.batch.batch import execute
 from runner.batch.jobs import Job
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 from schemas import check
-from schemas.common.command_line import progress_bar
 from schemas.common.errors import InvalidFile
-from xosc import tags
+from schemas.common.terminal.command_line import progress_bar
+from xosc.writing import tags
 
 LIBRARY = Path(xosc.__file__).parent / "library"
 
@@ -41,11 +41,16 @@ def run(scenario: Path, out: Path, *names: str) -> Path:
 
 
 def label(runs: Path, *, in_place: bool = False) -> LabelledRuns:
-    return label_runs(runs, CatalogueSettings(), ByRules(), partial(progress_bar, quiet=True), in_place=in_place)
+    return label_runs(
+        runs, CatalogueSettings(), ByRules(), partial(progress_bar, quiet=True), in_place=in_place
+    )
 
 
 def held(path: Path) -> dict[str | None, str | None]:
-    return {each.get("name"): each.get("value") for each in xosc.load(path).root.iterfind("FileHeader/Properties/Property")}
+    return {
+        each.get("name"): each.get("value")
+        for each in xosc.load(path).root.iterfind("FileHeader/Properties/Property")
+    }
 
 
 def test_a_copy_and_tags_come_beside_the_scenario(scenario: Path, tmp_path: Path) -> None:
@@ -61,7 +66,9 @@ def test_a_copy_and_tags_come_beside_the_scenario(scenario: Path, tmp_path: Path
     assert "highway cut in" in (held(copy)["openlabel.Classes"] or "")
     told = {tag.type: tag.value for tag in tags.read(beside)}
     assert "highway cut in" in told["Classes"] and told["Runs"] == 1
-    assert any("highway cut in of Ego at" in each and "with CutIn" in each for each in told["Findings"])
+    assert any(
+        "highway cut in of Ego at" in each and "with CutIn" in each for each in told["Findings"]
+    )
     assert not any("of CutIn" in str(each) for each in told["Findings"]), "tags are about the ego"
 
 
@@ -78,7 +85,9 @@ def test_all_that_was_found_is_told_beside_the_runs(scenario: Path, tmp_path: Pa
     assert any(str(each).endswith("in two") for each in findings)
 
 
-def test_labelling_again_changes_nothing_and_leaves_edited_files(scenario: Path, tmp_path: Path) -> None:
+def test_labelling_again_changes_nothing_and_leaves_edited_files(
+    scenario: Path, tmp_path: Path
+) -> None:
     runs = run(scenario, tmp_path / "runs")
     first = label(runs)
     before = {path: path.read_bytes() for path in first.written}
@@ -92,24 +101,34 @@ def test_labelling_again_changes_nothing_and_leaves_edited_files(scenario: Path,
 
 def test_in_place_the_scenario_itself_is_annotated(scenario: Path, tmp_path: Path) -> None:
     labelled = label(run(scenario, tmp_path / "runs"), in_place=True)
-    assert scenario in labelled.written and not scenario.with_name("simple_cut_in_labelled.xosc").exists()
+    assert (
+        scenario in labelled.written
+        and not scenario.with_name("simple_cut_in_labelled.xosc").exists()
+    )
     assert "highway cut in" in (held(scenario)["openlabel.Classes"] or "")
     assert check(scenario) == []
 
 
 def test_before_1_2_only_openlabel_is_written(scenario: Path, tmp_path: Path) -> None:
-    text = re.sub(r"<Properties>.*?</Properties>", "", scenario.read_text(), count=1, flags=re.DOTALL)
+    text = re.sub(
+        r"<Properties>.*?</Properties>", "", scenario.read_text(), count=1, flags=re.DOTALL
+    )
     scenario.write_text(text)
     xosc.write(xosc.convert(xosc.load(scenario), (1, 1)), scenario)
     labelled = label(run(scenario, tmp_path / "runs"))
     assert [path.name for path in labelled.written] == ["simple_cut_in_labelled.openlabel.json"]
-    assert json.loads(labelled.written[0].read_text())["openlabel"]["metadata"]["tagged_file"] == "simple_cut_in.xosc"
+    assert (
+        json.loads(labelled.written[0].read_text())["openlabel"]["metadata"]["tagged_file"]
+        == "simple_cut_in.xosc"
+    )
 
 
 def test_runs_whose_scenario_is_gone_are_refused(scenario: Path, tmp_path: Path) -> None:
     runs = run(scenario, tmp_path / "runs")
     scenario.unlink()
-    with pytest.raises(InvalidFile, match=r"the scenario of this run, .*simple_cut_in.xosc, is not there"):
+    with pytest.raises(
+        InvalidFile, match=r"the scenario of this run, .*simple_cut_in.xosc, is not there"
+    ):
         label(runs)
 
 

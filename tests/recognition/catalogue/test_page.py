@@ -17,7 +17,7 @@ from recognition.catalogue.exposure import Mileage, exposure_of, interval, rates
 from recognition.catalogue.pipeline import ByRules
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.labels.classes import Rules
-from schemas.common.command_line import progress_bar
+from schemas.common.terminal.command_line import progress_bar
 from tests.recognition import motorway
 from tests.recognition.scenes import Driver, recording
 from tests.runner.chromium import Browser
@@ -27,7 +27,9 @@ from tests.runner.chromium import Browser
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recordings, out = tmp_path_factory.mktemp("recordings"), tmp_path_factory.mktemp("catalogue")
     motorway.write_motorway(recordings)
-    pipeline.build([recordings], out, CatalogueSettings(), ByRules, partial(progress_bar, quiet=True))
+    pipeline.build(
+        [recordings], out, CatalogueSettings(), ByRules, partial(progress_bar, quiet=True)
+    )
     return out
 
 
@@ -40,7 +42,9 @@ def rows(made: Path) -> list[dict]:
     return json.loads((made / "index.json").read_text())["scenarios"]
 
 
-@pytest.mark.parametrize(("count", "low", "high"), [(0, 0.0, 3.6889), (1, 0.0253, 5.5716), (10, 4.7954, 18.3904)])
+@pytest.mark.parametrize(
+    ("count", "low", "high"), [(0, 0.0, 3.6889), (1, 0.0253, 5.5716), (10, 4.7954, 18.3904)]
+)
 def test_intervals_are_exact(count: int, low: float, high: float) -> None:
     """Values of Garwood's table."""
     assert interval(count) == pytest.approx((low, high), abs=1e-4)
@@ -48,14 +52,29 @@ def test_intervals_are_exact(count: int, low: float, high: float) -> None:
 
 def test_rates_cover_every_class_at_every_site_and_all_together() -> None:
     events = [{"site": "a", "class": "cut in"}] * 3 + [{"site": "b", "class": "cut out"}]
-    found = rates(events, [("a", Mileage(2, 3600.0, 5e4)), ("a", Mileage(1, 3600.0, 5e4)), ("b", Mileage(1, 1800.0, 0.0))])
+    found = rates(
+        events,
+        [
+            ("a", Mileage(2, 3600.0, 5e4)),
+            ("a", Mileage(1, 3600.0, 5e4)),
+            ("b", Mileage(1, 1800.0, 0.0)),
+        ],
+    )
     table = {(row["site"], row["class"]): row for row in found}
-    assert table.keys() == {(site, title) for site in ("a", "b", "all") for title in ("cut in", "cut out", "all")}
+    assert table.keys() == {
+        (site, title) for site in ("a", "b", "all") for title in ("cut in", "cut out", "all")
+    }
     cut_in = table["a", "cut in"]
-    assert (cut_in["events"], cut_in["vehicles"], cut_in["vehicle_hours"], cut_in["vehicle_km"]) == (3, 3, 2.0, 100.0)
+    assert (
+        cut_in["events"],
+        cut_in["vehicles"],
+        cut_in["vehicle_hours"],
+        cut_in["vehicle_km"],
+    ) == (3, 3, 2.0, 100.0)
     assert (cut_in["per_hour"], cut_in["per_1000_km"]) == (1.5, 30.0)
     assert (
-        cut_in["per_hour_low"] == pytest.approx(0.6187 / 2.0, abs=1e-4) and cut_in["per_hour_low"] < 1.5 < cut_in["per_hour_high"]
+        cut_in["per_hour_low"] == pytest.approx(0.6187 / 2.0, abs=1e-4)
+        and cut_in["per_hour_low"] < 1.5 < cut_in["per_hour_high"]
     )
     assert table["a", "cut out"]["per_hour_high"] == pytest.approx(3.6889 / 2.0, abs=1e-4)
     assert table["b", "cut out"]["per_1000_km"] is None, "nothing moved there"
@@ -63,7 +82,9 @@ def test_rates_cover_every_class_at_every_site_and_all_together() -> None:
 
 
 def test_exposure_is_that_of_motor_vehicles_that_move() -> None:
-    found = exposure_of(recording([Driver("moving", speed=10.0), Driver("parked", x=50.0)]), Rules())
+    found = exposure_of(
+        recording([Driver("moving", speed=10.0), Driver("parked", x=50.0)]), Rules()
+    )
     assert found.vehicles == 1 and found[1:] == pytest.approx((4.0, 40.0))
 
 
@@ -75,18 +96,25 @@ def test_exposure_is_beside_the_index(made: Path) -> None:
     total = found[-1]
     assert total["events"] == len(rows(made))
     driven = sum(
-        abs(np.sum([drive.velocity(frame / 25.0)[0] / 25.0 for frame in range(drive.frames)])) for drive in motorway.DRIVES
+        abs(np.sum([drive.velocity(frame / 25.0)[0] / 25.0 for frame in range(drive.frames)]))
+        for drive in motorway.DRIVES
     )
     assert total["vehicle_km"] == pytest.approx(driven / 1e3, rel=0.02)
 
 
 def test_films_show_what_was_recorded(made: Path) -> None:
     found, told = data(made), rows(made)
-    row = next(i for i, each in enumerate(told) if each["class"] == "highway cut in" and each["vehicle"] == motorway.EGO)
+    row = next(
+        i
+        for i, each in enumerate(told)
+        if each["class"] == "highway cut in" and each["vehicle"] == motorway.EGO
+    )
     x, _, start, paired, ego, cutter, *_ = found["films"][row]
     assert paired == 1 and ego[:2] == [40, 20], "decimetres of a car"
     steps = np.array(ego[3:]).reshape(-1, 3)
-    assert np.abs(steps[1:, 0]).mean() == pytest.approx(10 * 30.0 * found["step"], rel=0.02), "30 m/s"
+    assert np.abs(steps[1:, 0]).mean() == pytest.approx(10 * 30.0 * found["step"], rel=0.02), (
+        "30 m/s"
+    )
     at_event = ego[2] + round(-start / found["step"])
     assert abs(steps[: at_event + 1, 0].sum()) < 20, "the ego is at the origin at the event"
     assert abs(np.array(cutter[3:]).reshape(-1, 3)[1:, 1].sum()) > 25, "the partner changes lane"
@@ -94,7 +122,9 @@ def test_films_show_what_was_recorded(made: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_page_filters_plays_and_links_to_files_that_are_there(made: Path, tmp_path: Path) -> None:
+def test_the_page_filters_plays_and_links_to_files_that_are_there(
+    made: Path, tmp_path: Path
+) -> None:
     told = rows(made)
     with Browser(tmp_path) as browser:
         for width in (1400, 390):
@@ -106,9 +136,13 @@ def test_the_page_filters_plays_and_links_to_files_that_are_there(made: Path, tm
         count = sum(row["class"] == first for row in told)
         assert browser.text("#count").startswith(f"{count} scenario")
         assert browser.run(
-            "[...document.querySelectorAll('.card h3')].every(each => each.textContent.startsWith('" + first + "'))"
+            "[...document.querySelectorAll('.card h3')].every(each => each.textContent.startsWith('"
+            + first
+            + "'))"
         )
-        links = browser.run("[...document.querySelectorAll('.links a')].map(each => decodeURI(each.getAttribute('href')))")
+        links = browser.run(
+            "[...document.querySelectorAll('.links a')].map(each => decodeURI(each.getAttribute('href')))"
+        )
         assert links and all((made / link).is_file() for link in links)
         film = "document.querySelector('.card canvas')"
         browser.run(f"{film}.scrollIntoView()")  # out of view, it would stop when the page notices

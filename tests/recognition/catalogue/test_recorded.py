@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from recognition import datasets
+from recognition import recordings as datasets
 from recognition.catalogue import pipeline, recordings
 from recognition.catalogue.pipeline import ByRules, Summary
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.labels import Rules
 from schemas import check_many
-from schemas.common.command_line import expand, progress_bar
+from schemas.common.terminal.command_line import expand, progress_bar
 from studies.recognition import fidelity
 
 TRACKS = "taf_bw/recorded_trackfiles"
@@ -27,13 +27,23 @@ def build(path: Path, out: Path) -> Summary:
 
 
 @pytest.mark.slow
-def test_scenes_of_real_vehicles_are_sound_and_repeat_the_recording(recordings: Path, tmp_path: Path) -> None:
+def test_scenes_of_real_vehicles_are_sound_and_repeat_the_recording(
+    recordings: Path, tmp_path: Path
+) -> None:
     path = recordings / TRACKS / "k729_2022-03-16" / "vehicle_tracks_004.csv"
     summary = build(path, tmp_path)
     assert summary.passages.total() == 17
-    rules = {problem.rule.rpartition(".")[2] for _, problems in check_many(expand([str(tmp_path)])) for problem in problems}
+    rules = {
+        problem.rule.rpartition(".")[2]
+        for _, problems in check_many(expand([str(tmp_path)]))
+        for problem in problems
+    }
     assert rules <= {"avoid_redundant_info"}, "a warning about roads of converted maps"
-    runs = dict(fidelity.of_catalogue(tmp_path, datasets.open(path).sources, SETTINGS.config.scope, "kinematic"))
+    runs = dict(
+        fidelity.of_catalogue(
+            tmp_path, datasets.open(path).sources, SETTINGS.config.scope, "kinematic"
+        )
+    )
     assert len(runs) == 17
     everyone = [each for run in runs.values() for each in run.deviations]
     assert max(each.greatest for each in everyone) < 0.05

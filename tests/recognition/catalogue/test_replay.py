@@ -11,16 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import xosc
-from recognition import datasets
-from recognition.catalogue import replay
-from recognition.catalogue.cut import Excerpt, SceneCutter, Scope, needed
-from recognition.catalogue.replay import entry
+from recognition import recordings as datasets
+from recognition.catalogue.writing import replay
+from recognition.catalogue.writing.replay import entry
+from recognition.scenes.cut import Excerpt, SceneCutter, Scope, needed
 from runner.recording import Recording
 from schemas import check
 from studies.recognition.fidelity import replayed
 from tests.recognition import motorway
-from xosc import maneuvers
-from xosc.versions import Version
+from xosc.writing import maneuvers
+from xosc.writing.versions import Version
 
 HEADER = maneuvers.FileHeader("a test", "a tester", datetime(2000, 1, 1))
 
@@ -35,26 +35,42 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 def write(folder: Path, recording: Recording, scene: Excerpt, version: Version = (1, 3)) -> Path:
     """A scenario with its catalogues."""
     entries = {part.name: entry(part.track) for part in scene.parts}
-    built = {kind: {e.name: e.built for e in entries.values() if e.kind == kind} for kind in {e.kind for e in entries.values()}}
+    built = {
+        kind: {e.name: e.built for e in entries.values() if e.kind == kind}
+        for kind in {e.kind for e in entries.values()}
+    }
     built["Trajectory"] = {path.name: path for path in replay.trajectories(scene)}
     for kind, content in built.items():
         path = folder / kind / "catalog.xosc"
         path.parent.mkdir(exist_ok=True)
-        xosc.write(maneuvers.catalog(path, HEADER, f"{kind}Catalog", list(content.values()), version), path)
+        xosc.write(
+            maneuvers.catalog(path, HEADER, f"{kind}Catalog", list(content.values()), version), path
+        )
     assert recording.network is not None
     (folder / "road.xodr").write_bytes(Path(recording.network.path).read_bytes())
     path = folder / "scenario.xosc"
     catalogs = {kind: kind for kind in built}
-    content = replay.scenario(path, HEADER, scene, road="road.xodr", entries=entries, catalogs=catalogs, version=version)
+    content = replay.scenario(
+        path, HEADER, scene, road="road.xodr", entries=entries, catalogs=catalogs, version=version
+    )
     path.write_bytes(content)
     return path
 
 
 def test_those_who_come_near_take_part(recording: Recording) -> None:
     scene = SceneCutter(recording, Scope()).cut(motorway.EGO, 1.0, 7.0)
-    assert [part.name for part in scene.parts] == ["Ego", "car_2", "car_3", "car_4", "truck_5", "car_6"]
+    assert [part.name for part in scene.parts] == [
+        "Ego",
+        "car_2",
+        "car_3",
+        "car_4",
+        "truck_5",
+        "car_6",
+    ]
     scene = SceneCutter(recording, Scope(reach=30.0)).cut(motorway.EGO, 5.0, 7.0)
-    assert [part.name for part in scene.parts] == ["Ego", "car_3", "car_4", "car_6"], "the one that cuts in is 40 m ahead"
+    assert [part.name for part in scene.parts] == ["Ego", "car_3", "car_4", "car_6"], (
+        "the one that cuts in is 40 m ahead"
+    )
 
 
 def test_scenes_end_with_the_ego(recording: Recording) -> None:
@@ -64,7 +80,9 @@ def test_scenes_end_with_the_ego(recording: Recording) -> None:
 
 
 @pytest.mark.parametrize("version", [(1, 0), (1, 1), (1, 2), (1, 3)])
-def test_replays_are_valid_and_sound_in_every_version(tmp_path: Path, recording: Recording, version: Version) -> None:
+def test_replays_are_valid_and_sound_in_every_version(
+    tmp_path: Path, recording: Recording, version: Version
+) -> None:
     write(tmp_path, recording, SceneCutter(recording, Scope()).cut(motorway.EGO, 1.0, 9.0), version)
     files = sorted(tmp_path.rglob("*.xosc"))
     assert [problem for file in files for problem in check(file)] == []
@@ -72,17 +90,24 @@ def test_replays_are_valid_and_sound_in_every_version(tmp_path: Path, recording:
 
 
 @pytest.mark.parametrize(
-    ("ego", "world"), [(motorway.EGO, "sumo"), (motorway.OTHER_EGO, "kinematic"), (motorway.STOPPING, "kinematic")]
+    ("ego", "world"),
+    [(motorway.EGO, "sumo"), (motorway.OTHER_EGO, "kinematic"), (motorway.STOPPING, "kinematic")],
 )
-def test_runs_repeat_what_was_recorded(tmp_path: Path, recording: Recording, ego: str, world: str) -> None:
+def test_runs_repeat_what_was_recorded(
+    tmp_path: Path, recording: Recording, ego: str, world: str
+) -> None:
     scene = SceneCutter(recording, Scope()).cut(ego, 0.5, 11.9)
     deviations = replayed(write(tmp_path, recording, scene), scene, world).deviations
     assert len(deviations) == len(scene.parts) >= 4
     assert max(each.greatest for each in deviations) < 0.03
-    assert max(each.missing for each in deviations) <= 2, "all are there but for the step in which they come"
+    assert max(each.missing for each in deviations) <= 2, (
+        "all are there but for the step in which they come"
+    )
     assert max(each.speed for each in deviations) < 0.1
     assert max(each.acceleration for each in deviations) < 0.5
-    assert max(each.hardest for each in deviations) < 6.0, "those who come later have their speed at once"
+    assert max(each.hardest for each in deviations) < 6.0, (
+        "those who come later have their speed at once"
+    )
 
 
 def test_who_enters_for_two_rows_has_both(recording: Recording) -> None:
@@ -93,7 +118,9 @@ def test_who_enters_for_two_rows_has_both(recording: Recording) -> None:
     assert len(part.rows) == 2
 
 
-def test_who_stands_at_the_end_of_a_trajectory_stays_there(tmp_path: Path, recording: Recording) -> None:
+def test_who_stands_at_the_end_of_a_trajectory_stays_there(
+    tmp_path: Path, recording: Recording
+) -> None:
     scene = SceneCutter(recording, Scope()).cut(motorway.STOPPING, 0.0, 11.9)
     assert scene.ego.column("speed")[-1] == pytest.approx(0.0, abs=1e-6)
     (ego, *_) = replayed(write(tmp_path, recording, scene), scene, "kinematic").deviations

@@ -11,9 +11,9 @@ import pytest
 
 from recognition.catalogue.pipeline import ByRules, Summary, Workers, build
 from recognition.catalogue.recordings import CatalogueSettings, opened
-from recognition.datasets import Source
-from schemas.common.command_line import progress_bar
+from recognition.recordings import Source
 from schemas.common.errors import InvalidFile
+from schemas.common.terminal.command_line import progress_bar
 from tests.recognition import motorway
 
 
@@ -28,25 +28,38 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def made(recordings: Path, out: Path, workers: Workers) -> Summary:
-    return build([recordings], out, CatalogueSettings(), ByRules, partial(progress_bar, quiet=True), workers)
+    return build(
+        [recordings], out, CatalogueSettings(), ByRules, partial(progress_bar, quiet=True), workers
+    )
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 @pytest.mark.slow
 def test_several_make_the_same_bytes_as_one(recordings: Path, tmp_path: Path) -> None:
-    one, several = made(recordings, tmp_path / "one", Workers()), made(recordings, tmp_path / "several", Workers(2))
+    one, several = (
+        made(recordings, tmp_path / "one", Workers()),
+        made(recordings, tmp_path / "several", Workers(2)),
+    )
     assert content(tmp_path / "one") == content(tmp_path / "several")
     assert one.classes == several.classes and one.classes.total() > 10
-    assert [type(error) for error in several.failures.values()] == [InvalidFile], "what is wrong with one keeps no other away"
+    assert [type(error) for error in several.failures.values()] == [InvalidFile], (
+        "what is wrong with one keeps no other away"
+    )
     assert not (tmp_path / "several" / ".recordings").exists()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scenes", ["events", "vehicles"])
-def test_several_share_one_recording(scenes: str, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_several_share_one_recording(
+    scenes: str, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     shown: list[tuple[str, int, list[float]]] = []
 
     @contextmanager
@@ -54,14 +67,33 @@ def test_several_share_one_recording(scenes: str, recordings: Path, tmp_path: Pa
         shown.append((doing, count, []))
         yield shown[-1][2].append
 
-    whole = build([recordings / "01"], tmp_path / "whole", CatalogueSettings(scenes=scenes), ByRules, seen, Workers())
+    whole = build(
+        [recordings / "01"],
+        tmp_path / "whole",
+        CatalogueSettings(scenes=scenes),
+        ByRules,
+        seen,
+        Workers(),
+    )
     monkeypatch.setattr("recognition.catalogue.pipeline._EPISODES", 2)
-    build([recordings / "01"], tmp_path / "parts", CatalogueSettings(scenes=scenes), ByRules, seen, Workers(2))
+    build(
+        [recordings / "01"],
+        tmp_path / "parts",
+        CatalogueSettings(scenes=scenes),
+        ByRules,
+        seen,
+        Workers(2),
+    )
     assert content(tmp_path / "whole") == content(tmp_path / "parts")
     written = whole.classes.total()
-    assert [(doing, count) for doing, count, _ in shown] == 2 * [("recognising", 1), ("writing", written)]
+    assert [(doing, count) for doing, count, _ in shown] == 2 * [
+        ("recognising", 1),
+        ("writing", written),
+    ]
     assert [sum(steps) for _, _, steps in shown] == 2 * [1, written], "what is shown adds up"
-    assert len(shown[-1][2]) == -(-written // 2) > 2 and max(shown[0][2]) < 1, "one recording is shown in parts"
+    assert len(shown[-1][2]) == -(-written // 2) > 2 and max(shown[0][2]) < 1, (
+        "one recording is shown in parts"
+    )
 
 
 @pytest.mark.slow

@@ -9,8 +9,8 @@ import pytest
 
 from recognition.labels import Label, Rules
 from recognition.labels.scene import prepare
-from recognition.sites import Site
-from recognition.sites.lanes import NOWHERE
+from recognition.scenes import Site
+from recognition.scenes.lanes import NOWHERE
 from runner.recording import Recording
 from tests.recognition.driving import STEP, ahead, labels, of, sideways, site, track
 from xodr.builders import straight_highway
@@ -33,7 +33,9 @@ def swaying(x: float, speed: float, change: float, seconds: float) -> np.ndarray
 def test_an_undisturbed_vehicle_cruises_freely(motorway: Site) -> None:
     (event,) = labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE))
     assert (event.label, event.ego, event.partner) == (Label.FREE_CRUISE, "ego", None)
-    assert event.time == pytest.approx(2.8, abs=0.11)  # the window and its margin fit in from here on
+    assert event.time == pytest.approx(
+        2.8, abs=0.11
+    )  # the window and its margin fit in from here on
     assert event.tags["speed"] == pytest.approx(30.0)
 
 
@@ -47,19 +49,31 @@ def test_who_accelerates_or_brakes_does_not_cruise(motorway: Site, change: float
 
 
 def test_slowly_wandering_speeds_are_no_cruise(motorway: Site) -> None:
-    gentle = swaying(100, 30, 0.29, SECONDS)  # |a| < 0.3, but 0.46 m/s of standard deviation in 5.5 s
+    gentle = swaying(
+        100, 30, 0.29, SECONDS
+    )  # |a| < 0.3, but 0.46 m/s of standard deviation in 5.5 s
     assert of(labels(motorway, track("ego", gentle, MIDDLE)), "ego") == [Label.FREE_CRUISE]
-    assert labels(motorway, track("ego", gentle, MIDDLE), config=Rules(cruise_speed_deviation=0.4)) == []
+    assert (
+        labels(motorway, track("ego", gentle, MIDDLE), config=Rules(cruise_speed_deviation=0.4))
+        == []
+    )
 
 
 @pytest.mark.parametrize("speed", [0.0, 4.0])
 def test_who_stands_or_creeps_behind_another_does_not_cruise(motorway: Site, speed: float) -> None:
-    jam = [track(name, ahead(x, speed, SECONDS), MIDDLE) for name, x in (("ego", 100.0), ("lead", 120.0))]
+    jam = [
+        track(name, ahead(x, speed, SECONDS), MIDDLE)
+        for name, x in (("ego", 100.0), ("lead", 120.0))
+    ]
     assert Label.FREE_CRUISE not in {event.label for event in labels(motorway, *jam)}
 
 
-@pytest.mark.parametrize(("gap", "expected"), [(119.0, Label.CAR_FOLLOWING), (121.0, Label.FREE_CRUISE)])
-def test_a_headway_of_four_seconds_parts_following_from_cruising(motorway: Site, gap: float, expected: Label) -> None:
+@pytest.mark.parametrize(
+    ("gap", "expected"), [(119.0, Label.CAR_FOLLOWING), (121.0, Label.FREE_CRUISE)]
+)
+def test_a_headway_of_four_seconds_parts_following_from_cruising(
+    motorway: Site, gap: float, expected: Label
+) -> None:
     lead = track("lead", ahead(100 + gap + 4.5, 30, SECONDS), MIDDLE)
     events = labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), lead)
     assert of(events, "ego") == [expected]
@@ -70,24 +84,38 @@ def test_following_tells_lead_gap_and_headway(motorway: Site) -> None:
     lead = track("lead", ahead(160, 30, SECONDS), MIDDLE)
     event = labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), lead)[0]
     assert (event.label, event.partner) == (Label.CAR_FOLLOWING, "lead")
-    assert event.tags == {"gap": pytest.approx(55.5), "thw": pytest.approx(1.85), "ttc_below_4s": False}
+    assert event.tags == {
+        "gap": pytest.approx(55.5),
+        "thw": pytest.approx(1.85),
+        "ttc_below_4s": False,
+    }
 
 
 def test_closing_in_fast_while_following_is_a_tag(motorway: Site) -> None:
     lead = track("lead", ahead(190, 18, SECONDS), MIDDLE)
-    events = labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), lead, config=Rules(following_ttc=5.0))
+    events = labels(
+        motorway,
+        track("ego", ahead(100, 30, SECONDS), MIDDLE),
+        lead,
+        config=Rules(following_ttc=5.0),
+    )
     assert [event.tags["ttc_below_4s"] for event in events if event.ego == "ego"] == [True]
 
 
 def test_somebody_in_the_next_lane_is_no_lead(motorway: Site) -> None:
     beside = track("beside", ahead(140, 30, SECONDS), LEFT)
-    assert of(labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), beside), "ego") == [Label.FREE_CRUISE]
+    assert of(labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), beside), "ego") == [
+        Label.FREE_CRUISE
+    ]
 
 
 def test_a_new_lead_ends_following(motorway: Site) -> None:
     first = track("first", ahead(140, 30, 4.0), MIDDLE)
     second = track("second", ahead(270, 30, 3.9), MIDDLE, start=4.1)
-    assert of(labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), first, second), "ego") == []
+    assert (
+        of(labels(motorway, track("ego", ahead(100, 30, SECONDS), MIDDLE), first, second), "ego")
+        == []
+    )
 
 
 def test_long_steady_drives_give_a_bounded_number_of_windows(motorway: Site) -> None:
@@ -100,9 +128,15 @@ def test_long_steady_drives_give_a_bounded_number_of_windows(motorway: Site) -> 
 # 5, 6 -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("end", "expected"), [(LEFT, Label.LANE_CHANGE_LEFT), (RIGHT, Label.LANE_CHANGE_RIGHT)])
-def test_a_change_of_lane_is_labelled_when_it_crosses_the_border(motorway: Site, end: float, expected: Label) -> None:
-    events = labels(motorway, track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE, end, 4.0, SECONDS)))
+@pytest.mark.parametrize(
+    ("end", "expected"), [(LEFT, Label.LANE_CHANGE_LEFT), (RIGHT, Label.LANE_CHANGE_RIGHT)]
+)
+def test_a_change_of_lane_is_labelled_when_it_crosses_the_border(
+    motorway: Site, end: float, expected: Label
+) -> None:
+    events = labels(
+        motorway, track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE, end, 4.0, SECONDS))
+    )
     assert of(events, "ego") == [expected]
     assert events[0].time == pytest.approx(4.0, abs=0.11)
     assert events[0].tags["shift"] == pytest.approx(3.75, abs=0.05)
@@ -111,7 +145,9 @@ def test_a_change_of_lane_is_labelled_when_it_crosses_the_border(motorway: Site,
 def test_a_change_against_the_reference_line_has_the_sides_of_its_traffic(tmp_path: Path) -> None:
     place = site(straight_highway(opposite_lanes=2), tmp_path)
     x, y = ahead(900, -30, SECONDS), sideways(3.5 + 1.875, 3.5 + 5.625, 4.0, SECONDS)
-    assert of(labels(place, track("ego", x, y)), "ego") == [Label.LANE_CHANGE_RIGHT]  # it drives towards -x, away from the median
+    assert of(labels(place, track("ego", x, y)), "ego") == [
+        Label.LANE_CHANGE_RIGHT
+    ]  # it drives towards -x, away from the median
 
 
 def test_left_hand_traffic_changes_to_the_same_sides(tmp_path: Path) -> None:
@@ -121,7 +157,9 @@ def test_left_hand_traffic_changes_to_the_same_sides(tmp_path: Path) -> None:
 
 
 def test_a_lane_has_to_be_held_for_a_second_before_and_after(motorway: Site) -> None:
-    there_and_back = np.concatenate([sideways(MIDDLE, LEFT, 3.0, 3.4, 2.0), sideways(LEFT, MIDDLE, 0.2, 4.5, 2.0)])
+    there_and_back = np.concatenate(
+        [sideways(MIDDLE, LEFT, 3.0, 3.4, 2.0), sideways(LEFT, MIDDLE, 0.2, 4.5, 2.0)]
+    )
     found = of(labels(motorway, track("ego", ahead(100, 30, SECONDS), there_and_back)), "ego")
     assert Label.LANE_CHANGE_LEFT not in found and Label.LANE_CHANGE_RIGHT not in found
 
@@ -154,7 +192,9 @@ def test_a_track_that_ends_while_it_still_drifts_shows_it_in_part(motorway: Site
 
 
 def test_a_whole_change_is_not_partial(motorway: Site) -> None:
-    (event,) = labels(motorway, track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE, LEFT, 4.0, SECONDS)))
+    (event,) = labels(
+        motorway, track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE, LEFT, 4.0, SECONDS))
+    )
     assert event.tags["partial"] is False
 
 
@@ -167,8 +207,12 @@ def test_drifting_over_the_border_is_no_change(motorway: Site) -> None:
 
 def test_the_strict_shift_counts_in_metres(motorway: Site) -> None:
     ego = track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE, LEFT + 0.4, 4.0, SECONDS))
-    cautious = track("ego", ahead(100, 30, SECONDS), sideways(MIDDLE + 0.3, LEFT - 0.2, 4.0, SECONDS))
-    assert of(labels(motorway, ego, config=Rules(strict_shift=3.5)), "ego") == [Label.LANE_CHANGE_LEFT]
+    cautious = track(
+        "ego", ahead(100, 30, SECONDS), sideways(MIDDLE + 0.3, LEFT - 0.2, 4.0, SECONDS)
+    )
+    assert of(labels(motorway, ego, config=Rules(strict_shift=3.5)), "ego") == [
+        Label.LANE_CHANGE_LEFT
+    ]
     assert of(labels(motorway, cautious, config=Rules(strict_shift=3.5)), "ego") == []
 
 
@@ -198,7 +242,9 @@ def test_who_comes_into_the_lane_ahead_cuts_in(motorway: Site) -> None:
 
 
 @pytest.mark.parametrize(("x", "expected"), [(184.0, [Label.CUT_IN]), (185.5, []), (60.0, [])])
-def test_cutting_in_far_ahead_or_behind_is_none(motorway: Site, x: float, expected: list[Label]) -> None:
+def test_cutting_in_far_ahead_or_behind_is_none(
+    motorway: Site, x: float, expected: list[Label]
+) -> None:
     found = [one for one in of(labels(motorway, *cutting_in(x)), "ego") if one == Label.CUT_IN]
     assert found == expected
 
@@ -252,7 +298,9 @@ def test_rows_beside_the_road_or_beyond_its_end_are_no_place(motorway: Site) -> 
 
 
 @pytest.mark.parametrize(("aside", "lead"), [(1.2, False), (0.0, True)])
-def test_a_still_vehicle_is_a_lead_in_the_middle_of_a_lane_and_parked_beside_it(motorway: Site, aside: float, lead: bool) -> None:
+def test_a_still_vehicle_is_a_lead_in_the_middle_of_a_lane_and_parked_beside_it(
+    motorway: Site, aside: float, lead: bool
+) -> None:
     ego = track("ego", ahead(0, 10, 6), MIDDLE)
     jitter = 150.0 + 0.3 * (-1.0) ** np.arange(61)
     still = track("still", jitter, np.full(61, MIDDLE + aside), heading=0.0)

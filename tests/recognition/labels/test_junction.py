@@ -1,6 +1,7 @@
 """Rules 14 to 17, on a crossing whose arms are 1 (east), 2 (north), 3 (west), 4 (south); connecting roads go counterclockwise.
 
-Roads inside: 101 to 103 from the east to north, west and south, 104 to 106 from the north to east, west and south, and so on.
+Roads inside: 101 to 103 from the east to north, west and south, 104 to 106 from the north to east,
+west and south, and so on.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ import pytest
 from recognition.labels import Label, LabelledEvent, Rules
 from recognition.labels.changes import passages
 from recognition.labels.scene import prepare
-from recognition.sites import Site
+from recognition.scenes import Site
 from runner.recording import Recording, Track
 from tests.recognition.driving import STEP, labels, of, route, site, track
 from xodr.builders import four_way_intersection, t_junction
-from xodr.lanelet2 import Lanelet, build
+from xodr.formats.lanelet2 import Lanelet, build
 
 WAYS = {"EN": "101", "EW": "102", "ES": "103", "NE": "104", "NW": "105", "NS": "106", "WE": "107", "WN": "108", "WS": "109",
         "SE": "110", "SN": "111", "SW": "112"}  # fmt: skip
@@ -31,7 +32,9 @@ def crossing(tmp_path_factory: pytest.TempPathFactory) -> Site:
     return site(four_way_intersection(), tmp_path_factory.mktemp("crossing"))
 
 
-def car(place: Site, way: str, *, start: float = 0.0, name: str | None = None, category: str = "car") -> Track:
+def car(
+    place: Site, way: str, *, start: float = 0.0, name: str | None = None, category: str = "car"
+) -> Track:
     """A car that enters the junction 6.25 s after its start, at 8 m/s."""
     x, y = route(place.network, (ARMS[way[0]], 1, 50.0), 8.0, 16.0, (WAYS[way],))
     return track(name or way, x, y, start=start, category=category)
@@ -78,7 +81,11 @@ def _bent(folder: Path, degrees: float, straight_on: bool) -> Site:
         "ahead": [(0.0, 0.0), (40.0, 0.0)],
         "far": [(40.0, 0.0), (99.0, 0.0)],
     }
-    links = {"in": ("bend", "ahead") if straight_on else ("bend",), "bend": ("out",), "ahead": ("far",)}
+    links = {
+        "in": ("bend", "ahead") if straight_on else ("bend",),
+        "bend": ("out",),
+        "ahead": ("far",),
+    }
     links |= {"south": ("across",), "across": ("north",)}
     names = [name for name in ways if straight_on or name not in ("ahead", "far")]
     lanelets = []
@@ -86,7 +93,11 @@ def _bent(folder: Path, degrees: float, straight_on: bool) -> Site:
         points = np.array(ways[name], float)
         steps = np.gradient(points, axis=0)
         normal = np.column_stack([-steps[:, 1], steps[:, 0]]) / np.hypot(*steps.T)[:, None]
-        lanelets.append(Lanelet(name, points + 1.75 * normal, points - 1.75 * normal, successors=links.get(name, ())))
+        lanelets.append(
+            Lanelet(
+                name, points + 1.75 * normal, points - 1.75 * normal, successors=links.get(name, ())
+            )
+        )
     return site(build(lanelets, "bent").map, folder)
 
 
@@ -105,7 +116,12 @@ def test_where_the_road_itself_bends_its_way_goes_straight_on(
 
 
 def test_ways_that_only_part_or_meet_do_not_cross(crossing: Site) -> None:
-    events = labels(crossing, car(crossing, "WE"), car(crossing, "WN", start=30.0), car(crossing, "SE", start=60.0))
+    events = labels(
+        crossing,
+        car(crossing, "WE"),
+        car(crossing, "WN", start=30.0),
+        car(crossing, "SE", start=60.0),
+    )
     assert of(events, "WE") == []
 
 
@@ -113,16 +129,28 @@ def test_a_left_turn_before_oncoming_traffic_is_opposed(crossing: Site) -> None:
     alone = labels(crossing, car(crossing, "ES"))
     opposed = labels(crossing, car(crossing, "ES"), car(crossing, "WE", start=3.0))
     later = labels(crossing, car(crossing, "ES"), car(crossing, "WE", start=8.0))
-    assert [first(events, "ES").tags["opposing"] for events in (alone, opposed, later)] == [False, True, False]
+    assert [first(events, "ES").tags["opposing"] for events in (alone, opposed, later)] == [
+        False,
+        True,
+        False,
+    ]
 
 
 @pytest.mark.parametrize(("after", "conflict"), [(2.0, True), (4.5, False)])
-def test_a_cyclist_or_pedestrian_on_the_way_is_a_conflict(crossing: Site, after: float, conflict: bool) -> None:
+def test_a_cyclist_or_pedestrian_on_the_way_is_a_conflict(
+    crossing: Site, after: float, conflict: bool
+) -> None:
     turn = car(crossing, "EN")
     row = round(8.0 / STEP)
     x, y = turn.columns["x"][row], turn.columns["y"][row]
     walker = track(
-        "P", x + np.linspace(-10.0, 10.0, 101), y, start=8.0 + after - 5.0, category="pedestrian", length=0.5, width=0.5
+        "P",
+        x + np.linspace(-10.0, 10.0, 101),
+        y,
+        start=8.0 + after - 5.0,
+        category="pedestrian",
+        length=0.5,
+        width=0.5,
     )
     events = labels(crossing, turn, walker)
     assert first(events, "EN").tags["vru_conflict"] is conflict
@@ -134,7 +162,9 @@ def test_cyclists_are_no_egos(crossing: Site) -> None:
 
 
 @pytest.mark.parametrize(("later", "expected"), [(2.0, Label.MERGING), (4.5, Label.RIGHT_TURN)])
-def test_arriving_in_one_lane_shortly_after_each_other_is_merging(crossing: Site, later: float, expected: Label) -> None:
+def test_arriving_in_one_lane_shortly_after_each_other_is_merging(
+    crossing: Site, later: float, expected: Label
+) -> None:
     events = labels(crossing, car(crossing, "WE"), car(crossing, "SE", start=later))
     assert of(events, "SE") == [expected]
     if expected is Label.MERGING:
@@ -143,29 +173,42 @@ def test_arriving_in_one_lane_shortly_after_each_other_is_merging(crossing: Site
         assert float(event.tags["arrival_gap"]) < 3.0
 
 
-def test_a_turn_whose_arrival_is_cut_off_by_the_end_of_the_view_stays_a_turn(crossing: Site) -> None:
+def test_a_turn_whose_arrival_is_cut_off_by_the_end_of_the_view_stays_a_turn(
+    crossing: Site,
+) -> None:
     whole = car(crossing, "SE", start=2.0)
     arrived = int(np.argmax(whole.columns["x"] > 11.5))  # the junction ends there
-    short = track("SE", whole.columns["x"][: arrived + 6], whole.columns["y"][: arrived + 6], start=2.0)
+    short = track(
+        "SE", whole.columns["x"][: arrived + 6], whole.columns["y"][: arrived + 6], start=2.0
+    )
     events = labels(crossing, car(crossing, "WE"), short)
     assert of(events, "SE") == [Label.RIGHT_TURN]
     assert of(events, "WE") == [Label.MERGING]
 
 
 def test_following_each_other_from_one_road_is_no_merging(crossing: Site) -> None:
-    events = labels(crossing, car(crossing, "SE", name="a"), car(crossing, "SE", start=2.0, name="b"))
+    events = labels(
+        crossing, car(crossing, "SE", name="a"), car(crossing, "SE", start=2.0, name="b")
+    )
     assert {event.label for event in events} == {Label.RIGHT_TURN}
 
 
 def test_who_is_first_seen_on_the_way_of_another_does_not_merge_with_it(crossing: Site) -> None:
     other, whole = car(crossing, "SE", start=2.0), car(crossing, "WE")
     shown = whole.columns["x"] > 5.0
-    late = track("WE", whole.columns["x"][shown], whole.columns["y"][shown], start=float(whole.columns["time"][shown][0]))
+    late = track(
+        "WE",
+        whole.columns["x"][shown],
+        whole.columns["y"][shown],
+        start=float(whole.columns["time"][shown][0]),
+    )
     assert of(labels(crossing, other, whole), "SE") == [Label.MERGING]
     assert of(labels(crossing, other, late), "SE") == [Label.RIGHT_TURN]
 
 
-def test_traffic_lights_rule_the_classes_out_unless_asked_for(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_traffic_lights_rule_the_classes_out_unless_asked_for(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
     place = site(four_way_intersection(signals=True), tmp_path_factory.mktemp("lights"))
     ego = car(place, "ES")
     assert labels(place, ego) == []
@@ -179,7 +222,9 @@ def test_a_track_that_begins_and_ends_inside_is_a_passage_too(crossing: Site) ->
     assert of(labels(crossing, part), "ES") == [Label.LEFT_TURN]
 
 
-def test_passages_know_origin_and_target_from_the_map_where_the_track_does_not_reach_them(crossing: Site) -> None:
+def test_passages_know_origin_and_target_from_the_map_where_the_track_does_not_reach_them(
+    crossing: Site,
+) -> None:
     whole = car(crossing, "ES")
     rows = slice(round((INSIDE + 0.1) / STEP), round((INSIDE + 2.1) / STEP))
     part = track("part", whole.columns["x"][rows], whole.columns["y"][rows])
@@ -188,13 +233,19 @@ def test_passages_know_origin_and_target_from_the_map_where_the_track_does_not_r
     assert found.arrived.tolist() == [True, False]
 
 
-@pytest.mark.parametrize(("recorded", "expected"), [(60.0, [Label.LEFT_TURN]), (30.0, [Label.LEFT_TURN]), (12.0, [])])
-def test_of_a_turn_that_the_record_cuts_a_third_is_enough(crossing: Site, recorded: float, expected: list[Label]) -> None:
+@pytest.mark.parametrize(
+    ("recorded", "expected"), [(60.0, [Label.LEFT_TURN]), (30.0, [Label.LEFT_TURN]), (12.0, [])]
+)
+def test_of_a_turn_that_the_record_cuts_a_third_is_enough(
+    crossing: Site, recorded: float, expected: list[Label]
+) -> None:
     whole = car(crossing, "ES")
     left = np.degrees(1.5 * np.pi - np.unwrap(np.mod(whole.columns["h"], 2.0 * np.pi)))
     rows = slice(int(np.argmax(left < recorded)), None)
     part = track("ES", whole.columns["x"][rows], whole.columns["y"][rows])
-    events = labels(crossing, part, car(crossing, "WE", start=40.0), car(crossing, "NS", start=60.0))
+    events = labels(
+        crossing, part, car(crossing, "WE", start=40.0), car(crossing, "NS", start=60.0)
+    )
     assert of(events, "ES") == expected
     assert all(event.time >= 0.7 for event in events)  # the whole window is there
 
@@ -209,15 +260,23 @@ def test_a_slow_end_of_a_turn_that_the_record_cuts_is_none(crossing: Site) -> No
 
 def test_a_turn_may_begin_before_the_junction_and_end_behind_it(crossing: Site) -> None:
     angle = np.linspace(0.0, 0.5 * np.pi, 40)
-    x = np.concatenate([np.linspace(60.0, 17.0, 60), 16.5 - 18.25 * np.sin(angle), np.full(40, -1.75)])
-    y = np.concatenate([np.full(60, 1.75), -16.5 + 18.25 * np.cos(angle), np.linspace(-17.0, -45.0, 40)])
+    x = np.concatenate(
+        [np.linspace(60.0, 17.0, 60), 16.5 - 18.25 * np.sin(angle), np.full(40, -1.75)]
+    )
+    y = np.concatenate(
+        [np.full(60, 1.75), -16.5 + 18.25 * np.cos(angle), np.linspace(-17.0, -45.0, 40)]
+    )
     wide = track("wide", x, y)  # it turns by less than 60 degrees inside
     assert of(labels(crossing, wide, config=Rules(turn=(75.0, 135.0))), "wide") == [Label.LEFT_TURN]
-    assert of(labels(crossing, wide, config=Rules(turn=(75.0, 135.0), turning_time=0.1)), "wide") == []
+    assert (
+        of(labels(crossing, wide, config=Rules(turn=(75.0, 135.0), turning_time=0.1)), "wide") == []
+    )
 
 
 def test_all_rows_of_a_passage_that_turns_are_in_a_turn(crossing: Site) -> None:
-    scene = prepare(Recording([car(crossing, "ES"), car(crossing, "WE")], STEP, None), crossing, Rules())
+    scene = prepare(
+        Recording([car(crossing, "ES"), car(crossing, "WE")], STEP, None), crossing, Rules()
+    )
     left, straight = (scene.passages.rows(number) for number in (0, 1))
     assert scene.turning[left].all() and np.count_nonzero(scene.turning) == len(left)
     assert not scene.turning[straight].any()

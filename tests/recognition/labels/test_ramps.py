@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from recognition.labels import Label, Rules
-from recognition.sites import Site, site_at
+from recognition.scenes import Site, site_at
 from tests.recognition.driving import STEP, labels, of, route, site, track
 from xodr.builders import off_ramp, on_ramp
 
@@ -47,15 +47,25 @@ def test_a_view_that_begins_on_the_ramp_shows_entering_in_part(entering: Site) -
     ego = track("ego", x, beside(y, 1.9, 3.75, 2.0))
     (event,) = (event for event in labels(entering, ego) if event.label == Label.RAMP_ENTERING)
     assert event.tags == {"ramp_way": pytest.approx(45.0, abs=0.5), "partial": True}
-    assert Label.RAMP_ENTERING not in of(labels(entering, ego, config=Rules(partial_ramp=50.0)), "ego")
-    (whole,) = (event for event in labels(entering, ego, config=Rules(ramp_length=30.0)) if event.label == Label.RAMP_ENTERING)
+    assert Label.RAMP_ENTERING not in of(
+        labels(entering, ego, config=Rules(partial_ramp=50.0)), "ego"
+    )
+    (whole,) = (
+        event
+        for event in labels(entering, ego, config=Rules(ramp_length=30.0))
+        if event.label == Label.RAMP_ENTERING
+    )
     assert whole.tags["partial"] is False
 
 
-def test_entering_at_the_beginning_of_the_view_has_its_window_where_it_is_whole(entering: Site) -> None:
+def test_entering_at_the_beginning_of_the_view_has_its_window_where_it_is_whole(
+    entering: Site,
+) -> None:
     x, y = route(entering.network, ("2", -3, 10.0), 25.0, 7.0)
     (event,) = (
-        event for event in labels(entering, track("ego", x, beside(y, 0.6, 3.75, 2.0))) if event.label is Label.RAMP_ENTERING
+        event
+        for event in labels(entering, track("ego", x, beside(y, 0.6, 3.75, 2.0)))
+        if event.label is Label.RAMP_ENTERING
     )
     assert event.time == pytest.approx(0.8)
     assert event.tags["partial"] is True
@@ -63,13 +73,17 @@ def test_entering_at_the_beginning_of_the_view_has_its_window_where_it_is_whole(
 
 def test_changing_between_main_lanes_is_no_entering(entering: Site) -> None:
     x, y = route(entering.network, ("2", -2, 10.0), 25.0, 10.0)
-    assert of(labels(entering, track("ego", x, beside(y, 5.0, 3.75))), "ego") == [Label.LANE_CHANGE_LEFT]
+    assert of(labels(entering, track("ego", x, beside(y, 5.0, 3.75))), "ego") == [
+        Label.LANE_CHANGE_LEFT
+    ]
 
 
 def test_whoever_enters_cuts_in_before_those_on_the_carriageway(entering: Site) -> None:
     x, y = route(entering.network, ("3", -1, 100.0), 25.0, 16.0)
     behind_x, behind_y = route(entering.network, ("1", -2, 370.0), 25.0, 16.0)
-    events = labels(entering, track("ramp", x, beside(y, 11.0, 3.75)), track("main", behind_x, behind_y))
+    events = labels(
+        entering, track("ramp", x, beside(y, 11.0, 3.75)), track("main", behind_x, behind_y)
+    )
     assert Label.CUT_IN in of(events, "main")
     assert next(event.partner for event in events if event.label is Label.CUT_IN) == "ramp"
 
@@ -80,23 +94,35 @@ def test_from_the_carriageway_onto_the_deceleration_lane(leaving: Site) -> None:
     after_x, after_y = route(leaving.network, ("1", -3, 700.0), 25.0, 16.0, ("102",))
     changed = round(7.0 / STEP)
     first = int(np.argmin(np.abs(after_x - x[changed + 30])))
-    ego = track("ego", np.append(x[: changed + 30], after_x[first:]), np.append(onto[: changed + 30], after_y[first:]))
+    ego = track(
+        "ego",
+        np.append(x[: changed + 30], after_x[first:]),
+        np.append(onto[: changed + 30], after_y[first:]),
+    )
     events = labels(leaving, ego)
     assert of(events, "ego") == [Label.FREE_CRUISE, Label.RAMP_EXITING]
     assert events[1].time == pytest.approx(6.0, abs=0.2)
 
 
 @pytest.mark.parametrize(("seconds", "seen"), [(6.3, False), (7.5, True)])
-def test_a_view_that_ends_on_the_ramp_shows_exiting_in_part(leaving: Site, seconds: float, seen: bool) -> None:
+def test_a_view_that_ends_on_the_ramp_shows_exiting_in_part(
+    leaving: Site, seconds: float, seen: bool
+) -> None:
     x, y = route(leaving.network, ("1", -2, 600.0), 25.0, seconds)
     events = labels(leaving, track("ego", x, beside(y, 6.0, -3.75)))
-    assert [event.tags["partial"] for event in events if event.label == Label.RAMP_EXITING] == [True] * seen
+    assert [event.tags["partial"] for event in events if event.label == Label.RAMP_EXITING] == [
+        True
+    ] * seen
 
 
 def test_a_ramp_that_becomes_a_lane_is_entered_without_a_change(tmp_path: Path) -> None:
     place = site(on_ramp(), tmp_path)
-    roles = tmp_path / "site.roles.json"  # a person says that the extra lane is a through lane from s = 0 on
-    roles.write_text(roles.read_text().replace('"to": 325.0, "role": "on_ramp"', '"to": 325.0, "role": "main"'))
+    roles = (
+        tmp_path / "site.roles.json"
+    )  # a person says that the extra lane is a through lane from s = 0 on
+    roles.write_text(
+        roles.read_text().replace('"to": 325.0, "role": "on_ramp"', '"to": 325.0, "role": "main"')
+    )
     x, y = route(place.network, ("3", -1, 100.0), 25.0, 14.0)
     events = labels(site_at(place.path), track("ego", x, y))
     assert Label.RAMP_ENTERING in of(events, "ego")

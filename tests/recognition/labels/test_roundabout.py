@@ -7,7 +7,7 @@ import pytest
 
 from recognition.labels import Label, Rules
 from recognition.labels.scene import alone, events, prepare
-from recognition.sites import Site
+from recognition.scenes import Site
 from runner.recording import Recording, Track
 from tests.recognition.driving import STEP, labels, of, route, site, track
 from xodr.builders import roundabout
@@ -20,30 +20,54 @@ def ring(tmp_path_factory: pytest.TempPathFactory) -> Site:
     return site(roundabout(), tmp_path_factory.mktemp("roundabout"))
 
 
-def car(place: Site, name: str, roads: tuple[str, ...], *, arm: str = "1", s: float = 50.0, start: float = 0.0) -> Track:
+def car(
+    place: Site,
+    name: str,
+    roads: tuple[str, ...],
+    *,
+    arm: str = "1",
+    s: float = 50.0,
+    start: float = 0.0,
+) -> Track:
     x, y = route(place.network, (arm, 1, s), 7.0, 30.0, roads)
     return track(name, x, y, start=start)
 
 
 def test_once_half_round_enters_circulates_and_exits(ring: Site) -> None:
     found = labels(ring, car(ring, "ego", ("102", "201", "303")))
-    assert of(found, "ego") == [Label.ROUNDABOUT_ENTERING, Label.ROUNDABOUT_CIRCULATING, Label.ROUNDABOUT_EXITING]
+    assert of(found, "ego") == [
+        Label.ROUNDABOUT_ENTERING,
+        Label.ROUNDABOUT_CIRCULATING,
+        Label.ROUNDABOUT_EXITING,
+    ]
     times = [event.time for event in found]
-    assert times[0] == pytest.approx((50.0 + 22.5) / 7.0, abs=0.5)  # rest of the arm and the entry lane
+    assert times[0] == pytest.approx(
+        (50.0 + 22.5) / 7.0, abs=0.5
+    )  # rest of the arm and the entry lane
     assert (np.diff(times) > 1.49).all()
 
 
-@pytest.mark.parametrize(("label", "kept"), [(Label.ROUNDABOUT_ENTERING, False), (Label.LEFT_TURN, True)])
-def test_merging_wins_over_turns_but_not_over_entering(ring: Site, label: Label, kept: bool) -> None:
+@pytest.mark.parametrize(
+    ("label", "kept"), [(Label.ROUNDABOUT_ENTERING, False), (Label.LEFT_TURN, True)]
+)
+def test_merging_wins_over_turns_but_not_over_entering(
+    ring: Site, label: Label, kept: bool
+) -> None:
     scene = prepare(Recording([car(ring, "ego", ("102", "201", "303"))], STEP, None), ring, Rules())
     row = np.array([60])
-    (event,) = events(scene, "test", [alone(Label.MERGING, row, arrival_gap=row * 0.1), alone(label, row)])
+    (event,) = events(
+        scene, "test", [alone(Label.MERGING, row, arrival_gap=row * 0.1), alone(label, row)]
+    )
     assert event.label is (Label.MERGING if kept else label)
 
 
 def test_round_and_round_circulates_several_times(ring: Site) -> None:
     found = of(labels(ring, car(ring, "ego", ROUND)), "ego")
-    assert found[:3] == [Label.ROUNDABOUT_ENTERING, Label.ROUNDABOUT_CIRCULATING, Label.ROUNDABOUT_CIRCULATING]
+    assert found[:3] == [
+        Label.ROUNDABOUT_ENTERING,
+        Label.ROUNDABOUT_CIRCULATING,
+        Label.ROUNDABOUT_CIRCULATING,
+    ]
     assert Label.ROUNDABOUT_EXITING not in found
 
 
@@ -61,12 +85,18 @@ def test_entering_right_after_a_stop_yields(ring: Site, stop: float, yields: boo
     x, y = route(ring.network, ("1", 1, 50.0), 7.0, 30.0, ("102", "201", "303"))
     row = round(stop / STEP)
     x, y = (np.concatenate([line[:row], np.full(30, line[row]), line[row:]]) for line in (x, y))
-    event = next(event for event in labels(ring, track("ego", x, y)) if event.label is Label.ROUNDABOUT_ENTERING)
+    event = next(
+        event
+        for event in labels(ring, track("ego", x, y))
+        if event.label is Label.ROUNDABOUT_ENTERING
+    )
     assert event.tags["yields"] is yields
 
 
 @pytest.mark.parametrize(("start", "yields"), [(0.0, True), (9.0, False)])
-def test_entering_close_to_somebody_in_the_ring_yields(ring: Site, start: float, yields: bool) -> None:
+def test_entering_close_to_somebody_in_the_ring_yields(
+    ring: Site, start: float, yields: bool
+) -> None:
     ego = car(ring, "ego", ("102", "201", "303"), start=5.0)
     other = car(ring, "other", ("402", "101", "201", "303"), arm="4", s=52.0, start=start)
     event = next(event for event in labels(ring, ego, other) if event.ego == "ego")

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recognition.datasets import open as open_data_set
 from recognition.recorder import record
 from recognition.recorder.simulation import EXACT, Sensor, VehicleMotion
 from recognition.recorder.sites import KINDS, family
+from recognition.recordings import open as open_data_set
 from schemas import check
 
 
@@ -24,17 +24,25 @@ def test_a_seed_gives_the_same_sites_whatever_their_number() -> None:
     few, many = family(3, 4), family(3, 12)
     for name, site in few.items():
         assert site.road_map().to_xml() == many[name].road_map().to_xml()
-        assert (site.flows, site.sensor, site.fleet) == (many[name].flows, many[name].sensor, many[name].fleet)
+        assert (site.flows, site.sensor, site.fleet) == (
+            many[name].flows,
+            many[name].sensor,
+            many[name].fleet,
+        )
 
 
 def test_seeds_have_no_map_in_common() -> None:
-    one, other = ({site.road_map().to_xml() for site in family(seed, 20).values()} for seed in (3, 4))
+    one, other = (
+        {site.road_map().to_xml() for site in family(seed, 20).values()} for seed in (3, 4)
+    )
     assert not one & other
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_maps_of_all_kinds_are_valid(kind: str, tmp_path: Path) -> None:
-    sites = [site for name, site in family(5, 2 * len(KINDS)).items() if name.startswith(f"{kind}_05")]
+    sites = [
+        site for name, site in family(5, 2 * len(KINDS)).items() if name.startswith(f"{kind}_05")
+    ]
     for site in sites:
         path = site.road_map().write(tmp_path / f"{site.name}.xodr")
         assert not [problem for problem in check(path) if problem.severity == "error"]
@@ -44,14 +52,19 @@ def test_maps_of_all_kinds_are_valid(kind: str, tmp_path: Path) -> None:
 def test_a_family_is_recorded_with_one_recording_of_each_site(tmp_path: Path) -> None:
     record(tmp_path, scale=0.3, seed=9, families=2)
     sources = open_data_set(tmp_path).sources
-    assert sorted(source.path.parent.name for source in sources) == ["crossing_09_001", "motorway_09_000"]
+    assert sorted(source.path.parent.name for source in sources) == [
+        "crossing_09_001",
+        "motorway_09_000",
+    ]
     assert all(source.load().tracks for source in sources)
 
 
 def moving(vehicles: int = 200, rows: int = 20) -> VehicleMotion:
     vehicle, frame = np.repeat(np.arange(vehicles), rows), np.tile(np.arange(rows), vehicles)
     zeros = np.zeros(len(vehicle))
-    return VehicleMotion(vehicle, frame, frame * 1.0, zeros, zeros, zeros + 10.0, zeros, zeros, zeros)
+    return VehicleMotion(
+        vehicle, frame, frame * 1.0, zeros, zeros, zeros + 10.0, zeros, zeros, zeros
+    )
 
 
 def test_an_exact_sensor_sees_everything_as_it_is() -> None:

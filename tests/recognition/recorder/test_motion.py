@@ -38,7 +38,9 @@ def test_in_a_circle_the_axles_follow_each_other_and_the_box_stays_near_the_lane
     steady = slice(60, -60)
     assert np.hypot(moving.x, moving.y)[steady] == pytest.approx(radius, abs=0.4)
     assert np.hypot(moving.vx, moving.vy)[steady] == pytest.approx(speed, rel=0.03)
-    rear = np.stack([moving.x - 0.3 * LENGTH * np.cos(moving.h), moving.y - 0.3 * LENGTH * np.sin(moving.h)])
+    rear = np.stack(
+        [moving.x - 0.3 * LENGTH * np.cos(moving.h), moving.y - 0.3 * LENGTH * np.sin(moving.h)]
+    )
     velocity = np.gradient(rear, axis=1)
     aside = velocity[1] * np.cos(moving.h) - velocity[0] * np.sin(moving.h)
     assert np.abs(aside[steady]).max() < 1e-3  # the rear axle does not slip
@@ -52,16 +54,26 @@ def test_who_stands_keeps_the_heading() -> None:
     assert np.hypot(moving.vx, moving.vy)[-25:] == pytest.approx(0.0, abs=1e-6)
 
 
-places = st.tuples(st.floats(-6, 6), st.floats(-6, 6), st.floats(-4, 4), st.floats(1, 8), st.floats(0.5, 3))
+places = st.tuples(
+    st.floats(-6, 6), st.floats(-6, 6), st.floats(-4, 4), st.floats(1, 8), st.floats(0.5, 3)
+)
 
 
 @given(st.lists(places, min_size=2, max_size=6))
-def test_overlaps_are_those_of_polygons(boxes: list[tuple[float, float, float, float, float]]) -> None:
+def test_overlaps_are_those_of_polygons(
+    boxes: list[tuple[float, float, float, float, float]],
+) -> None:
     x, y, h, length, width = np.array(boxes).T
     zero = np.zeros(len(x))
-    still = VehicleMotion(np.arange(len(x)), np.zeros(len(x), np.int64), x, y, h, zero, zero, zero, zero)
+    still = VehicleMotion(
+        np.arange(len(x)), np.zeros(len(x), np.int64), x, y, h, zero, zero, zero, zero
+    )
     outlines = [
-        affinity.translate(affinity.rotate(box(-a / 2, -b / 2, a / 2, b / 2), turn, (0, 0), use_radians=True), left, up)
+        affinity.translate(
+            affinity.rotate(box(-a / 2, -b / 2, a / 2, b / 2), turn, (0, 0), use_radians=True),
+            left,
+            up,
+        )
         for left, up, turn, a, b in boxes
     ]
     found = {frozenset(pair) for pair in np.stack(overlaps(still, length, width), axis=1).tolist()}
@@ -94,6 +106,11 @@ def test_neighbours_beside_are_told_from_those_ahead_and_behind() -> None:
 
 
 def test_a_lorry_beside_two_cars_has_nobody_of_them_ahead_or_behind() -> None:
-    traffic = Traffic(np.ones(3, np.int64), np.array([1, 2, 2]), np.array([0.0, -4.0, 4.0]), np.array([16.0, 4.0, 4.0]))
+    traffic = Traffic(
+        np.ones(3, np.int64),
+        np.array([1, 2, 2]),
+        np.array([0.0, -4.0, 4.0]),
+        np.array([16.0, 4.0, 4.0]),
+    )
     preceding, alongside, following = traffic.beside(1)
     assert preceding[0] == ABSENT and following[0] == ABSENT and alongside[0] in (1, 2)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.trfe.candidates import Buffer, Preprocessing, sift
-from recognition.trfe.samples import Prototypes
+from recognition.trfe.discovery.candidates import Buffer, Preprocessing, sift
+from recognition.trfe.inputs.samples import Prototypes
 from schemas.common.errors import UsageError
 from studies.recognition.strategies import CosinePrototypes, EuclideanPrototypes, MarginPrototypes
 from tests.recognition.clouds import clouds
@@ -18,9 +18,17 @@ def test_the_oldest_samples_are_dropped() -> None:
     assert not buffer.full
     buffer.add(np.arange(3.0, 6.0)[:, None], np.array([13, 14, 15]))
     assert buffer.full
-    assert (buffer.keys.tolist(), buffer.inputs.ravel().tolist(), buffer.dropped) == ([12, 13, 14, 15], [2.0, 3.0, 4.0, 5.0], 2)
+    assert (buffer.keys.tolist(), buffer.inputs.ravel().tolist(), buffer.dropped) == (
+        [12, 13, 14, 15],
+        [2.0, 3.0, 4.0, 5.0],
+        2,
+    )
     buffer.remove(np.array([True, False, False, True]))
-    assert (buffer.keys.tolist(), buffer.inputs.ravel().tolist(), len(buffer)) == ([13, 14], [3.0, 4.0], 2)
+    assert (buffer.keys.tolist(), buffer.inputs.ravel().tolist(), len(buffer)) == (
+        [13, 14],
+        [3.0, 4.0],
+        2,
+    )
 
 
 def test_a_batch_larger_than_the_buffer_leaves_its_end() -> None:
@@ -36,7 +44,9 @@ def line() -> Prototypes:
 
 
 def test_ratio_is_the_distance_over_the_radius() -> None:
-    assert line().ratio(np.array([[0.0], [0.95], [1.9], [5.0], [12.85]])) == pytest.approx([0.0, 1.0, 2.0, 5.0 / 0.95, 3.0])
+    assert line().ratio(np.array([[0.0], [0.95], [1.9], [5.0], [12.85]])) == pytest.approx(
+        [0.0, 1.0, 2.0, 5.0 / 0.95, 3.0]
+    )
 
 
 def test_radii_are_the_95th_percentile_of_a_class_s_own_distances() -> None:
@@ -83,10 +93,14 @@ def test_samples_within_the_margin_of_a_known_class_are_set_aside() -> None:
     assert sifted.near_known.tolist() == [True, False, False, False, True]
     beside = np.array([[0.8], [5.0]])
     for margin, near in ((0.75, False), (1.0, True)):
-        assert sift(beside, line(), Preprocessing(neighbours=1, margin=margin)).near_known[0] == near
+        assert (
+            sift(beside, line(), Preprocessing(neighbours=1, margin=margin)).near_known[0] == near
+        )
 
 
-@pytest.mark.parametrize("kind", [Prototypes, EuclideanPrototypes, CosinePrototypes, MarginPrototypes])
+@pytest.mark.parametrize(
+    "kind", [Prototypes, EuclideanPrototypes, CosinePrototypes, MarginPrototypes]
+)
 def test_new_classes_are_kept_and_known_ones_are_not(kind: type[Prototypes]) -> None:
     prototypes = kind.fit(*clouds([1, 2, 3], 100, seed=0, apart=4.0))
     features, truth = clouds([1, 2, 3, 8], 60, seed=1, apart=4.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from recognition.trfe.clustering import (
+from recognition.trfe.discovery.clustering import (
     Clustering,
     Clusters,
     NovelHead,
@@ -24,7 +24,7 @@ from recognition.trfe.clustering import (
     three_way_pairs,
 )
 from recognition.trfe.forest import forest, similarity
-from recognition.trfe.samples import Features
+from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import IntArray
 from schemas.common.errors import UsageError
 from studies.recognition import metrics
@@ -34,7 +34,10 @@ from tests.recognition.clouds import clouds
 QUICK = Clustering()
 
 
-@pytest.mark.parametrize(("epoch", "weight"), [(0, 3.0 * math.exp(-5.0)), (10, 3.0 * math.exp(-1.25)), (20, 3.0), (35, 3.0)])
+@pytest.mark.parametrize(
+    ("epoch", "weight"),
+    [(0, 3.0 * math.exp(-5.0)), (10, 3.0 * math.exp(-1.25)), (20, 3.0), (35, 3.0)],
+)
 def test_the_weight_of_consistency_ramps_up(epoch: int, weight: float) -> None:
     assert consistency_weight(epoch, Clustering(consistency=3.0, ramp=20)) == pytest.approx(weight)
 
@@ -64,7 +67,10 @@ def test_clustering_loss_by_hand() -> None:
     other = torch.tensor([[0.7, 0.3], [0.4, 0.6]])
     g = [[0.66, 0.42], [0.38, 0.56]]
     w = [[1.0, 0.0], [0.25, 1.0]]
-    terms = [[w[i][j] * math.log(g[i][j]) + (1 - w[i][j]) * math.log(1 - g[i][j]) for j in range(2)] for i in range(2)]
+    terms = [
+        [w[i][j] * math.log(g[i][j]) + (1 - w[i][j]) * math.log(1 - g[i][j]) for j in range(2)]
+        for i in range(2)
+    ]
     everything = clustering_loss(p, other, Pairs(torch.tensor(w), torch.ones(2, 2)))
     assert float(everything) == pytest.approx(-sum(map(sum, terms)) / 4, rel=1e-5)
     some = clustering_loss(p, other, Pairs(torch.tensor(w), torch.tensor([[1.0, 0.0], [0.0, 1.0]])))
@@ -88,7 +94,9 @@ def found(
     pairs = three_way_pairs(similarity(grown, samples), config)
     torch.manual_seed(0)
     inputs = samples / scale, known / scale, labels
-    return cluster(Projection(16), *inputs, lambda _: pairs, every_candidate(config), config, seed), truth
+    return cluster(
+        Projection(16), *inputs, lambda _: pairs, every_candidate(config), config, seed
+    ), truth
 
 
 def every_candidate(config: Clustering) -> NovelHead:
@@ -140,4 +148,11 @@ def test_a_projection_starts_as_the_identity() -> None:
 def test_nothing_to_cluster_is_refused() -> None:
     known, labels = clouds([1, 2], 10, seed=0)
     with pytest.raises(UsageError, match="1 unknown and 20 known samples are too few"):
-        cluster(Projection(16), known[:1], known, labels, lambda _: Pairs(torch.eye(1), torch.eye(1)), every_candidate(QUICK))
+        cluster(
+            Projection(16),
+            known[:1],
+            known,
+            labels,
+            lambda _: Pairs(torch.eye(1), torch.eye(1)),
+            every_candidate(QUICK),
+        )

@@ -5,17 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.trfe.clustering import likely_count
+from recognition.trfe.discovery.clustering import likely_count
 from tests.recognition.clouds import clouds
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
 def test_the_number_of_clusters_is_that_of_clouds_that_are_apart(count: int) -> None:
-    assert likely_count(clouds(list(range(11, 11 + count)), 50, seed=0, apart=8.0)[0], 10, seed=0) == count
+    assert (
+        likely_count(clouds(list(range(11, 11 + count)), 50, seed=0, apart=8.0)[0], 10, seed=0)
+        == count
+    )
 
 
 def test_clusters_of_different_sizes_count_alike() -> None:
-    samples = np.concatenate([clouds([11], 150, seed=0, apart=8.0)[0], clouds([12, 13], 30, seed=1, apart=8.0)[0]])
+    samples = np.concatenate(
+        [clouds([11], 150, seed=0, apart=8.0)[0], clouds([12, 13], 30, seed=1, apart=8.0)[0]]
+    )
     assert likely_count(samples, 10, seed=0) == 3
 
 

@@ -13,15 +13,21 @@ from tests.recognition.clouds import clouds
 def test_samples_are_nearest_to_their_own_class() -> None:
     near = Neighbours.fit(*clouds([3, 7, 9], 80, seed=0))
     samples, truth = clouds([3, 7, 9], 50, seed=1)
-    assert np.mean(near.distances(samples).argmin(axis=1) == np.searchsorted([3, 7, 9], truth)) > 0.98
+    assert (
+        np.mean(near.distances(samples).argmin(axis=1) == np.searchsorted([3, 7, 9], truth)) > 0.98
+    )
 
 
 def test_distances_are_means_over_the_three_nearest_others() -> None:
     line = np.arange(10.0)[:, None]
     near = Neighbours.fit(line, np.ones(10, int))
     spread = line.std()
-    assert np.exp(near.distances([[0.0]]))[0, 0] == pytest.approx(2.0 / spread, rel=1e-2), "of 1, 2, 3: itself is none"
-    assert np.exp(near.distances([[-1.0]]))[0, 0] == pytest.approx(2.0 / spread, rel=1e-2), "of 0, 1, 2"
+    assert np.exp(near.distances([[0.0]]))[0, 0] == pytest.approx(2.0 / spread, rel=1e-2), (
+        "of 1, 2, 3: itself is none"
+    )
+    assert np.exp(near.distances([[-1.0]]))[0, 0] == pytest.approx(2.0 / spread, rel=1e-2), (
+        "of 0, 1, 2"
+    )
 
 
 def test_distances_stand_beside_the_features() -> None:

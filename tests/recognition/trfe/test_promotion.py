@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition.trfe.candidates import Promotion, cohesion, judge, known_cohesion
-from recognition.trfe.samples import Prototypes
+from recognition.trfe.discovery.candidates import Promotion, cohesion, judge, known_cohesion
+from recognition.trfe.inputs.samples import Prototypes
 from schemas.common.errors import UsageError
 
 
@@ -24,7 +24,9 @@ def blocks(sizes: list[int], within: list[float], between: float = 0.1) -> np.nd
 def prototypes() -> Prototypes:
     """One known class about the origin, radius 1."""
     ones = np.ones(2, np.float32)
-    return Prototypes(np.array([1]), np.zeros((1, 2), np.float32), np.array([1.0]), 0.0 * ones, np.diag(ones))
+    return Prototypes(
+        np.array([1]), np.zeros((1, 2), np.float32), np.array([1.0]), 0.0 * ones, np.diag(ones)
+    )
 
 
 def test_cohesion_is_the_mean_over_pairs_of_different_samples() -> None:
@@ -66,4 +68,6 @@ def test_limits_are_choices() -> None:
 
 def test_arrays_of_different_samples_are_refused() -> None:
     with pytest.raises(UsageError, match="are not of 3 samples"):
-        judge(np.zeros(3, dtype=int), np.zeros((3, 2)), np.eye(2, dtype=np.float32), prototypes(), 0.5)
+        judge(
+            np.zeros(3, dtype=int), np.zeros((3, 2)), np.eye(2, dtype=np.float32), prototypes(), 0.5
+        )

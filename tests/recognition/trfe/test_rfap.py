@@ -7,7 +7,7 @@ import pytest
 from sklearn.ensemble import RandomForestClassifier
 
 from recognition.trfe.forest import forest, random_trees, similarity
-from recognition.trfe.samples import Features
+from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 from tests.recognition.clouds import clouds
@@ -34,7 +34,9 @@ def test_two_trees_by_hand() -> None:
     assert found.diagonal().tolist() == [1.0, 1.0, 1.0]
     assert found == pytest.approx(naive(grown, features))
     stump = RandomForestClassifier(2, bootstrap=False, random_state=0).fit(features, [1, 2, 2])
-    assert similarity(stump, features) == pytest.approx(np.array([[1, 1 / 3, 1 / 3], [1 / 3, 1, 1], [1 / 3, 1, 1]]))
+    assert similarity(stump, features) == pytest.approx(
+        np.array([[1, 1 / 3, 1 / 3], [1 / 3, 1, 1], [1 / 3, 1, 1]])
+    )
 
 
 @pytest.mark.parametrize("unsupervised", [False, True])

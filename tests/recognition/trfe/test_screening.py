@@ -12,9 +12,9 @@ from sklearn.ensemble import RandomForestClassifier
 
 from recognition.trfe.config import Config, Steps
 from recognition.trfe.forest import VotingForest, forest, grow, votes
-from recognition.trfe.known import Labelled, choose_delta, learn
-from recognition.trfe.samples import Features
-from recognition.trfe.screening import EvtJoint, Screening, tail
+from recognition.trfe.forest.known import Labelled, choose_delta, learn
+from recognition.trfe.forest.screening import EvtJoint, Screening, tail
+from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import IntArray
 from schemas.common.errors import UsageError
 from studies.recognition.recalibrated import Recalibrated
@@ -73,12 +73,20 @@ def test_the_tail_is_generalised_pareto() -> None:
     screening = EvtDeficit()
     screening.classes, screening.trees = np.array([1]), 100
     screening.deficits, screening.starts = np.arange(11.0), np.array([0, 11])
-    screening.limits, screening.shapes, screening.scales = np.array([10.0]), np.array([0.5]), np.array([4.0])
-    assert screening.similarities(np.array([[82]])) == pytest.approx(0.05 * (1 + 0.5 * 8.5 / 4.0) ** (-1 / 0.5))
+    screening.limits, screening.shapes, screening.scales = (
+        np.array([10.0]),
+        np.array([0.5]),
+        np.array([4.0]),
+    )
+    assert screening.similarities(np.array([[82]])) == pytest.approx(
+        0.05 * (1 + 0.5 * 8.5 / 4.0) ** (-1 / 0.5)
+    )
     screening.shapes[0] = 0.0
     assert screening.similarities(np.array([[82]])) == pytest.approx(0.05 * np.exp(-8.5 / 4.0))
     screening.shapes[0] = -0.5
-    assert screening.similarities(np.array([[81]])) == 0.0, "a tail with negative shape ends, here at 10 + 4 / 0.5"
+    assert screening.similarities(np.array([[81]])) == 0.0, (
+        "a tail with negative shape ends, here at 10 + 4 / 0.5"
+    )
 
 
 def test_few_excesses_have_an_exponential_tail_with_their_mean() -> None:
@@ -99,7 +107,9 @@ def test_weibull_score_is_one_minus_its_distribution(cast: Cast) -> None:
     screening = WeibullVotes().fit(table, labels)
     row = table[:1]
     column = row[0].argmax()
-    expected = weibull_min.sf(row.max() + 0.5, screening.shapes[column], scale=screening.scales[column])
+    expected = weibull_min.sf(
+        row.max() + 0.5, screening.shapes[column], scale=screening.scales[column]
+    )
     assert screening.score(row) == pytest.approx(expected)
 
 
@@ -111,7 +121,9 @@ def test_plain_threshold_gives_up_the_share_of_calibration_samples(cast: Cast) -
 
 
 @pytest.mark.parametrize("reading", READINGS)
-def test_unknown_classes_are_rejected_and_known_ones_accepted(reading: type[Screening], cast: Cast) -> None:
+def test_unknown_classes_are_rejected_and_known_ones_accepted(
+    reading: type[Screening], cast: Cast
+) -> None:
     table, labels, judged, truth = cast
     found = reading().fit(table, labels).predict(judged)
     known = np.isin(truth, KNOWN)
@@ -130,7 +142,9 @@ def test_fewer_votes_never_score_lower(reading: type[Screening]) -> None:
 
 
 @pytest.mark.parametrize("reading", READINGS)
-def test_perfect_votes_are_accepted_even_if_all_calibration_samples_have_them(reading: type[Screening]) -> None:
+def test_perfect_votes_are_accepted_even_if_all_calibration_samples_have_them(
+    reading: type[Screening],
+) -> None:
     screening = reading().fit(*two_classes([100] * 60, trees=100))
     assert screening.predict(np.array([[100, 0], [0, 100], [50, 50]])).tolist() == [1, 2, 0]
 
@@ -154,7 +168,9 @@ def test_the_pooled_reading_counts_votes_that_the_best_class_lacks() -> None:
     """Of 20 trees 0, 1, …, 9 do not vote for the true class; a sample that lacks four is beaten by 5 or 6 of 10."""
     strays = np.arange(10)
     table = np.stack([20 - strays, np.zeros(10, int)], axis=1)
-    screening = EvtPooled().fit(np.concatenate([table, table[:, ::-1]]), np.repeat([1, 2], 10), trees=20)
+    screening = EvtPooled().fit(
+        np.concatenate([table, table[:, ::-1]]), np.repeat([1, 2], 10), trees=20
+    )
     similar = screening.similarities(np.array([[16, 0], [4, 16], [20, 0]]))
     assert similar.shape == (3, 1)
     assert similar[0] == similar[1]
@@ -164,15 +180,22 @@ def test_the_pooled_reading_counts_votes_that_the_best_class_lacks() -> None:
 
 def test_the_joint_reading_combines_the_significance_of_votes_and_distances() -> None:
     """Of 20 calibration samples ten lack a vote, and distances are 1, 2, …, 20."""
-    table, distances = np.stack([np.repeat([20, 19], 10), np.repeat([0, 1], 10)], axis=1), np.arange(1.0, 21.0)
+    table, distances = (
+        np.stack([np.repeat([20, 19], 10), np.repeat([0, 1], 10)], axis=1),
+        np.arange(1.0, 21.0),
+    )
     table[10:] = table[10:, ::-1]
     screening = EvtJoint(seed=0).fit(table, np.repeat([1, 2], 10), trees=20, distances=distances)
     near = 0.5  # ten of twenty distances are 11 or more
     lacking = screening.similarities(np.array([[20, 0]]), np.array([11.0]))[0, 0]
     both = near * lacking
     assert near == screening.similarities(np.array([[20, 0]]), np.array([11.0]))[0, 1]
-    assert screening.score(np.array([[20, 0]]), np.array([11.0]))[0] == pytest.approx(1.0 - both * (1.0 - np.log(both)))
-    scores = screening.score(np.array([[20, 0], [20, 0], [4, 0], [4, 0]]), np.array([1.0, 40.0, 1.0, 40.0]))
+    assert screening.score(np.array([[20, 0]]), np.array([11.0]))[0] == pytest.approx(
+        1.0 - both * (1.0 - np.log(both))
+    )
+    scores = screening.score(
+        np.array([[20, 0], [20, 0], [4, 0], [4, 0]]), np.array([1.0, 40.0, 1.0, 40.0])
+    )
     assert scores[0] < scores[1] <= scores[3]
     assert scores[0] < scores[2] <= scores[3] <= 1.0
 
@@ -180,7 +203,9 @@ def test_the_joint_reading_combines_the_significance_of_votes_and_distances() ->
 def test_the_joint_reading_wants_distances() -> None:
     known = clouds([1, 2], 40, seed=0)
     with pytest.raises(UsageError, match="looks at distances"):
-        learn(Labelled(*known), Labelled(*known), Config(trees=10, delta=0.05), Steps(grow=grow_plain))
+        learn(
+            Labelled(*known), Labelled(*known), Config(trees=10, delta=0.05), Steps(grow=grow_plain)
+        )
 
 
 def test_a_background_shows_what_lies_beside_all_classes() -> None:
@@ -195,7 +220,11 @@ def test_a_background_shows_what_lies_beside_all_classes() -> None:
         features[truth == 3, 2] *= -1.0
         return features.astype(np.float32), truth
 
-    fitting, calibrating, (judged, truth) = draw([1, 2], 200), draw([1, 2], 200), draw([1, 2, 3], 100)
+    fitting, calibrating, (judged, truth) = (
+        draw([1, 2], 200),
+        draw([1, 2], 200),
+        draw([1, 2, 3], 100),
+    )
     rejected = {}
     for background, neighbours in ((False, False), (True, False), (True, True)):
         grown = grow(*fitting, trees=60, background=background, neighbours=neighbours)
@@ -229,20 +258,27 @@ def test_delta_is_chosen_by_leaving_classes_out() -> None:
     delta = choose(*fitting, *calibrating, trees=40)
     assert delta == choose(*fitting, *calibrating, trees=40)
     assert 0.001 <= delta <= 0.2
-    assert choose(*fitting, *calibrating, trees=40, deltas=[1e-12, delta, 1.0]) == delta, "neither all nor nothing"
+    assert choose(*fitting, *calibrating, trees=40, deltas=[1e-12, delta, 1.0]) == delta, (
+        "neither all nor nothing"
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_class_with_one_calibration_sample_calibrates_with_it(seed: int) -> None:
     features, labels = clouds([1, 2, 3, 4], 30, seed=1)
     kept = np.append(np.flatnonzero(labels != 4), np.flatnonzero(labels == 4)[:1])
-    assert choose(*clouds([1, 2, 3, 4], 40, seed=0), features[kept], labels[kept], trees=20, seed=seed) > 0.0
+    assert (
+        choose(*clouds([1, 2, 3, 4], 40, seed=0), features[kept], labels[kept], trees=20, seed=seed)
+        > 0.0
+    )
 
 
 def noisy(labels: list[int], each: int, seed: int, noise: float) -> tuple[Features, IntArray]:
     """Samples seen through a worse sensor."""
     features, truth = clouds(labels, each, seed, APART)
-    return features + noise * np.random.default_rng(seed).standard_normal(features.shape).astype(np.float32), truth
+    return features + noise * np.random.default_rng(seed).standard_normal(features.shape).astype(
+        np.float32
+    ), truth
 
 
 def recalibrated(window: int) -> tuple[VotingForest, Recalibrated]:
@@ -262,7 +298,9 @@ def test_recalibration_follows_a_shift() -> None:
     after = following.predict(*votes) == 0
     assert before[known].mean() > 0.2
     assert after[known].mean() < 0.8 * before[known].mean()
-    assert after[~known].mean() - after[known].mean() > before[~known].mean() - before[known].mean(), "a gain on the whole"
+    assert (
+        after[~known].mean() - after[known].mean() > before[~known].mean() - before[known].mean()
+    ), "a gain on the whole"
 
 
 def test_recalibration_without_a_shift_changes_little() -> None:

@@ -18,11 +18,11 @@ from safetensors.numpy import save_file
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
 
-from recognition.encoder.config import Architecture
-from recognition.encoder.model import GridEncoder
-from recognition.grids import Grid
-from recognition.trfe.clustering import Clustering
 from recognition.trfe.config import Config, Steps
+from recognition.trfe.discovery.clustering import Clustering
+from recognition.trfe.encoder.config import Architecture
+from recognition.trfe.encoder.model import GridEncoder
+from recognition.trfe.inputs.grids import Grid
 from recognition.trfe.storage import load, save
 from recognition.trfe.trfe import TRFE
 from schemas.common.errors import InvalidFile, UsageError
@@ -62,7 +62,9 @@ def test_a_model_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seeing", [True, False])
-def test_features_of_changes_are_kept_though_samples_are_recognised_by_others(tmp_path: Path, seeing: bool) -> None:
+def test_features_of_changes_are_kept_though_samples_are_recognised_by_others(
+    tmp_path: Path, seeing: bool
+) -> None:
     fitted = TRFE(replace(CONFIG, changes=4, recognise_by_changes=seeing)).fit(
         *clouds([1, 2, 3], 40, seed=0), *clouds([1, 2, 3], 30, seed=1)
     )
@@ -78,39 +80,59 @@ def test_features_of_changes_are_kept_though_samples_are_recognised_by_others(tm
 def test_the_same_model_is_the_same_bytes(model: TRFE, tmp_path: Path) -> None:
     for name in ("one", "two"):
         save(model, tmp_path / name)
-    first, second = ((tmp_path / name / "model.safetensors").read_bytes() for name in ("one", "two"))
+    first, second = (
+        (tmp_path / name / "model.safetensors").read_bytes() for name in ("one", "two")
+    )
     assert first == second
 
 
-def test_a_forest_that_has_not_changed_is_written_as_it_was_read(model: TRFE, folder: Path, tmp_path: Path) -> None:
+def test_a_forest_that_has_not_changed_is_written_as_it_was_read(
+    model: TRFE, folder: Path, tmp_path: Path
+) -> None:
     read = load(folder)
     save(read, tmp_path / "again")
-    assert (tmp_path / "again" / "forest.skops").read_bytes() == (folder / "forest.skops").read_bytes()
-    assert load(tmp_path / "again").known.forest.trees is read.known.forest.trees  # not made of the same bytes anew
+    assert (tmp_path / "again" / "forest.skops").read_bytes() == (
+        folder / "forest.skops"
+    ).read_bytes()
+    assert (
+        load(tmp_path / "again").known.forest.trees is read.known.forest.trees
+    )  # not made of the same bytes anew
     samples, _ = clouds([1, 2, 3, 9], 40, seed=2)
     read.observe(samples, np.arange(len(samples)))
     read.expand(read.discover())
     save(read, tmp_path / "grown")
-    assert load(tmp_path / "grown").known.classes.tolist() == read.known.classes.tolist() != [1, 2, 3]
+    assert (
+        load(tmp_path / "grown").known.classes.tolist() == read.known.classes.tolist() != [1, 2, 3]
+    )
 
 
 def test_a_model_can_be_read_by_whom_the_umask_lets(model: TRFE, tmp_path: Path) -> None:
     before = os.umask(0o027)
     save(model, tmp_path)
     os.umask(before)
-    assert {path.name: oct(path.stat().st_mode & 0o777) for path in tmp_path.iterdir()} == dict.fromkeys(
-        ("model.safetensors", "forest.skops"), "0o640"
-    )
+    assert {
+        path.name: oct(path.stat().st_mode & 0o777) for path in tmp_path.iterdir()
+    } == dict.fromkeys(("model.safetensors", "forest.skops"), "0o640")
 
 
 def test_samples_can_be_thinned(model: TRFE, tmp_path: Path) -> None:
     save(model, tmp_path, samples=5)
     thinned = load(tmp_path)
-    assert [np.count_nonzero(thinned.known.fitted.labels == label) for label in (1, 2, 3)] == [5, 5, 5]
+    assert [np.count_nonzero(thinned.known.fitted.labels == label) for label in (1, 2, 3)] == [
+        5,
+        5,
+        5,
+    ]
     samples, _ = clouds([1, 2, 3, 9], 40, seed=2)
     assert np.array_equal(thinned.recognise(samples).labels, model.recognise(samples).labels)
-    kept, before = (one.known.fitted.features[one.known.fitted.labels == 1][:5] for one in (thinned, model))
-    assert kept.dtype == np.float32 and np.allclose(kept, before, rtol=1e-3) and not np.array_equal(kept, before)
+    kept, before = (
+        one.known.fitted.features[one.known.fitted.labels == 1][:5] for one in (thinned, model)
+    )
+    assert (
+        kept.dtype == np.float32
+        and np.allclose(kept, before, rtol=1e-3)
+        and not np.array_equal(kept, before)
+    )
 
 
 def test_a_model_with_encoders_for_other_features_is_refused(model: TRFE, tmp_path: Path) -> None:
@@ -197,7 +219,9 @@ def in_tree(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None]:
         with zipfile.ZipFile(path) as archive:
             members = {name: archive.read(name) for name in archive.namelist()}
         schema = json.loads(members["schema.json"])
-        change(schema["content"]["content"]["estimators_"]["content"][0]["content"]["content"]["tree_"])
+        change(
+            schema["content"]["content"]["estimators_"]["content"][0]["content"]["content"]["tree_"]
+        )
         with zipfile.ZipFile(path, "w") as archive:
             for name, content in (members | {"schema.json": json.dumps(schema).encode()}).items():
                 archive.writestr(name, content)
@@ -237,14 +261,23 @@ def other_classes(path: Path) -> None:
         (pickled, "not a zip file"),
         (calling, "is no part of a forest"),
         (dumped(Attack), "Attack is no part of a forest"),
-        (dumped(LogisticRegression().fit([[0.0], [1.0]], [0, 1])), "LogisticRegression is no part of a forest"),
+        (
+            dumped(LogisticRegression().fit([[0.0], [1.0]], [0, 1])),
+            "LogisticRegression is no part of a forest",
+        ),
         (dumped({"a": 1}), "it is a dict"),
         (dumped(RandomForestClassifier(3)), "this is no forest"),
         (broken_tree, "one of its trees is broken"),
         (looping_tree, "one of its trees is broken"),
-        (in_tree(lambda tree: outputs(tree).update(content="1000000000")), "one of its trees is broken"),
+        (
+            in_tree(lambda tree: outputs(tree).update(content="1000000000")),
+            "one of its trees is broken",
+        ),
         (in_tree(lambda tree: outputs(tree).update(content="true")), "a number is expected"),
-        (in_tree(lambda tree: state(tree)["node_count"].update(content="1000000000")), "one of its trees is broken"),
+        (
+            in_tree(lambda tree: state(tree)["node_count"].update(content="1000000000")),
+            "one of its trees is broken",
+        ),
         (in_tree(lambda tree: state(tree)["nodes"].update(type="json")), "an array is expected"),
         (bomb, "it is too large"),
     ],
@@ -264,7 +297,9 @@ def test_foreign_forests_are_refused(
 
 def test_a_node_is_what_it_holds_and_not_another_one_of_its_number(folder: Path) -> None:
     """skops would take the depth for the number of outputs."""
-    in_tree(lambda tree: outputs(tree).update(__id__=state(tree)["max_depth"]["__id__"]))(folder / "forest.skops")
+    in_tree(lambda tree: outputs(tree).update(__id__=state(tree)["max_depth"]["__id__"]))(
+        folder / "forest.skops"
+    )
     assert load(folder).known.forest.trees.estimators_[0].tree_.n_outputs == 1
 
 
@@ -274,7 +309,9 @@ def test_a_forest_of_other_classes_is_refused(folder: Path) -> None:
         load(folder)
 
 
-def rewritten(path: Path, change: Callable[[dict[str, Any], dict[str, Any], dict[str, Any]], None]) -> None:
+def rewritten(
+    path: Path, change: Callable[[dict[str, Any], dict[str, Any], dict[str, Any]], None]
+) -> None:
     """Write the model's file anew after a change of its arrays, its settings and what it says of itself."""
     with safe_open(path, "numpy") as file:
         metadata = file.metadata()
@@ -287,39 +324,78 @@ def rewritten(path: Path, change: Callable[[dict[str, Any], dict[str, Any], dict
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda arrays, settings, about: about.update(format="another 1"), "its format is 'another 1'"),
-        (lambda arrays, settings, about: settings.update(trees="many"), "its setting trees can't be 'many'"),
-        (lambda arrays, settings, about: settings.update(trees=True), "its setting trees can't be True"),
-        (lambda arrays, settings, about: settings.update(delta="guess"), "its setting delta can't be 'guess'"),
-        (lambda arrays, settings, about: settings.pop("components"), "its settings are not those of Config"),
-        (lambda arrays, settings, about: settings["clustering"].update(extra=1), "its settings are not those of Clustering"),
-        (lambda arrays, settings, about: settings.update(promotion=3), "its settings are not those of Promotion"),
-        (lambda arrays, settings, about: arrays.pop("prototypes.radii"), "do not fit together"),
-        (lambda arrays, settings, about: arrays.pop("screening.limits"), "do not fit together: there is no 'limits'"),
         (
-            lambda arrays, settings, about: arrays.update({"least.classes": np.array([1]), "least.shares": np.array([1.2])}),
+            lambda arrays, settings, about: about.update(format="another 1"),
+            "its format is 'another 1'",
+        ),
+        (
+            lambda arrays, settings, about: settings.update(trees="many"),
+            "its setting trees can't be 'many'",
+        ),
+        (
+            lambda arrays, settings, about: settings.update(trees=True),
+            "its setting trees can't be True",
+        ),
+        (
+            lambda arrays, settings, about: settings.update(delta="guess"),
+            "its setting delta can't be 'guess'",
+        ),
+        (
+            lambda arrays, settings, about: settings.pop("components"),
+            "its settings are not those of Config",
+        ),
+        (
+            lambda arrays, settings, about: settings["clustering"].update(extra=1),
+            "its settings are not those of Clustering",
+        ),
+        (
+            lambda arrays, settings, about: settings.update(promotion=3),
+            "its settings are not those of Promotion",
+        ),
+        (lambda arrays, settings, about: arrays.pop("prototypes.radii"), "do not fit together"),
+        (
+            lambda arrays, settings, about: arrays.pop("screening.limits"),
+            "do not fit together: there is no 'limits'",
+        ),
+        (
+            lambda arrays, settings, about: arrays.update(
+                {"least.classes": np.array([1]), "least.shares": np.array([1.2])}
+            ),
             "do not fit together: least shares of votes are from 0 to 1",
         ),
-        (lambda arrays, settings, about: arrays["fitted.features"].fill(np.nan), "fitted.features is not made of finite"),
         (
-            lambda arrays, settings, about: arrays.update({"fitted.features": arrays["fitted.features"][:, 1:]}),
+            lambda arrays, settings, about: arrays["fitted.features"].fill(np.nan),
+            "fitted.features is not made of finite",
+        ),
+        (
+            lambda arrays, settings, about: arrays.update(
+                {"fitted.features": arrays["fitted.features"][:, 1:]}
+            ),
             "they are of different dimensions",
         ),
         (
-            lambda arrays, settings, about: arrays.update({"screening.limits": arrays["screening.limits"][:0]}),
+            lambda arrays, settings, about: arrays.update(
+                {"screening.limits": arrays["screening.limits"][:0]}
+            ),
             "do not fit together",
         ),
     ],
 )
-def test_models_that_do_not_fit_are_refused(folder: Path, change: Callable[..., Any], message: str) -> None:
+def test_models_that_do_not_fit_are_refused(
+    folder: Path, change: Callable[..., Any], message: str
+) -> None:
     rewritten(folder / "model.safetensors", change)
     with pytest.raises(InvalidFile, match=message) as caught:
         load(folder)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("spoil", [Path.unlink, truncated, lambda path: path.write_bytes(b""), pickled])
-def test_truncated_and_missing_models_are_refused(folder: Path, spoil: Callable[[Path], Any]) -> None:
+@pytest.mark.parametrize(
+    "spoil", [Path.unlink, truncated, lambda path: path.write_bytes(b""), pickled]
+)
+def test_truncated_and_missing_models_are_refused(
+    folder: Path, spoil: Callable[[Path], Any]
+) -> None:
     spoil(folder / "model.safetensors")
     with pytest.raises(InvalidFile, match="this is no model") as caught:
         load(folder)

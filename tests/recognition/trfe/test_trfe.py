@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from recognition.trfe.candidates import Buffer
-from recognition.trfe.clustering import Clustering
 from recognition.trfe.config import Config, Steps
-from recognition.trfe.known import DELTAS, FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
-from recognition.trfe.samples import BACKGROUND, UNKNOWN, Features
-from recognition.trfe.screening import EvtJoint
+from recognition.trfe.discovery.candidates import Buffer
+from recognition.trfe.discovery.clustering import Clustering
+from recognition.trfe.forest.known import DELTAS, FIRST_DISCOVERED, SET_ASIDE, Discovery, discover
+from recognition.trfe.forest.screening import EvtJoint
+from recognition.trfe.inputs.samples import BACKGROUND, UNKNOWN, Features
 from recognition.trfe.trfe import TRFE
 from schemas.common.array_types import IntArray
 from schemas.common.errors import UsageError
@@ -34,7 +34,9 @@ def model() -> TRFE:
 
 @cache
 def fitted(config: Config = CONFIG, steps: Steps | None = None, kind: type[TRFE] = TRFE) -> TRFE:
-    return kind(config, steps=steps).fit(*clouds(KNOWN, 150, seed=0, apart=APART), *clouds(KNOWN, 100, seed=1, apart=APART))
+    return kind(config, steps=steps).fit(
+        *clouds(KNOWN, 150, seed=0, apart=APART), *clouds(KNOWN, 100, seed=1, apart=APART)
+    )
 
 
 def stream(seed: int = 2) -> tuple[Features, IntArray]:
@@ -78,14 +80,21 @@ def test_classes_that_need_more_of_the_votes_are_taken_for_nothing() -> None:
     found = strict.recognise(samples)
     assert ((found.share > 0.0) & (found.share <= 1.0)).all()
     by_chance = (before.confidence < 1.0 / len(KNOWN)) & (before.labels != UNKNOWN)
-    assert np.array_equal(found.labels == BACKGROUND, (before.labels == 2) | by_chance) and (before.labels == 2).any()
-    assert np.array_equal(found.labels[found.labels != BACKGROUND], before.labels[found.labels != BACKGROUND])
+    assert (
+        np.array_equal(found.labels == BACKGROUND, (before.labels == 2) | by_chance)
+        and (before.labels == 2).any()
+    )
+    assert np.array_equal(
+        found.labels[found.labels != BACKGROUND], before.labels[found.labels != BACKGROUND]
+    )
     assert np.array_equal(found.closed, before.closed)
 
 
 def test_classes_without_development_data_need_the_median_share() -> None:
     lax = model()
-    assert [lax.least_share(label) for label in (BACKGROUND, UNKNOWN, *KNOWN, 101)] == [0.0] * (3 + len(KNOWN))
+    assert [lax.least_share(label) for label in (BACKGROUND, UNKNOWN, *KNOWN, 101)] == [0.0] * (
+        3 + len(KNOWN)
+    )
     first, second, *rest = KNOWN
     lax.least = {first: 0.4, second: 0.6}
     assert [lax.least_share(label) for label in (first, second)] == [0.4, 0.6]
@@ -106,7 +115,9 @@ def test_planted_classes_are_discovered(round_: Round) -> None:
     discovery, truth = round_.discovery, round_.truth[round_.discovery.keys]
     promoted = [one for one in discovery.candidates if one.promoted]
     assert len(promoted) == len(NEW)
-    assert sorted(set(discovery.labels[discovery.labels > 0].tolist())) == [FIRST_DISCOVERED + place for place in range(3)]
+    assert sorted(set(discovery.labels[discovery.labels > 0].tolist())) == [
+        FIRST_DISCOVERED + place for place in range(3)
+    ]
     for one in promoted:
         values, counts = np.unique(truth[one.members], return_counts=True)
         assert values[counts.argmax()] in NEW
@@ -135,7 +146,9 @@ def test_promoted_samples_leave_the_buffer_and_the_rest_stays(round_: Round) -> 
 def test_promoted_samples_are_either_fitted_on_or_calibrated_on(round_: Round) -> None:
     known = round_.model.known
     for label in (101, 102, 103):
-        parts = [np.count_nonzero(part.labels == label) for part in (known.fitted, known.calibrating)]
+        parts = [
+            np.count_nonzero(part.labels == label) for part in (known.fitted, known.calibrating)
+        ]
         assert sum(parts) == np.count_nonzero(round_.discovery.labels == label)
         assert parts[1] == pytest.approx(0.3 * sum(parts), abs=1)
 
@@ -170,17 +183,28 @@ def with_changes(labels: list[int], each: int, seed: int) -> tuple[Features, Int
     known = np.isin(truth, KNOWN)[:, None]
     still = np.random.default_rng(seed).standard_normal((len(truth), 8)).astype(np.float32)
     alike = clouds(KNOWN[:1], len(truth), seed, apart=APART)[0]
-    return np.concatenate([np.where(known, still, moved), np.where(known, samples, alike)], axis=1), truth
+    return np.concatenate(
+        [np.where(known, still, moved), np.where(known, samples, alike)], axis=1
+    ), truth
 
 
 @pytest.mark.slow
 def test_classes_that_only_changes_tell_apart_are_unknown_and_discovered() -> None:
-    settings, training = replace(CONFIG, changes=8), (*with_changes(KNOWN, 100, 0), *with_changes(KNOWN, 80, 1))
-    watching, blind = (TRFE(replace(settings, recognise_by_changes=seeing)).fit(*training) for seeing in (True, False))
+    settings, training = (
+        replace(CONFIG, changes=8),
+        (*with_changes(KNOWN, 100, 0), *with_changes(KNOWN, 80, 1)),
+    )
+    watching, blind = (
+        TRFE(replace(settings, recognise_by_changes=seeing)).fit(*training)
+        for seeing in (True, False)
+    )
     samples, truth = with_changes(KNOWN + NEW, 70, 2)
     found, known = watching.observe(samples, np.arange(len(truth))), np.isin(truth, KNOWN)
     assert np.mean(blind.recognise(samples).labels[~known] == KNOWN[0]) > 0.8
-    assert np.mean(found.labels[~known] == 0) > 0.95 and np.mean(found.closed[known] == truth[known]) > 0.98
+    assert (
+        np.mean(found.labels[~known] == 0) > 0.95
+        and np.mean(found.closed[known] == truth[known]) > 0.98
+    )
     discovery = watching.discover()
     assert len(np.unique(discovery.labels[discovery.labels > 0])) == len(NEW)
     watching.expand(discovery)
@@ -189,10 +213,14 @@ def test_classes_that_only_changes_tell_apart_are_unknown_and_discovered() -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["reading-b", "vote-threshold", "no-ucs", "no-oc", "k-means", "nvp", "cosine"])
+@pytest.mark.parametrize(
+    "name", ["reading-b", "vote-threshold", "no-ucs", "no-oc", "k-means", "nvp", "cosine"]
+)
 def test_variants_discover_too(name: str) -> None:
     variant = VARIANTS[name]
-    varied = fitted(replace(CONFIG, preprocessing=variant.config.preprocessing), variant.steps, variant.model)
+    varied = fitted(
+        replace(CONFIG, preprocessing=variant.config.preprocessing), variant.steps, variant.model
+    )
     samples, truth = stream()
     found = varied.observe(samples, np.arange(len(truth)))
     assert np.mean(found.labels[np.isin(truth, NEW)] == 0) > 0.9
@@ -204,8 +232,12 @@ def test_variants_discover_too(name: str) -> None:
 @pytest.mark.slow
 def test_delta_is_chosen_where_classes_allow_it() -> None:
     chosen = fitted(replace(CONFIG, delta=None, trees=20)).known.screening
-    assert isinstance(chosen, EvtJoint) and any(chosen.delta == pytest.approx(each) for each in DELTAS)
-    few = TRFE(replace(CONFIG, delta=None, trees=20)).fit(*clouds([1, 2], 50, seed=0), *clouds([1, 2], 50, seed=1))
+    assert isinstance(chosen, EvtJoint) and any(
+        chosen.delta == pytest.approx(each) for each in DELTAS
+    )
+    few = TRFE(replace(CONFIG, delta=None, trees=20)).fit(
+        *clouds([1, 2], 50, seed=0), *clouds([1, 2], 50, seed=1)
+    )
     assert few.known.screening.threshold == 0.95, "of two classes none can be left out"
 
 
@@ -225,7 +257,9 @@ def test_delta_stays_when_classes_are_added() -> None:
 @pytest.mark.slow
 def test_a_class_is_found_among_samples_of_none() -> None:
     """Two clusters are likeliest there, and hold everything."""
-    fitted = TRFE(CONFIG).fit(*clouds(KNOWN, 60, seed=0, apart=APART), *clouds(KNOWN, 60, seed=1, apart=APART))
+    fitted = TRFE(CONFIG).fit(
+        *clouds(KNOWN, 60, seed=0, apart=APART), *clouds(KNOWN, 60, seed=1, apart=APART)
+    )
     stray = 12.0 * np.random.default_rng(0).standard_normal((150, 16)).astype(np.float32)
     samples = np.concatenate([clouds([9], 60, seed=2, apart=2.0 * APART)[0], stray])
     buffer = Buffer(len(samples))

@@ -14,7 +14,9 @@ from tests.recognition.clouds import clouds
 def test_votes_are_the_choices_of_the_trees() -> None:
     features, labels = clouds([3, 7, 12], 40, seed=0, apart=1.0)
     grown = forest(features, labels, trees=20, seed=1)
-    chosen = grown.classes_[np.stack([tree.predict(features).astype(int) for tree in grown.estimators_])]
+    chosen = grown.classes_[
+        np.stack([tree.predict(features).astype(int) for tree in grown.estimators_])
+    ]
     expected = np.stack([(chosen == label).sum(axis=0) for label in (3, 7, 12)], axis=1)
     assert np.array_equal(votes(grown, features), expected)
     assert (votes(grown, features).sum(axis=1) == 20).all()
@@ -24,14 +26,20 @@ def test_votes_are_not_mean_probabilities() -> None:
     """Each leaf of a stump that holds two thirds of a class casts a whole vote for it, while its probability is two thirds."""
     features = np.array([[0.0], [0.0], [0.0], [1.0], [1.0], [1.0]])
     labels = np.array([1, 1, 2, 2, 2, 1])
-    grown = RandomForestClassifier(8, bootstrap=False, max_depth=1, random_state=0).fit(features, labels)
+    grown = RandomForestClassifier(8, bootstrap=False, max_depth=1, random_state=0).fit(
+        features, labels
+    )
     assert votes(grown, features[[0, 3]]).tolist() == [[8, 0], [0, 8]]
-    assert grown.predict_proba(features[[0, 3]]) == pytest.approx(np.array([[2 / 3, 1 / 3], [1 / 3, 2 / 3]]))
+    assert grown.predict_proba(features[[0, 3]]) == pytest.approx(
+        np.array([[2 / 3, 1 / 3], [1 / 3, 2 / 3]])
+    )
 
 
 def test_a_seed_decides_the_forest() -> None:
     features, labels = clouds([1, 2], 50, seed=0, apart=1.0)
-    first, again, other = (votes(forest(features, labels, 10, seed), features) for seed in (4, 4, 5))
+    first, again, other = (
+        votes(forest(features, labels, 10, seed), features) for seed in (4, 4, 5)
+    )
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
 
@@ -55,7 +63,9 @@ def test_the_background_is_like_the_samples_in_each_feature_but_not_together() -
     assert np.allclose(np.sort(around[:300], axis=0), np.sort(features, axis=0), atol=1e-4)
     correlation = [np.cov(samples.T)[0, 1] for samples in (features, around[:300], around[300:])]
     assert abs(correlation[1]) < 0.2 * abs(correlation[0])
-    assert correlation[2] == pytest.approx(correlation[0], rel=0.2), "components are uncorrelated anyway"
+    assert correlation[2] == pytest.approx(correlation[0], rel=0.2), (
+        "components are uncorrelated anyway"
+    )
     assert np.isfinite(around).all()
     assert np.array_equal(around, background_of(features, seed=1))
 

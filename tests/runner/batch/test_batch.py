@@ -22,13 +22,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runner.batch import rehearsal
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Job, Outcome, jobs_of, names_of
 from runner.batch.journal import finished
-from runner.batch.rehearsal import rehearse_batch
-from runner.interpreter.result import RunResult
-from runner.settings import RunSettings
+from runner.judging.result import RunResult
+from runner.judging.settings import RunSettings
+from runner.view import rehearsal
+from runner.view.rehearsal import rehearse_batch
 from schemas.common.errors import UsageError
 from schemas.common.policy import CommandPolicy, in_force
 from tests.commands import Command
@@ -55,21 +55,37 @@ def variation(tmp_path: Path) -> Path:
 # order and results --------------------------------------------------------------------------
 
 
-def test_outcomes_come_in_the_order_of_files_and_parameter_sets(tmp_path: Path, variation: Path) -> None:
+def test_outcomes_come_in_the_order_of_files_and_parameter_sets(
+    tmp_path: Path, variation: Path
+) -> None:
     last = scenario(tmp_path, "last", stop=0.1)
     expected = [f"variation~{n:06d}" for n in range(6)] + ["last"]
     for processes in (1, 2):
         outcomes = batch([variation, last], processes=processes)
         assert names(outcomes) == expected
-        assert [o.job.parameters.get("Gap") for o in outcomes] == ["20", "30", "40", "50", "60", "70", None]
+        assert [o.job.parameters.get("Gap") for o in outcomes] == [
+            "20",
+            "30",
+            "40",
+            "50",
+            "60",
+            "70",
+            None,
+        ]
         assert {o.state for o in outcomes} == {"passed"}
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.parent != folder and p.is_file()}
+    return {
+        str(p.relative_to(folder)): p.read_bytes()
+        for p in sorted(folder.rglob("*"))
+        if p.parent != folder and p.is_file()
+    }
 
 
-def test_results_are_the_same_bytes_in_one_process_in_two_and_again(tmp_path: Path, variation: Path) -> None:
+def test_results_are_the_same_bytes_in_one_process_in_two_and_again(
+    tmp_path: Path, variation: Path
+) -> None:
     options = RunSettings(world="kinematic", seed=3)
     for name, processes in (("serial", 1), ("parallel", 2), ("again", 1)):
         batch([variation], options, out=tmp_path / name, processes=processes)
@@ -97,11 +113,13 @@ def test_an_error_does_not_end_the_batch(tmp_path: Path) -> None:
     assert "folder" in outcomes[2].message
 
 
-def test_a_defect_of_the_runner_is_an_internal_error_of_that_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_defect_of_the_runner_is_an_internal_error_of_that_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def fail(*_: object, **__: object) -> None:
         raise RuntimeError("two\nlines")
 
-    monkeypatch.setattr("runner.interpreter.execution.run", fail)
+    monkeypatch.setattr("runner.judging.execution.run", fail)
     (outcome,) = batch([scenario(tmp_path)])
     assert (outcome.exit_code, outcome.message) == (5, "internal error: RuntimeError: two lines")
     assert "Traceback" in outcome.trace
@@ -116,7 +134,9 @@ def test_a_catalogue_can_not_be_run(tmp_path: Path) -> None:
     assert "catalog" in outcome.message
 
 
-def test_a_parameter_that_the_distribution_sets_can_not_be_given(tmp_path: Path, variation: Path) -> None:
+def test_a_parameter_that_the_distribution_sets_can_not_be_given(
+    tmp_path: Path, variation: Path
+) -> None:
     (outcome,) = run_batch(jobs_of([variation], {"Gap": "7"}, True), QUICK)
     assert outcome.exit_code == 2
     assert "'Gap'" in outcome.message
@@ -136,13 +156,20 @@ def test_rehearsing_compiles_and_does_not_run(tmp_path: Path) -> None:
     ]
     assert outcomes[-1].message == "21 parameter sets"
     in_two = list(rehearse_batch(jobs_of(files, {}, True), QUICK, processes=2))
-    assert [replace(outcome, trace="") for outcome in in_two] == [replace(outcome, trace="") for outcome in outcomes]
+    assert [replace(outcome, trace="") for outcome in in_two] == [
+        replace(outcome, trace="") for outcome in outcomes
+    ]
 
 
 @given(st.lists(st.tuples(*[st.sampled_from("abcd")] * 3)), st.integers(0, 5))
-def test_of_many_sets_those_are_rehearsed_in_which_values_meet_first(values: list[tuple[str, ...]], all_of: int) -> None:
+def test_of_many_sets_those_are_rehearsed_in_which_values_meet_first(
+    values: list[tuple[str, ...]], all_of: int
+) -> None:
     file = Path("file.xosc")
-    jobs = [Job(str(k), file, file, dict(zip(("A", "B", "C"), each, strict=True))) for k, each in enumerate(values)]
+    jobs = [
+        Job(str(k), file, file, dict(zip(("A", "B", "C"), each, strict=True)))
+        for k, each in enumerate(values)
+    ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rehearsal, "ALL", all_of)
         pairwise = rehearsal.Pairwise(jobs)
@@ -150,19 +177,30 @@ def test_of_many_sets_those_are_rehearsed_in_which_values_meet_first(values: lis
     assert kept[:all_of] == jobs[:all_of]
     assert kept == [job for job in jobs if job in kept]
     assert pairwise.sets == Counter({file: len(jobs)} if jobs else {})
-    there, met = ({pair for job in some for pair in combinations(job.parameters.items(), 2)} for some in (jobs, kept))
+    there, met = (
+        {pair for job in some for pair in combinations(job.parameters.items(), 2)}
+        for some in (jobs, kept)
+    )
     assert met == there
     for number, job in enumerate(kept[all_of:], all_of):
-        before = {pair for other in kept[:number] for pair in combinations(other.parameters.items(), 2)}
+        before = {
+            pair for other in kept[:number] for pair in combinations(other.parameters.items(), 2)
+        }
         assert not before.issuperset(combinations(job.parameters.items(), 2))
 
 
-def test_a_fault_of_one_value_among_many_sets_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_of_one_value_among_many_sets_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(rehearsal, "ALL", 5)
     scenario(tmp_path, "scenario", init=place("Ego", 100, 10) + place("Lead", "${1/(20-$Gap)}", 10))
-    (fine,) = rehearse_batch(jobs_of([distribution(tmp_path, "fine", {"Gap": (21, 40, 1)})], {}, True), QUICK)
+    (fine,) = rehearse_batch(
+        jobs_of([distribution(tmp_path, "fine", {"Gap": (21, 40, 1)})], {}, True), QUICK
+    )
     assert (fine.state, fine.message) == ("loaded", "20 parameter sets")
-    (short,) = rehearse_batch(jobs_of([distribution(tmp_path, "short", {"Gap": (10, 20, 1)})], {}, True), QUICK)
+    (short,) = rehearse_batch(
+        jobs_of([distribution(tmp_path, "short", {"Gap": (10, 20, 1)})], {}, True), QUICK
+    )
     assert (short.state, short.exit_code) == ("error", 3)
     assert short.message.startswith("1 of 11 parameter sets: ")
     two = distribution(tmp_path, "two", {"Gap": (10, 13, 1), "Ego_Speed": (1, 4, 1)})
@@ -175,7 +213,9 @@ def test_a_fault_of_one_value_among_many_sets_is_found(tmp_path: Path, monkeypat
 
 def test_a_large_space_is_not_enumerated(tmp_path: Path) -> None:
     scenario(tmp_path, stop=0.05)
-    path = distribution(tmp_path, "large", {"Gap": (10, 120, 1), "Ego_Speed": (10, 43, 1), "Lead_Speed": (1, 33, 1)})
+    path = distribution(
+        tmp_path, "large", {"Gap": (10, 120, 1), "Ego_Speed": (10, 43, 1), "Lead_Speed": (1, 33, 1)}
+    )
     for processes in (1, 2):
         taken = 0
 
@@ -220,7 +260,9 @@ def test_names_are_safe_as_folder_names(tmp_path: Path, stem: str, expected: str
 
 
 def test_names_are_unique(tmp_path: Path) -> None:
-    paths = [tmp_path / name for name in ("a/x.xosc", "b/x.xosc", "c/X.xosc", "d/x~2.xosc", "a/x.xosc")]
+    paths = [
+        tmp_path / name for name in ("a/x.xosc", "b/x.xosc", "c/X.xosc", "d/x~2.xosc", "a/x.xosc")
+    ]
     for path in paths:
         scenario(path.parent, path.stem, stop=0.05)
     paths.append(distribution(tmp_path / "a", "x_", {"Gap": (10, 20, 10)}, of="x"))
@@ -230,7 +272,9 @@ def test_names_are_unique(tmp_path: Path) -> None:
 
 
 def test_names_that_collide_have_as_many_folders_as_tell_them_apart() -> None:
-    paths = [Path(name) for name in ("/one/a/x.xosc", "/two/a/x.xosc", "/two/b/x.xosc", "/two/y.xosc")]
+    paths = [
+        Path(name) for name in ("/one/a/x.xosc", "/two/a/x.xosc", "/two/b/x.xosc", "/two/y.xosc")
+    ]
     assert names_of(paths) == ["one-a-x", "two-a-x", "b-x", "y"]
 
 
@@ -254,7 +298,9 @@ def test_a_folder_that_holds_something_else_is_not_removed(tmp_path: Path) -> No
     assert mine.read_text() == "keep"
 
 
-def test_resuming_runs_nothing_twice(tmp_path: Path, variation: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_resuming_runs_nothing_twice(
+    tmp_path: Path, variation: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     out = tmp_path / "out"
     list(islice(run_batch(jobs_of([variation], {}, True), QUICK, out=out), 3))
     before = {p: p.stat().st_mtime_ns for p in out.rglob("trajectories.parquet")}
@@ -262,7 +308,7 @@ def test_resuming_runs_nothing_twice(tmp_path: Path, variation: Path, monkeypatc
     outcomes = batch([variation], out=out, resume=True)
     assert names(outcomes) == [f"variation~{n:06d}" for n in range(6)]
     assert all(path.stat().st_mtime_ns == when for path, when in before.items())
-    monkeypatch.setattr("runner.interpreter.execution.run", None)
+    monkeypatch.setattr("runner.judging.execution.run", None)
     assert batch([variation], out=out, resume=True) == outcomes
 
 
@@ -286,7 +332,9 @@ def test_a_line_cut_short_is_one_run_repeated(tmp_path: Path, variation: Path) -
         ("batch.json", "[]", "settings"),
     ],
 )
-def test_a_folder_that_is_no_batch_can_not_be_resumed(tmp_path: Path, name: str, content: str, complaint: str) -> None:
+def test_a_folder_that_is_no_batch_can_not_be_resumed(
+    tmp_path: Path, name: str, content: str, complaint: str
+) -> None:
     path, out = scenario(tmp_path, stop=0.05), tmp_path / "out"
     batch([path], out=out)
     (out / name).write_text(content)
@@ -294,11 +342,15 @@ def test_a_folder_that_is_no_batch_can_not_be_resumed(tmp_path: Path, name: str,
         batch([path], out=out, resume=True)
 
 
-def test_resuming_with_other_settings_or_parameters_is_refused(tmp_path: Path, variation: Path) -> None:
+def test_resuming_with_other_settings_or_parameters_is_refused(
+    tmp_path: Path, variation: Path
+) -> None:
     out = tmp_path / "out"
     batch([variation], out=out)
     with pytest.raises(UsageError, match=r"other settings \(timestep, seed\)"):
-        batch([variation], RunSettings(0.1, "none", seed=1, world="kinematic"), out=out, resume=True)
+        batch(
+            [variation], RunSettings(0.1, "none", seed=1, world="kinematic"), out=out, resume=True
+        )
     with pytest.raises(UsageError, match="other parameters"):
         list(run_batch(jobs_of([variation], {"Ego_Speed": "9"}, True), QUICK, out=out, resume=True))
 
@@ -315,20 +367,35 @@ def _hear() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "processes"),
-    [(signal.SIGINT, 1), (signal.SIGINT, 2), (signal.SIGTERM, 1), (signal.SIGHUP, 2), (signal.SIGKILL, 1), (signal.SIGKILL, 2)],
+    [
+        (signal.SIGINT, 1),
+        (signal.SIGINT, 2),
+        (signal.SIGTERM, 1),
+        (signal.SIGHUP, 2),
+        (signal.SIGKILL, 1),
+        (signal.SIGKILL, 2),
+    ],
 )
 def test_an_interrupted_batch_goes_on_where_it_was(
-    tmp_path: Path, processes: int, how: signal.Signals, command: Command, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    processes: int,
+    how: signal.Signals,
+    command: Command,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scenario(tmp_path, stop=0.5)
     variation = distribution(tmp_path, "variation", {"Gap": (20, 310, 10)})
-    (tmp_path / "slow.py").write_text(SLOW_SYSTEM.replace("0.02", "float(os.environ.get('SLOWNESS', '0'))"))
+    (tmp_path / "slow.py").write_text(
+        SLOW_SYSTEM.replace("0.02", "float(os.environ.get('SLOWNESS', '0'))")
+    )
     out, journal = tmp_path / "out", tmp_path / "out" / "runs.jsonl"
     arguments = [str(variation), "--world", "kinematic", "--sut", "slow:Slow", "--out", str(out)]
     begun = [sys.executable, "-m", "runner.xosc_run", *arguments, "--jobs", str(processes)]
     pipe, nothing = subprocess.PIPE, subprocess.DEVNULL
     slow = os.environ | {"SLOWNESS": "0.02"}  # until it is interrupted
-    first = subprocess.Popen(begun, cwd=tmp_path, env=slow, stdout=nothing, stderr=pipe, text=True, preexec_fn=_hear)
+    first = subprocess.Popen(
+        begun, cwd=tmp_path, env=slow, stdout=nothing, stderr=pipe, text=True, preexec_fn=_hear
+    )
     deadline = time.monotonic() + 60
     while not (journal.exists() and journal.read_bytes().count(b"\n") >= 2):
         assert time.monotonic() < deadline
@@ -363,7 +430,9 @@ def wait_until_nobody_writes(journal: Path) -> None:
         time.sleep(0.3)
 
 
-def test_a_line_that_a_full_disk_cut_in_the_midst_is_runs_repeated(tmp_path: Path, variation: Path) -> None:
+def test_a_line_that_a_full_disk_cut_in_the_midst_is_runs_repeated(
+    tmp_path: Path, variation: Path
+) -> None:
     out = tmp_path / "out"
     batch([variation], out=out)
     journal = out / "runs.jsonl"
@@ -378,14 +447,18 @@ def test_a_line_that_a_full_disk_cut_in_the_midst_is_runs_repeated(tmp_path: Pat
 def test_two_batches_do_not_write_into_one_folder(tmp_path: Path, variation: Path) -> None:
     first = run_batch(jobs_of([variation], {}, True), QUICK, out=tmp_path / "out")
     next(first)
-    with pytest.raises(UsageError, match=r"out: a batch of another process writes into this folder"):
+    with pytest.raises(
+        UsageError, match=r"out: a batch of another process writes into this folder"
+    ):
         batch([variation], out=tmp_path / "out", resume=True)
     assert len(list(first)) == 5
     assert len(batch([variation], out=tmp_path / "out", resume=True)) == 6
 
 
 @pytest.mark.parametrize("processes", [1, 2])
-def test_a_full_disk_ends_the_batch_and_loses_nothing(tmp_path: Path, variation: Path, processes: int) -> None:
+def test_a_full_disk_ends_the_batch_and_loses_nothing(
+    tmp_path: Path, variation: Path, processes: int
+) -> None:
     out, plain = tmp_path / "out", tmp_path / "plain"
     with pytest.raises(UsageError, match="out: results can't be written: No space left on device"):
         batch([variation], out=out, also=[no_space], processes=processes)
@@ -407,7 +480,18 @@ def no_space(result: RunResult) -> None:
 
 
 def test_a_folder_that_takes_no_files_is_one_line(tmp_path: Path, variation: Path) -> None:
-    command = [sys.executable, "-m", "runner.xosc_run", str(variation), "--world", "kinematic", "--sut", "none", "--out", "out"]
+    command = [
+        sys.executable,
+        "-m",
+        "runner.xosc_run",
+        str(variation),
+        "--world",
+        "kinematic",
+        "--sut",
+        "none",
+        "--out",
+        "out",
+    ]
 
     def no_room() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
@@ -418,7 +502,9 @@ def test_a_folder_that_takes_no_files_is_one_line(tmp_path: Path, variation: Pat
     assert "xosc-run: out: results can't be written: File too large" in full.stderr
 
 
-def test_a_folder_that_is_removed_meanwhile_ends_the_batch_with_one_line(tmp_path: Path, variation: Path) -> None:
+def test_a_folder_that_is_removed_meanwhile_ends_the_batch_with_one_line(
+    tmp_path: Path, variation: Path
+) -> None:
     out = tmp_path / "out"
     going = run_batch(jobs_of([variation], {}, True), QUICK, out=out)
     next(going)
@@ -427,10 +513,16 @@ def test_a_folder_that_is_removed_meanwhile_ends_the_batch_with_one_line(tmp_pat
         list(going)
 
 
-def test_a_run_that_takes_too_much_memory_is_an_error_of_that_run(tmp_path: Path, variation: Path) -> None:
+def test_a_run_that_takes_too_much_memory_is_an_error_of_that_run(
+    tmp_path: Path, variation: Path
+) -> None:
     with in_force(CommandPolicy(max_memory=10.0)):
         outcomes = list(run_batch(jobs_of([variation], {}, True), QUICK, also=[greedy]))
-    assert [(o.state, o.exit_code) for o in outcomes] == [("passed", 0), ("error", 4), *[("passed", 0)] * 4]
+    assert [(o.state, o.exit_code) for o in outcomes] == [
+        ("passed", 0),
+        ("error", 4),
+        *[("passed", 0)] * 4,
+    ]
     assert "memory" in outcomes[1].message
 
 
@@ -441,9 +533,24 @@ def greedy(result: RunResult) -> None:
 
 @pytest.mark.slow
 def test_no_worker_outlives_a_killed_batch(tmp_path: Path, variation: Path) -> None:
-    (tmp_path / "slow.py").write_text(SLOW_SYSTEM.replace("time.sleep", "open(f'alive-{os.getpid()}', 'w'); time.sleep"))
-    command = [sys.executable, "-m", "runner.xosc_run", str(variation), "--world", "kinematic", "--sut", "slow:Slow", "-j", "2"]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    (tmp_path / "slow.py").write_text(
+        SLOW_SYSTEM.replace("time.sleep", "open(f'alive-{os.getpid()}', 'w'); time.sleep")
+    )
+    command = [
+        sys.executable,
+        "-m",
+        "runner.xosc_run",
+        str(variation),
+        "--world",
+        "kinematic",
+        "--sut",
+        "slow:Slow",
+        "-j",
+        "2",
+    ]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     deadline = time.monotonic() + 60
     while len(workers := [int(p.name.partition("-")[2]) for p in tmp_path.glob("alive-*")]) < 2:
         assert time.monotonic() < deadline
@@ -452,7 +559,9 @@ def test_no_worker_outlives_a_killed_batch(tmp_path: Path, variation: Path) -> N
     process.wait()
     while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < deadline:
         time.sleep(0.05)
-    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()] or not os.path.isdir("/proc")
+    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()] or not os.path.isdir(
+        "/proc"
+    )
 
 
 @pytest.mark.parametrize("culprit", [0, 1, 2, 5])
@@ -466,8 +575,12 @@ def test_a_run_that_kills_its_process_is_named_and_the_others_complete(
     first = 60 - 20 * culprit  # so that the lead is 30 m ahead in the culprit's place
     path = distribution(tmp_path, "variation", {"Gap": (first, first + 100, 20)})
     out = tmp_path / "out"
-    outcomes = batch([path], RunSettings(sut="deadly:Deadly", world="kinematic"), processes=2, out=out)
+    outcomes = batch(
+        [path], RunSettings(sut="deadly:Deadly", world="kinematic"), processes=2, out=out
+    )
     assert [o.state for o in outcomes] == ["error" if n == culprit else "passed" for n in range(6)]
     assert outcomes[culprit].exit_code == 5
     assert "died" in outcomes[culprit].message
-    assert {json.loads(line)["job"]["name"] for line in (out / "runs.jsonl").open()} == {o.job.name for o in outcomes}
+    assert {json.loads(line)["job"]["name"] for line in (out / "runs.jsonl").open()} == {
+        o.job.name for o in outcomes
+    }

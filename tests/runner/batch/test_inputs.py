@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from generation.logical.library import ROADS, SCENARIOS
+from generation.space.logical.library import ROADS, SCENARIOS
 from runner.batch.inputs import inputs
-from runner.settings import RunSettings
+from runner.judging.settings import RunSettings
 
 SYSTEM = """
 class Mine:
@@ -22,7 +22,7 @@ class Mine:
         pass
 
     def control(self, observation, dt):
-        from runner.sut import Control
+        from runner.systems import Control
         return Control()  # {comment}
 """
 
@@ -41,7 +41,11 @@ def test_nothing_changed_is_the_same(scenario: Path) -> None:
     assert inputs(scenario, RunSettings()) == inputs(scenario, RunSettings())
 
 
-FILES = ("cut_in_highway.xosc", "catalogs/vehicles/vehicle_catalog.xosc", "../../xodr/library/highway_straight.xodr")
+FILES = (
+    "cut_in_highway.xosc",
+    "catalogs/vehicles/vehicle_catalog.xosc",
+    "../../xodr/library/highway_straight.xodr",
+)
 
 
 @pytest.mark.parametrize("file", FILES)
@@ -55,14 +59,18 @@ def test_a_file_that_changes_is_another_input(scenario: Path, file: str) -> None
 @pytest.mark.parametrize("element", ["LogicFile", "Directory"])
 def test_files_that_a_parameter_names_are_inputs(scenario: Path, element: str) -> None:
     text, other = scenario.read_text(), "../../xodr/library/other.xodr"
-    attribute, changed = ("filepath", other) if element == "LogicFile" else ("path", "catalogs/vehicles")
+    attribute, changed = (
+        ("filepath", other) if element == "LogicFile" else ("path", "catalogs/vehicles")
+    )
     old = re.search(rf'<{element} {attribute}="([^"]*)"', text)
     assert old is not None
     text = text.replace(old[0], f'<{element} {attribute}="$Where"', 1)
     declared = f'<ParameterDeclarations><ParameterDeclaration name="Where" parameterType="string" value="{old[1]}"/>'
     scenario.write_text(re.sub(r"<ParameterDeclarations>", declared, text, count=1))
     before = inputs(scenario, RunSettings())
-    named = scenario.parent / (old[1] if element == "LogicFile" else f"{changed}/vehicle_catalog.xosc")
+    named = scenario.parent / (
+        old[1] if element == "LogicFile" else f"{changed}/vehicle_catalog.xosc"
+    )
     if element == "LogicFile":
         shutil.copy(named, scenario.parent / other)
     named.write_text(named.read_text().replace("xosc-toolchain", "somebody"))
@@ -73,7 +81,12 @@ def test_files_that_a_parameter_names_are_inputs(scenario: Path, element: str) -
 
 def test_settings_of_runs_and_systems_are_inputs(scenario: Path) -> None:
     before = inputs(scenario, RunSettings())
-    for run in (RunSettings(timestep=0.1), RunSettings(sut="cas:brake=6"), RunSettings(world="kinematic"), RunSettings(seed=1)):
+    for run in (
+        RunSettings(timestep=0.1),
+        RunSettings(sut="cas:brake=6"),
+        RunSettings(world="kinematic"),
+        RunSettings(seed=1),
+    ):
         assert inputs(scenario, run) != before
 
 

@@ -12,8 +12,8 @@ import pytest
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Job, Outcome, jobs_of
 from runner.batch.journal import Journal, finished
-from runner.interpreter.result import RunResult
-from runner.settings import RunSettings
+from runner.judging.result import RunResult
+from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError
 from tests.commands import Command
 from tests.runner.files import distribution, scenario
@@ -23,7 +23,7 @@ MINE = """
 class Mine:
     def reset(self, ego, timestep, seed): pass
     def control(self, observation, dt):
-        from runner.sut import Control
+        from runner.systems import Control
         return Control()  # {comment}
 """
 
@@ -42,7 +42,11 @@ class Batch:
         done: list[int] = []
         told: list[str] = []
         jobs = jobs_of([self.variation], {}, True)
-        outcomes = list(run_batch(jobs, settings, out=self.out, resume=True, also=[note(done)], tell=told.append))
+        outcomes = list(
+            run_batch(
+                jobs, settings, out=self.out, resume=True, also=[note(done)], tell=told.append
+            )
+        )
         assert [outcome.state for outcome in outcomes] == ["passed"] * 3
         assert sorted(finished(self.out).outcomes) == [outcome.job.name for outcome in outcomes]
         return done, told
@@ -66,11 +70,15 @@ def test_an_edited_file_is_run_anew(batch: Batch, file: str) -> None:
     path.write_text(f"{path.read_text()}<!-- edited -->")
     done, (line,) = batch.resume()
     assert done == [0, 1, 2]
-    assert line == ("3 finished runs of files, a system or a toolchain that have changed: run anew (variation~000000, …)")
+    assert line == (
+        "3 finished runs of files, a system or a toolchain that have changed: run anew (variation~000000, …)"
+    )
     assert batch.resume() == ([], [])
 
 
-def test_an_edited_system_under_test_is_run_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_edited_system_under_test_is_run_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     module = tmp_path / "resumed_system.py"
     module.write_text(MINE.format(comment="first"))
@@ -101,8 +109,12 @@ def test_a_damaged_result_is_run_anew(batch: Batch, harm: str, file: str) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("option", "file"), [("--plot", "picture.png"), ("--replay", "replay.html")])
-def test_what_finished_runs_lack_is_made(option: str, file: str, tmp_path: Path, command: Command) -> None:
+@pytest.mark.parametrize(
+    ("option", "file"), [("--plot", "picture.png"), ("--replay", "replay.html")]
+)
+def test_what_finished_runs_lack_is_made(
+    option: str, file: str, tmp_path: Path, command: Command
+) -> None:
     path = scenario(tmp_path, stop=0.1)
     variation = distribution(tmp_path, "variation", {"Gap": (20, 30, 10)})
     out = tmp_path / "out"
@@ -110,7 +122,11 @@ def test_what_finished_runs_lack_is_made(option: str, file: str, tmp_path: Path,
     assert command(*arguments, "--sut", "none").code == 0
     again = command(*arguments, "--sut", "none", option)
     assert again.err == f"3 finished runs without {file}: run anew (scenario, …)\n"
-    assert sorted(each.parent.name for each in out.glob(f"*/{file}")) == ["scenario", "variation~000000", "variation~000001"]
+    assert sorted(each.parent.name for each in out.glob(f"*/{file}")) == [
+        "scenario",
+        "variation~000000",
+        "variation~000001",
+    ]
     assert command(*arguments, "--sut", "none", option).err == ""
 
 
@@ -118,9 +134,13 @@ def test_what_finished_runs_lack_is_made(option: str, file: str, tmp_path: Path,
 def test_what_needs_the_run_itself_does_not_go_with_finished_ones(
     options: tuple[str, ...], tmp_path: Path, command: Command
 ) -> None:
-    answer = command("xosc-run", scenario(tmp_path), "--out", tmp_path / "out", "--resume", *options)
+    answer = command(
+        "xosc-run", scenario(tmp_path), "--out", tmp_path / "out", "--resume", *options
+    )
     assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1)
-    assert answer.err.startswith(f"xosc-run: {options[0]} is of runs that are played, and --resume leaves out finished ones")
+    assert answer.err.startswith(
+        f"xosc-run: {options[0]} is of runs that are played, and --resume leaves out finished ones"
+    )
 
 
 def test_a_damaged_line_of_the_journal_is_a_run_repeated(batch: Batch) -> None:
@@ -135,7 +155,9 @@ def test_a_damaged_line_of_the_journal_is_a_run_repeated(batch: Batch) -> None:
 def test_a_batch_of_other_files_is_refused(batch: Batch) -> None:
     other = scenario(batch.scenario.parent, "other", stop=0.1)
     before = (batch.out / "runs.jsonl").read_bytes()
-    with pytest.raises(UsageError, match=r"a batch with runs of .*variation\.xosc, which is not among the files"):
+    with pytest.raises(
+        UsageError, match=r"a batch with runs of .*variation\.xosc, which is not among the files"
+    ):
         list(run_batch(jobs_of([other], {}, True), QUICK, out=batch.out, resume=True))
     assert (batch.out / "runs.jsonl").read_bytes() == before
 
@@ -145,13 +167,17 @@ def test_a_run_that_lacked_memory_is_run_anew(tmp_path: Path, status: str) -> No
     path, out = scenario(tmp_path, stop=0.1), tmp_path / "out"
     (first,) = run_batch(jobs_of([path], {}, True), QUICK, out=out)
     (out / "runs.jsonl").unlink()
-    ended = Outcome(first.job, "error", 4, "this takes more memory than there is", status, inputs=first.inputs)
+    ended = Outcome(
+        first.job, "error", 4, "this takes more memory than there is", status, inputs=first.inputs
+    )
     Journal(out, {}).enter(ended)
     (again,) = run_batch(jobs_of([path], {}, True), QUICK, out=out, resume=True)
     assert again.state == "passed"
 
 
-def test_runs_are_entered_together_when_they_come_fast(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_are_entered_together_when_they_come_fast(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     synced: list[list[Path]] = []
     monkeypatch.setattr("runner.batch.journal.sync", lambda paths: synced.append(list(paths)))
     journal = Journal(tmp_path, {})
@@ -171,7 +197,9 @@ def test_a_run_is_entered_once_though_an_interrupt_brings_it_twice(tmp_path: Pat
     assert len((tmp_path / "runs.jsonl").read_text().splitlines()) == 1
 
 
-def test_overwriting_replaces_the_batch_and_leaves_other_files(tmp_path: Path, command: Command) -> None:
+def test_overwriting_replaces_the_batch_and_leaves_other_files(
+    tmp_path: Path, command: Command
+) -> None:
     scenario(tmp_path, "first")
     scenario(tmp_path, "second")
     out = tmp_path / "out"
@@ -182,7 +210,9 @@ def test_overwriting_replaces_the_batch_and_leaves_other_files(tmp_path: Path, c
     refused = command(*call, tmp_path / "second.xosc")
     assert refused.code == 2 and "--overwrite to replace it" in refused.err
     other = command(*call, tmp_path / "second.xosc", "--resume")
-    assert other.code == 2 and "which is not among the files" in other.err, "a batch of other scenarios is not gone on with"
+    assert other.code == 2 and "which is not among the files" in other.err, (
+        "a batch of other scenarios is not gone on with"
+    )
     command(*call, tmp_path / "second.xosc", "--overwrite")
     names = {path.name for path in out.iterdir() if not path.name.startswith(".")}
     assert names == {"second", "runs.jsonl", "batch.json", "runs.parquet", "notes.txt", "mine"}

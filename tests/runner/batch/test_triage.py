@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from runner.batch.rehearsal import FINE, NOTHING, REFUSED, REPAIRED, causes, triage
+from runner.view.rehearsal import FINE, NOTHING, REFUSED, REPAIRED, causes, triage
 from tests.commands import Command
 from tests.runner.chromium import Browser
 from tests.runner.files import ROADS, car, distribution, place, scenario
@@ -19,11 +19,15 @@ def folder(tmp_path: Path) -> Path:
     found = tmp_path / "found"
     scenario(found, "good")
     text = scenario(found, "repaired").read_text()
-    (found / "repaired.xosc").write_text(text.replace('revMajor="1" revMinor="3"', 'revMajor="0" revMinor="9"'))
+    (found / "repaired.xosc").write_text(
+        text.replace('revMajor="1" revMinor="3"', 'revMajor="0" revMinor="9"')
+    )
     scenario(found, "empty", init=place("Ego", 100, 10), entities=[car("Ego")], stop=0.0)
     for name, road in (("lost", "gone"), ("logical", "away")):
         scenario(found, name, road="straight")
-        (found / f"{name}.xosc").write_text((found / f"{name}.xosc").read_text().replace("straight.xodr", f"{road}.xodr"))
+        (found / f"{name}.xosc").write_text(
+            (found / f"{name}.xosc").read_text().replace("straight.xodr", f"{road}.xodr")
+        )
     distribution(found, "hundred", {"Gap": (1, 100, 1)}, "logical")
     (found / "broken.xosc").write_text("<OpenSCENARIO>")
     (found / "straight.xodr").write_bytes((ROADS / "straight.xodr").read_bytes())
@@ -47,7 +51,9 @@ def test_each_file_is_one_row_under_its_cause(folder: Path) -> None:
     assert cause.endswith("the road network … does not exist")
     assert sorted(row.path for row in those) == ["hundred.xosc", "logical.xosc", "lost.xosc"]
     assert rows["lost.xosc"].line == next(
-        number for number, line in enumerate((folder / "lost.xosc").read_text().splitlines(), 1) if "LogicFile" in line
+        number
+        for number, line in enumerate((folder / "lost.xosc").read_text().splitlines(), 1)
+        if "LogicFile" in line
     )
     assert "1.0" in rows["repaired.xosc"].message and rows["repaired.xosc"].repairs >= 1
 
@@ -61,12 +67,16 @@ def test_a_fault_of_another_file_names_that_file_and_no_line_of_the_own(folder: 
     twice = vehicle.replace("<BoundingBox>", '<ParameterDeclarations><ParameterDeclaration name="$a" parameterType="double" '
                             'value="1"/></ParameterDeclarations><BoundingBox>')  # fmt: skip
     header = '<FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="t" description="t"/>'
-    (folder / "catalogs" / "cars.xosc").write_text(f'<OpenSCENARIO>{header}<Catalog name="cars">{twice}</Catalog></OpenSCENARIO>')
+    (folder / "catalogs" / "cars.xosc").write_text(
+        f'<OpenSCENARIO>{header}<Catalog name="cars">{twice}</Catalog></OpenSCENARIO>'
+    )
     reference = '<CatalogReference catalogName="cars" entryName="car"/>'
     (folder / "user.xosc").write_text(text[:start] + reference + text[end:])
     (row,) = [row for row in triage([folder / "user.xosc"]) if row.path == "user.xosc"]
     assert (row.group, row.line) == (REPAIRED, None)
-    assert row.message.startswith("in catalogs/cars.xosc:2: ") and row.cause.startswith("in cars.xosc: ")
+    assert row.message.startswith("in catalogs/cars.xosc:2: ") and row.cause.startswith(
+        "in cars.xosc: "
+    )
 
 
 def test_the_report_names_groups_causes_and_files(command: Command, folder: Path) -> None:
@@ -82,7 +92,9 @@ def test_the_report_names_groups_causes_and_files(command: Command, folder: Path
 @pytest.mark.slow
 def test_json_and_page_have_the_same_rows(command: Command, folder: Path, tmp_path: Path) -> None:
     values = json.loads(command("xosc-check", "--triage", "--format", "json", folder).out)
-    assert [file["path"] for file in values["files"]] == sorted(path.name for path in folder.iterdir())
+    assert [file["path"] for file in values["files"]] == sorted(
+        path.name for path in folder.iterdir()
+    )
     page = tmp_path / "triage.html"
     answer = command("xosc-check", "--triage", "--format", "html", "--output", page, folder)
     assert answer.out.splitlines()[-1] == f"triage: {page}"
@@ -94,6 +106,8 @@ def test_json_and_page_have_the_same_rows(command: Command, folder: Path, tmp_pa
 
 
 @pytest.mark.parametrize("call", [["--format", "html"], ["--triage", "--format", "sarif"]])
-def test_a_format_that_does_not_fit_is_refused(command: Command, folder: Path, call: list[str]) -> None:
+def test_a_format_that_does_not_fit_is_refused(
+    command: Command, folder: Path, call: list[str]
+) -> None:
     answer = command("xosc-check", *call, folder)
     assert (answer.code, answer.out) == (2, "") and "of --triage" in answer.err

@@ -11,14 +11,20 @@ from types import ModuleType
 
 import pytest
 
-from schemas.common.command_line import guarded
 from schemas.common.packages import _EXTRAS, _WITHOUT, MissingExtra, missing, optional
+from schemas.common.terminal.command_line import guarded
 from tests.commands import Command
 from tests.runner.files import scenario
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
-PROJECT = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-DISTRIBUTIONS = {"sklearn": "scikit-learn", "osi3": "osi-python", "osi_utilities": "asam-osi-utilities"}
+PROJECT = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text(encoding="utf-8"))[
+    "project"
+]
+DISTRIBUTIONS = {
+    "sklearn": "scikit-learn",
+    "osi3": "osi-python",
+    "osi_utilities": "asam-osi-utilities",
+}
 BROUGHT_ALONG = {"google", "lz4", "mcap", "threadpoolctl", "zstandard"}
 """what these need themselves"""
 
@@ -28,9 +34,13 @@ def test_a_module_that_is_there() -> None:
 
 
 @pytest.mark.parametrize("library", _EXTRAS)
-def test_a_missing_library_is_named_with_its_extra(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_library_is_named_with_its_extra(
+    library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(MissingExtra, match=rf'{library} is missing; type: pip install "xosc-toolchain\[\w+\]"; ') as found:
+    with pytest.raises(
+        MissingExtra, match=rf'{library} is missing; type: pip install "xosc-toolchain\[\w+\]"; '
+    ) as found:
         optional(f"{library}.part")
     assert f"[{_EXTRAS[library]}]" in str(found.value)
     assert str(found.value).partition("; without it: ")[2] == _WITHOUT[_EXTRAS[library]]
@@ -52,8 +62,20 @@ main()
 
 @pytest.mark.slow
 def test_rules_label_without_the_extra_that_models_need(tmp_path: Path, command: Command) -> None:
-    assert command("xosc-run", LIBRARY / "simple_cut_in.xosc", "--world", "kinematic", "--out", tmp_path / "runs").code == 0
-    program = BLOCKED.format(blocked={library for library, extra in _EXTRAS.items() if extra == "recognition"})
+    assert (
+        command(
+            "xosc-run",
+            LIBRARY / "simple_cut_in.xosc",
+            "--world",
+            "kinematic",
+            "--out",
+            tmp_path / "runs",
+        ).code
+        == 0
+    )
+    program = BLOCKED.format(
+        blocked={library for library, extra in _EXTRAS.items() if extra == "recognition"}
+    )
 
     def recognized(*options: str) -> tuple[int, str]:
         call = [sys.executable, "-c", program, str(tmp_path / "runs"), *options]
@@ -65,11 +87,16 @@ def test_rules_label_without_the_extra_that_models_need(tmp_path: Path, command:
     assert recognized("--labels", "rules", "--out", "by_rules")[0] == 0
 
 
-@pytest.mark.parametrize(("module", "library"), [("runner.outside.environment", "gymnasium"), ("recognition.TRFE", "torch")])
+@pytest.mark.parametrize(
+    ("module", "library"),
+    [("runner.view.gym.environment", "gymnasium"), ("recognition.TRFE", "torch")],
+)
 def test_what_python_imports_says_so_too(module: str, library: str) -> None:
     package, _, name = module.rpartition(".")
     lines = f"import sys; sys.modules[{library!r}] = None; from {package} import {name}"
-    ended = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", lines], capture_output=True, text=True, check=False
+    )
     assert ended.stderr.splitlines()[-1].startswith(
         f"schemas.common.packages.MissingExtra: {library} is missing; type: pip install"
     )
@@ -86,7 +113,10 @@ def test_extras_are_those_of_the_package() -> None:
     extras = PROJECT["optional-dependencies"]
     for library, extra in _EXTRAS.items():
         if library not in BROUGHT_ALONG:
-            assert any(re.match(rf"{DISTRIBUTIONS.get(library, library)}\b", each) for each in extras[extra]), library
+            assert any(
+                re.match(rf"{DISTRIBUTIONS.get(library, library)}\b", each)
+                for each in extras[extra]
+            ), library
     core = {re.split(r"[<>=]", each)[0] for each in PROJECT["dependencies"]}
     assert not core & {DISTRIBUTIONS.get(library, library) for library in _EXTRAS}
     (everything,) = extras["all"]
@@ -102,7 +132,12 @@ def test_extras_are_those_of_the_package() -> None:
     ],
 )
 def test_a_command_says_what_to_type(
-    arguments: list[str], library: str, extra: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command
+    arguments: list[str],
+    library: str,
+    extra: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command: Command,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, library, None)
@@ -122,4 +157,6 @@ def test_a_command_that_needs_a_whole_extra_names_that(capsys: pytest.CaptureFix
         guarded("xosc-generate", app, extra="search")
     assert end.value.code == 2
     said = capsys.readouterr().err
-    assert said.startswith('xosc-generate: torch is missing; type: pip install "xosc-toolchain[search]"; without it: ')
+    assert said.startswith(
+        'xosc-generate: torch is missing; type: pip install "xosc-toolchain[search]"; without it: '
+    )

@@ -11,7 +11,7 @@ import typer
 from typer.testing import CliRunner
 
 from schemas.common.errors import UsageError
-from schemas.common.options import option, part, with_settings
+from schemas.common.terminal.options import option, part, with_settings
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,9 @@ def test_options_of_fields_and_of_parts_set_them() -> None:
         "t",
         "--slow",
     )
-    assert called(*given) == Settings(World(0.1, folders=("a", "b")), "x", {"A": "1", "B": "2"}, Path("t"), False)
+    assert called(*given) == Settings(
+        World(0.1, folders=("a", "b")), "x", {"A": "1", "B": "2"}, Path("t"), False
+    )
 
 
 @pytest.mark.parametrize("option", ["--seed", "--inner"])

@@ -29,7 +29,9 @@ def test_a_package_shows_its_names_its_version_and_that_it_is_typed(name):
 @pytest.mark.parametrize("name", PACKAGES)
 def test_no_module_imports_all_names_of_another(name):
     folder = Path(str(import_module(name).__file__)).parent
-    assert [path for path in folder.rglob("*.py") if "import *" in path.read_text(encoding="utf-8")] == []
+    assert [
+        path for path in folder.rglob("*.py") if "import *" in path.read_text(encoding="utf-8")
+    ] == []
 
 
 # kinds ---------------------------------------------------------------------------------------
@@ -71,7 +73,11 @@ def test_names_are_sorted_and_nothing_is_imported(package: str) -> None:
 
 
 def test_kinds_describe_themselves_without_being_imported(package: str) -> None:
-    assert packages.described(package, "SUMMARY") == {"ant": "the ant", "cat": ("the cat", 4), "zebra": "the zebra"}
+    assert packages.described(package, "SUMMARY") == {
+        "ant": "the ant",
+        "cat": ("the cat", 4),
+        "zebra": "the zebra",
+    }
     assert not any(module.startswith(f"{package}.") for module in sys.modules)
 
 

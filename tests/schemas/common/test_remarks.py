@@ -7,12 +7,17 @@ import pytest
 from schemas.common.errors import InvalidFile
 from schemas.common.remarks import Remark, Remarks
 
-FIRST = Remark("xosc.toolchain:xosc:1.0.0:a.b", "'x' is no number; 0 is assumed", "folder/file.xosc", 7)
+FIRST = Remark(
+    "xosc.toolchain:xosc:1.0.0:a.b", "'x' is no number; 0 is assumed", "folder/file.xosc", 7
+)
 SECOND = Remark("xosc.toolchain:xosc:1.0.0:c.d", "the file has no header", "folder/file.xosc")
 
 
 def test_a_remark_says_place_assumption_and_rule():
-    assert str(FIRST) == "folder/file.xosc:7: 'x' is no number; 0 is assumed [xosc.toolchain:xosc:1.0.0:a.b]"
+    assert (
+        str(FIRST)
+        == "folder/file.xosc:7: 'x' is no number; 0 is assumed [xosc.toolchain:xosc:1.0.0:a.b]"
+    )
     assert str(SECOND) == "folder/file.xosc: the file has no header [xosc.toolchain:xosc:1.0.0:c.d]"
     assert str(FIRST.error()) == str(FIRST)
 

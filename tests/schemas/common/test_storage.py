@@ -69,7 +69,9 @@ def test_what_can_t_be_written_leaves_nothing_behind(tmp_path: Path) -> None:
         (b"null", "object.json: a JSON object is expected; mend it"),
     ],
 )
-def test_what_is_no_json_object_is_refused_in_one_line(content: bytes, complaint: str, tmp_path: Path) -> None:
+def test_what_is_no_json_object_is_refused_in_one_line(
+    content: bytes, complaint: str, tmp_path: Path
+) -> None:
     path = tmp_path / "object.json"
     path.write_bytes(content)
     with pytest.raises(InvalidFile) as caught:
@@ -96,8 +98,12 @@ def test_work_goes_on_with_the_same_settings_or_a_part_of_them(tmp_path: Path) -
     assert read_object(path) == {"seed": 1, "names": ["ä", "b"]}
 
 
-@pytest.mark.parametrize("settings", [{"seed": 2}, {"seed": 1, "sut": None}, {"seed": 1, "sut": "cas"}, {"seed": "1"}])
-def test_work_with_other_settings_is_refused_by_their_names(tmp_path: Path, settings: dict[str, object]) -> None:
+@pytest.mark.parametrize(
+    "settings", [{"seed": 2}, {"seed": 1, "sut": None}, {"seed": 1, "sut": "cas"}, {"seed": "1"}]
+)
+def test_work_with_other_settings_is_refused_by_their_names(
+    tmp_path: Path, settings: dict[str, object]
+) -> None:
     write_object({"seed": 1}, tmp_path / "settings.json")
     changed = "sut" if "sut" in settings else "seed"
     with pytest.raises(UsageError, match=rf"holds a batch with other settings \({changed}\)"):
@@ -130,7 +136,9 @@ def test_a_cache_of_another_user_is_refused(shared: Path, monkeypatch: pytest.Mo
     (shared / "roads").chmod(0o1777)  # as /tmp: others may add files, which do not count
     assert cache_folder("roads") == shared / "roads"
     owner = shared.stat().st_uid
-    os.chown(shared, 4242, -1) if os.geteuid() == 0 else monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
+    os.chown(shared, 4242, -1) if os.geteuid() == 0 else monkeypatch.setattr(
+        os, "geteuid", lambda: owner + 1
+    )
     with pytest.raises(ForeignCache) as error:
         cache_folder()
     assert str(shared) in str(error.value)
@@ -139,9 +147,21 @@ def test_a_cache_of_another_user_is_refused(shared: Path, monkeypatch: pytest.Mo
 def test_a_command_does_without_such_a_cache_and_says_so(shared: Path, command: Command) -> None:
     shared.chmod(0o777)
     before = sorted(shared.rglob("*"))
-    answer = command("xosc-run", LIBRARY / "simple_cut_in_variation.xosc", "--sut", "adas", "--only", "6", "--max-time", "0.2")
+    answer = command(
+        "xosc-run",
+        LIBRARY / "simple_cut_in_variation.xosc",
+        "--sut",
+        "adas",
+        "--only",
+        "6",
+        "--max-time",
+        "0.2",
+    )
     assert answer.code == 6 and answer.err.count("\n") == 1
-    assert answer.err.startswith(f"xosc-run: remark: {shared}: other users may write") and "an empty one is used" in answer.err
+    assert (
+        answer.err.startswith(f"xosc-run: remark: {shared}: other users may write")
+        and "an empty one is used" in answer.err
+    )
     assert sorted(shared.rglob("*")) == before and os.environ["XOSC_CACHE_DIR"] == str(shared)
 
 
@@ -166,7 +186,11 @@ def test_a_link_on_a_disk_in_memory_is_replaced_and_not_written_through() -> Non
         outside.write_bytes(b"kept")
         link.symlink_to(outside)
         keep(b"new", link)
-        assert (outside.read_bytes(), link.read_bytes(), link.is_symlink()) == (b"kept", b"new", False)
+        assert (outside.read_bytes(), link.read_bytes(), link.is_symlink()) == (
+            b"kept",
+            b"new",
+            False,
+        )
 
 
 def test_a_content_is_on_the_disk_before_its_name(tmp_path: Path) -> None:

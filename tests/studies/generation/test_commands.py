@@ -9,9 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import studies.generation.__main__ as study
-from generation.logical.library import SCENARIOS
-from generation.recorded import of_recordings
-from recognition.maneuvers.units import Samples
+from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import of_recordings
+from recognition.labels.maneuvers.units import Samples
 from tests.recognition.motorway import write_motorway
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -35,35 +35,109 @@ def units(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_help_lists_every_experiment(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_lists_every_experiment(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert call(monkeypatch, "--help") == 0
     text = capsys.readouterr().out
     assert all(
-        name in text for name in ("methods", "planted", "coverage", "twin", "systems", "densities", "reconstruction", "rounds")
+        name in text
+        for name in (
+            "methods",
+            "planted",
+            "coverage",
+            "twin",
+            "systems",
+            "densities",
+            "reconstruction",
+            "rounds",
+        )
     )
 
 
 def test_methods_are_compared_and_their_cases_run_with_other_systems(
     tmp_path: Path, units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    quick = ("--seeds", 1, "--budget", 12, "--recorded", units, "--timestep", 0.1, "--jobs", 1, "-q")
+    quick = (
+        "--seeds",
+        1,
+        "--budget",
+        12,
+        "--recorded",
+        units,
+        "--timestep",
+        0.1,
+        "--jobs",
+        1,
+        "-q",
+    )
     pinned = ("--pin", "Ego_Speed_mps=38")
     out = tmp_path / "results"
-    assert call(monkeypatch, "methods", CUT_IN, "--out", out, "--methods", "kde", "--no-figures", *quick, *pinned) == 0
+    assert (
+        call(
+            monkeypatch,
+            "methods",
+            CUT_IN,
+            "--out",
+            out,
+            "--methods",
+            "kde",
+            "--no-figures",
+            *quick,
+            *pinned,
+        )
+        == 0
+    )
     assert "| KDE sampling † |" in (out / "report.md").read_text()
-    same = ("--recorded", units, "--scenarios", SCENARIOS, "--method", "kde", "--most", 2, "--timestep", 0.1, "--jobs", 1)
-    assert call(monkeypatch, "systems", out, *same, "--systems", "none", "--out", tmp_path / "systems") == 0
+    same = (
+        "--recorded",
+        units,
+        "--scenarios",
+        SCENARIOS,
+        "--method",
+        "kde",
+        "--most",
+        2,
+        "--timestep",
+        0.1,
+        "--jobs",
+        1,
+    )
+    assert (
+        call(monkeypatch, "systems", out, *same, "--systems", "none", "--out", tmp_path / "systems")
+        == 0
+    )
     said = capsys.readouterr().out
     assert "| `none` | 2 |" in said
     assert (tmp_path / "systems" / "systems.md").read_text() in said
-    assert set(pq.read_table(tmp_path / "systems" / "cases.parquet")["system"].to_pylist()) == {"none", "r157-cc"}
+    assert set(pq.read_table(tmp_path / "systems" / "cases.parquet")["system"].to_pylist()) == {
+        "none",
+        "r157-cc",
+    }
 
 
 def test_densities_are_compared_on_recorded_parameters(
     units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, "densities", CUT_IN, "--recorded", units, "--density", "gaussian", "--density", "kde") == 0
-    rows = [line.split(" | ")[0] for line in capsys.readouterr().out.splitlines() if line.startswith("| ") and "±" in line]
+    assert (
+        call(
+            monkeypatch,
+            "densities",
+            CUT_IN,
+            "--recorded",
+            units,
+            "--density",
+            "gaussian",
+            "--density",
+            "kde",
+        )
+        == 0
+    )
+    rows = [
+        line.split(" | ")[0]
+        for line in capsys.readouterr().out.splitlines()
+        if line.startswith("| ") and "±" in line
+    ]
     assert sorted(rows) == ["| KDE, full covariance", "| one Gaussian"]
 
 
@@ -71,7 +145,16 @@ def test_units_of_recordings_are_reconstructed_and_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_motorway(tmp_path / "recordings")
-    assert call(monkeypatch, "reconstruction", tmp_path / "recordings", "--out", tmp_path / "units.parquet") == 0
+    assert (
+        call(
+            monkeypatch,
+            "reconstruction",
+            tmp_path / "recordings",
+            "--out",
+            tmp_path / "units.parquet",
+        )
+        == 0
+    )
     assert "| cut_in | 2 |" in capsys.readouterr().out
     assert np.isfinite(Samples.read(tmp_path / "units.parquet").theta).all()
 
@@ -105,7 +188,22 @@ def test_wrong_use_is_one_line(
 def test_the_twin_is_measured_against_sumo(
     units: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, "twin", CUT_IN, "--draws", 8, "--finds", 0, "--recorded", units, "--jobs", 1) == 0
+    assert (
+        call(
+            monkeypatch,
+            "twin",
+            CUT_IN,
+            "--draws",
+            8,
+            "--finds",
+            0,
+            "--recorded",
+            units,
+            "--jobs",
+            1,
+        )
+        == 0
+    )
     said = capsys.readouterr().out
     assert "draws of the prior, system under test: 8 of 8 verdicts are SUMO's" in said
     assert "episodes a second" in said

@@ -18,7 +18,10 @@ def rows_of(n: int) -> tuple[FloatArray, np.ndarray]:
     """Normal rows of five recordings, whose second column follows the first, and the recordings."""
     generator = np.random.default_rng(0)
     given = generator.standard_normal(n)
-    rows = np.stack([given, 2.0 * given + 0.1 * generator.standard_normal(n), generator.standard_normal(n)], axis=1)
+    rows = np.stack(
+        [given, 2.0 * given + 0.1 * generator.standard_normal(n), generator.standard_normal(n)],
+        axis=1,
+    )
     return rows, np.array([f"r{number % 5}" for number in range(n)])
 
 
@@ -26,7 +29,9 @@ def test_the_mixture_is_that_of_the_rest_given_the_first_column() -> None:
     rows, recordings = rows_of(500)
     model = Closed()
     model.fit(rows, recordings)
-    exact = -0.5 * (((rows[:, 1] - 2.0 * rows[:, 0]) / 0.1) ** 2 + rows[:, 2] ** 2) - np.log(2.0 * np.pi * 0.1)
+    exact = -0.5 * (((rows[:, 1] - 2.0 * rows[:, 0]) / 0.1) ** 2 + rows[:, 2] ** 2) - np.log(
+        2.0 * np.pi * 0.1
+    )
     assert abs((model.log_density(rows) - exact).mean()) < 0.1
     assert (model.log_density(rows) < model.least(rows, 0)).mean() < 0.03
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import runner
-from generation.logical.library import SCENARIOS
-from generation.search.space import Space
+from generation.space.logical.library import SCENARIOS
+from generation.space.space import Space
 from studies.generation.adversary.course import START, Scene
 from studies.generation.adversary.environment import Episodes
 from studies.generation.described import as_maneuvers
@@ -19,7 +19,12 @@ VALUES = {"CutIn_Gap_m": 20.0, "CutIn_StartSpeed_mps": 24.0, "CutIn_StartTime_s"
 
 def test_the_way_of_a_manoeuvre_gives_its_parameters() -> None:
     scene, space = Scene.of(CUT_IN), Space.of(CUT_IN)
-    result = runner.run(CUT_IN, sut="none", world="kinematic", parameters={name: str(value) for name, value in VALUES.items()})
+    result = runner.run(
+        CUT_IN,
+        sut="none",
+        world="kinematic",
+        parameters={name: str(value) for name, value in VALUES.items()},
+    )
     assert result.recording is not None
     ego, actor = (track.columns for track in result.recording.locate().tracks.values())
     way = np.stack([actor["s"] - ego["s"][0] + START, actor["t"]], axis=1)

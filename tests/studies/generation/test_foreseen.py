@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.logical.library import SCENARIOS
-from generation.outcomes import Outcomes
-from generation.recorded import kind_of, of_recordings, of_samples
-from generation.search.space import Space
+from generation.search.outcomes import Outcomes
+from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import kind_of, of_recordings, of_samples
+from generation.space.space import Space
 from schemas.common.array_types import FloatArray
 from studies.generation.foreseen import limits
 
@@ -24,7 +24,9 @@ def test_both_limits_let_no_more_pass_than_either() -> None:
         return Outcomes.of(len(theta), collision=theta[:, gaps].max(axis=1) < 15.0)
 
     table = limits(space, of_samples(of_recordings(None, kind_of(path)), space), near, nearer, 300)
-    shares = np.array([[float(cell.split()[0].rstrip("%")) for cell in row[1:]] for row in table.rows])
+    shares = np.array(
+        [[float(cell.split()[0].rstrip("%")) for cell in row[1:]] for row in table.rows]
+    )
     assert [row[0] for row in table.rows] == ["of the pair", "of each alone", "both"]
     assert (shares[2] <= shares[:2].min(axis=0)).all()
     assert shares[2, 0] > 90.0

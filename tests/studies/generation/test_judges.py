@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.logical.library import SCENARIOS
-from generation.recorded import of_recordings, of_samples
-from generation.search.space import Space
+from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import of_recordings, of_samples
+from generation.space.space import Space
 from studies.generation.judges import Replays
 
 CUT_IN = SCENARIOS / "cut_in_highway.xosc"
@@ -19,10 +19,16 @@ def test_a_slower_reaction_collides_more_often_in_replays() -> None:
     assert recorded.errors is not None
     values = {name: each[rows] for name, each in recorded.values.items()}
     some = recorded._replace(
-        theta=recorded.theta[rows], recordings=recorded.recordings[rows], errors=recorded.errors[rows], values=values
+        theta=recorded.theta[rows],
+        recordings=recorded.recordings[rows],
+        errors=recorded.errors[rows],
+        values=values,
     )
     found = Replays.of(CUT_IN, space, some, ["r157-cc", "r157-cc:reaction=2"])
     assert found is not None
     quick, slow = (found.collides[name].sum() for name in ("r157-cc", "r157-cc:reaction=2"))
     assert 0 < quick < slow
-    assert f"| r157-cc | {len(found.sites)} | {quick} |" in found.markdown() and "arterial" in found.markdown()
+    assert (
+        f"| r157-cc | {len(found.sites)} | {quick} |" in found.markdown()
+        and "arterial" in found.markdown()
+    )

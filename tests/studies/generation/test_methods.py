@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from generation.outcomes import Outcomes
 from generation.search.methods import offered
+from generation.search.outcomes import Outcomes
 from generation.search.problem import SearchProblem, method
 from schemas.common.errors import UsageError
 from studies.generation.ablations.mcsg import exclusive_reward
@@ -21,7 +21,9 @@ QUICK = [name for name in METHODS if name not in ("ibo", "cover", "draws", "leve
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_every_method_spends_its_budget_exactly_and_repeats_by_its_seed(name: str, problem: SearchProblem) -> None:
+def test_every_method_spends_its_budget_exactly_and_repeats_by_its_seed(
+    name: str, problem: SearchProblem
+) -> None:
     one, two = (method(name, METHODS)(problem, 110, 5) for _ in range(2))
     assert one.theta.shape == (110, 7)
     assert len(one.outcomes) == len(one.rewards) == 110
@@ -31,10 +33,14 @@ def test_every_method_spends_its_budget_exactly_and_repeats_by_its_seed(name: st
     assert not np.array_equal(one.theta, method(name, METHODS)(problem, 110, 6).theta)
 
 
-def test_bayesian_optimisation_begins_with_sobol_points_and_then_improves(problem: SearchProblem) -> None:
+def test_bayesian_optimisation_begins_with_sobol_points_and_then_improves(
+    problem: SearchProblem,
+) -> None:
     found = method("ibo", METHODS)(problem, 24, 0)
     unit = problem.space.unit(found.theta[:16])
-    assert ((unit < 0.5).sum(axis=0) == 8).all()  # a Sobol sequence's first 16 points: half of them in each half
+    assert (
+        (unit < 0.5).sum(axis=0) == 8
+    ).all()  # a Sobol sequence's first 16 points: half of them in each half
     assert len(found.theta) == 24
 
 
@@ -44,8 +50,12 @@ def test_replaying_repeats_nothing_before_all_is_replayed(problem: SearchProblem
     assert first == {tuple(row) for row in problem.real.tolist()}
 
 
-@pytest.mark.parametrize(("name", "least"), [("gacs", 0.2), ("no-rl", 0.0), ("cma-es", 0.0), ("rlbe", 0.0)])
-def test_searches_end_better_than_they_begin(name: str, least: float, problem: SearchProblem) -> None:
+@pytest.mark.parametrize(
+    ("name", "least"), [("gacs", 0.2), ("no-rl", 0.0), ("cma-es", 0.0), ("rlbe", 0.0)]
+)
+def test_searches_end_better_than_they_begin(
+    name: str, least: float, problem: SearchProblem
+) -> None:
     found = method(name, METHODS)(problem, 900, 0)
     gain = found.rewards[-300:] if name != "gacs" else found.outcomes.collision[-300:]
     before = found.rewards[:100] if name != "gacs" else found.outcomes.collision[:100]
@@ -58,13 +68,19 @@ def test_the_tester_shortens_times_to_collision(problem: SearchProblem) -> None:
 
 
 def test_unknown_methods_and_missing_libraries_are_named() -> None:
-    with pytest.raises(UsageError, match=r"no search method 'magic'; methods: cover, draws, mcsg, mcsg-published$"):
+    with pytest.raises(
+        UsageError, match=r"no search method 'magic'; methods: cover, draws, mcsg, mcsg-published$"
+    ):
         method("magic")
 
 
-def test_the_exclusive_form_pays_a_collision_the_same_whatever_its_risk(problem: SearchProblem) -> None:
+def test_the_exclusive_form_pays_a_collision_the_same_whatever_its_risk(
+    problem: SearchProblem,
+) -> None:
     rows = Kinematic()(problem.real[:4])
-    found = Outcomes(**{**vars(rows), "collision": np.arange(4) > 1, "r_risk": np.array([0.0, 1.0, 0.0, 1.0])})
+    found = Outcomes(
+        **{**vars(rows), "collision": np.arange(4) > 1, "r_risk": np.array([0.0, 1.0, 0.0, 1.0])}
+    )
     assert exclusive_reward(found).tolist() == pytest.approx([-0.1, 0.1, 0.25, 0.25])
 
 

@@ -9,12 +9,12 @@ from typing import cast
 import numpy as np
 import pytest
 
-from generation.logical.library import SCENARIOS
-from generation.outcomes import Evaluator, Outcomes
-from generation.recorded import of_recordings, of_samples
 from generation.search.methods.cover import Frame, draws
+from generation.search.outcomes import Evaluator, Outcomes
 from generation.search.problem import History, Realism, Reward, Search, SearchProblem
-from generation.search.space import Space
+from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import of_recordings, of_samples
+from generation.space.space import Space
 from generation.twin.episodes import Twin
 from schemas.common.storage import Records
 from studies.generation.baselines.level_sets import level_sets
@@ -33,7 +33,15 @@ from studies.generation.planted.study import (
     statements,
     table,
 )
-from studies.generation.planted.systems import DEVELOPMENT, REPORTED, SHAPES, UNDRIVEN, Plan, Pool, plant
+from studies.generation.planted.systems import (
+    DEVELOPMENT,
+    REPORTED,
+    SHAPES,
+    UNDRIVEN,
+    Plan,
+    Pool,
+    plant,
+)
 from studies.generation.planted.together import together
 from studies.generation.problem import Posed
 
@@ -47,7 +55,9 @@ def posed() -> SearchProblem:
     real = recorded.within(SPACE)
     twin = Twin(CUT_IN, SPACE)
     reward = Reward(Realism.fitted("gaussian", real.theta, real.recordings))
-    return SearchProblem(SPACE, twin, reward, real.theta, None, recorded.prior(SPACE, "gaussian"), twin)
+    return SearchProblem(
+        SPACE, twin, reward, real.theta, None, recorded.prior(SPACE, "gaussian"), twin
+    )
 
 
 @pytest.fixture(scope="module")
@@ -73,18 +83,33 @@ def test_regions_have_their_probability_and_nothing_fails_outside(
     inside = planted.within(pool.theta, pool.undriven) & pool.undriven.collision
     failing = np.asarray(inside.any(axis=0), bool)
     assert inside.sum(axis=1) == pytest.approx([30, 30], abs=4)
-    rows = np.concatenate([np.flatnonzero(failing)[:20], pool.hits[~failing[pool.hits]][:200], np.flatnonzero(~failing)[:50]])
+    rows = np.concatenate(
+        [
+            np.flatnonzero(failing)[:20],
+            pool.hits[~failing[pool.hits]][:200],
+            np.flatnonzero(~failing)[:50],
+        ]
+    )
     found = planted(pool.theta[rows])
     np.testing.assert_array_equal(found.collision, failing[rows])
     passed = ~found.collision
-    assert bool(np.any(found.max_drac[passed] > 4.0)) == gradient, "it gets worse only where there is a gradient"
+    assert bool(np.any(found.max_drac[passed] > 4.0)) == gradient, (
+        "it gets worse only where there is a gradient"
+    )
 
 
 def test_a_search_is_judged_by_regions_and_recall(posed: SearchProblem, pool: Pool) -> None:
     assert posed.prior is not None and posed.twin is not None
     planted = plant(Plan("box", 2, 0.04, False), SPACE, posed.prior, posed.twin, pool, 3)
     own = replace(posed, evaluate=planted)
-    nothing = draws(replace(posed, evaluate=lambda theta: replace(planted(theta), collision=np.zeros(len(theta), bool))), 5, 0)
+    nothing = draws(
+        replace(
+            posed,
+            evaluate=lambda theta: replace(planted(theta), collision=np.zeros(len(theta), bool)),
+        ),
+        5,
+        0,
+    )
     assert judged(planted, own, pool, nothing) == Found(0.0, 0.0, 0.0, 6, 0.0, 0.0)
     held = planted.within(pool.theta, pool.undriven) & pool.undriven.collision
     first = pool.theta[held[0]]
@@ -93,11 +118,15 @@ def test_a_search_is_judged_by_regions_and_recall(posed: SearchProblem, pool: Po
     every = pool.theta[held.any(axis=0)]
     whole = History(every, planted(every), np.zeros(len(every)))
     assert judged(planted, own, pool, whole)[:3] == (1.0, 1.0, 1.0)
-    assert stated(planted, own, pool, nothing).missed == pytest.approx(len(every) / len(pool.theta)), "nothing was found"
+    assert stated(planted, own, pool, nothing).missed == pytest.approx(
+        len(every) / len(pool.theta)
+    ), "nothing was found"
     assert stated(planted, own, pool, whole).missed < 0.2 * len(every) / len(pool.theta)
 
 
-def test_a_driver_of_a_name_is_the_base_and_sleeps_in_the_regions(posed: SearchProblem, pool: Pool) -> None:
+def test_a_driver_of_a_name_is_the_base_and_sleeps_in_the_regions(
+    posed: SearchProblem, pool: Pool
+) -> None:
     assert posed.prior is not None and posed.twin is not None
     planted = plant(Plan("box", 1, 0.02, False, "fsm"), SPACE, posed.prior, posed.twin, pool, 3)
     rows = pool.hits[:60]
@@ -134,7 +163,9 @@ def test_systems_that_the_twin_does_not_play_are_run(posed: SearchProblem) -> No
 
 
 @pytest.mark.parametrize("method", [cells, sobol, maximin, subset, level_sets])
-def test_rows_spend_their_budget_on_what_traffic_does(method: Search, posed: SearchProblem, pool: Pool) -> None:
+def test_rows_spend_their_budget_on_what_traffic_does(
+    method: Search, posed: SearchProblem, pool: Pool
+) -> None:
     assert posed.prior is not None and posed.twin is not None
     planted = plant(Plan("box", 1, 0.04, True), SPACE, posed.prior, posed.twin, pool, 3)
     own = replace(posed, evaluate=planted, twin=None)
@@ -156,20 +187,28 @@ def test_searches_in_lockstep_find_what_each_finds_alone(posed: SearchProblem, p
 
     planted = plant(plan, SPACE, posed.prior, posed.twin, pool, 3)
     found = together(
-        [lambda plays, seed=seed: draws(replace(posed, evaluate=replace(planted, plays=plays)), 60, seed) for seed in (1, 2, 3)],
+        [
+            lambda plays, seed=seed: draws(
+                replace(posed, evaluate=replace(planted, plays=plays)), 60, seed
+            )
+            for seed in (1, 2, 3)
+        ],
         counting,
     )
     assert calls == [150, 30]
     for seed, history in zip((1, 2, 3), found, strict=True):
         np.testing.assert_array_equal(
-            history.outcomes.collision, draws(replace(posed, evaluate=planted), 60, seed).outcomes.collision
+            history.outcomes.collision,
+            draws(replace(posed, evaluate=planted), 60, seed).outcomes.collision,
         )
 
 
 def test_an_error_in_lockstep_is_the_callers(posed: SearchProblem) -> None:
     assert posed.twin is not None
     with pytest.raises(ZeroDivisionError):
-        together([lambda plays: len(plays(np.empty((0, len(SPACE.names))), UNDRIVEN)) / 0], posed.twin)
+        together(
+            [lambda plays: len(plays(np.empty((0, len(SPACE.names))), UNDRIVEN)) / 0], posed.twin
+        )
 
 
 def test_results_are_kept_and_read_again(posed: SearchProblem, pool: Pool, tmp_path: Path) -> None:
@@ -197,8 +236,14 @@ def test_tables_have_a_row_for_each_method_and_compare_it_with_ours() -> None:
         Result("b", OURS, 1, 10, Found(1.0, 0.5, 0.75, 3, 0.0, 0.0), 0.1, nothing),
     ]
     text = table(found)
-    assert "| a | 10 | draws | 1 | 1.00 (1.00 to 1.00) | 0.50 | 0.50 (0.50 to 0.50) | +0.25 (+0.25 to +0.25) | 3 | 0 |" in text
-    assert "| all | 10 | draws | 2 | 0.50 (0.00 to 1.00) | 0.25 | 0.25 (0.00 to 0.50) | +0.50 (+0.25 to +0.75) | 7 | 1 |" in text
+    assert (
+        "| a | 10 | draws | 1 | 1.00 (1.00 to 1.00) | 0.50 | 0.50 (0.50 to 0.50) | +0.25 (+0.25 to +0.25) | 3 | 0 |"
+        in text
+    )
+    assert (
+        "| all | 10 | draws | 2 | 0.50 (0.00 to 1.00) | 0.25 | 0.25 (0.00 to 0.50) | +0.50 (+0.25 to +0.75) | 7 | 1 |"
+        in text
+    )
     assert "| 10 | 1.00e-03 | 2.00e-03 | 0.250 |" in statements(found)
     low, high = interval(np.array([0.0, 1.0, 0.0, 1.0]))
     assert 0.0 <= low < 0.5 < high <= 1.0

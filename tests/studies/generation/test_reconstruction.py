@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from generation.recorded import of_recordings
+from generation.space.recorded import of_recordings
 from studies.generation.reconstruction import by_kind, overall
 
 

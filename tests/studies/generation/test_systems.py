@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import runner
-from generation.outcomes import Outcomes
+from generation.search.outcomes import Outcomes
 from runner.batch.jobs import Job, Outcome, jobs_of
 from schemas.common.errors import UsageError
 from studies.generation.systems import Comparison, compare
@@ -54,12 +54,21 @@ def test_a_collision_is_avoidable_where_the_careful_driver_has_none(found: Compa
     assert rows["r157-cc"][1:5] == (3, 1, 0, 1)
 
 
-def test_nothing_is_said_of_collisions_where_the_careful_drivers_run_failed(found: Comparison) -> None:
+def test_nothing_is_said_of_collisions_where_the_careful_drivers_run_failed(
+    found: Comparison,
+) -> None:
     careful = found.outcomes["r157-cc"]
-    failed = Outcomes(**{**vars(careful), "status": np.array(["error", "completed", "completed", "error"])})
+    failed = Outcomes(
+        **{**vars(careful), "status": np.array(["error", "completed", "completed", "error"])}
+    )
     changed = Comparison(found.cases, {**found.outcomes, "r157-cc": failed})
     assert next(row for row in changed.rows() if row.system == "none")[1:5] == (3, 3, 1, 1)
-    assert [row["avoidable"] for row in changed.table().to_pylist()[:4]] == [None, True, False, None]
+    assert [row["avoidable"] for row in changed.table().to_pylist()[:4]] == [
+        None,
+        True,
+        False,
+        None,
+    ]
 
 
 def test_what_can_not_be_read_is_no_avoided_collision(found: Comparison) -> None:

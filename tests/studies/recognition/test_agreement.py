@@ -28,7 +28,9 @@ def test_the_net_turn_is_that_of_the_ends_of_the_way(turn: float) -> None:
 def test_who_stands_has_no_turn() -> None:
     noise = np.random.default_rng(1).normal(0.0, 0.1, (2, 100))
     assert net_turn(*noise) is None
-    waiting = np.concatenate([noise, noise[:, -1:] + np.stack([ahead(0, 10, 5), sideways(0, 0, 1, 5)])], axis=1)
+    waiting = np.concatenate(
+        [noise, noise[:, -1:] + np.stack([ahead(0, 10, 5), sideways(0, 0, 1, 5)])], axis=1
+    )
     assert net_turn(*waiting) == pytest.approx(0.0, abs=0.1)
 
 
@@ -37,14 +39,23 @@ def test_own_lanes_count_by_their_changes() -> None:
 
 
 def vehicle(recording: str, speed: np.ndarray, name: str = "1") -> Vehicle:
-    return Vehicle(recording, name, (4.5, 1.8), speed, (0, 0), (0, 0), (False, False), None, "", None, ())
+    return Vehicle(
+        recording, name, (4.5, 1.8), speed, (0, 0), (0, 0), (False, False), None, "", None, ()
+    )
 
 
 def test_overlapping_recordings_of_a_vehicle_are_one() -> None:
     speed = 20.0 + np.cumsum(np.random.default_rng(1).normal(0.0, 0.2, 60))
-    parts = [vehicle("a", speed[:30]), vehicle("b", speed[15:45]), vehicle("c", speed[30:]), vehicle("d", speed[::-1])]
+    parts = [
+        vehicle("a", speed[:30]),
+        vehicle("b", speed[15:45]),
+        vehicle("c", speed[30:]),
+        vehicle("d", speed[::-1]),
+    ]
     assert [[one.recording for one in group] for group in unique(parts)] == [["a", "b", "c"], ["d"]]
-    assert len(unique([vehicle("a", np.full(30, 15.0)), vehicle("b", np.full(30, 15.0))])) == 2  # nothing tells that they are one
+    assert (
+        len(unique([vehicle("a", np.full(30, 15.0)), vehicle("b", np.full(30, 15.0))])) == 2
+    )  # nothing tells that they are one
 
 
 def test_a_survey_holds_labels_against_the_ways(tmp_path: Path) -> None:
@@ -59,7 +70,12 @@ def test_a_survey_holds_labels_against_the_ways(tmp_path: Path) -> None:
             rows.append(one | {"frame_id": k + 1, "timestamp_ms": 100 * (k + 1) + 20_000 * name})
     write_csv(folder / "vehicle_tracks_000.csv", rows)
     (place,) = survey(folder, tmp_path / "roads", Rules())
-    assert (place.name, place.recordings, len(place.vehicles), place.failures) == ("crossing", 1, 3, {})
+    assert (place.name, place.recordings, len(place.vehicles), place.failures) == (
+        "crossing",
+        1,
+        3,
+        {},
+    )
     assert place.vehicles[0].labels == (Label.LEFT_TURN,)
     assert place.vehicles[0].turn == pytest.approx(np.pi / 2, abs=0.05)
     text = report([place], {})
@@ -77,11 +93,16 @@ def test_a_survey_says_why_there_is_no_label(tmp_path: Path) -> None:
         for k, place in enumerate(zip(x, y, strict=True))
     ]
     turn = [
-        interaction_rows(2, -float(k), 4.0, -10.0, 0.0, 3.14, n=1)[0] | {"timestamp_ms": 100 * (k + 1)} for k in range(60, 90)
+        interaction_rows(2, -float(k), 4.0, -10.0, 0.0, 3.14, n=1)[0]
+        | {"timestamp_ms": 100 * (k + 1)}
+        for k in range(60, 90)
     ]
     write_csv(folder / "vehicle_tracks_000.csv", [*rows, *turn])
     (place,) = survey(folder, tmp_path / "roads", Rules())
-    assert [one.unlabelled for one in place.vehicles] == ["straight, no crossing traffic", "no way through a junction"]
+    assert [one.unlabelled for one in place.vehicles] == [
+        "straight, no crossing traffic",
+        "no way through a junction",
+    ]
 
 
 def _written(built: builders.RoadMap, path: Path) -> Path:
@@ -90,6 +111,8 @@ def _written(built: builders.RoadMap, path: Path) -> Path:
 
 
 def test_recordings_that_have_no_roads_are_listed(tmp_path: Path) -> None:
-    write_csv(tmp_path / "ring" / "vehicle_tracks_000.csv", interaction_rows(1, 0.0, 0.0, 5.0, 0.0, 0.0))
+    write_csv(
+        tmp_path / "ring" / "vehicle_tracks_000.csv", interaction_rows(1, 0.0, 0.0, 5.0, 0.0, 0.0)
+    )
     text = report(survey(tmp_path, tmp_path / "roads", Rules()), {})
     assert "| ring/000 |" in text and "has no map" in text

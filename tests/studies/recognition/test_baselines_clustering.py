@@ -59,9 +59,18 @@ def test_classes_that_lie_apart_become_clusters(method: type[ClusteringMethod]) 
 
 
 @pytest.mark.parametrize(
-    ("method", "each"), [(IterativeEuclidean, 30), (IterativeAutoNovel, 30), (STAEKMeans, 30), (ChanceClusters, 30), (SimGCD, 30)]
+    ("method", "each"),
+    [
+        (IterativeEuclidean, 30),
+        (IterativeAutoNovel, 30),
+        (STAEKMeans, 30),
+        (ChanceClusters, 30),
+        (SimGCD, 30),
+    ],
 )
-def test_same_seed_gives_the_same_clusters(method: type[ClusteringMethod], each: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_same_seed_gives_the_same_clusters(
+    method: type[ClusteringMethod], each: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("studies.recognition.baselines.clustering.stae._STEPS", 40)
     samples, _ = pool(each)
     assert np.array_equal(method(seed=3).cluster(samples), method(seed=3).cluster(samples))
@@ -69,10 +78,14 @@ def test_same_seed_gives_the_same_clusters(method: type[ClusteringMethod], each:
 
 def test_self_distillation_by_hand() -> None:
     even = torch.zeros(3, 2)
-    assert distillation_loss(even, even, 0.04).item() == pytest.approx(math.log(2) - 2 * math.log(2))
+    assert distillation_loss(even, even, 0.04).item() == pytest.approx(
+        math.log(2) - 2 * math.log(2)
+    )
     one_class = torch.tensor([[1.0, -1.0], [1.0, -1.0]])
     assert distillation_loss(one_class, one_class, 0.04).item() == pytest.approx(0.0, abs=1e-6)
-    both = torch.tensor([[1.0, -1.0], [-1.0, 1.0]])  # sure of each, and both classes are used: the least there is
+    both = torch.tensor(
+        [[1.0, -1.0], [-1.0, 1.0]]
+    )  # sure of each, and both classes are used: the least there is
     assert distillation_loss(both, both, 0.04).item() == pytest.approx(-2 * math.log(2), abs=1e-6)
 
 
@@ -93,7 +106,11 @@ def test_chance_is_near_one_in_three() -> None:
 def test_euclidean_similarity_by_hand() -> None:
     found = IterativeEuclidean().similarity(np.array([[0.0], [1.0], [3.0]], dtype=np.float32))
     # squared distances 1, 9, 4, their median 4
-    expected = [[1, math.exp(-1 / 4), math.exp(-9 / 4)], [math.exp(-1 / 4), 1, math.exp(-1)], [math.exp(-9 / 4), math.exp(-1), 1]]
+    expected = [
+        [1, math.exp(-1 / 4), math.exp(-9 / 4)],
+        [math.exp(-1 / 4), 1, math.exp(-1)],
+        [math.exp(-9 / 4), math.exp(-1), 1],
+    ]
     assert found == pytest.approx(np.array(expected))
 
 

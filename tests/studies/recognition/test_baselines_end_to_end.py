@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from recognition.encoder.config import TokenArchitecture, TrainingSchedule
-from recognition.encoder.model import TokenEncoder
-from recognition.tokens import Tokens
-from recognition.trfe.samples import Features
+from recognition.trfe.encoder.config import TokenArchitecture, TrainingSchedule
+from recognition.trfe.encoder.model import TokenEncoder
+from recognition.trfe.inputs.samples import Features
+from recognition.trfe.inputs.tokens import Tokens
 from schemas.common.array_types import IntArray
 from studies.recognition.baselines.end_to_end import EndToEnd
 from studies.recognition.baselines.open_set.arpl import ARPL
@@ -30,18 +30,26 @@ def windows(seed: int) -> tuple[Features, IntArray]:
     """Samples of two classes, in which the ego's first value rises or falls; others are missing, numbers are of any size."""
     labels, random = np.tile([2, 7], 40), np.random.default_rng(seed)
     inputs = random.normal(0.0, 0.1, (len(labels), *VIEW.shape))
-    inputs[:, 0, :, 0] += np.where(labels == 2, 1.0, -1.0)[:, None] * np.linspace(-1.0, 1.0, VIEW.frames)
+    inputs[:, 0, :, 0] += np.where(labels == 2, 1.0, -1.0)[:, None] * np.linspace(
+        -1.0, 1.0, VIEW.frames
+    )
     inputs[:, 1] = np.nan
     numbers = 1e4 * random.standard_normal((len(labels), NUMBERS))
-    return np.concatenate([numbers, inputs.reshape(len(labels), -1)], axis=1).astype(np.float32), labels
+    return np.concatenate([numbers, inputs.reshape(len(labels), -1)], axis=1).astype(
+        np.float32
+    ), labels
 
 
 def fitted(method: HeadMethod, encoder: TokenEncoder, epochs: int = 15) -> EndToEnd:
-    return EndToEnd(method, encoder, NUMBERS, TrainingSchedule(epochs, 16, 1e-2)).fit(*windows(1), *windows(2))
+    return EndToEnd(method, encoder, NUMBERS, TrainingSchedule(epochs, 16, 1e-2)).fit(
+        *windows(1), *windows(2)
+    )
 
 
 @pytest.mark.parametrize("kind", [CAC, MLS, ARPL])
-def test_the_encoder_learns_what_the_numbers_do_not_tell(kind: type[HeadMethod], encoder: TokenEncoder) -> None:
+def test_the_encoder_learns_what_the_numbers_do_not_tell(
+    kind: type[HeadMethod], encoder: TokenEncoder
+) -> None:
     before = {name: value.clone() for name, value in encoder.state_dict().items()}
     model, (samples, labels) = fitted(kind(0), encoder), windows(3)
     assert np.mean(model.classify(samples) == labels) > 0.95

@@ -11,7 +11,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from recognition.trfe.samples import Features
+from recognition.trfe.inputs.samples import Features
 from studies.recognition import metrics
 from studies.recognition.baselines.open_set.arpl import ARPL, arpl_loss, reciprocal_distances
 from studies.recognition.baselines.open_set.cac import CAC, cac_loss, cac_rejection
@@ -30,8 +30,22 @@ from studies.recognition.screenings.vote_threshold import VoteThreshold
 from tests.recognition.clouds import clouds
 
 KNOWN = [1, 2, 5, 9]
-CEVT, PlainThreshold = (partial(VotingMethod, screening=screening) for screening in (WeibullVotes, VoteThreshold))
-METHODS: list[Callable[..., OpenSetMethod]] = [CAC, ARPL, CPN, MDENet, MLS, CEVT, PlainThreshold, KNN, Logistic, Energy, ViM]
+CEVT, PlainThreshold = (
+    partial(VotingMethod, screening=screening) for screening in (WeibullVotes, VoteThreshold)
+)
+METHODS: list[Callable[..., OpenSetMethod]] = [
+    CAC,
+    ARPL,
+    CPN,
+    MDENet,
+    MLS,
+    CEVT,
+    PlainThreshold,
+    KNN,
+    Logistic,
+    Energy,
+    ViM,
+]
 
 
 def fit(method: Callable[..., OpenSetMethod]) -> OpenSetMethod:
@@ -44,15 +58,22 @@ fitted = cache(fit)
 def between(count: int) -> Features:
     """Samples about the middle of the known classes."""
     middle = clouds(KNOWN, 200, seed=3)[0].mean(axis=0)
-    return (middle + np.random.default_rng(4).standard_normal((count, len(middle)))).astype(np.float32)
+    return (middle + np.random.default_rng(4).standard_normal((count, len(middle)))).astype(
+        np.float32
+    )
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_classes_that_lie_apart_are_told_apart(method: Callable[..., OpenSetMethod]) -> None:
     model = fitted(method)
     (known, labels), unknown = clouds(KNOWN, 50, seed=3), between(100)
-    features, truth = np.concatenate([known, unknown]), np.r_[labels, np.zeros(len(unknown), dtype=np.int64)]
-    found = metrics.open_set(truth, model.classify(features), model.score(features), model.predict(features))
+    features, truth = (
+        np.concatenate([known, unknown]),
+        np.r_[labels, np.zeros(len(unknown), dtype=np.int64)],
+    )
+    found = metrics.open_set(
+        truth, model.classify(features), model.score(features), model.predict(features)
+    )
     assert found.closed_accuracy > 0.97
     assert found.auroc > 0.9
     assert found.false_rejection < 0.15
@@ -95,7 +116,9 @@ def test_vim_scores_by_the_residual_and_the_energy() -> None:
     with torch.no_grad():
         logits = model.network(inputs)
         apart = (model.network.before_last(inputs) - model._origin) @ model._axes
-    assert model.score(samples) == pytest.approx((model._weight * apart.norm(dim=1) + energy(logits)).numpy(), rel=1e-5)
+    assert model.score(samples) == pytest.approx(
+        (model._weight * apart.norm(dim=1) + energy(logits)).numpy(), rel=1e-5
+    )
     assert model._weight > 0.0 and 1 < apart.shape[1] < model.training.hidden
 
 
@@ -129,7 +152,10 @@ def test_reciprocal_distances_and_loss_by_hand() -> None:
 
 def test_samples_inside_the_margin_cost_nothing() -> None:
     embedding, points = torch.tensor([[1.0, 2.0]]), torch.tensor([[0.0, 0.0], [3.0, 2.0]])
-    wide, wider = (arpl_loss(embedding, points, torch.tensor(radius), torch.tensor([0])) for radius in (3.0, 9.0))
+    wide, wider = (
+        arpl_loss(embedding, points, torch.tensor(radius), torch.tensor([0]))
+        for radius in (3.0, 9.0)
+    )
     assert wide == wider
 
 
@@ -140,14 +166,20 @@ def test_prototype_loss_by_hand() -> None:
 
 def test_contrastive_loss_by_hand() -> None:
     embedding = functional.normalize(torch.tensor([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
-    expected = -math.log(math.exp(10) / (math.exp(10) + 1))  # the third has no other of its class and is left out
-    assert contrastive_loss(embedding, torch.tensor([0, 0, 1])).item() == pytest.approx(expected, abs=1e-6)
+    expected = -math.log(
+        math.exp(10) / (math.exp(10) + 1)
+    )  # the third has no other of its class and is left out
+    assert contrastive_loss(embedding, torch.tensor([0, 0, 1])).item() == pytest.approx(
+        expected, abs=1e-6
+    )
 
 
 def test_sphere_loss_by_hand() -> None:
     centres = torch.tensor([[0.0, 0.0], [1.5, 0.0]])
     embedding = torch.tensor([[0.0, 3.0], [1.5, 0.5]])
-    assert sphere_loss(embedding, centres, torch.tensor([0, 1])).item() == pytest.approx((2.0 + 0.0) / 2 + 0.5)
+    assert sphere_loss(embedding, centres, torch.tensor([0, 1])).item() == pytest.approx(
+        (2.0 + 0.0) / 2 + 0.5
+    )
 
 
 def test_greatest_logit_by_hand() -> None:

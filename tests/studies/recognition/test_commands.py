@@ -29,7 +29,9 @@ def study(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -
     return call
 
 
-@pytest.mark.parametrize("command", [[], ["protocol"], ["agreement"], ["places"], ["smoothing"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "command", [[], ["protocol"], ["agreement"], ["places"], ["smoothing"]], ids=" ".join
+)
 def test_every_command_has_help_and_tells_its_version(study: Study, command: list[str]) -> None:
     answer = study(*command, "--help")
     assert (answer.code, answer.err) == (0, "")
@@ -39,9 +41,16 @@ def test_every_command_has_help_and_tells_its_version(study: Study, command: lis
 
 @pytest.mark.parametrize(
     ("option", "known"),
-    [("preset", "cpu-cells, cpu-rows, pca"), ("scale", "paper"), ("method", "trfe"), ("experiment", "probe")],
+    [
+        ("preset", "cpu-cells, cpu-rows, pca"),
+        ("scale", "paper"),
+        ("method", "trfe"),
+        ("experiment", "probe"),
+    ],
 )
-def test_the_protocol_names_what_it_knows(study: Study, tmp_path: Path, option: str, known: str) -> None:
+def test_the_protocol_names_what_it_knows(
+    study: Study, tmp_path: Path, option: str, known: str
+) -> None:
     plural = option if option in ("preset", "scale") else f"{option}s"
     answer = study("protocol", "windows", "--out", tmp_path / "out", f"--{plural}", "foo")
     assert (answer.code, answer.err.count("\n")) == (2, 1)
@@ -50,10 +59,16 @@ def test_the_protocol_names_what_it_knows(study: Study, tmp_path: Path, option: 
 
 
 @pytest.mark.parametrize("command", ["protocol", "agreement"])
-def test_a_file_in_the_way_of_the_results_is_named(study: Study, tmp_path: Path, command: str) -> None:
+def test_a_file_in_the_way_of_the_results_is_named(
+    study: Study, tmp_path: Path, command: str
+) -> None:
     (tmp_path / "file").write_text("mine")
     answer = study(command, "recordings", "--out", tmp_path / "file")
-    assert answer == (2, "", f"studies.recognition: {tmp_path}/file: a folder to write into is expected, this is a file\n")
+    assert answer == (
+        2,
+        "",
+        f"studies.recognition: {tmp_path}/file: a folder to write into is expected, this is a file\n",
+    )
 
 
 def test_agreement_is_written_as_tables_and_plots(study: Study, tmp_path: Path) -> None:
@@ -64,7 +79,11 @@ def test_agreement_is_written_as_tables_and_plots(study: Study, tmp_path: Path) 
     ]
     write_highd(tmp_path / "data", cars)
     target = tmp_path / "out" / "agreement.md"
-    assert study("agreement", tmp_path / "data", "--out", tmp_path / "out") == (0, f"{target}\n", "")
+    assert study("agreement", tmp_path / "data", "--out", tmp_path / "out") == (
+        0,
+        f"{target}\n",
+        "",
+    )
     text = target.read_text()
     assert "| 3 | highway cut in | 1 |" in text and "| 5 | left lane change | 1 |" in text
     for line in text.splitlines():

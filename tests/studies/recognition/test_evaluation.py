@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recognition.encoder.config import Preset
-from recognition.encoder.model import Encoder, untrained
-from recognition.grids import Grid
-from recognition.tokens import CHANGES, MOTION_CHANGES, Tokens, changes
-from recognition.training.windows import Split, Windows
-from recognition.trfe.samples import Features
+from recognition.trfe.encoder.config import Preset
+from recognition.trfe.encoder.model import Encoder, untrained
+from recognition.trfe.inputs.grids import Grid
+from recognition.trfe.inputs.samples import Features
+from recognition.trfe.inputs.tokens import CHANGES, MOTION_CHANGES, Tokens, changes
+from recognition.trfe.training.windows import Split, Windows
 from schemas.common.array_types import IntArray
 from schemas.common.errors import UsageError
 from studies.recognition.baselines.open_set.logistic import Logistic
@@ -41,7 +41,9 @@ def windows(tmp_path_factory: pytest.TempPathFactory) -> Path:
     grids = np.zeros((len(labels), *GRID.shape), dtype=np.uint8)
     folder = tmp_path_factory.mktemp("windows")
     egos = np.arange(len(labels)).astype(np.str_)
-    Windows(grids, labels.astype(np.int64), recordings, egos, np.arange(len(labels), dtype=float)).save(folder)
+    Windows(
+        grids, labels.astype(np.int64), recordings, egos, np.arange(len(labels), dtype=float)
+    ).save(folder)
     return folder
 
 
@@ -53,14 +55,18 @@ def encoder(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     def features(self: Trials, rows: IntArray, split: Split, round_: Round, seed: int) -> Features:
         asked.append(round_.number)
         noise = np.random.default_rng([seed, round_.number]).standard_normal((len(rows), 12))
-        centres = np.stack([5.0 * np.random.default_rng(label).standard_normal(12) for label in range(20)])
+        centres = np.stack(
+            [5.0 * np.random.default_rng(label).standard_normal(12) for label in range(20)]
+        )
         return (centres[self.windows.labels[rows]] + noise).astype(np.float32)
 
     monkeypatch.setattr(Trials, "_encode", features)
     return asked
 
 
-def run(windows: Path, out: Path, seeds: int = 1, names: list[str] = NAMES, kinds: list[str] = KINDS) -> Evaluation:
+def run(
+    windows: Path, out: Path, seeds: int = 1, names: list[str] = NAMES, kinds: list[str] = KINDS
+) -> Evaluation:
     evaluation = Evaluation(windows, out, ProtocolSettings(None, view=GRID))
     for _ in evaluation.run(evaluation.pending(seeds, kinds, names)):
         pass
@@ -75,8 +81,12 @@ def table(out: Path, name: str) -> list[list[str]]:
 
 def test_classes_that_lie_apart_are_recognised_and_found(windows: Path, tmp_path: Path) -> None:
     evaluation = Evaluation(windows, tmp_path, ProtocolSettings(None, view=GRID))
-    first = [key for key in evaluation.pending(1, KINDS, NAMES) if key.round == 1]  # a chain is one of all rounds
-    for _ in evaluation.run([key for key in first if (key.kind, key.method) != ("open-world", "trfe")]):
+    first = [
+        key for key in evaluation.pending(1, KINDS, NAMES) if key.round == 1
+    ]  # a chain is one of all rounds
+    for _ in evaluation.run(
+        [key for key in first if (key.kind, key.method) != ("open-world", "trfe")]
+    ):
         pass
     write_report(evaluation, tmp_path)
     open_set = {row[0]: float(row[1]) for row in table(tmp_path, "open-set")[1:]}
@@ -89,7 +99,9 @@ def test_classes_that_lie_apart_are_recognised_and_found(windows: Path, tmp_path
     assert float(open_world) > 0.6
 
 
-def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path, tmp_path: Path, encoder: list[int]) -> None:
+def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(
+    windows: Path, tmp_path: Path, encoder: list[int]
+) -> None:
     names, kinds = ["vote-threshold", "random", "kmeans"], ["open-set", "clustering", "sensitivity"]
     run(windows, tmp_path / "whole", 2, names, kinds)
     asked = len(encoder)
@@ -100,7 +112,11 @@ def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path
         next(making)
     making.close()
     assert (
-        len(Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, view=GRID)).pending(2, kinds, names))
+        len(
+            Evaluation(windows, tmp_path / "parts", ProtocolSettings(None, view=GRID)).pending(
+                2, kinds, names
+            )
+        )
         == len(pending) - 3
     )
     run(windows, tmp_path / "parts", 2, names, kinds)
@@ -109,8 +125,14 @@ def test_interrupted_evaluation_goes_on_and_ends_in_the_same_bytes(windows: Path
     assert len(encoder) == 2 * asked  # features of each round and seed are made once
 
 
-def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(windows: Path, tmp_path: Path) -> None:
-    names, settings, written = ["mls", "vote-threshold", "kmeans"], ProtocolSettings(None, view=GRID), []
+def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(
+    windows: Path, tmp_path: Path
+) -> None:
+    names, settings, written = (
+        ["mls", "vote-threshold", "kmeans"],
+        ProtocolSettings(None, view=GRID),
+        [],
+    )
     for processes in (1, 2):
         out = tmp_path / str(processes)
         evaluation = Evaluation(windows, out, settings)
@@ -120,7 +142,9 @@ def test_seeds_beside_each_other_end_in_the_same_bytes_as_one_after_the_other(wi
     assert written[0] == written[1]
 
 
-def test_a_process_that_dies_is_reported(windows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_dies_is_reported(
+    windows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(Trials, "_encode", lambda *_: os._exit(1))
     settings = ProtocolSettings(None, view=GRID)
     pending = Evaluation(windows, tmp_path, settings).pending(2, ["open-set"], ["random"])
@@ -128,7 +152,9 @@ def test_a_process_that_dies_is_reported(windows: Path, tmp_path: Path, monkeypa
         list(run_beside(windows, tmp_path, settings, pending, 2))
 
 
-def test_other_settings_and_other_windows_are_refused_in_the_same_folder(windows: Path, tmp_path: Path) -> None:
+def test_other_settings_and_other_windows_are_refused_in_the_same_folder(
+    windows: Path, tmp_path: Path
+) -> None:
     run(windows, tmp_path / "out", names=["random"])
     with pytest.raises(UsageError, match=r"other settings \(events_per_class\)"):
         Evaluation(windows, tmp_path / "out", ProtocolSettings(50, view=GRID))
@@ -141,20 +167,35 @@ def of_tokens(folder: Path) -> Trial:
     """The first round on windows of tokens."""
     view, labels = Tokens(), np.tile(np.repeat(CLASSES, 2), 8)
     inputs = np.random.default_rng(0).standard_normal((len(labels), *view.shape)).astype(np.float16)
-    recordings, egos = np.repeat(np.arange(8), 2 * len(CLASSES)).astype(np.str_), np.arange(len(labels)).astype(np.str_)
-    Windows(inputs, labels, recordings, egos, np.arange(len(labels), dtype=float)).save(folder / "windows")
-    return Evaluation(folder / "windows", folder, ProtocolSettings(None, "tokens", view=view)).trial(0, 1)
+    recordings, egos = (
+        np.repeat(np.arange(8), 2 * len(CLASSES)).astype(np.str_),
+        np.arange(len(labels)).astype(np.str_),
+    )
+    Windows(inputs, labels, recordings, egos, np.arange(len(labels), dtype=float)).save(
+        folder / "windows"
+    )
+    return Evaluation(
+        folder / "windows", folder, ProtocolSettings(None, "tokens", view=view)
+    ).trial(0, 1)
 
 
 def test_methods_see_what_changes_in_tokens_beside_what_encoders_read(tmp_path: Path) -> None:
     trial = of_tokens(tmp_path)
     seen, rows = trial.labelled.features, trial.labelled.rows
     assert (seen[:, : trial.changes] == changes(trial.windows.inputs[rows])).all()
-    assert (trial.config.changes, trial.config.pretrained, seen.shape[1]) == (CHANGES, 12, CHANGES + 2 * 12)
-    assert (trial.only_encoded.labelled.features == seen[:, CHANGES:]).all() and not trial.only_encoded.config.changes
+    assert (trial.config.changes, trial.config.pretrained, seen.shape[1]) == (
+        CHANGES,
+        12,
+        CHANGES + 2 * 12,
+    )
+    assert (
+        trial.only_encoded.labelled.features == seen[:, CHANGES:]
+    ).all() and not trial.only_encoded.config.changes
     assert (trial.only_tuned.labelled.features == seen[:, CHANGES + 12 :]).all()
     assert (trial.only_changes.labelled.features == seen[:, :CHANGES]).all()
-    assert (trial.without_roles.labelled.features == seen[:, :MOTION_CHANGES]).all() and MOTION_CHANGES < CHANGES
+    assert (
+        trial.without_roles.labelled.features == seen[:, :MOTION_CHANGES]
+    ).all() and MOTION_CHANGES < CHANGES
     inputs = trial.beside_inputs.labelled.features[:, CHANGES + 12 :]
     assert (inputs == trial.windows.inputs[rows].reshape(len(rows), -1)).all()
 
@@ -162,20 +203,29 @@ def test_methods_see_what_changes_in_tokens_beside_what_encoders_read(tmp_path: 
 def test_plain_methods_look_at_what_changes_alone(tmp_path: Path) -> None:
     trial = of_tokens(tmp_path)
     widths = {name: open_set.seen_by(name, trial).test.features.shape[1] for name in open_set.PLAIN}
-    assert widths == {"logistic-changes": CHANGES, "logistic-without-roles": MOTION_CHANGES, "knn-changes": CHANGES}
-    fitted, held = (part._replace(features=part.features[:, :CHANGES]) for part in (trial.labelled, trial.validation))
+    assert widths == {
+        "logistic-changes": CHANGES,
+        "logistic-without-roles": MOTION_CHANGES,
+        "knn-changes": CHANGES,
+    }
+    fitted, held = (
+        part._replace(features=part.features[:, :CHANGES])
+        for part in (trial.labelled, trial.validation)
+    )
     alone = Logistic(0).fit(fitted.features, fitted.labels, held.features, held.labels)
     assert open_set.measure_open_set("logistic-changes", trial)["threshold"] == alone.threshold
 
 
-def test_pretraining_sees_known_classes_alone_unless_all_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pretraining_sees_known_classes_alone_unless_all_are_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     seen = []
 
     def pretrain(windows: Windows, preset: Preset, view: Tokens, seed: int) -> Encoder:
         seen.append(np.unique(windows.labels).tolist())
         return untrained(preset.architecture, view)
 
-    monkeypatch.setattr("recognition.encoder.training.pretrain", pretrain)
+    monkeypatch.setattr("recognition.trfe.encoder.training.pretrain", pretrain)
     trial = of_tokens(tmp_path)
     for one in (trial, trial.pretrained_on_all, trial):  # the third is the first again, from disk
         assert one.pretrained.view == Tokens()
@@ -188,7 +238,9 @@ def test_windows_of_another_grid_are_refused(windows: Path, tmp_path: Path) -> N
 
 
 def test_grids_have_the_chosen_channels(windows: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=re.escape(f"not of the shape {Grid(channels=('others', 'area')).shape}")):
+    with pytest.raises(
+        UsageError, match=re.escape(f"not of the shape {Grid(channels=('others', 'area')).shape}")
+    ):
         protocol(windows, tmp_path, channels=["area", "others"])
 
 
@@ -201,7 +253,9 @@ def test_grids_have_the_chosen_channels(windows: Path, tmp_path: Path) -> None:
         ({"channels": ["magic"]}, "channel"),
     ],
 )
-def test_unknown_choices_are_named_with_the_known_ones(tmp_path: Path, option: dict[str, object], word: str) -> None:
+def test_unknown_choices_are_named_with_the_known_ones(
+    tmp_path: Path, option: dict[str, object], word: str
+) -> None:
     with pytest.raises(UsageError, match=f"there is no {word}"):
         protocol(tmp_path, tmp_path / "out", **option)  # type: ignore[arg-type]
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recognition.tokens import FEATURES, MOTION, TRAFFIC, Tokens
-from recognition.training.card import SiteWindows
-from recognition.training.windows import Windows
-from recognition.trfe.samples import BACKGROUND
+from recognition.trfe.inputs.samples import BACKGROUND
+from recognition.trfe.inputs.tokens import FEATURES, MOTION, TRAFFIC, Tokens
+from recognition.trfe.training.card import SiteWindows
+from recognition.trfe.training.windows import Windows
 from recognition.trfe.trfe import TRFE
 from schemas.common.errors import UsageError
 from studies.recognition.plain import kinematic, static
@@ -26,7 +26,13 @@ def inputs(count: int, seed: int = 0) -> np.ndarray:
 
 def windows(labels: list[int], name: str) -> Windows:
     names = np.full(len(labels), name)
-    return Windows(inputs(len(labels)), np.array(labels, np.int64), names, names, np.arange(len(labels), dtype=float))
+    return Windows(
+        inputs(len(labels)),
+        np.array(labels, np.int64),
+        names,
+        names,
+        np.arange(len(labels), dtype=float),
+    )
 
 
 def test_the_map_alone_is_blind_to_motion_and_to_others() -> None:
@@ -62,19 +68,26 @@ def drifting(labels: list[int], name: str, seed: int, by: float = 1.0) -> Window
     made = replace(windows(labels, name), inputs=0.1 * inputs(len(labels), seed))
     way = {5: 1.0, 6: -1.0, BACKGROUND: 0.0}
     for window, label in zip(made.inputs, labels, strict=True):
-        window[0, :, FEATURES.index("aside")] += by * way[label] * np.linspace(-1.0, 1.0, TOKENS.frames)
+        window[0, :, FEATURES.index("aside")] += (
+            by * way[label] * np.linspace(-1.0, 1.0, TOKENS.frames)
+        )
     return made
 
 
 @pytest.mark.parametrize("name", ["changes", "changes-forest"])
-def test_a_row_is_fitted_and_takes_its_least_shares_from_recordings_to_develop_on(name: str) -> None:
+def test_a_row_is_fitted_and_takes_its_least_shares_from_recordings_to_develop_on(
+    name: str,
+) -> None:
     labels = [5, 6, BACKGROUND] * 20
     fitted, held, events = (drifting(labels, "families", seed) for seed in range(3))
     quiet = drifting([5] * 90, "there", 4, by=0.6)
-    quiet = replace(quiet, labels=np.full(90, BACKGROUND))  # as if what looks a little like class 5 were nothing here
+    quiet = replace(
+        quiet, labels=np.full(90, BACKGROUND)
+    )  # as if what looks a little like class 5 were nothing here
     model = TRFE()
     plain, developed = (
-        recogniser(ROWS[name], model, fitted, held, develop) for develop in ([], [SiteWindows("there", events, quiet)])
+        recogniser(ROWS[name], model, fitted, held, develop)
+        for develop in ([], [SiteWindows("there", events, quiet)])
     )
     assert np.mean(plain(events) == events.labels) > 0.8 and (plain(quiet) == 5).any()
     assert np.mean(developed(quiet) == BACKGROUND) > np.mean(plain(quiet) == BACKGROUND)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recognition.datasets.observations import Noise
-from recognition.datasets.smoothing import centres
+from recognition.recordings.observations import Noise
+from recognition.recordings.smoothing import centres
 from schemas.common.errors import UsageError
 from studies.recognition.smoothing import ways
 from studies.recognition.smoothing.cases import Case, States, Tracks, drawn, hidden, noisy
@@ -36,13 +36,28 @@ def written(folder: Path, noise: float = 0.0) -> Path:
     angle = way / 60.0
     curved = 60.0 * np.sin(angle), 60.0 * (1.0 - np.cos(angle)), angle, 12.0 - 0.7 * TIME
     straight = 9.0 * TIME, np.full(len(TIME), 30.0), np.zeros(len(TIME)), np.full(len(TIME), 9.0)
-    rows = [row for track in (1, 2) for row in interaction_rows(track, 0.0, 0.0, 0.0, 0.0, 0.0, n=len(TIME))]
+    rows = [
+        row
+        for track in (1, 2)
+        for row in interaction_rows(track, 0.0, 0.0, 0.0, 0.0, 0.0, n=len(TIME))
+    ]
     for row, (x, y, h, speed) in zip(
-        rows, [values for track in (curved, straight) for values in zip(*track, strict=True)], strict=True
+        rows,
+        [values for track in (curved, straight) for values in zip(*track, strict=True)],
+        strict=True,
     ):
         off = rng.normal(0.0, noise, 2)
-        row |= {"x": x + off[0], "y": y + off[1], "vx": speed * np.cos(h), "vy": speed * np.sin(h), "psi_rad": h}
-    return write_csv(folder / "vehicle_tracks_000.csv", rows + interaction_rows(3, 0.0, 60.0, 5.0, 0.0, 0.0, n=30)).parent
+        row |= {
+            "x": x + off[0],
+            "y": y + off[1],
+            "vx": speed * np.cos(h),
+            "vy": speed * np.sin(h),
+            "psi_rad": h,
+        }
+    return write_csv(
+        folder / "vehicle_tracks_000.csv",
+        rows + interaction_rows(3, 0.0, 60.0, 5.0, 0.0, 0.0, n=30),
+    ).parent
 
 
 def tracks_of(folder: Path, noise: float = 0.0) -> Tracks:
@@ -65,15 +80,21 @@ def test_stretches_are_hidden_within_tracks_that_are_long_enough(tmp_path: Path)
 def test_what_is_hidden_has_no_effect(tmp_path: Path, way: Way) -> None:
     tracks = tracks_of(tmp_path, 0.05)
     case = hidden(tracks, np.random.default_rng(1))
-    moved = {name: values + np.where(case.counted, 0.4, 0.0) for name, values in tracks.columns.items()}
+    moved = {
+        name: values + np.where(case.counted, 0.4, 0.0) for name, values in tracks.columns.items()
+    }
     other = hidden(tracks._replace(columns=moved), np.random.default_rng(1))
-    assert (other.counted == case.counted).all() and np.abs(other.truth.x - case.truth.x).max() > 0.3
+    assert (other.counted == case.counted).all() and np.abs(
+        other.truth.x - case.truth.x
+    ).max() > 0.3
     for one, another in zip(way(case), way(other._replace(off=case.off)), strict=True):
         assert one == pytest.approx(another, abs=1e-9)
 
 
 @pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
-def test_every_way_finds_hidden_rows_of_quiet_motion_and_takes_noise_away(tmp_path: Path, way: Way) -> None:
+def test_every_way_finds_hidden_rows_of_quiet_motion_and_takes_noise_away(
+    tmp_path: Path, way: Way
+) -> None:
     tracks = tracks_of(tmp_path)
     found = score(way, [hidden(tracks, np.random.default_rng(1))])
     assert found.place < 0.15 and found.speed < 0.2 and found.heading < 0.05
@@ -87,14 +108,23 @@ def shown(case: Case) -> States:
     return States(*centres(*case.tracks), columns["h"], columns["speed"], columns["acceleration"])
 
 
-def test_scores_are_root_mean_squares_and_a_likelihood_that_is_best_at_the_truth(tmp_path: Path) -> None:
+def test_scores_are_root_mean_squares_and_a_likelihood_that_is_best_at_the_truth(
+    tmp_path: Path,
+) -> None:
     case = hidden(tracks_of(tmp_path), np.random.default_rng(1))
     right = score(lambda case: case.truth, [case])
-    off = score(lambda case: case.truth._replace(x=case.truth.x + 0.3, h=case.truth.h + 2.0 * np.pi + 0.1), [case])
+    off = score(
+        lambda case: case.truth._replace(x=case.truth.x + 0.3, h=case.truth.h + 2.0 * np.pi + 0.1),
+        [case],
+    )
     assert right[:4] == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-12)
     assert off[:2] == pytest.approx((0.3, 0.1))
     assert right.beyond == 0.0
-    assert off.likelihood < right.likelihood == pytest.approx(-np.log(2.0 * np.pi * case.off[case.counted] ** 2).mean())
+    assert (
+        off.likelihood
+        < right.likelihood
+        == pytest.approx(-np.log(2.0 * np.pi * case.off[case.counted] ** 2).mean())
+    )
 
 
 def test_rows_beyond_limits_are_counted(tmp_path: Path) -> None:
@@ -102,7 +132,10 @@ def test_rows_beyond_limits_are_counted(tmp_path: Path) -> None:
     first = np.arange(len(case.truth.x)) == 5
 
     def wild(case: Case) -> States:
-        return case.truth._replace(acceleration=np.where(first, -12.0, 0.0), h=np.where(np.roll(first, 60), 2.0, case.truth.h))
+        return case.truth._replace(
+            acceleration=np.where(first, -12.0, 0.0),
+            h=np.where(np.roll(first, 60), 2.0, case.truth.h),
+        )
 
     assert score(wild, [case]).beyond == pytest.approx(3 / len(first))
 
@@ -110,14 +143,18 @@ def test_rows_beyond_limits_are_counted(tmp_path: Path) -> None:
 def test_settings_that_find_hidden_rows_best_are_chosen_of_those_that_are_exact() -> None:
     def trial(name: float, likelihood: float, error: float) -> Trial:
         exact = Score(error, 0.0, error, error, 0.0, 0.0)
-        return Trial({"jerk": name}, Judged({"site": Score(1.0, 0.0, 0.0, 0.0, likelihood, 0.0)}, exact))
+        return Trial(
+            {"jerk": name}, Judged({"site": Score(1.0, 0.0, 0.0, 0.0, likelihood, 0.0)}, exact)
+        )
 
     trials = [trial(1.0, 2.0, 0.1), trial(2.0, 3.0, 0.2), trial(3.0, 4.0, 0.4)]
     assert best(trials, 0.21).settings == {"jerk": 2.0}
     assert best(trials, 0.05).settings == {"jerk": 1.0}
 
 
-def test_report_names_what_was_chosen_and_how_it_does_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_report_names_what_was_chosen_and_how_it_does_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     method = Method(
         "ours",
         lambda **settings: partial(ways.ours, Noise(**settings)),
@@ -132,7 +169,10 @@ def test_report_names_what_was_chosen_and_how_it_does_elsewhere(tmp_path: Path, 
     chosen, reported, about = (tmp_path / "out" / "smoothing.md").read_text().split("\n\n")
     assert "| way | settings | here: place, heading, speed, likelihood, beyond limits |" in chosen
     assert "| ours | heading 0.1, jerk 1.5, bend 0.02, tails 4 |" in chosen.splitlines()[4]
-    assert "| there: place, heading, speed, likelihood, beyond limits |" in reported and "+0.000 | +0.0 % | +0.0 % |" in reported
+    assert (
+        "| there: place, heading, speed, likelihood, beyond limits |" in reported
+        and "+0.000 | +0.0 % | +0.0 % |" in reported
+    )
     assert about.splitlines()[3].startswith("| jerk 8 | ")
 
 

@@ -31,7 +31,12 @@ def test_another_configuration_is_refused_by_the_name_of_the_setting(tmp_path: P
 
 def test_results_come_sorted(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    keys = [Key("open-set", method, seed, number) for method in ("mls", "cac") for seed in (10, 2) for number in (2, 1)]
+    keys = [
+        Key("open-set", method, seed, number)
+        for method in ("mls", "cac")
+        for seed in (10, 2)
+        for number in (2, 1)
+    ]
     for key in keys:
         store.write(key, {"seed": key.seed})
     assert [key for key, _ in store.results("open-set")] == sorted(keys)

@@ -17,27 +17,40 @@ from lxml import etree
 
 import xodr
 from schemas.common.errors import UsageError
-from xodr import builders, sumo_net
+from xodr import builders
 from xodr.builders import RoadMap
+from xodr.formats import sumo_net
+from xodr.formats.sumo_net import SumoNet
 from xodr.model import Junction
-from xodr.sumo_net import SumoNet
 
 MAPS: dict[str, Callable[[str], RoadMap]] = {
     "straight_highway": lambda rule: builders.straight_highway(rule=rule),
-    "highway with both carriageways": lambda rule: builders.straight_highway(lanes=2, opposite_lanes=3, rule=rule),
+    "highway with both carriageways": lambda rule: builders.straight_highway(
+        lanes=2, opposite_lanes=3, rule=rule
+    ),
     "on_ramp": lambda rule: builders.on_ramp(rule=rule),
     "off_ramp": lambda rule: builders.off_ramp(lanes=3, rule=rule),
     "sharp_curve": lambda rule: builders.sharp_curve(rule=rule),
-    "right curve without transition": lambda rule: builders.sharp_curve(turn="right", transition=0.0, rule=rule),
+    "right curve without transition": lambda rule: builders.sharp_curve(
+        turn="right", transition=0.0, rule=rule
+    ),
     "narrow_road": lambda rule: builders.narrow_road(rule=rule),
     "four_way_intersection": lambda rule: builders.four_way_intersection(rule=rule),
-    "four arms with two lanes and lights": lambda rule: builders.four_way_intersection(lanes=2, signals=True, rule=rule),
+    "four arms with two lanes and lights": lambda rule: builders.four_way_intersection(
+        lanes=2, signals=True, rule=rule
+    ),
     "t_junction": lambda rule: builders.t_junction(rule=rule),
     "t junction with lights": lambda rule: builders.t_junction(lanes=2, signals=True, rule=rule),
     "roundabout": lambda rule: builders.roundabout(rule=rule),
-    "roundabout with two lanes": lambda rule: builders.roundabout(arms=3, lanes=2, radius=22.0, rule=rule),
+    "roundabout with two lanes": lambda rule: builders.roundabout(
+        arms=3, lanes=2, radius=22.0, rule=rule
+    ),
 }
-JUNCTIONS = [name for name in MAPS if any(word in name for word in ("ramp", "four", "junction", "roundabout"))]
+JUNCTIONS = [
+    name
+    for name in MAPS
+    if any(word in name for word in ("ramp", "four", "junction", "roundabout"))
+]
 
 both_sides = pytest.mark.parametrize("rule", ["RHT", "LHT"])
 all_maps = pytest.mark.parametrize("name", MAPS)
@@ -66,7 +79,9 @@ def test_maps_are_valid_opendrive(name: str, rule: str, schema: etree.XMLSchema)
 
 @both_sides
 @all_maps
-def test_every_joint_fits_in_position_heading_and_width(name: str, rule: str, tmp_path: Path) -> None:
+def test_every_joint_fits_in_position_heading_and_width(
+    name: str, rule: str, tmp_path: Path
+) -> None:
     network = xodr.load(MAPS[name](rule).write(tmp_path / "map.xodr"))
     joints = list(meeting_lanes(network))
     assert joints or len(network.roads) == 1
@@ -76,7 +91,9 @@ def test_every_joint_fits_in_position_heading_and_width(name: str, rule: str, tm
         assert one[3] == pytest.approx(other[3], abs=1e-6)
 
 
-def meeting_lanes(network: xodr.RoadNetwork) -> Iterator[tuple[tuple[float, ...], tuple[float, ...]]]:
+def meeting_lanes(
+    network: xodr.RoadNetwork,
+) -> Iterator[tuple[tuple[float, ...], tuple[float, ...]]]:
     """(x, y, direction of travel, width) of both lanes wherever one leads into the next."""
     for road in network.roads.values():
         for forward, s in ((False, 0.0), (True, road.length)):
@@ -115,18 +132,26 @@ def test_same_arguments_give_the_same_bytes(name: str, tmp_path: Path) -> None:
 
 @both_sides
 @pytest.mark.parametrize("name", JUNCTIONS)
-def test_junctions_and_signals_are_read_as_they_were_built(name: str, rule: str, tmp_path: Path) -> None:
+def test_junctions_and_signals_are_read_as_they_were_built(
+    name: str, rule: str, tmp_path: Path
+) -> None:
     built = MAPS[name](rule)
     network = xodr.load(built.write(tmp_path / "map.xodr"))
-    assert [unnumbered(junction) for junction in network.junctions.values()] == list(built.junctions)
+    assert [unnumbered(junction) for junction in network.junctions.values()] == list(
+        built.junctions
+    )
     assert list(network.controllers.values()) == list(built.controllers)
-    assert list(network.signals.values()) == [signal for road in built.roads for signal in road.signals]
+    assert list(network.signals.values()) == [
+        signal for road in built.roads for signal in road.signals
+    ]
     assert "lights" not in name or network.signals
     assert "ramp" not in name or built.junctions[0].priorities
 
 
 def unnumbered(junction: Junction) -> Junction:
-    return replace(junction, connections=tuple(each._replace(id="") for each in junction.connections))
+    return replace(
+        junction, connections=tuple(each._replace(id="") for each in junction.connections)
+    )
 
 
 @all_maps
@@ -155,7 +180,9 @@ def simulation() -> Iterator[Callable[[RoadMap, Path], SumoNet]]:
 
 @both_sides
 @pytest.mark.parametrize("name", JUNCTIONS)
-def test_sumo_traffic_drives_every_connection(name: str, rule: str, tmp_path: Path, simulation: Callable) -> None:
+def test_sumo_traffic_drives_every_connection(
+    name: str, rule: str, tmp_path: Path, simulation: Callable
+) -> None:
     road_map = MAPS[name](rule)
     net = simulation(road_map, tmp_path)
     connections = [
@@ -168,13 +195,23 @@ def test_sumo_traffic_drives_every_connection(name: str, rule: str, tmp_path: Pa
         edge, index = lane.rsplit("_", 1)
         libsumo.route.add(f"route{number}", [edge, target.rpartition("_")[0]])
         position = max(0.0, libsumo.lane.getLength(lane) - 80.0)
-        libsumo.vehicle.add(f"{number}", f"route{number}", depart=str(15 * number), departLane=index, departPos=str(position))
+        libsumo.vehicle.add(
+            f"{number}",
+            f"route{number}",
+            depart=str(15 * number),
+            departLane=index,
+            departPos=str(position),
+        )
         libsumo.vehicle.setLaneChangeMode(f"{number}", 0)
     passed = run_until_all_have_arrived(len(connections))
     for number, (_, _, inside) in enumerate(connections):
         assert net.track(inside) is None or inside in passed[str(number)]
     connecting = {str(road.id) for road in road_map.roads if road.junction != "-1"}
-    assert connecting == {track.road_id for lane in set().union(*passed.values()) if (track := net.track(lane))} & connecting
+    assert (
+        connecting
+        == {track.road_id for lane in set().union(*passed.values()) if (track := net.track(lane))}
+        & connecting
+    )
 
 
 def run_until_all_have_arrived(count: int) -> dict[str, set[str]]:
@@ -197,28 +234,45 @@ def test_ramp_traffic_merges_into_a_flow(rule: str, tmp_path: Path, simulation: 
     libsumo.route.add("main", ["1/0+", "2/0+", "2/1+", "2/2+"])
     libsumo.route.add("ramp", ["3/0+", "2/0+", "2/1+", "2/2+"])
     for number in range(20):
-        libsumo.vehicle.add(f"main{number}", "main", depart=str(3 * number), departLane="best", departSpeed="max")
+        libsumo.vehicle.add(
+            f"main{number}", "main", depart=str(3 * number), departLane="best", departSpeed="max"
+        )
         libsumo.vehicle.add(f"ramp{number}", "ramp", depart=str(4 * number), departSpeed="max")
     passed = run_until_all_have_arrived(40)
-    assert all({"2/2+_1", "2/2+_2"} & passed[f"ramp{number}"] for number in range(20))  # lane 0 is the shoulder
+    assert all(
+        {"2/2+_1", "2/2+_2"} & passed[f"ramp{number}"] for number in range(20)
+    )  # lane 0 is the shoulder
 
 
 @both_sides
-def test_traffic_leaves_by_the_deceleration_lane(rule: str, tmp_path: Path, simulation: Callable) -> None:
+def test_traffic_leaves_by_the_deceleration_lane(
+    rule: str, tmp_path: Path, simulation: Callable
+) -> None:
     simulation(builders.off_ramp(rule=rule), tmp_path)
     libsumo.route.add("exit", ["1/0+", "1/1+", "1/2+", "3/0+"])
     for number in range(10):
-        libsumo.vehicle.add(f"{number}", "exit", depart=str(3 * number), departLane="first", departSpeed="max")
+        libsumo.vehicle.add(
+            f"{number}", "exit", depart=str(3 * number), departLane="first", departSpeed="max"
+        )
     passed = run_until_all_have_arrived(10)
     assert all("1/2+_1" in lanes for lanes in passed.values())
 
 
 @both_sides
-def test_roundabout_is_circulated_in_the_direction_of_the_rule(rule: str, tmp_path: Path, simulation: Callable) -> None:
+def test_roundabout_is_circulated_in_the_direction_of_the_rule(
+    rule: str, tmp_path: Path, simulation: Callable
+) -> None:
     """Back to the arm that one came from: round the whole island, counterclockwise in right-hand traffic."""
     net = simulation(builders.roundabout(arms=4, rule=rule), tmp_path)
     route = libsumo.simulation.findRoute("1/0-", "1/0+").edges
-    assert [edge for edge in route if edge.startswith("1")] == ["1/0-", "11/0+", "12/0+", "13/0+", "14/0+", "1/0+"]
+    assert [edge for edge in route if edge.startswith("1")] == [
+        "1/0-",
+        "11/0+",
+        "12/0+",
+        "13/0+",
+        "14/0+",
+        "1/0+",
+    ]
     libsumo.route.add("round", route)
     libsumo.vehicle.add("car", "round")
     angles = []
@@ -235,7 +289,9 @@ def test_roundabout_is_circulated_in_the_direction_of_the_rule(rule: str, tmp_pa
 def test_who_circulates_goes_before_who_enters(tmp_path: Path, simulation: Callable) -> None:
     simulation(builders.roundabout(arms=4), tmp_path)
     for arm in range(1, 5):
-        priority = {link[0].partition("/")[0]: link[1] for link in libsumo.lane.getLinks(f"{10 + arm}/0+_0")}
+        priority = {
+            link[0].partition("/")[0]: link[1] for link in libsumo.lane.getLinks(f"{10 + arm}/0+_0")
+        }
         assert priority[str(11 + arm % 4)]
         assert not any(link[1] for link in libsumo.lane.getLinks(f"{arm}/0-_0"))
 
@@ -251,14 +307,27 @@ def test_the_main_road_goes_first_at_the_t_junction(tmp_path: Path, simulation: 
 
 
 @pytest.mark.slow
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
-    lanes=st.integers(1, 2), arms=st.integers(3, 6), width=st.floats(2.5, 4.5), radius=st.floats(10, 60), flare=st.floats(4, 30)
+    lanes=st.integers(1, 2),
+    arms=st.integers(3, 6),
+    width=st.floats(2.5, 4.5),
+    radius=st.floats(10, 60),
+    flare=st.floats(4, 30),
 )
 def test_roundabouts_of_all_sizes_fit(
-    lanes: int, arms: int, width: float, radius: float, flare: float, tmp_path_factory: pytest.TempPathFactory
+    lanes: int,
+    arms: int,
+    width: float,
+    radius: float,
+    flare: float,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    road_map = builders.roundabout(arms=arms, lanes=lanes, lane_width=width, radius=radius, flare=flare)
+    road_map = builders.roundabout(
+        arms=arms, lanes=lanes, lane_width=width, radius=radius, flare=flare
+    )
     network = xodr.load(road_map.write(tmp_path_factory.mktemp("map") / "map.xodr"))
     for one, other in meeting_lanes(network):
         assert math.dist(one[:2], other[:2]) < 1e-3
@@ -282,6 +351,8 @@ def test_roundabouts_of_all_sizes_fit(
         ("roundabout", {"arms": 2}, "arms=2"),
     ],
 )
-def test_senseless_parameters_are_refused_by_name(name: str, arguments: dict[str, object], complaint: str) -> None:
+def test_senseless_parameters_are_refused_by_name(
+    name: str, arguments: dict[str, object], complaint: str
+) -> None:
     with pytest.raises(UsageError, match=complaint.replace(".", r"\.")):
         getattr(builders, name)(**arguments)

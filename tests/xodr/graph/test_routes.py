@@ -20,10 +20,16 @@ def roads(path) -> list[str]:
 
 @pytest.mark.parametrize(
     ("strategy", "expected"),
-    [("shortest", ["1", "10", "2", "4"]), ("fastest", ["1", "3", "4"]), ("leastIntersections", ["1", "3", "4"])],
+    [
+        ("shortest", ["1", "10", "2", "4"]),
+        ("fastest", ["1", "3", "4"]),
+        ("leastIntersections", ["1", "3", "4"]),
+    ],
 )
 def test_each_strategy_finds_its_route(network, strategy: str, expected: list[str]) -> None:
-    path = network.route([network.lane_point("1", -1, 40.0), network.lane_point("4", -1, 30.0)], [strategy])
+    path = network.route(
+        [network.lane_point("1", -1, 40.0), network.lane_point("4", -1, 30.0)], [strategy]
+    )
     assert roads(path) == expected
 
 
@@ -35,19 +41,31 @@ def test_a_random_route_is_some_route_and_the_same_for_the_same_seed(network) ->
 
 
 def test_waypoints_are_passed_in_order(network) -> None:
-    points = [network.lane_point("1", -1, 40.0), network.lane_point("3", -1, 100.0), network.lane_point("4", -1, 30.0)]
+    points = [
+        network.lane_point("1", -1, 40.0),
+        network.lane_point("3", -1, 100.0),
+        network.lane_point("4", -1, 30.0),
+    ]
     path = network.route(points)
     assert roads(path) == ["1", "3", "4"]
     assert path.length == pytest.approx(60.0 + 300.0 + 30.0)
 
 
 def test_there_is_no_route_to_an_unconnected_road(network) -> None:
-    assert network.route([network.lane_point("1", -1, 40.0), network.lane_point("5", -1, 30.0)]) is None
+    assert (
+        network.route([network.lane_point("1", -1, 40.0), network.lane_point("5", -1, 30.0)])
+        is None
+    )
 
 
 def test_against_the_traffic_a_route_is_found_where_there_is_no_other(network) -> None:
     path = network.route([network.lane_point("4", -1, 30.0), network.lane_point("1", -1, 40.0)])
-    assert [(leg.road_id, leg.forward) for leg in path.legs] == [("4", False), ("2", False), ("10", False), ("1", False)]
+    assert [(leg.road_id, leg.forward) for leg in path.legs] == [
+        ("4", False),
+        ("2", False),
+        ("10", False),
+        ("1", False),
+    ]
 
 
 def test_positions_on_a_route_are_distances_along_it(network) -> None:
@@ -66,7 +84,9 @@ def test_travelling_follows_the_route(network) -> None:
     for strategy, road_id in (("shortest", "2"), ("fastest", "3")):
         path = network.route([start, network.lane_point("4", -1, 30.0)], [strategy])
         assert network.travel(start, 80.0, True, path.choose).point.road_id == road_id
-        assert network.travel(start, path.length, True, path.choose).point == network.lane_point("4", -1, 30.0)
+        assert network.travel(start, path.length, True, path.choose).point == network.lane_point(
+            "4", -1, 30.0
+        )
 
 
 def test_a_route_may_stay_on_one_road(network) -> None:

@@ -20,7 +20,9 @@ def curve(files):
 @pytest.fixture(scope="module")
 def fork(files):
     """A road into a junction with a way straight on and one to the left, which road 3 continues."""
-    junction = f'<junction id="j">{files.connection("1", "10")}{files.connection("1", "20")}</junction>'
+    junction = (
+        f'<junction id="j">{files.connection("1", "10")}{files.connection("1", "20")}</junction>'
+    )
     to_junction = '<successor elementType="junction" elementId="j"/>'
     from_junction = '<predecessor elementType="junction" elementId="j"/>'
     bend = files.geometry('<arc curvature="0.1"/>', 5.0 * math.pi, start=(100.0, 0.0, 0.0))
@@ -33,7 +35,8 @@ def fork(files):
             geometry=bend,
             junction="j",
             lanes=one_lane,
-            link=files.to_road("predecessor", "1", "end") + files.to_road("successor", "3", "start"),
+            link=files.to_road("predecessor", "1", "end")
+            + files.to_road("successor", "3", "start"),
         ),
         files.road(
             "20",
@@ -41,7 +44,8 @@ def fork(files):
             start=(100.0, 0.0, 0.0),
             junction="j",
             lanes=one_lane,
-            link=files.to_road("predecessor", "1", "end") + files.to_road("successor", "2", "start"),
+            link=files.to_road("predecessor", "1", "end")
+            + files.to_road("successor", "2", "start"),
         ),
         files.road("2", start=(120.0, 0.0, 0.0), link=from_junction, lanes=one_lane),
         files.road("3", start=(110.0, 10.0, math.pi / 2), link=from_junction, lanes=one_lane),
@@ -66,10 +70,18 @@ def test_on_a_drifting_lane_the_distance_is_that_of_the_way(files) -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(
-    st.floats(-0.05, 0.05), st.floats(-0.05, 0.05), st.sampled_from([-2, -1, 1, 2]), st.floats(-1.0, 1.0), st.floats(0.1, 60.0)
+    st.floats(-0.05, 0.05),
+    st.floats(-0.05, 0.05),
+    st.sampled_from([-2, -1, 1, 2]),
+    st.floats(-1.0, 1.0),
+    st.floats(0.1, 60.0),
 )
-def test_there_and_back_again(files, start: float, end: float, lane: int, offset: float, distance: float) -> None:
-    network = files.load(files.road(geometry=files.geometry(f'<spiral curvStart="{start}" curvEnd="{end}"/>', 100.0)))
+def test_there_and_back_again(
+    files, start: float, end: float, lane: int, offset: float, distance: float
+) -> None:
+    network = files.load(
+        files.road(geometry=files.geometry(f'<spiral curvStart="{start}" curvEnd="{end}"/>', 100.0))
+    )
     origin = network.lane_point("1", lane, 20.0, offset)
     there = network.travel(origin, distance, True)
     back = network.travel(there.point, -distance, True)
@@ -86,8 +98,11 @@ def test_small_steps_add_up_to_one_large_step(curve) -> None:
 
 
 def test_lane_sections_are_crossed_by_lane_links(files) -> None:
-    lanes = files.section(right=1).replace('successor id="-1"', 'successor id="-2"') + files.section(right=2, s=50.0).replace(
-        '<lane id="-2" type="driving"><link><predecessor id="-2"/>', '<lane id="-2" type="driving"><link><predecessor id="-1"/>'
+    lanes = files.section(right=1).replace(
+        'successor id="-1"', 'successor id="-2"'
+    ) + files.section(right=2, s=50.0).replace(
+        '<lane id="-2" type="driving"><link><predecessor id="-2"/>',
+        '<lane id="-2" type="driving"><link><predecessor id="-1"/>',
     )
     network = files.load(files.road(lanes=lanes))
     reached = network.travel(network.lane_point("1", -1, 40.0, 0.2), 20.0, True)
@@ -97,7 +112,9 @@ def test_lane_sections_are_crossed_by_lane_links(files) -> None:
 
 
 @pytest.mark.parametrize("order", [("left", "right"), ("right", "left")])
-def test_of_ways_that_turn_equally_the_left_one_is_the_straightest(files, order: tuple[str, str]) -> None:
+def test_of_ways_that_turn_equally_the_left_one_is_the_straightest(
+    files, order: tuple[str, str]
+) -> None:
     """Whatever their order in the file, and however their angles are rounded."""
     sides = {
         "left": ("2", "0.05", files.connection("1", "2")),
@@ -115,8 +132,12 @@ def test_of_ways_that_turn_equally_the_left_one_is_the_straightest(files, order:
         )
         for name, bend, _ in (sides[side] for side in order)
     ]
-    first = files.road("1", link='<successor elementType="junction" elementId="j"/>', lanes=files.section(right=1))
-    network = files.load(first, *ways, f'<junction id="j">{"".join(sides[side][2] for side in order)}</junction>')
+    first = files.road(
+        "1", link='<successor elementType="junction" elementId="j"/>', lanes=files.section(right=1)
+    )
+    network = files.load(
+        first, *ways, f'<junction id="j">{"".join(sides[side][2] for side in order)}</junction>'
+    )
     assert network.travel(network.lane_point("1", -1, 90.0), 15.0, True).point.road_id == "2"
 
 
@@ -137,12 +158,17 @@ def test_a_lane_that_narrows_to_nothing_is_left_without_a_jump(files) -> None:
 
 
 def test_a_lane_that_narrows_to_nothing_at_the_roads_end_goes_on_beside(files) -> None:
-    narrow = files.road("1", lanes=files.section(right=2), link=files.to_road("successor", "2", "start"))
-    head, tail = narrow.split('<lane id="-2"')
-    tail = tail.replace('<width sOffset="0" a="3.5"/>', '<width sOffset="0" a="3.5" b="-0.035"/>').replace(
-        '<successor id="-2"/>', ""
+    narrow = files.road(
+        "1", lanes=files.section(right=2), link=files.to_road("successor", "2", "start")
     )
-    network = files.load(head + '<lane id="-2"' + tail, files.road("2", lanes=files.section(right=1), start=(100.0, 0.0, 0.0)))
+    head, tail = narrow.split('<lane id="-2"')
+    tail = tail.replace(
+        '<width sOffset="0" a="3.5"/>', '<width sOffset="0" a="3.5" b="-0.035"/>'
+    ).replace('<successor id="-2"/>', "")
+    network = files.load(
+        head + '<lane id="-2"' + tail,
+        files.road("2", lanes=files.section(right=1), start=(100.0, 0.0, 0.0)),
+    )
     reached = network.travel(network.lane_point("1", -2, 90.0), 20.0, True)
     assert reached.left == 0.0
     assert (reached.point.road_id, reached.point.lane_id) == ("2", -1)
@@ -161,7 +187,9 @@ def tapering(files, width: str, lane: int):
 
 
 @pytest.mark.parametrize(("lane", "beside", "t"), [(-2, -1, -3.5), (-1, -2, 0.0)])
-@pytest.mark.parametrize(("width", "start", "forward"), [(CLOSING, 10.0, True), (OPENING, 90.0, False)])
+@pytest.mark.parametrize(
+    ("width", "start", "forward"), [(CLOSING, 10.0, True), (OPENING, 90.0, False)]
+)
 def test_a_lane_that_closes_within_a_section_is_left_there_without_a_jump(
     files, lane: int, beside: int, t: float, width: str, start: float, forward: bool
 ) -> None:
@@ -172,8 +200,12 @@ def test_a_lane_that_closes_within_a_section_is_left_there_without_a_jump(
     assert network.travel(network.lane_point("1", lane, start), 30.0, forward).point.lane_id == lane
 
 
-@pytest.mark.parametrize(("width", "start", "forward"), [(OPENING, 0.0, True), (CLOSING, 100.0, False)])
-def test_a_lane_that_opens_is_followed_from_no_width_on(files, width: str, start: float, forward: bool) -> None:
+@pytest.mark.parametrize(
+    ("width", "start", "forward"), [(OPENING, 0.0, True), (CLOSING, 100.0, False)]
+)
+def test_a_lane_that_opens_is_followed_from_no_width_on(
+    files, width: str, start: float, forward: bool
+) -> None:
     network = tapering(files, width, -2)
     there = network.travel(network.lane_point("1", -2, start), 80.0, forward).point
     assert (there.lane_id, there.offset) == (-2, 0.0)
@@ -206,7 +238,8 @@ def test_nobody_is_led_onto_the_lanes_of_the_other_direction(files) -> None:
 def test_a_step_that_ends_on_a_border_can_go_on(files, border: float) -> None:
     lanes = files.section(right=1) + files.section(right=1, s=50.0)
     network = files.load(
-        files.road("1", lanes=lanes, link=files.to_road("successor", "2", "start")), files.road("2", start=(100.0, 0.0, 0.0))
+        files.road("1", lanes=lanes, link=files.to_road("successor", "2", "start")),
+        files.road("2", start=(100.0, 0.0, 0.0)),
     )
     on_border = network.travel(network.lane_point("1", -1, 10.0), border - 10.0, True)
     assert (on_border.point.s, on_border.left) == (border, 0.0)
@@ -217,7 +250,9 @@ def test_a_step_that_ends_on_a_border_can_go_on(files, border: float) -> None:
 
 
 @pytest.mark.parametrize(("contact", "lane", "forward"), [("start", -1, True), ("end", 1, False)])
-def test_road_borders_keep_the_side_of_the_driver(files, contact: str, lane: int, forward: bool) -> None:
+def test_road_borders_keep_the_side_of_the_driver(
+    files, contact: str, lane: int, forward: bool
+) -> None:
     start = (100.0, 0.0, 0.0) if contact == "start" else (200.0, 0.0, math.pi)
     first = files.road("1", link=files.to_road("successor", "2", contact))
     if contact == "end":
@@ -230,14 +265,22 @@ def test_road_borders_keep_the_side_of_the_driver(files, contact: str, lane: int
 
 
 def test_a_link_that_one_road_declares_is_enough(files) -> None:
-    network = files.load(files.road("1", link=files.to_road("successor", "2", "start")), files.road("2", start=(100.0, 0.0, 0.0)))
+    network = files.load(
+        files.road("1", link=files.to_road("successor", "2", "start")),
+        files.road("2", start=(100.0, 0.0, 0.0)),
+    )
     assert network.links("2", -1, False) == [LaneLink("1", -1, False)]
 
 
 @pytest.mark.parametrize(("contact", "lane"), [("start", -1), ("end", 1)])
-def test_roads_that_link_no_lanes_at_all_go_on_in_the_lanes_at_the_same_place(files, contact: str, lane: int) -> None:
+def test_roads_that_link_no_lanes_at_all_go_on_in_the_lanes_at_the_same_place(
+    files, contact: str, lane: int
+) -> None:
     bare = files.section(left=1, right=1, linked=False)
-    network = files.load(files.road("1", lanes=bare, link=files.to_road("successor", "2", contact)), files.road("2", lanes=bare))
+    network = files.load(
+        files.road("1", lanes=bare, link=files.to_road("successor", "2", contact)),
+        files.road("2", lanes=bare),
+    )
     assert network.links("1", -1, True) == [LaneLink("2", lane, contact == "start")]
 
 
@@ -281,7 +324,11 @@ def test_direct_junctions_link_roads_without_connecting_roads(files) -> None:
     junction = f'<junction id="d" type="direct">{files.connection("1", "2", -2, -1, direct=True)}</junction>'
     network = files.load(
         files.road("1", link='<successor elementType="junction" elementId="d"/>'),
-        files.road("2", start=(100.0, -3.5, 0.0), link='<predecessor elementType="junction" elementId="d"/>'),
+        files.road(
+            "2",
+            start=(100.0, -3.5, 0.0),
+            link='<predecessor elementType="junction" elementId="d"/>',
+        ),
         junction,
     )
     assert network.links("1", -2, True) == [LaneLink("2", -1, True)]
@@ -292,7 +339,12 @@ def test_a_ring_of_roads_does_not_hold_a_step_forever(files) -> None:
     ring = files.geometry('<arc curvature="6.283185307179586"/>', 1.0)
     link = files.to_road("predecessor", "1", "end") + files.to_road("successor", "1", "start")
     network = files.load(
-        files.road(length=1.0, geometry=ring, link=link, lanes=files.section(right=1, width='<width sOffset="0" a="0.1"/>'))
+        files.road(
+            length=1.0,
+            geometry=ring,
+            link=link,
+            lanes=files.section(right=1, width='<width sOffset="0" a="0.1"/>'),
+        )
     )
     assert network.travel(network.lane_point("1", -1, 0.0), 10.0, True).left == 0.0
     with pytest.raises(RoadError, match="crosses more than"):

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from xodr.network import RoadNetwork
+from xodr.graph.network import RoadNetwork
 
 
 @pytest.fixture(scope="module")
@@ -28,14 +28,26 @@ def siding(files) -> RoadNetwork:
     main = files.section(left=1, right=1, linked=False)
     return files.load(
         files.road("1", length=200.0, lanes=main),
-        files.road("2", length=120.0, start=(40.0, -0.5, 0.0), lanes=files.section(right=1), junction="v", link=link),
+        files.road(
+            "2",
+            length=120.0,
+            start=(40.0, -0.5, 0.0),
+            lanes=files.section(right=1),
+            junction="v",
+            link=link,
+        ),
         junction,
     )
 
 
 def test_the_main_road_goes_on_without_a_route(siding: RoadNetwork) -> None:
     reached = siding.travel(siding.lane_point("1", -1, 10.0, 0.5), 180.0, True)
-    assert (reached.point.road_id, reached.point.s, reached.point.offset, reached.left) == ("1", 190.0, 0.5, 0.0)
+    assert (reached.point.road_id, reached.point.s, reached.point.offset, reached.left) == (
+        "1",
+        190.0,
+        0.5,
+        0.0,
+    )
     back = siding.travel(siding.lane_point("1", -1, 190.0), 180.0, False)
     assert (back.point.road_id, back.point.s, back.forward) == ("1", 10.0, False)
 
@@ -48,33 +60,53 @@ def test_a_place_on_the_main_road_keeps_its_s_and_lanes(siding: RoadNetwork) -> 
 
 
 def test_a_route_leads_off_the_main_road_and_back(siding: RoadNetwork) -> None:
-    waypoints = [siding.lane_point("1", -1, 10.0), siding.lane_point("2", -1, 60.0), siding.lane_point("1", -1, 190.0)]
+    waypoints = [
+        siding.lane_point("1", -1, 10.0),
+        siding.lane_point("2", -1, 60.0),
+        siding.lane_point("1", -1, 190.0),
+    ]
     path = siding.route(waypoints)
     assert path is not None
-    assert [(leg.road_id, leg.enter, leg.leave, leg.before, leg.exit_lanes) for leg in path.legs] == [
+    assert [
+        (leg.road_id, leg.enter, leg.leave, leg.before, leg.exit_lanes) for leg in path.legs
+    ] == [
         ("1", 10.0, 40.0, 0.0, (-1,)),
         ("2", 0.0, 120.0, 30.0, (-1,)),
         ("1", 160.0, 190.0, 150.0, ()),
     ]
-    roads = [siding.travel(waypoints[0], distance, True, path.choose).point[:2] for distance in (29.0, 31.0, 149.0, 151.0, 180.0)]
+    roads = [
+        siding.travel(waypoints[0], distance, True, path.choose).point[:2]
+        for distance in (29.0, 31.0, 149.0, 151.0, 180.0)
+    ]
     assert roads == [("1", 39.0), ("2", 1.0), ("2", 119.0), ("1", 161.0), ("1", 190.0)]
 
 
 def test_a_route_along_the_main_road_stays_on_it(siding: RoadNetwork) -> None:
     path = siding.route([siding.lane_point("1", -1, 10.0), siding.lane_point("1", -1, 190.0)])
     assert path is not None and [leg.road_id for leg in path.legs] == ["1"]
-    assert siding.travel(siding.lane_point("1", -1, 10.0), 100.0, True, path.choose).point[:2] == ("1", 110.0)
+    assert siding.travel(siding.lane_point("1", -1, 10.0), 100.0, True, path.choose).point[:2] == (
+        "1",
+        110.0,
+    )
 
 
 def test_a_way_off_can_be_followed_backwards(siding: RoadNetwork) -> None:
     reached = siding.travel(siding.lane_point("2", -1, 10.0), 20.0, False)
-    assert (reached.point.road_id, reached.point.lane_id, reached.point.s, reached.forward) == ("1", -1, 30.0, False)
+    assert (reached.point.road_id, reached.point.lane_id, reached.point.s, reached.forward) == (
+        "1",
+        -1,
+        30.0,
+        False,
+    )
 
 
 def test_the_other_lane_has_no_way_off(siding: RoadNetwork) -> None:
     path = siding.route([siding.lane_point("1", -1, 10.0), siding.lane_point("2", -1, 60.0)])
     assert path is not None
-    assert siding.travel(siding.lane_point("1", 1, 10.0), 60.0, True, path.choose).point[:2] == ("1", 70.0)
+    assert siding.travel(siding.lane_point("1", 1, 10.0), 60.0, True, path.choose).point[:2] == (
+        "1",
+        70.0,
+    )
 
 
 def test_someone_who_stops_at_the_way_off_takes_it_later(siding: RoadNetwork) -> None:
@@ -89,24 +121,42 @@ def test_a_way_off_that_a_lane_link_of_the_junction_names(files) -> None:
     link = '<predecessor elementType="road" elementId="1" elementS="50" elementDir="-"/>'
     connection = files.connection("1", "2", lane_from=1, lane_to=-1)
     junction = f'<junction id="v" type="virtual" mainRoad="1" sStart="45" sEnd="55">{connection}</junction>'
-    lanes = files.section(left=1, right=1, linked=False, width='<width sOffset="0" a="3"/><width sOffset="60" a="3" b="-0.1"/>')
+    lanes = files.section(
+        left=1,
+        right=1,
+        linked=False,
+        width='<width sOffset="0" a="3"/><width sOffset="60" a="3" b="-0.1"/>',
+    )
     network = files.load(
         files.road("1", lanes=lanes),
-        files.road("2", lanes=files.section(right=1, linked=False), start=(50.0, 0.0, math.pi), link=link),
+        files.road(
+            "2", lanes=files.section(right=1, linked=False), start=(50.0, 0.0, math.pi), link=link
+        ),
         junction,
     )
     first, second = network.road("1").sections
     assert first.lanes[1].closes == second.lanes[1].opens * -1 == math.inf
     assert second.lanes[1].closes == pytest.approx(90.0, abs=1e-3)
     path = network.route([network.lane_point("1", 1, 80.0), network.lane_point("2", -1, 10.0)])
-    assert path is not None and [leg[:4] for leg in path.legs] == [("1", False, 80.0, 50.0), ("2", True, 0.0, 10.0)]
+    assert path is not None and [leg[:4] for leg in path.legs] == [
+        ("1", False, 80.0, 50.0),
+        ("2", True, 0.0, 10.0),
+    ]
 
 
 def test_a_way_off_without_a_place_is_not_followed(files) -> None:
-    connection = files.connection("1", "2") + files.connection("1", "3") + '<connection id="2" type="virtual"/>'
+    connection = (
+        files.connection("1", "2")
+        + files.connection("1", "3")
+        + '<connection id="2" type="virtual"/>'
+    )
     junction = f'<junction id="v" type="virtual" mainRoad="1" sStart="10" sEnd="20">{connection}</junction>'
     link = '<predecessor elementType="road" elementId="1" elementS="10" elementDir="+"/>'
-    roads = [files.road("1"), files.road("2", junction="v", link=link), files.road("3", junction="v")]
+    roads = [
+        files.road("1"),
+        files.road("2", junction="v", link=link),
+        files.road("3", junction="v"),
+    ]
     network = files.load(*roads, junction)
     assert [remark.message for remark in network.remarks] == [
         "junction: the virtual junction 'v' lies beside its main road; 2 of 3 ways off that road are not followed"
@@ -120,4 +170,7 @@ def test_a_road_that_begins_at_no_place_inside_the_other_leaves_it_whole(files, 
     network = files.load(files.road("1"), files.road("2", link=link), junction)
     assert len(network.road("1").sections) == 1
     assert "not followed" in network.remarks[0].message
-    assert network.route([network.lane_point("1", -1, 10.0), network.lane_point("2", -1, 60.0)]) is None
+    assert (
+        network.route([network.lane_point("1", -1, 10.0), network.lane_point("2", -1, 60.0)])
+        is None
+    )

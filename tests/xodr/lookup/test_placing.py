@@ -11,9 +11,9 @@ import pytest
 
 import xodr
 from xodr import builders
+from xodr.graph.network import RoadNetwork
 from xodr.lookup import placing
 from xodr.model import RoadError
-from xodr.network import RoadNetwork
 
 MAPS: dict[str, Callable[[], builders.RoadMap]] = {
     "highway": lambda: builders.straight_highway(opposite_lanes=2),
@@ -26,7 +26,9 @@ MAPS: dict[str, Callable[[], builders.RoadMap]] = {
 
 
 @pytest.fixture(scope="module", params=MAPS)
-def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> RoadNetwork:
+def network(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> RoadNetwork:
     return xodr.load(MAPS[request.param]().write(tmp_path_factory.mktemp("maps") / "map.xodr"))
 
 
@@ -40,7 +42,9 @@ def users(network: RoadNetwork, count: int, beside: float, seed: int = 1) -> np.
         s = rng.uniform(-beside, road.length + beside)
         right, left = road.edges(s)
         pose = road.pose(s, rng.uniform(right - beside, left + beside))
-        poses.append((pose.x, pose.y, pose.z, pose.h + rng.choice([0.0, math.pi]) + rng.normal(0.0, 0.1)))
+        poses.append(
+            (pose.x, pose.y, pose.z, pose.h + rng.choice([0.0, math.pi]) + rng.normal(0.0, 0.1))
+        )
     return np.array(poses).T
 
 
@@ -50,7 +54,13 @@ def differing(network: RoadNetwork, where: np.ndarray) -> list[str]:
     wrong = []
     for index, one in enumerate(where.T.tolist()):
         wanted = network.locate(*one)
-        mine = (found.road_id[index], found.lane_id[index], found.s[index], found.t[index], found.offset[index])
+        mine = (
+            found.road_id[index],
+            found.lane_id[index],
+            found.s[index],
+            found.t[index],
+            found.offset[index],
+        )
         same = mine[:2] == (wanted.road_id, wanted.lane_id)
         if not same or mine[2:] != pytest.approx((wanted.s, wanted.t, wanted.offset), abs=1e-4):
             wrong.append(f"{mine} is not {tuple(wanted)}")
@@ -62,7 +72,9 @@ def test_positions_on_roads_are_where_locate_has_them(network: RoadNetwork) -> N
 
 
 def test_positions_beside_roads_are_where_locate_has_them(network: RoadNetwork) -> None:
-    assert len(differing(network, users(network, 200, 40.0))) <= 2  # positions equally far from two roads
+    assert (
+        len(differing(network, users(network, 200, 40.0))) <= 2
+    )  # positions equally far from two roads
 
 
 def test_roads_of_real_maps_are_no_exception(corpora: Path) -> None:

@@ -9,14 +9,18 @@ from xodr.lookup.arrays import lane_borders, sample, stations
 
 
 def test_samples_are_poses(files) -> None:
-    road = files.load(files.road(geometry=files.geometry('<arc curvature="0.02"/>', 100.0))).road("1")
+    road = files.load(files.road(geometry=files.geometry('<arc curvature="0.02"/>', 100.0))).road(
+        "1"
+    )
     points = sample(road, [0.0, 30.0, 60.0], -2.0)
     assert points.shape == (3, 3)
     assert points[1] == pytest.approx(road.pose(30.0, -2.0)[:3])
 
 
 def test_stations_cover_the_road_densely_enough(files) -> None:
-    road = files.load(files.road(geometry=files.geometry('<arc curvature="0.2"/>', 100.0))).road("1")
+    road = files.load(files.road(geometry=files.geometry('<arc curvature="0.2"/>', 100.0))).road(
+        "1"
+    )
     found = stations(road)
     assert (found[0], found[-1]) == (0.0, 100.0)
     assert np.all(np.diff(found) > 0.0)

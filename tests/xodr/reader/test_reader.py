@@ -52,11 +52,22 @@ def test_marks_hold_from_their_place_on(files) -> None:
     for lane_id, marks in (("0", center), ("-1", lane)):
         before, found, after = text.partition(f'<lane id="{lane_id}"')
         head, close, rest = after.partition(">")
-        text = before + found + (head[:-1] + f">{marks}</lane>" + rest if head.endswith("/") else head + close + marks + rest)
+        text = (
+            before
+            + found
+            + (
+                head[:-1] + f">{marks}</lane>" + rest
+                if head.endswith("/")
+                else head + close + marks + rest
+            )
+        )
     path.write_text(text)
     lanes = load(path).road("1").section(0.0).lanes
     assert lanes[0].marks == (RoadMark(0.0, "solid solid", "yellow", 0.12),)
-    assert lanes[-1].marks == (RoadMark(0.0, "broken", "standard", None), RoadMark(50.0, "solid", "standard", None))
+    assert lanes[-1].marks == (
+        RoadMark(0.0, "broken", "standard", None),
+        RoadMark(50.0, "solid", "standard", None),
+    )
     assert lanes[1].marks == ()
 
 
@@ -94,15 +105,25 @@ def test_objects_keep_dimensions_and_outlines(files) -> None:
     )
     (item,) = files.load(files.road(more=objects)).road("1").objects
     assert (item.length, item.width, item.height, item.radius) == (8.0, 4.0, 3.0, None)
-    assert [(corner.u, corner.v, corner.on_road) for corner in item.outlines[0]] == [(1.0, 2.0, False), (31.0, 12.0, True)]
+    assert [(corner.u, corner.v, corner.on_road) for corner in item.outlines[0]] == [
+        (1.0, 2.0, False),
+        (31.0, 12.0, True),
+    ]
 
 
 @pytest.mark.parametrize(
     ("limit", "expected"),
-    [('max="100" unit="km/h"', 100 / 3.6), ('max="60" unit="mph"', 26.8224), ('max="20"', 20.0), ('max="no limit"', None)],
+    [
+        ('max="100" unit="km/h"', 100 / 3.6),
+        ('max="60" unit="mph"', 26.8224),
+        ('max="20"', 20.0),
+        ('max="no limit"', None),
+    ],
 )
 def test_speed_limits_are_read_in_their_units(files, limit: str, expected: float | None) -> None:
-    road = files.load(files.road(more=f'<type s="0" type="motorway"><speed {limit}/></type>')).road("1")
+    road = files.load(files.road(more=f'<type s="0" type="motorway"><speed {limit}/></type>')).road(
+        "1"
+    )
     assert road.speed_limit(50.0) == (pytest.approx(expected) if expected else None)
     assert road.road_type(50.0) == "motorway"
 
@@ -110,7 +131,10 @@ def test_speed_limits_are_read_in_their_units(files, limit: str, expected: float
 def test_a_lanes_own_speed_limit_comes_first(files) -> None:
     width = '<width sOffset="0" a="3.5"/><speed sOffset="20" max="10"/>'
     road = files.load(
-        files.road(lanes=files.section(right=1, width=width), more='<type s="0" type="town"><speed max="15"/></type>')
+        files.road(
+            lanes=files.section(right=1, width=width),
+            more='<type s="0" type="town"><speed max="15"/></type>',
+        )
     ).road("1")
     assert [road.speed_limit(s, -1) for s in (10.0, 30.0)] == [15.0, 10.0]
 
@@ -127,8 +151,14 @@ def test_borders_describe_lanes_as_widths_do(files) -> None:
 
 
 def test_a_single_sided_section_keeps_the_other_sides_lanes(files) -> None:
-    second = files.section(right=3, s=40.0).replace("<laneSection", '<laneSection singleSide="true"')
-    lanes = '<laneOffset s="0" a="0"/><laneOffset s="60" a="0" b="0.1"/>' + files.section(left=2, right=2) + second
+    second = files.section(right=3, s=40.0).replace(
+        "<laneSection", '<laneSection singleSide="true"'
+    )
+    lanes = (
+        '<laneOffset s="0" a="0"/><laneOffset s="60" a="0" b="0.1"/>'
+        + files.section(left=2, right=2)
+        + second
+    )
     road = files.load(files.road(lanes=lanes)).road("1")
     assert road.lane_ids(50.0) == (-3, -2, -1, 1, 2)
     assert road.lane_t(50.0, 2) == pytest.approx(5.25)
@@ -149,12 +179,20 @@ FAULTS = {
         "without length",
     ),
     "an absurd curvature": ("<line/>", '<arc curvature="1e11"/>', "winds"),
-    "a lane on the wrong side": ('<lane id="-1"', '<lane id="5"', "does not belong on the right side"),
+    "a lane on the wrong side": (
+        '<lane id="-1"',
+        '<lane id="5"',
+        "does not belong on the right side",
+    ),
     "a lane id that is no integer": ('<lane id="-1"', '<lane id="-1.5"', "not an integer"),
     "an unknown rule": ('rule="RHT"', 'rule="left"', "neither RHT nor LHT"),
     "no lanes": ("<lanes>", "<lanez>", "lanes is missing"),
     "no lane section": ("laneSection", "laneSektion", "at least one laneSection"),
-    "a link to nowhere": ("<link></link>", '<link><successor elementType="road" elementId="9"/></link>', "'9'"),
+    "a link to nowhere": (
+        "<link></link>",
+        '<link><successor elementType="road" elementId="9"/></link>',
+        "'9'",
+    ),
     "a link to a junction that is not there": (
         "<link></link>",
         '<link><successor elementType="junction" elementId="9"/></link>',
@@ -177,7 +215,9 @@ def test_what_has_no_meaning_is_refused_with_file_and_line(files, fault: str) ->
     path = files.write(files.road())
     text = path.read_text()
     assert before in text
-    end = {"<lanez>": ("</lanes>", "</lanez>"), '<rood id="1"': ("</road>", "</rood>")}.get(after, ("", ""))
+    end = {"<lanez>": ("</lanes>", "</lanez>"), '<rood id="1"': ("</road>", "</rood>")}.get(
+        after, ("", "")
+    )
     path.write_text(text.replace(before, after).replace(*end))
     with pytest.raises(InvalidFile, match=message) as caught:
         load(path, strict=True)
@@ -186,7 +226,13 @@ def test_what_has_no_meaning_is_refused_with_file_and_line(files, fault: str) ->
 
 
 def test_records_must_not_go_back(files) -> None:
-    path = files.write(files.road(lanes=files.section(right=1) + files.section(right=1, s=50.0) + files.section(right=1, s=20.0)))
+    path = files.write(
+        files.road(
+            lanes=files.section(right=1)
+            + files.section(right=1, s=50.0)
+            + files.section(right=1, s=20.0)
+        )
+    )
     with pytest.raises(InvalidFile, match="must not decrease"):
         load(path, strict=True)
     assert [section.s for section in load(path).road("1").sections] == [0.0, 20.0, 50.0]
@@ -218,7 +264,9 @@ ROAD = """<road id="{id}" length="100" junction="-1"><link>{link}</link>
 
 
 @pytest.mark.parametrize(("x", "told"), [(100.5, False), (150.0, True)])
-def test_linked_lanes_whose_ends_are_apart_are_remarked_and_refused_where_strict(x: float, told: bool, tmp_path: Path) -> None:
+def test_linked_lanes_whose_ends_are_apart_are_remarked_and_refused_where_strict(
+    x: float, told: bool, tmp_path: Path
+) -> None:
     onward = '<successor elementType="road" elementId="2" contactPoint="start"/>'
     back = '<predecessor elementType="road" elementId="1" contactPoint="end"/>'
     roads = ROAD.format(id=1, link=onward, x=0, lane='<successor id="-1"/>')
@@ -226,7 +274,9 @@ def test_linked_lanes_whose_ends_are_apart_are_remarked_and_refused_where_strict
     path = tmp_path / "gap.xodr"
     path.write_text(GAPPED.format(roads))
     remarks = [str(remark) for remark in load(path).remarks]
-    text = "gap.xodr:1: a link joins the end of the road '1' and the start of the road '2', 50 m apart"
+    text = (
+        "gap.xodr:1: a link joins the end of the road '1' and the start of the road '2', 50 m apart"
+    )
     assert [text in remark for remark in remarks] == ([True] if told else [])
     if told:
         with pytest.raises(InvalidFile, match="50 m apart"):

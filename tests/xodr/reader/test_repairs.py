@@ -11,8 +11,8 @@ import schemas
 import xodr
 from schemas.common.errors import InvalidFile
 from schemas.common.remarks import Remark
+from xodr.model.road import Road
 from xodr.reader.elements import LARGEST
-from xodr.road import Road
 from xodr.rules import roads
 
 FOLDER = Path(__file__).parent / "repairs"
@@ -41,17 +41,42 @@ CASES = [
         18,
         "connection: connectingRoad='9' does not exist; the connection is left out",
     ),
-    Case("connection_without_incoming_road", SCHEMA, 31, "connection: incomingRoad is missing; the connection is left out"),
-    Case("elevation_doubled", RECORDS, 10, "elevation: two records begin at s=0; the last of them is read"),
-    Case("elevation_out_of_order", RECORDS, 10, "elevation: s=0 follows s=50; the records are read in ascending order"),
-    Case("geometry_out_of_order", RECORDS, 7, "geometry: s=0 follows s=60; the records are read in ascending order"),
+    Case(
+        "connection_without_incoming_road",
+        SCHEMA,
+        31,
+        "connection: incomingRoad is missing; the connection is left out",
+    ),
+    Case(
+        "elevation_doubled",
+        RECORDS,
+        10,
+        "elevation: two records begin at s=0; the last of them is read",
+    ),
+    Case(
+        "elevation_out_of_order",
+        RECORDS,
+        10,
+        "elevation: s=0 follows s=50; the records are read in ascending order",
+    ),
+    Case(
+        "geometry_out_of_order",
+        RECORDS,
+        7,
+        "geometry: s=0 follows s=60; the records are read in ascending order",
+    ),
     Case(
         "geometry_without_length",
         LINE,
         6,
         "geometry: the only geometry of the road has no length; the length of the road is read",
     ),
-    Case("elevation_not_a_number", NUMBERS, 10, "elevation: a=nan for 1e-06 m; the record is left out"),
+    Case(
+        "elevation_not_a_number",
+        NUMBERS,
+        10,
+        "elevation: a=nan for 1e-06 m; the record is left out",
+    ),
     Case(
         "header_missing",
         "asam.net:xodr:1.0.0:xml.fileheader_is_present",
@@ -65,8 +90,18 @@ CASES = [
         "header: revMinor='six' is no version; read as OpenDRIVE 1.4",
     ),
     Case("lane_link_empty", SCHEMA, 12, "successor: id is missing; the link is left out"),
-    Case("lane_offset_doubled", RECORDS, 10, "laneOffset: two records begin at s=0; the last of them is read"),
-    Case("lane_offset_out_of_order", RECORDS, 10, "laneOffset: s=0 follows s=60; the records are read in ascending order"),
+    Case(
+        "lane_offset_doubled",
+        RECORDS,
+        10,
+        "laneOffset: two records begin at s=0; the last of them is read",
+    ),
+    Case(
+        "lane_offset_out_of_order",
+        RECORDS,
+        10,
+        "laneOffset: s=0 follows s=60; the records are read in ascending order",
+    ),
     Case(
         "lanes_doubled",
         "asam.net:xodr:1.9.0:road.lane.layer.layer_limits",
@@ -85,43 +120,101 @@ CASES = [
         5,
         "successor: contactPoint='front' is neither start nor end; the nearer end is linked",
     ),
-    Case("link_to_no_junction", LINKS, 5, "successor: the junction '9' does not exist; the link is left out"),
-    Case("link_to_no_road", LINKS, 5, "successor: the road '9' does not exist; the link is left out"),
+    Case(
+        "link_to_no_junction",
+        LINKS,
+        5,
+        "successor: the junction '9' does not exist; the link is left out",
+    ),
+    Case(
+        "link_to_no_road", LINKS, 5, "successor: the road '9' does not exist; the link is left out"
+    ),
     Case(
         "link_without_type",
         SCHEMA,
         5,
         "successor: elementType is missing; the only element of that id is linked",
     ),
-    Case("object_unreadable", SCHEMA, 16, "object: s='fifty' is not a number; the object is left out"),
-    Case("parametric_curve_empty", SCHEMA, 6, "paramPoly3: the curve has no coefficients; read as a line"),
-    Case("road_of_no_length", LINE, 17, "road: the road '2' has no geometry with a length; the road is left out"),
-    Case("road_without_geometry", LINE, 17, "road: the road '2' has no geometry with a length; the road is left out"),
-    Case("road_without_lanes", SECTIONS, 17, "road: the road '2' has no lane section; it is read as a road without lanes"),
-    Case("road_without_length", LINE, 4, "road: length='0' is no length; the length of its geometries is read"),
+    Case(
+        "object_unreadable", SCHEMA, 16, "object: s='fifty' is not a number; the object is left out"
+    ),
+    Case(
+        "parametric_curve_empty",
+        SCHEMA,
+        6,
+        "paramPoly3: the curve has no coefficients; read as a line",
+    ),
+    Case(
+        "road_of_no_length",
+        LINE,
+        17,
+        "road: the road '2' has no geometry with a length; the road is left out",
+    ),
+    Case(
+        "road_without_geometry",
+        LINE,
+        17,
+        "road: the road '2' has no geometry with a length; the road is left out",
+    ),
+    Case(
+        "road_without_lanes",
+        SECTIONS,
+        17,
+        "road: the road '2' has no lane section; it is read as a road without lanes",
+    ),
+    Case(
+        "road_without_length",
+        LINE,
+        4,
+        "road: length='0' is no length; the length of its geometries is read",
+    ),
     Case(
         "section_beyond_the_road",
         SECTIONS,
         15,
         "laneSection: s=120 is not on the road, which is 100 m long; the section is left out",
     ),
-    Case("shape_out_of_order", RECORDS, 10, "shape: s=0 t=-3.5 follows s=0 t=0; the records are read in ascending order"),
-    Case("shape_without_s", SCHEMA, 9, "shape: the attribute 's' is missing (and 1 more); read as 0"),
-    Case("signal_unreadable", SCHEMA, 16, "signal: t='-3.66+1.8e-07i' is not a number; the signal is left out"),
+    Case(
+        "shape_out_of_order",
+        RECORDS,
+        10,
+        "shape: s=0 t=-3.5 follows s=0 t=0; the records are read in ascending order",
+    ),
+    Case(
+        "shape_without_s", SCHEMA, 9, "shape: the attribute 's' is missing (and 1 more); read as 0"
+    ),
+    Case(
+        "signal_unreadable",
+        SCHEMA,
+        16,
+        "signal: t='-3.66+1.8e-07i' is not a number; the signal is left out",
+    ),
     Case("speed_negative", SCHEMA, 12, "speed: max='-1' is negative; read as 'undefined'"),
-    Case("spiral_empty", SCHEMA, 6, "spiral: the attribute 'curvStart' is missing (and 1 more); read as 0"),
+    Case(
+        "spiral_empty",
+        SCHEMA,
+        6,
+        "spiral: the attribute 'curvStart' is missing (and 1 more); read as 0",
+    ),
     Case(
         "width_absurd",
         NUMBERS,
         18,
         "width: c=-6e12 for 1e-06 m; the record is read as constant",
     ),
-    Case("width_out_of_order", RECORDS, 13, "width: sOffset=0 follows sOffset=40; the records are read in ascending order"),
+    Case(
+        "width_out_of_order",
+        RECORDS,
+        13,
+        "width: sOffset=0 follows sOffset=40; the records are read in ascending order",
+    ),
 ]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.file)
-def test_a_fault_is_repaired_with_a_remark_named_by_a_check_and_refused_where_strict(case: Case) -> None:
+def test_a_fault_is_repaired_with_a_remark_named_by_a_check_and_refused_where_strict(
+    case: Case,
+) -> None:
     path = FOLDER / f"{case.file}.xodr"
     assert xodr.load(path).remarks == (Remark(case.rule, case.text, str(path), case.line),)
     assert case.rule in {problem.rule for problem in schemas.check(path)}
@@ -132,7 +225,9 @@ def test_a_fault_is_repaired_with_a_remark_named_by_a_check_and_refused_where_st
 
 
 def test_every_file_here_is_a_case() -> None:
-    assert {path.stem for path in FOLDER.glob("*.xodr")} == {case.file for case in CASES} | {"virtual_junction"}
+    assert {path.stem for path in FOLDER.glob("*.xodr")} == {case.file for case in CASES} | {
+        "virtual_junction"
+    }
 
 
 def road(name: str) -> Road:
@@ -174,13 +269,20 @@ def test_what_cannot_be_read_is_left_out() -> None:
     assert not road("signal_unreadable").signals
     assert not road("object_unreadable").objects
     assert list(xodr.load(FOLDER / "road_without_geometry.xodr").roads) == ["1"]
-    for name in ("link_to_no_road", "link_to_no_junction", "lane_link_empty", "connection_of_no_road"):
+    for name in (
+        "link_to_no_road",
+        "link_to_no_junction",
+        "lane_link_empty",
+        "connection_of_no_road",
+    ):
         assert xodr.load(FOLDER / f"{name}.xodr").links("1", -1, True) == []
 
 
 def test_links_are_completed() -> None:
     for name in ("link_without_type", "link_to_an_unknown_end"):
-        assert [link.road_id for link in xodr.load(FOLDER / f"{name}.xodr").links("1", -1, True)] == ["2"]
+        assert [
+            link.road_id for link in xodr.load(FOLDER / f"{name}.xodr").links("1", -1, True)
+        ] == ["2"]
 
 
 def test_faults_of_one_kind_are_one_remark() -> None:
@@ -215,18 +317,34 @@ def test_checks_and_the_reader_refuse_the_same_numbers() -> None:
 @pytest.mark.parametrize(
     ("before", "line", "text"),
     [
-        ("\ufeff\ufeff{declaration}\n", 1, "a byte-order mark is not at the beginning; it is left out"),
-        ("\n\n{declaration}\n", 3, "the XML declaration is not at the beginning; it is read as if it was"),
+        (
+            "\ufeff\ufeff{declaration}\n",
+            1,
+            "a byte-order mark is not at the beginning; it is left out",
+        ),
+        (
+            "\n\n{declaration}\n",
+            3,
+            "the XML declaration is not at the beginning; it is read as if it was",
+        ),
         (
             "{declaration}\n<!DOCTYPE OpenDRIVE>\n",
             2,
             "a document type (DOCTYPE) is not allowed; it declares nothing, and is left out",
         ),
-        ("{declaration}\n<!-- a -- b -->\n", 2, "there is '--' in a comment; it does not end the comment"),
+        (
+            "{declaration}\n<!-- a -- b -->\n",
+            2,
+            "there is '--' in a comment; it does not end the comment",
+        ),
     ],
 )
-def test_faults_outside_of_the_elements_are_repaired(tmp_path: Path, before: str, line: int, text: str) -> None:
-    declaration, _, elements = (FOLDER / "virtual_junction.xodr").read_text(encoding="utf-8").partition("\n")
+def test_faults_outside_of_the_elements_are_repaired(
+    tmp_path: Path, before: str, line: int, text: str
+) -> None:
+    declaration, _, elements = (
+        (FOLDER / "virtual_junction.xodr").read_text(encoding="utf-8").partition("\n")
+    )
     sound, broken = tmp_path / "sound.xodr", tmp_path / "broken.xodr"
     sound.write_text(f"{declaration}\n{elements}", encoding="utf-8")
     broken.write_text(before.format(declaration=declaration) + elements, encoding="utf-8")

@@ -1,7 +1,8 @@
 """Target `carla`: the part of OpenSCENARIO 1.0 that CARLA's scenario_runner reads, worked out, on standalone OpenDRIVE roads.
 
-Source: scenario_runner's page on its OpenSCENARIO support and its parser (0.9.16). What it stops at, leaves out or
-reads otherwise is refused (`REFUSED`), unless it can be expressed in its own way (`carla_changes`); `IGNORED` gives remarks.
+Source: scenario_runner's page on its OpenSCENARIO support and its parser (0.9.16). What it stops
+at, leaves out or reads otherwise is refused (`REFUSED`), unless it can be expressed in its own way
+(`carla_changes`); `IGNORED` gives remarks.
 """
 
 from __future__ import annotations
@@ -9,24 +10,44 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from xosc.carla import is_for_carla
 from xosc.document import Document, load, to_bytes
-from xosc.exports.carla.changes import IGNORED, REFUSED, change, change_lanes, need_entities, need_map, settle
-from xosc.exports.carla.ways import begin, kept_distances, no_delays, profiles, routes, steer, teleports, times, trajectories
+from xosc.document.carla import is_for_carla
+from xosc.document.node import Node
+from xosc.exports.carla.changes import (
+    IGNORED,
+    REFUSED,
+    change,
+    change_lanes,
+    need_entities,
+    need_map,
+    settle,
+)
+from xosc.exports.carla.ways import (
+    begin,
+    kept_distances,
+    no_delays,
+    profiles,
+    routes,
+    steer,
+    teleports,
+    times,
+    trajectories,
+)
 from xosc.exports.concrete import concrete_scenarios, in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.omissions import leave_out, omit, refuse, remarks
 from xosc.exports.references import take_roads
 from xosc.exports.shapes import earlier, in_world, polylines, to_init
 from xosc.exports.starts import InitialState, RoadGeometry, as_expected, as_started, starts
-from xosc.node import Node
 
 TARGETS = {"carla": "the part of 1.0 that CARLA's scenario_runner reads"}
 _CURVES = ("Clothoid", "ClothoidSpline", "Nurbs")
 _POSITIONS = ("RoutePosition", "TrajectoryPosition", "GeoPosition")
 
 
-def export(source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS) -> Sequence[str]:
+def export(
+    source: Path, target: str, folder: Folder, settings: ExportSettings = DEFAULTS
+) -> Sequence[str]:
     """Write a scenario, or that of a distribution with each set of its parameters, for scenario_runner.
 
     Returns:
@@ -52,7 +73,11 @@ def export(source: Path, target: str, folder: Folder, settings: ExportSettings =
         known = prepare(scenario, geometry, draft) if geometry else starts(scenario.node)
         refuse(scenario, REFUSED)
         draft.note(*remarks(scenario, IGNORED))
-        state = as_expected(scenario.node, known, geometry.during) if geometry else as_started(scenario.node, known)
+        state = (
+            as_expected(scenario.node, known, geometry.during)
+            if geometry
+            else as_started(scenario.node, known)
+        )
         network = take_roads(scenario, draft)
         draft.note(*settle(scenario, network), *change_lanes(scenario, state, network, geometry))
         draft.note(*change(scenario, known, state, network))

@@ -1,12 +1,13 @@
 """Actions and lateral values as scenario_runner reads them, and what it stops at, leaves out, reads otherwise or accepts.
 
-Each change is made in place, in a worked-out document of version 1.1 or later; what scenario_runner cannot express is refused.
-Lateral values are positive to the right of the lane's traffic, or of the actor; values of `xosc.carla`, marked with
-`TO_RIGHT`, are so already. A lane change counts lanes to the left of the actor itself, over a distance; others become the
-trajectory of their actor in a run.
+Each change is made in place, in a worked-out document of version 1.1 or later; what scenario_runner
+cannot express is refused. Lateral values are positive to the right of the lane's traffic, or of the
+actor; values of `xosc.document.carla`, marked with `TO_RIGHT`, are so already. A lane change counts
+lanes to the left of the actor itself, over a distance; others become the trajectory of their actor
+in a run.
 
-Sources: scenario_runner's page on OpenSCENARIO support, and its parser (0.9.16); `get_waypoint_xodr` and the OpenDRIVE parser of
-CARLA 0.9.16.
+Sources: scenario_runner's page on OpenSCENARIO support, and its parser (0.9.16);
+`get_waypoint_xodr` and the OpenDRIVE parser of CARLA 0.9.16.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from pathlib import Path
 from lxml import etree
 
 from schemas.common.errors import Unsupported, nearest
-from schemas.xml import parse
-from xosc.carla import FLAG
+from schemas.common.xml import parse
 from xosc.document import Document
+from xosc.document.carla import FLAG
+from xosc.document.node import EGO_NAME, TO_RIGHT, Node
+from xosc.document.road_files import RoadFile
 from xosc.exports.carla.ways import follow_on
 from xosc.exports.omissions import Rule, leave_out
 from xosc.exports.starts import InitialState, RoadGeometry, State, actors, beside, target_speed
-from xosc.node import EGO_NAME, TO_RIGHT, Node
-from xosc.road_files import RoadFile
 
 # what scenario_runner 0.9.16 stops at, leaves out, reads otherwise or accepts -------------------
 
@@ -92,14 +93,26 @@ REFUSED = (
     Rule("//Trailer | //TrailerHitch | //TrailerCoupler", "CARLA has no trailers"),
 )  # fmt: skip
 IGNORED = (
-    Rule(f"{_TRIGGERS}//Condition[@conditionEdge='rising']", "scenario_runner takes it when it first holds"),
-    Rule(f"{_TRIGGERS}//SpeedActionDynamics[@dynamicsShape!='step']", "the shape is that of CARLA's controller"),
-    Rule(f"{_TRIGGERS}//LaneChangeActionDynamics[@dynamicsShape!='linear']", "scenario_runner changes lanes linearly"),
+    Rule(
+        f"{_TRIGGERS}//Condition[@conditionEdge='rising']",
+        "scenario_runner takes it when it first holds",
+    ),
+    Rule(
+        f"{_TRIGGERS}//SpeedActionDynamics[@dynamicsShape!='step']",
+        "the shape is that of CARLA's controller",
+    ),
+    Rule(
+        f"{_TRIGGERS}//LaneChangeActionDynamics[@dynamicsShape!='linear']",
+        "scenario_runner changes lanes linearly",
+    ),
     Rule("//LaneChangeAction[@targetLaneOffset]", "scenario_runner has no offset here"),
     Rule(f"{_TRIGGERS}//LaneOffsetActionDynamics", "the shape is that of CARLA's controller"),
     Rule(f"{_TRIGGERS}//Event[@priority!='parallel']", "scenario_runner does not read priorities"),
     Rule("//ScenarioObject/ObjectController", "scenario_runner does not read it"),
-    Rule("//ScenarioObject//BoundingBox", "sizes are those of CARLA's models, by category where none has the name"),
+    Rule(
+        "//ScenarioObject//BoundingBox",
+        "sizes are those of CARLA's models, by category where none has the name",
+    ),
     Rule("//Precipitation[@precipitationType='snow']", "CARLA shows no snow"),
     Rule("//SceneGraphFile", "CARLA makes its scene of the roads"),
 )
@@ -128,11 +141,16 @@ def need_entities(document: Document) -> None:
     Raises:
         InvalidFile: there is one; the first is named with file and line.
     """
-    declared = {each.get("name") for each in document.node.need("Entities").children("ScenarioObject", "EntitySelection")}
+    declared = {
+        each.get("name")
+        for each in document.node.need("Entities").children("ScenarioObject", "EntitySelection")
+    }
     for node in document.node.iter():
         for name in (node.get("entityRef", None), node.get("masterEntityRef", None)):
             if name is not None and name not in declared:
-                raise node.invalid(f"there is no entity {name!r}; {nearest(name, map(str, declared))}")
+                raise node.invalid(
+                    f"there is no entity {name!r}; {nearest(name, map(str, declared))}"
+                )
 
 
 def settle(document: Document, network: Path | None) -> Iterator[str]:
@@ -183,7 +201,9 @@ def change_sides(scenario: Node, known: Mapping[str, InitialState]) -> None:
     for position in scenario.iter("RelativeLanePosition", "RelativeRoadPosition"):
         if position.has(TO_RIGHT) and position.has("dsLane"):
             position.element.set("ds", str(position.element.attrib.pop("dsLane")))
-        elif not position.has(TO_RIGHT) and (position.float("offset", 0.0) or position.float("dt", 0.0)):
+        elif not position.has(TO_RIGHT) and (
+            position.float("offset", 0.0) or position.float("dt", 0.0)
+        ):
             raise position.unsupported(_UNKNOWN)
     for target in scenario.iter("AbsoluteTargetLaneOffset", "RelativeTargetLaneOffset"):
         if not target.has(TO_RIGHT) and target.float("value") and _faces_s(target, known):
@@ -199,7 +219,11 @@ def _negate(node: Node, name: str) -> None:
 
 def _faces_s(target: Node, known: Mapping[str, InitialState]) -> bool:
     """Whether the entities of an action drive towards +s, by the lanes that they start on."""
-    sides = {known[name].lane < 0 for name in actors(target) if name in known and known[name].road is not None}
+    sides = {
+        known[name].lane < 0
+        for name in actors(target)
+        if name in known and known[name].road is not None
+    }
     if len(sides) != 1:
         raise target.unsupported(_UNKNOWN)
     return sides.pop()
@@ -209,7 +233,9 @@ def _lateral_distance(action: Node) -> None:
     """A side by the sign of the distance, positive to the right."""
     side = action.element.attrib.pop("displacement", "any")
     if side == "any":
-        raise action.unsupported("scenario_runner keeps distances to one side: displacement must say to which")
+        raise action.unsupported(
+            "scenario_runner keeps distances to one side: displacement must say to which"
+        )
     if side == "leftToReferencedEntity":
         _negate(action, "distance")
 
@@ -224,7 +250,9 @@ _SLOPES = {"linear": 1.0, "sinusoidal": math.pi / 2, "cubic": 1.5}
 _Elements = list[etree._Element]
 
 
-def change(document: Document, known: Mapping[str, InitialState], state: State, network: Path | None) -> list[str]:
+def change(
+    document: Document, known: Mapping[str, InitialState], state: State, network: Path | None
+) -> list[str]:
     """Make all changes; remarks on those that are approximations.
 
     Args:
@@ -242,32 +270,49 @@ def change(document: Document, known: Mapping[str, InitialState], state: State, 
             _on_lane(node, known, roads)
     remarks = [_speed(node, state) for node in reversed(list(document.node.iter("SpeedAction")))]
     for node in document.node.iter("RelativeDistanceCondition"):
-        if node.get("coordinateSystem", "") in _ALONG_ROADS:  # scenario_runner's s and t are those of the road
+        if (
+            node.get("coordinateSystem", "") in _ALONG_ROADS
+        ):  # scenario_runner's s and t are those of the road
             del node.element.attrib["coordinateSystem"]
-    for node in document.node.iter("TimeHeadwayCondition", "TimeToCollisionCondition", "DistanceCondition"):
-        if node.get("coordinateSystem", "") in _ALONG_ROADS and node.get("relativeDistanceType", "") == "longitudinal":
+    for node in document.node.iter(
+        "TimeHeadwayCondition", "TimeToCollisionCondition", "DistanceCondition"
+    ):
+        if (
+            node.get("coordinateSystem", "") in _ALONG_ROADS
+            and node.get("relativeDistanceType", "") == "longitudinal"
+        ):
             del node.element.attrib["coordinateSystem"], node.element.attrib["relativeDistanceType"]
             node.element.set("alongRoute", "true")
     remarks += [_stop(document), _hero(document)]
     header = document.node.need("FileHeader")
-    if not header.get("description", "").removeprefix(FLAG):  # scenario_runner takes it as the scenario's name
+    if not header.get("description", "").removeprefix(
+        FLAG
+    ):  # scenario_runner takes it as the scenario's name
         header.element.set("description", header.get("description", "") + document.path.stem)
-    for node in document.node.iter("TimeOfDay"):  # scenario_runner reads neither fractions nor time zones
+    for node in document.node.iter(
+        "TimeOfDay"
+    ):  # scenario_runner reads neither fractions nor time zones
         node.element.set("dateTime", node.get("dateTime")[:_TO_SECONDS])
     return [remark for remark in remarks if remark]
 
 
 def _on_lane(position: Node, known: Mapping[str, InitialState], roads: _Elements) -> None:
     """The lane that a first position comes to: scenario_runner measures ds with the traffic, the standard with the road."""
-    private = next((each for each in position.element.iterancestors() if each.tag == "Private"), None)
+    private = next(
+        (each for each in position.element.iterancestors() if each.tag == "Private"), None
+    )
     start = known[private.get("entityRef", "")] if private is not None else InitialState()
     lengths = {road.get("id"): float(road.get("length", "0")) for road in roads}
     if start.road is None or not 0.0 <= start.s <= lengths.get(start.road, 0.0):
-        raise position.unsupported("scenario_runner measures ds with the traffic of a lane, and here that is not known")
+        raise position.unsupported(
+            "scenario_runner measures ds with the traffic of a lane, and here that is not known"
+        )
     for attribute in list(position.element.attrib):
         del position.element.attrib[attribute]
     position.element.tag = "LanePosition"
-    position.element.attrib.update({"roadId": start.road, "laneId": str(start.lane), "s": repr(start.s)})
+    position.element.attrib.update(
+        {"roadId": start.road, "laneId": str(start.lane), "s": repr(start.s)}
+    )
 
 
 def _roads(network: Path | None) -> _Elements:
@@ -283,7 +328,9 @@ def _speed(action: Node, state: State) -> str:
     speed = next(iter(speeds)) if len(speeds) == 1 else None
     rate, target = abs(dynamics.float("value")), target_speed(action, state)
     if target is None or speed is None or (not rate and not math.isclose(target, speed)):
-        raise dynamics.unsupported("scenario_runner reads the rate as a time, and what time it takes is known only when it runs")
+        raise dynamics.unsupported(
+            "scenario_runner reads the rate as a time, and what time it takes is known only when it runs"
+        )
     time = abs(target - speed) / rate * _SLOPES[dynamics.get("dynamicsShape")] if rate else 0.0
     dynamics.element.attrib.update({"dynamicsDimension": "time", "value": repr(time)})
     return f"{dynamics.where}: {dynamics.tag}: the rate is written as the {time:g} s that it takes from {speed:g} m/s"
@@ -292,7 +339,11 @@ def _speed(action: Node, state: State) -> str:
 def _stop(document: Document) -> str:
     """scenario_runner looks for criteria in the storyboard's StopTrigger, and for nothing else."""
     trigger = document.node.find("Storyboard", "StopTrigger")
-    others = [group for group in trigger.children() if not _criteria(group)] if trigger is not None else []
+    others = (
+        [group for group in trigger.children() if not _criteria(group)]
+        if trigger is not None
+        else []
+    )
     if trigger is None or not others:
         return ""
     for group in others:
@@ -307,7 +358,11 @@ def _criteria(group: Node) -> bool:
 def _hero(document: Document) -> str:
     """Name the ego as CARLA's agents look for it, and mark it as scenario_runner does."""
     objects = list(document.node.iter("ScenarioObject"))
-    named = [each for each in objects if each.find("Vehicle") is not None and EGO_NAME.fullmatch(each.get("name"))]
+    named = [
+        each
+        for each in objects
+        if each.find("Vehicle") is not None and EGO_NAME.fullmatch(each.get("name"))
+    ]
     for each in objects:
         vehicle = each.find("Vehicle")
         if vehicle is not None:
@@ -315,13 +370,19 @@ def _hero(document: Document) -> str:
             holder = etree.SubElement(vehicle.element, "Properties") if holder is None else holder
             for said in holder.findall("Property[@name='type']"):
                 holder.remove(said)
-            kind = "ego_vehicle" if each.element in [ego.element for ego in named[:1]] else "simulation"
+            kind = (
+                "ego_vehicle"
+                if each.element in [ego.element for ego in named[:1]]
+                else "simulation"
+            )
             holder.insert(0, etree.Element("Property", name="type", value=kind))
     if not named:
         return f"{document.path}: no vehicle is called Ego or hero: CARLA runs it without an ego"
     old = named[0].get("name")
     if old != HERO and any(each.get("name") == HERO for each in objects):
-        raise named[0].unsupported(f"the ego must be called {HERO}, which is the name of another entity")
+        raise named[0].unsupported(
+            f"the ego must be called {HERO}, which is the name of another entity"
+        )
     named[0].element.set("name", HERO)
     for element in document.root.iter():
         for attribute in ("entityRef", "masterEntityRef"):
@@ -330,7 +391,9 @@ def _hero(document: Document) -> str:
     return ""
 
 
-def change_lanes(document: Document, state: State, network: Path | None, geometry: RoadGeometry | None) -> Iterator[str]:
+def change_lanes(
+    document: Document, state: State, network: Path | None, geometry: RoadGeometry | None
+) -> Iterator[str]:
     """Make the changes, in place; remarks on those that are approximations.
 
     Args:
@@ -341,7 +404,9 @@ def change_lanes(document: Document, state: State, network: Path | None, geometr
     Raises:
         Unsupported: something can't be said, named with file and line.
     """
-    left_hand = network is not None and any(road.get("rule") == "LHT" for road in parse(network).getroot().iter("road"))
+    left_hand = network is not None and any(
+        road.get("rule") == "LHT" for road in parse(network).getroot().iter("road")
+    )
     for action in reversed(list(document.node.iter("LaneChangeAction"))):
         try:
             yield from _change(action, document.node, state, left_hand, geometry)
@@ -351,7 +416,9 @@ def change_lanes(document: Document, state: State, network: Path | None, geometr
             yield follow_on(action, document.node, geometry, error)
 
 
-def _change(action: Node, scenario: Node, state: State, left_hand: bool, geometry: RoadGeometry | None) -> Iterator[str]:
+def _change(
+    action: Node, scenario: Node, state: State, left_hand: bool, geometry: RoadGeometry | None
+) -> Iterator[str]:
     doing = actors(action)
     if len(doing) != 1:
         raise action.unsupported("scenario_runner changes lanes of one entity, which Init places")
@@ -373,19 +440,27 @@ def _change(action: Node, scenario: Node, state: State, left_hand: bool, geometr
 def _steps(target: Node, now: InitialState, other: InitialState | None, left_hand: bool) -> int:
     """Return the number of lanes to its own left that an entity on a known lane changes."""
     unknown = "scenario_runner counts lanes from the actor's own, which is known only when it runs"
-    if now.road is None or (target.tag != "AbsoluteTargetLane" and (other is None or other.road != now.road)):
+    if now.road is None or (
+        target.tag != "AbsoluteTargetLane" and (other is None or other.road != now.road)
+    ):
         raise target.unsupported(unknown)
     facing = 1 if (now.lane < 0) != left_hand else -1
     if target.tag == "AbsoluteTargetLane" or other is None:
         lane = target.int("value")
     else:
-        lane = beside(other.lane, facing * target.int("value")) if target.int("value") else other.lane
+        lane = (
+            beside(other.lane, facing * target.int("value")) if target.int("value") else other.lane
+        )
     if lane * now.lane <= 0:
-        raise target.unsupported("scenario_runner changes to other lanes of the same direction only")
+        raise target.unsupported(
+            "scenario_runner changes to other lanes of the same direction only"
+        )
     return facing * (lane - now.lane)
 
 
-def _over_distance(action: Node, actor: str, now: InitialState, geometry: RoadGeometry | None) -> Iterator[str]:
+def _over_distance(
+    action: Node, actor: str, now: InitialState, geometry: RoadGeometry | None
+) -> Iterator[str]:
     """Distance of a change: of a time by the speed, of a rate by a run."""
     dynamics = action.need("LaneChangeActionDynamics")
     dimension, value = dynamics.get("dynamicsDimension"), dynamics.float("value")
@@ -397,7 +472,9 @@ def _over_distance(action: Node, actor: str, now: InitialState, geometry: RoadGe
     else:
         driven = _driven(action, actor, geometry) if geometry is not None else 0.0
         if not driven:
-            raise dynamics.unsupported("scenario_runner changes lanes over a distance, which is not known here")
+            raise dynamics.unsupported(
+                "scenario_runner changes lanes over a distance, which is not known here"
+            )
         distance = driven
         yield (
             f"{dynamics.where}: {dynamics.tag}: the {dimension} is written as the {distance:g} m that it takes in a run "

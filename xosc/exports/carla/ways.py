@@ -1,13 +1,14 @@
 """Motion for scenario_runner: the beginning, routes and trajectories as waypoints in a line, with times where they count.
 
-scenario_runner takes the last Position inside a Private as the start of the entity, and reads only speeds that are absolute and
-at once; everything else moves to a story. It waits for the delay of a condition before it evaluates the condition, so delays
-become times.
+scenario_runner takes the last Position inside a Private as the start of the entity, and reads only
+speeds that are absolute and at once; everything else moves to a story. It waits for the delay of a
+condition before it evaluates the condition, so delays become times.
 
-scenario_runner 0.9.16 stops at routes: it compares their number of waypoints with times that they do not have. They become
-trajectories along the lanes. Motion that it has no element for becomes the trajectory of the actor in a run without a system
-under test; speeds are then left to the other actions. Its default controller drives by the times of a trajectory whenever there
-are vertices, so a trajectory without Timing is given to the controller that ignores times.
+scenario_runner 0.9.16 stops at routes: it compares their number of waypoints with times that they
+do not have. They become trajectories along the lanes. Motion that it has no element for becomes the
+trajectory of the actor in a run without a system under test; speeds are then left to the other
+actions. Its default controller drives by the times of a trajectory whenever there are vertices, so
+a trajectory without Timing is given to the controller that ignores times.
 """
 
 from __future__ import annotations
@@ -18,18 +19,30 @@ from collections.abc import Iterator, Mapping, Sequence
 from lxml import etree
 
 from schemas.common.errors import Unsupported
-from xosc.carla import is_for_carla
 from xosc.document import Document
+from xosc.document.carla import is_for_carla
+from xosc.document.node import EGO_NAME, Node, meant
 from xosc.exports.omissions import leave_out
-from xosc.exports.shapes import first_distances, first_position, polyline, starts_at_once, world_position
+from xosc.exports.shapes import (
+    first_distances,
+    first_position,
+    polyline,
+    starts_at_once,
+    world_position,
+)
 from xosc.exports.starts import InitialState, RoadGeometry, Vertex, actors
-from xosc.node import EGO_NAME, Node, meant
 
 # the beginning of a scenario --------------------------------------------------------------------
 
 
 STORY = "beginning"
-_READ = ("TeleportAction", "LaneOffsetAction", "LateralDistanceAction", "AssignControllerAction", "OverrideControllerValueAction")
+_READ = (
+    "TeleportAction",
+    "LaneOffsetAction",
+    "LateralDistanceAction",
+    "AssignControllerAction",
+    "OverrideControllerValueAction",
+)
 """First actions that scenario_runner has."""
 _WRAPPERS = ("LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction")
 
@@ -69,12 +82,18 @@ def _place(private: Node, start: InitialState) -> Iterator[str]:
 
 def _teleport(start: InitialState) -> etree._Element:
     action = etree.Element("PrivateAction")
-    etree.SubElement(etree.SubElement(action, "TeleportAction"), "Position").append(first_position(start))
+    etree.SubElement(etree.SubElement(action, "TeleportAction"), "Position").append(
+        first_position(start)
+    )
     return action
 
 
 def _is_plain(position: Node) -> bool:
-    on_lane = position.tag == "LanePosition" and not position.float("offset", 0.0) and position.find("Orientation") is None
+    on_lane = (
+        position.tag == "LanePosition"
+        and not position.float("offset", 0.0)
+        and position.find("Orientation") is None
+    )
     return on_lane or position.tag == "WorldPosition"
 
 
@@ -97,7 +116,9 @@ def _speed(holder: Node, action: Node, start: InitialState, scenario: Node) -> I
     if step and not target.bool("continuous", False) and speed >= 0.0:
         if target.tag == "RelativeTargetSpeed":
             yield f"{target.where}: {target.tag}: the first speed is written as the {speed:g} m/s that it is"
-            target.element.getparent().replace(target.element, etree.Element("AbsoluteTargetSpeed", value=repr(speed)))  # type: ignore[union-attr]
+            target.element.getparent().replace(
+                target.element, etree.Element("AbsoluteTargetSpeed", value=repr(speed))
+            )  # type: ignore[union-attr]
         return
     to_story(holder, holder.parent.get("entityRef"), scenario)  # type: ignore[union-attr]
     yield f"{action.where}: {action.tag}: it is done by a story at the beginning, scenario_runner's first speeds are set at once"
@@ -105,11 +126,17 @@ def _speed(holder: Node, action: Node, start: InitialState, scenario: Node) -> I
 
 def to_story(holder: Node, entity: str, scenario: Node) -> None:
     """Move a PrivateAction into an event of its own that starts with the scenario."""
-    name = f"{STORY} {len(scenario.need('Storyboard').element.findall('Story/Act/ManeuverGroup')) + 1}"
-    group = etree.SubElement(etree.Element("none"), "ManeuverGroup", name=name, maximumExecutionCount="1")
+    name = (
+        f"{STORY} {len(scenario.need('Storyboard').element.findall('Story/Act/ManeuverGroup')) + 1}"
+    )
+    group = etree.SubElement(
+        etree.Element("none"), "ManeuverGroup", name=name, maximumExecutionCount="1"
+    )
     actors = etree.SubElement(group, "Actors", selectTriggeringEntities="false")
     etree.SubElement(actors, "EntityRef", entityRef=entity)
-    event = etree.SubElement(etree.SubElement(group, "Maneuver", name=name), "Event", name=name, priority="parallel")
+    event = etree.SubElement(
+        etree.SubElement(group, "Maneuver", name=name), "Event", name=name, priority="parallel"
+    )
     etree.SubElement(event, "Action", name=name).append(holder.element)
     event.append(_at_beginning())
     act = _act(scenario)
@@ -189,7 +216,11 @@ def _as_run(condition: Node, scenario: Node, geometry: RoadGeometry | None) -> s
         return f"{condition.where}: Condition: its delay is left out, its act never starts"
     begins = geometry.begins(Node(around[1], condition.path))
     entities = [str(each.get("entityRef", "")) for each in condition.element.iter()]
-    if begins is None or any(map(EGO_NAME.fullmatch, entities)) or len(around[0].findall("ConditionGroup/Condition")) > 1:
+    if (
+        begins is None
+        or any(map(EGO_NAME.fullmatch, entities))
+        or len(around[0].findall("ConditionGroup/Condition")) > 1
+    ):
         raise condition.unsupported(_WAITS)
     for child in condition.children():
         condition.element.remove(child.element)
@@ -230,30 +261,44 @@ def times(document: Document) -> None:
         Unsupported: they count from the beginning of the scenario, and the action may start later.
     """
     for untimed in document.node.iter("FollowTrajectoryAction"):
-        for vertex in untimed.iter("Vertex") if untimed.find("TimeReference", "Timing") is None else ():
+        for vertex in (
+            untimed.iter("Vertex") if untimed.find("TimeReference", "Timing") is None else ()
+        ):
             vertex.element.set("time", "0")
     for timing in document.node.iter("Timing"):
         action = Node(next(timing.element.iterancestors("FollowTrajectoryAction")), timing.path)
         if timing.get("domainAbsoluteRelative") == "absolute" and not starts_with_scenario(action):
-            raise timing.unsupported("scenario_runner's times of trajectories count from the start of the action")
+            raise timing.unsupported(
+                "scenario_runner's times of trajectories count from the start of the action"
+            )
         scale, offset = timing.float("scale"), timing.float("offset")
         for timed in action.iter("Vertex", "ControlPoint"):
             if timed.has("time"):
                 timed.element.set("time", repr(timed.float("time") * scale + offset))
-        timing.element.attrib.update({"domainAbsoluteRelative": "relative", "scale": "1", "offset": "0"})
+        timing.element.attrib.update(
+            {"domainAbsoluteRelative": "relative", "scale": "1", "offset": "0"}
+        )
 
 
 def starts_with_scenario(action: Node) -> bool:
     """Whether an action is one of Init that a story does at the beginning."""
-    return any(each.tag == "Story" and each.get("name") == STORY for each in action.element.iterancestors())
+    return any(
+        each.tag == "Story" and each.get("name") == STORY for each in action.element.iterancestors()
+    )
 
 
 def steer(document: Document) -> None:
     """Give followers of trajectories without times a controller that ignores them; in a document of 1.0."""
-    untimed = [each for each in document.node.iter("FollowTrajectoryAction") if each.find("TimeReference", "Timing") is None]
+    untimed = [
+        each
+        for each in document.node.iter("FollowTrajectoryAction")
+        if each.find("TimeReference", "Timing") is None
+    ]
     for entity in dict.fromkeys(name for action in untimed for name in actors(action)):
         for private in document.node.need("Storyboard", "Init").iter("Private"):
-            if private.get("entityRef") == entity and not list(private.iter("AssignControllerAction")):
+            if private.get("entityRef") == entity and not list(
+                private.iter("AssignControllerAction")
+            ):
                 private.element.append(_assign_controller())
                 break
 
@@ -261,7 +306,9 @@ def steer(document: Document) -> None:
 def _assign_controller() -> etree._Element:
     action = etree.Element("PrivateAction")
     both = etree.SubElement(action, "ControllerAction")
-    controller = etree.SubElement(etree.SubElement(both, "AssignControllerAction"), "Controller", name=_CONTROLLER)
+    controller = etree.SubElement(
+        etree.SubElement(both, "AssignControllerAction"), "Controller", name=_CONTROLLER
+    )
     properties = etree.SubElement(controller, "Properties")
     etree.SubElement(properties, "Property", name="module", value=_CONTROLLER)
     override = etree.SubElement(both, "OverrideControllerValueAction")
@@ -271,7 +318,13 @@ def _assign_controller() -> etree._Element:
 
 
 _CURVES = ("Clothoid", "ClothoidSpline", "Nurbs")
-_MOVING = ("RelativeLanePosition", "RelativeRoadPosition", "RelativeObjectPosition", "RoutePosition", "TrajectoryPosition")
+_MOVING = (
+    "RelativeLanePosition",
+    "RelativeRoadPosition",
+    "RelativeObjectPosition",
+    "RoutePosition",
+    "TrajectoryPosition",
+)
 """Positions that depend on what happens, where they are not in the world by now."""
 _ENDS = ("LateralAction", "RoutingAction", "TeleportAction", "SynchronizeAction")
 """Actions that end the motion along a trajectory."""
@@ -288,8 +341,16 @@ def trajectories(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     relative = () if is_for_carla(document.node) else _MOVING
     for action in list(document.node.iter("FollowTrajectoryAction")):
         timing = action.find("TimeReference", "Timing")
-        late = timing is not None and timing.get("domainAbsoluteRelative") == "absolute" and not starts_with_scenario(action)
-        if late or action.float("initialDistanceOffset", 0.0) or any(True for _ in action.iter(*_CURVES, *relative)):
+        late = (
+            timing is not None
+            and timing.get("domainAbsoluteRelative") == "absolute"
+            and not starts_with_scenario(action)
+        )
+        if (
+            late
+            or action.float("initialDistanceOffset", 0.0)
+            or any(True for _ in action.iter(*_CURVES, *relative))
+        ):
             yield from _as_driven(action, geometry, timed=timing is not None)
 
 
@@ -298,7 +359,12 @@ def profiles(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     stories = document.node.need("Storyboard").children("Story")
     for action in [each for story in stories for each in story.iter("SpeedProfileAction")]:
         begin, end, doing = geometry.begins(action), geometry.ends(action), set(actors(action))
-        others = [geometry.begins(each) for story in stories for each in story.iter(*_ENDS) if doing & set(actors(each))]
+        others = [
+            geometry.begins(each)
+            for story in stories
+            for each in story.iter(*_ENDS)
+            if doing & set(actors(each))
+        ]
         alone = not any(time is not None and (end is None or time < end) for time in others)
         if begin is not None and alone and not action.get("entityRef", ""):
             yield from _as_driven(action, geometry, timed=True)
@@ -307,14 +373,23 @@ def profiles(document: Document, geometry: RoadGeometry) -> Iterator[str]:
 def kept_distances(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     """Say distances that 1.0 has no word for, kept among others than the ego, by ways and times, in place; remarks."""
     scenario = document.node
-    for action in [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(_DISTANCE)]:
+    for action in [
+        each
+        for story in scenario.need("Storyboard").children("Story")
+        for each in story.iter(_DISTANCE)
+    ]:
         begin, doing = _begin(action, geometry), actors(action)
         newer = action.has("timeGap") or action.get("coordinateSystem", "entity") != "entity"
-        others = len(doing) == 1 and not any(map(EGO_NAME.fullmatch, (doing[0], action.get("entityRef"))))
+        others = len(doing) == 1 and not any(
+            map(EGO_NAME.fullmatch, (doing[0], action.get("entityRef")))
+        )
         if begin is None or not newer or not others:
             continue
         end = geometry.ends(action)
-        until = min(_led(doing[0], begin, scenario, geometry, ("LongitudinalAction", *_ENDS)), math.inf if end is None else end)
+        until = min(
+            _led(doing[0], begin, scenario, geometry, ("LongitudinalAction", *_ENDS)),
+            math.inf if end is None else end,
+        )
         yield from _written(action, doing[0], geometry.driven(doing[0], begin, until), timed=True)
 
 
@@ -324,9 +399,15 @@ def _begin(action: Node, geometry: RoadGeometry) -> float | None:
     return 0.0 if first else geometry.begins(action)
 
 
-def _led(entity: str, since: float, scenario: Node, geometry: RoadGeometry, kinds: Sequence[str]) -> float:
+def _led(
+    entity: str, since: float, scenario: Node, geometry: RoadGeometry, kinds: Sequence[str]
+) -> float:
     """When (s), after a time, the next of some kinds of actions leads an entity in a run; infinity where none does."""
-    others = [each for story in scenario.need("Storyboard").children("Story") for each in story.iter(*kinds)]
+    others = [
+        each
+        for story in scenario.need("Storyboard").children("Story")
+        for each in story.iter(*kinds)
+    ]
     later = (geometry.begins(each) for each in others if entity in actors(each))
     return min((time for time in later if time is not None and time > since), default=math.inf)
 
@@ -336,7 +417,12 @@ def _as_driven(action: Node, geometry: RoadGeometry, *, timed: bool) -> Iterator
     begin, end, doing = geometry.begins(action), geometry.ends(action), actors(action)
     if begin is None or len(doing) != 1:
         return
-    yield from _written(action, doing[0], geometry.driven(doing[0], begin, end if end is not None else math.inf), timed=timed)
+    yield from _written(
+        action,
+        doing[0],
+        geometry.driven(doing[0], begin, end if end is not None else math.inf),
+        timed=timed,
+    )
 
 
 def _written(action: Node, entity: str, driven: Sequence[Vertex], *, timed: bool) -> Iterator[str]:
@@ -354,7 +440,11 @@ def teleports(document: Document, geometry: RoadGeometry) -> Iterator[str]:
     for story in document.node.need("Storyboard").children("Story"):
         for action in story.iter("TeleportAction"):
             position, doing = action.need("Position").only(), actors(action)
-            place = geometry.put(action, doing[0]) if position.tag in _MOVING and len(doing) == 1 else None
+            place = (
+                geometry.put(action, doing[0])
+                if position.tag in _MOVING and len(doing) == 1
+                else None
+            )
             if place is not None:
                 action.need("Position").element.replace(position.element, world_position(place))
                 yield f"{position.where}: {position.tag}: written as the place where it is in a run without a system under test"
@@ -364,13 +454,16 @@ def follow_on(action: Node, scenario: Node, geometry: RoadGeometry, refusal: Uns
     """Say a lateral action or a route by the way that its actor takes from there until another action leads it; the remark.
 
     Raises:
-        Unsupported: `refusal`, as it does not begin in the run, jumps, or something waits for its end.
+        Unsupported: `refusal`, as it does not begin in the run, jumps, or something waits for its
+            end.
     """
     begin, doing = _begin(action, geometry), actors(action)
     jumps = any(each.get("dynamicsShape", "") == "step" for each in action.children())
     if begin is None or len(doing) != 1 or jumps or _is_awaited(action, scenario):
         raise refusal
-    places = _apart(geometry.driven(doing[0], begin, _led(doing[0], begin, scenario, geometry, _ENDS)))
+    places = _apart(
+        geometry.driven(doing[0], begin, _led(doing[0], begin, scenario, geometry, _ENDS))
+    )
     if len(places) < 2:
         raise refusal
     where = action.where
@@ -383,7 +476,11 @@ def follow_on(action: Node, scenario: Node, geometry: RoadGeometry, refusal: Uns
 
 def _from_its_start(places: Sequence[Vertex]) -> Sequence[Vertex]:
     """Return the path of an entity teleported onto a trajectory; it begins one step's distance before the next place."""
-    if len(places) < 3 or math.dist(places[0][:3], places[1][:3]) < _JUMP * math.dist(places[1][:3], places[2][:3]) + _APART:
+    if (
+        len(places) < 3
+        or math.dist(places[0][:3], places[1][:3])
+        < _JUMP * math.dist(places[1][:3], places[2][:3]) + _APART
+    ):
         return places
     x, y, z = (2.0 * a - b for a, b in zip(places[1][:3], places[2][:3], strict=True))
     return [Vertex(x, y, z, None, places[0].time), *places[1:]]
@@ -392,7 +489,11 @@ def _from_its_start(places: Sequence[Vertex]) -> Sequence[Vertex]:
 def _is_awaited(action: Node, scenario: Node) -> bool:
     """Whether a condition asks for the end of an action, or of something that it is part of."""
     around = set(action.element.iterancestors())
-    states = [each for each in scenario.iter("StoryboardElementStateCondition") if not each.get("state").startswith("st")]
+    states = [
+        each
+        for each in scenario.iter("StoryboardElementStateCondition")
+        if not each.get("state").startswith("st")
+    ]
     return any(each.element in around for state in states for each in meant(state, scenario))
 
 
@@ -437,7 +538,9 @@ def routes(document: Document, geometry: RoadGeometry) -> Iterator[str]:
 def _is_left_aside(action: Node, scenario: Node) -> bool:
     """Whether its actors go beside their route, or change lanes on it: that leaves a route as it is, and ends a trajectory."""
     doing = set(actors(action))
-    return any(doing & set(actors(each)) and not _is_first(each) for each in scenario.iter("LateralAction"))
+    return any(
+        doing & set(actors(each)) and not _is_first(each) for each in scenario.iter("LateralAction")
+    )
 
 
 def _from_the_beginning(action: Node, scenario: Node, geometry: RoadGeometry) -> str:
@@ -448,12 +551,19 @@ def _from_the_beginning(action: Node, scenario: Node, geometry: RoadGeometry) ->
     for entity, places in ways.items():
         to_story(Node(_following(places), action.path), entity, scenario)
     leave_out(action, scenario)
-    said = f"written as a trajectory from the beginning on, {_STOPS}" if ways else "left out, the lanes lead that way"
+    said = (
+        f"written as a trajectory from the beginning on, {_STOPS}"
+        if ways
+        else "left out, the lanes lead that way"
+    )
     return f"{action.where}: {action.tag}: {said}"
 
 
 def _only_way(action: Node, entity: str, scenario: Node) -> None:
-    others = [*scenario.iter(*ROUTES, "FollowTrajectoryAction", "LateralAction"), *_teleports(scenario)]
+    others = [
+        *scenario.iter(*ROUTES, "FollowTrajectoryAction", "LateralAction"),
+        *_teleports(scenario),
+    ]
     for other in others:
         if other.element is not action.element and entity in actors(other):
             if other.tag == "LateralAction" and _is_first(other):
@@ -464,7 +574,11 @@ def _only_way(action: Node, entity: str, scenario: Node) -> None:
 
 
 def _teleports(scenario: Node) -> list[Node]:
-    return [each for story in scenario.need("Storyboard").children("Story") for each in story.iter("TeleportAction")]
+    return [
+        each
+        for story in scenario.need("Storyboard").children("Story")
+        for each in story.iter("TeleportAction")
+    ]
 
 
 def _is_first(action: Node) -> bool:

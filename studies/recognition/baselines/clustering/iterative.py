@@ -7,15 +7,21 @@ from abc import abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.training.windows import seeded
-from recognition.trfe.clustering import Clustering, Pairs, Projection, cluster, random_head
-from recognition.trfe.samples import Features
+from recognition.trfe.discovery.clustering import (
+    Clustering,
+    Pairs,
+    Projection,
+    cluster,
+    random_head,
+)
+from recognition.trfe.inputs.samples import Features
+from recognition.trfe.training.windows import seeded
 from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.pool import ClusteringMethod, Pool
 
 
 class IterativeMethod(ClusteringMethod):
-    """Known-class and novel head trained together as in `recognition.trfe.clustering`.
+    """Known-class and novel head trained together as in `recognition.trfe.discovery.clustering`.
 
     Similarities are renewed in every epoch.
     """

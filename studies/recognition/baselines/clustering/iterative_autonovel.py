@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.trfe.clustering import Clustering, Pairs, three_way_pairs
-from recognition.trfe.samples import Features
+from recognition.trfe.discovery.clustering import Clustering, Pairs, three_way_pairs
+from recognition.trfe.inputs.samples import Features
 from studies.recognition.baselines.clustering.iterative import IterativeMethod
 
 TITLE = "iterative AutoNovel"
@@ -18,8 +18,9 @@ TOP = 5
 class IterativeAutoNovel(IterativeMethod):
     """S_ij: how many of the five features of greatest magnitude both samples share, in three-way targets as TRFE's.
 
-    As published, pairs are alike where all five are the same; among 192 features that are hardly any, and all samples end apart.
-    Han et al., Automatically Discovering and Learning New Visual Categories with Ranking Statistics, ICLR 2020.
+    As published, pairs are alike where all five are the same; among 192 features that are hardly
+    any, and all samples end apart. Han et al., Automatically Discovering and Learning New Visual
+    Categories with Ranking Statistics, ICLR 2020.
     """
 
     def similarity(self, features: Features) -> NDArray[np.float32]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.trfe.samples import Features
+from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.pool import ClusteringMethod, Pool
 
@@ -15,7 +15,9 @@ def k_means(features: Features, count: int, seed: int) -> IntArray:
     """Cluster number of each sample (n,): the best of ten starts."""
     from sklearn.cluster import KMeans
 
-    return np.asarray(KMeans(count, n_init=10, random_state=seed).fit_predict(features), dtype=np.int64)
+    return np.asarray(
+        KMeans(count, n_init=10, random_state=seed).fit_predict(features), dtype=np.int64
+    )
 
 
 class KMeansFeatures(ClusteringMethod):

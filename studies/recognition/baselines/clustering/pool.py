@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.trfe.config import Config, Steps
-from recognition.trfe.known import Labelled, clustering_axes
-from recognition.trfe.samples import Features
+from recognition.trfe.forest.known import Labelled, clustering_axes
+from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import IntArray
 from studies.recognition.semi_supervised import likely_classes
 
@@ -25,7 +25,8 @@ class Pool:
         features: of the unknown samples (n, d).
         grids: of the same samples, uint8 (n, frames, channels, rows, columns).
         known, labels: features (m, d) and classes (m,) of the labelled samples.
-        classes: true number of classes among the unknown samples; only methods that say so look at it.
+        classes: true number of classes among the unknown samples; only methods that say so look at
+            it.
         config: TRFE's, which says of what the features are.
     """
 
@@ -46,23 +47,34 @@ class Pool:
     @cached_property
     def directions(self) -> tuple[Features, Features]:
         """The unknown and the labelled samples along the axes in which TRFE clusters, (n, c) and (m, c)."""
-        axes = clustering_axes(Labelled(self.known, self.labels), self.features, self.config, Steps())
-        unknown, known = (axes.project(self.config.clustering_parts(of)) for of in (self.features, self.known))
+        axes = clustering_axes(
+            Labelled(self.known, self.labels), self.features, self.config, Steps()
+        )
+        unknown, known = (
+            axes.project(self.config.clustering_parts(of)) for of in (self.features, self.known)
+        )
         return unknown, known
 
     @cached_property
     def likely_classes(self) -> int:
         """Number of classes among the unknown samples, estimated on held-out known classes along the axes of both together:
         those of `directions` begin at the known classes, which are nowhere along them."""
-        parts = (np.concatenate(self.config.clustering_parts(of), axis=1) for of in (self.features, self.known))
+        parts = (
+            np.concatenate(self.config.clustering_parts(of), axis=1)
+            for of in (self.features, self.known)
+        )
         unknown, known = _standard(*parts)
         both = np.concatenate([unknown, known])
-        axes = np.linalg.svd(both - both.mean(axis=0), full_matrices=False)[2][: self.config.components].T
+        axes = np.linalg.svd(both - both.mean(axis=0), full_matrices=False)[2][
+            : self.config.components
+        ].T
         return likely_classes(unknown @ axes, known @ axes, self.labels)
 
     def standardised(self) -> tuple[Features, Features]:
         """Features of the unknown and of the labelled samples, with mean 0 and deviation 1 over both together."""
-        return _standard(self.config.recognising(self.features), self.config.recognising(self.known))
+        return _standard(
+            self.config.recognising(self.features), self.config.recognising(self.known)
+        )
 
 
 def _standard(unknown: Features, known: Features) -> tuple[Features, Features]:

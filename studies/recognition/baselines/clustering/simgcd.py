@@ -9,8 +9,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from recognition.training.windows import seeded
-from recognition.trfe.clustering import Projection, jitter
+from recognition.trfe.discovery.clustering import Projection, jitter
+from recognition.trfe.training.windows import seeded
 from schemas.common.array_types import IntArray
 from studies.recognition.baselines.clustering.pool import ClusteringMethod, Pool
 
@@ -33,7 +33,8 @@ class CosineHeads(nn.Module):
     def forward(self, features: Tensor) -> Tensor:
         """Cosines."""
         return functional.linear(
-            functional.normalize(self.backbone(features), dim=1), functional.normalize(self.prototypes.weight, dim=1)
+            functional.normalize(self.backbone(features), dim=1),
+            functional.normalize(self.prototypes.weight, dim=1),
         )
 
 
@@ -47,23 +48,29 @@ def distillation_loss(student: Tensor, teacher: Tensor, temperature: float) -> T
     truth = (teacher / temperature).softmax(dim=1).detach()
     logarithm = (student / STUDENT).log_softmax(dim=1)
     mean = logarithm.exp().mean(dim=0)
-    return -(truth * logarithm).sum(dim=1).mean() + ENTROPY * (mean * mean.clamp(min=1e-12).log()).sum()
+    return (
+        -(truth * logarithm).sum(dim=1).mean()
+        + ENTROPY * (mean * mean.clamp(min=1e-12).log()).sum()
+    )
 
 
 class SimGCD(ClusteringMethod):
     """L = (1 − λ) L_distillation over all samples, both ways between two views, + λ cross-entropy of the labelled ones at τ_s.
 
-    Samples of the known classes and of the new ones have one classifier; the greatest cosine names the cluster.
+    Samples of the known classes and of the new ones have one classifier; the greatest cosine names
+    the cluster.
 
-    Wen, Zhao, Qi, Parametric Classification for Generalized Category Discovery: A Baseline Study, ICCV 2023; its contrastive
-    losses train the encoder, which is frozen here.
+    Wen, Zhao, Qi, Parametric Classification for Generalized Category Discovery: A Baseline Study,
+    ICCV 2023; its contrastive losses train the encoder, which is frozen here.
     """
 
     given_count = True
 
     def cluster(self, pool: Pool) -> IntArray:
         """Cluster number of each sample (n,)."""
-        unknown, known = (torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in pool.directions)
+        unknown, known = (
+            torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in pool.directions
+        )
         classes, columns = np.unique(pool.labels, return_inverse=True)
         samples = torch.cat([known, unknown])
         truth = torch.cat([torch.from_numpy(columns), torch.full((len(unknown),), -1)])
@@ -80,14 +87,21 @@ def _train(heads: CosineHeads, samples: Tensor, truth: Tensor) -> None:
     rates = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, _EPOCHS)
     for epoch in range(_EPOCHS):
         first, last = TEACHER
-        temperature = last + (first - last) * 0.5 * (1.0 + math.cos(math.pi * min(epoch / _FALLING, 1.0)))
+        temperature = last + (first - last) * 0.5 * (
+            1.0 + math.cos(math.pi * min(epoch / _FALLING, 1.0))
+        )
         for batch in torch.randperm(len(samples)).split(_BATCH):
             one, other = (heads(jitter(samples[batch])) for _ in range(2))
-            loss = 0.5 * (distillation_loss(one, other, temperature) + distillation_loss(other, one, temperature))
+            loss = 0.5 * (
+                distillation_loss(one, other, temperature)
+                + distillation_loss(other, one, temperature)
+            )
             labelled = truth[batch] >= 0
             loss = (1.0 - SUPERVISED) * loss
             if labelled.any():
-                loss = loss + SUPERVISED * functional.cross_entropy(one[labelled] / STUDENT, truth[batch][labelled])
+                loss = loss + SUPERVISED * functional.cross_entropy(
+                    one[labelled] / STUDENT, truth[batch][labelled]
+                )
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()

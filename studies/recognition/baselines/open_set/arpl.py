@@ -43,8 +43,9 @@ class ReciprocalPoints(nn.Module):
 class ARPL(HeadMethod):
     """A class lies far from its reciprocal point, which stands for everything else; a margin bounds the space left to that.
 
-    d_e = ‖f − P_k‖²/m, d_d = f·P_k, logits z_k = d_e − d_d. Loss: cross entropy + 0.1·max(d_e(f, P_y) − R, 0), R learnt.
-    Score: −max_k z_k. Without the paper's confusing samples from a generator, as features have none.
+    d_e = ‖f − P_k‖²/m, d_d = f·P_k, logits z_k = d_e − d_d. Loss: cross entropy + 0.1·max(d_e(f,
+    P_y) − R, 0), R learnt. Score: −max_k z_k. Without the paper's confusing samples from a
+    generator, as features have none.
 
     Chen et al., Adversarial Reciprocal Points Learning for Open Set Recognition, TPAMI 2022.
     """
@@ -55,7 +56,9 @@ class ARPL(HeadMethod):
         return ReciprocalPoints(inputs, classes, self.training.hidden)
 
     def _loss(self, network: nn.Module, features: Tensor, indices: Tensor) -> Tensor:
-        return arpl_loss(self.network.embed(features), self.network.points, self.network.radius, indices)
+        return arpl_loss(
+            self.network.embed(features), self.network.points, self.network.radius, indices
+        )
 
     def _measure(self, features: Tensor) -> tuple[Tensor, Tensor]:
         logits, _ = reciprocal_distances(self.network.embed(features), self.network.points)

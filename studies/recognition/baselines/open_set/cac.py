@@ -31,10 +31,12 @@ class CAC(HeadMethod):
     """Classes drawn to fixed anchors in logit space.
 
     Anchors c_k = 10·e_k; d_k = ‖z − c_k‖. Loss: log(1 + Σ_{j≠y} e^{d_y − d_j}) + 0.1·d_y.
-    Rejection: γ_k = d_k·(1 − softmin(d)_k); class argmin_k γ_k, score min_k γ_k. As in the paper, distances are then taken to the
-    mean logits of the rightly classified training samples; a class that has none keeps its anchor.
+    Rejection: γ_k = d_k·(1 − softmin(d)_k); class argmin_k γ_k, score min_k γ_k. As in the paper,
+    distances are then taken to the mean logits of the rightly classified training samples; a class
+    that has none keeps its anchor.
 
-    Miller et al., Class Anchor Clustering: a Loss for Distance-Based Open Set Recognition, WACV 2021.
+    Miller et al., Class Anchor Clustering: a Loss for Distance-Based Open Set Recognition,
+    WACV 2021.
     """
 
     def _network(self, inputs: int, classes: int) -> nn.Module:

@@ -40,7 +40,8 @@ class Prototypes(nn.Module):
 class CPN(HeadMethod):
     """CPN for FCPN: the paper's FCPN can't be identified; this is the prototype learning that its name points to.
 
-    d_k = ‖f(h) − m_k‖², prototypes m_k learnt. Loss: −log softmax(−γ d)_y + λ·d_y, γ 1, λ 0.01. Score: min_k d_k.
+    d_k = ‖f(h) − m_k‖², prototypes m_k learnt. Loss: −log softmax(−γ d)_y + λ·d_y, γ 1, λ 0.01.
+    Score: min_k d_k.
 
     Yang et al., Robust Classification with Convolutional Prototype Learning, CVPR 2018.
     """

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from recognition.training.windows import seeded
-from recognition.trfe.samples import Features
+from recognition.trfe.inputs.samples import Features
+from recognition.trfe.training.windows import seeded
 from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition.baselines.open_set.method import OpenSetMethod
 
@@ -30,7 +30,9 @@ class Head(nn.Module):
 
     def __init__(self, inputs: int, outputs: int, hidden: int) -> None:
         super().__init__()
-        self.layers = nn.Sequential(nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, outputs))
+        self.layers = nn.Sequential(
+            nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, outputs)
+        )
 
     def forward(self, features: Tensor) -> Tensor:
         """Apply it."""
@@ -76,7 +78,9 @@ class HeadMethod(OpenSetMethod):
 
     def _optimise(self, inputs: Tensor, targets: Tensor) -> None:
         recipe = self.training
-        optimiser = torch.optim.Adam(self.network.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
+        optimiser = torch.optim.Adam(
+            self.network.parameters(), lr=recipe.rate, weight_decay=recipe.decay
+        )
         for _ in range(recipe.epochs):
             for batch in torch.randperm(len(inputs)).split(recipe.batch):
                 optimiser.zero_grad()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.trfe.samples import Features, deviations, unit
+from recognition.trfe.inputs.samples import Features, deviations, unit
 from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition.baselines.open_set.method import OpenSetMethod
 
@@ -25,7 +25,9 @@ class KNN(OpenSetMethod):
         from sklearn.neighbors import KNeighborsClassifier
 
         self._mean, self._deviation = features.mean(axis=0), deviations(features)
-        self._model = KNeighborsClassifier(_NEAREST, algorithm="brute").fit(self._unit(features), indices)
+        self._model = KNeighborsClassifier(_NEAREST, algorithm="brute").fit(
+            self._unit(features), indices
+        )
 
     def _classify(self, features: Features) -> IntArray:
         return np.asarray(self._model.predict(self._unit(features)), dtype=np.int64)

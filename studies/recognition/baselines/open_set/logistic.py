@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.trfe.samples import Features
+from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import IntArray
 from studies.recognition.baselines.open_set.knn import KNN
 

@@ -34,7 +34,8 @@ def contrastive_loss(embedding: Tensor, indices: Tensor) -> Tensor:
 def sphere_loss(embedding: Tensor, centres: Tensor, indices: Tensor) -> Tensor:
     """Samples inside spheres of radius ρ around the centre of their class, spheres apart from each other.
 
-    mean max(‖f − c_y‖ − ρ, 0) + mean over pairs j < k of max(2ρ − ‖c_j − c_k‖, 0); embeddings (b, m), centres (K, m).
+    mean max(‖f − c_y‖ − ρ, 0) + mean over pairs j < k of max(2ρ − ‖c_j − c_k‖, 0); embeddings (b,
+    m), centres (K, m).
     """
     inside = functional.relu((embedding - centres[indices]).norm(dim=1) - RADIUS).mean()
     if len(centres) < 2:
@@ -57,9 +58,10 @@ class DualEmbedding(nn.Module):
 class MDENet(HeadMethod):
     """MDENet reduced to one modality: two embeddings of the features, one to classify, one to detect.
 
-    Discriminative: cross entropy + supervised contrastive loss on the normalised embedding; the class is argmax of its logits.
-    Exclusive: each class inside a sphere of radius ρ = 1 around a learnt centre, spheres apart.
-    Score: min_k ‖f_e − c_k‖. The paper's malware images and sentences, and their fusion, have no counterpart here.
+    Discriminative: cross entropy + supervised contrastive loss on the normalised embedding; the
+    class is argmax of its logits. Exclusive: each class inside a sphere of radius ρ = 1 around a
+    learnt centre, spheres apart. Score: min_k ‖f_e − c_k‖. The paper's malware images and
+    sentences, and their fusion, have no counterpart here.
 
     Guo et al., Multimodal Dual-Embedding Networks for Malware Open-Set Recognition, TNNLS 2024.
     """
@@ -81,7 +83,9 @@ class MDENet(HeadMethod):
     def _measure(self, features: Tensor) -> tuple[Tensor, Tensor]:
         shared = self.network.shared(features)
         distances = torch.cdist(self.network.exclusive(shared), self.network.centres)
-        return self.network.classifier(self.network.discriminative(shared)), distances.min(dim=1).values
+        return self.network.classifier(self.network.discriminative(shared)), distances.min(
+            dim=1
+        ).values
 
 
 METHOD = MDENet

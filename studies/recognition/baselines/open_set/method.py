@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from recognition.trfe.samples import UNKNOWN, Features
+from recognition.trfe.inputs.samples import UNKNOWN, Features
 from schemas.common.array_types import FloatArray, IntArray
 
 FALSE_REJECTION = 0.05
@@ -21,7 +21,8 @@ class OpenSetMethod(ABC):
         seed: of everything random in it.
 
     Attributes:
-        threshold: score above which a sample is unknown; set by `fit` so that 5 % of the known validation samples are.
+        threshold: score above which a sample is unknown; set by `fit` so that 5 % of the known
+            validation samples are.
     """
 
     threshold: float
@@ -29,12 +30,19 @@ class OpenSetMethod(ABC):
     def __init__(self, seed: int = 0) -> None:
         self.seed = seed
 
-    def fit(self, features: Features, labels: IntArray, validation: Features, validation_labels: IntArray) -> Self:
+    def fit(
+        self,
+        features: Features,
+        labels: IntArray,
+        validation: Features,
+        validation_labels: IntArray,
+    ) -> Self:
         """Learn the known classes.
 
         Args:
             features, labels: training samples (n, d), their class ids (n,), all known.
-            validation, validation_labels: other samples (m, d) of the same classes, to calibrate scores and set the threshold.
+            validation, validation_labels: other samples (m, d) of the same classes, to calibrate
+                scores and set the threshold.
         """
         self.classes = np.unique(labels)
         self._learn(features, np.searchsorted(self.classes, labels).astype(np.int64))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.trfe.samples import Features
+from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition.baselines.open_set.method import OpenSetMethod
 
@@ -18,7 +18,9 @@ class Chance(OpenSetMethod):
         self._shares = np.bincount(indices) / len(indices)
 
     def _classify(self, features: Features) -> IntArray:
-        return np.random.default_rng([self.seed, 0]).choice(len(self._shares), size=len(features), p=self._shares)
+        return np.random.default_rng([self.seed, 0]).choice(
+            len(self._shares), size=len(features), p=self._shares
+        )
 
     def score(self, features: Features) -> FloatArray:
         """Random outlyingness of each sample (n,), the same at every call."""

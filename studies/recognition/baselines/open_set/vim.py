@@ -25,8 +25,9 @@ def residual_axes(inputs: Tensor) -> Tensor:
 class ViM(MLS):
     """The plain classifier of `MLS`, rejected by α ‖x^⊥‖ − log Σ_k e^{z_k}.
 
-    x is the input of the last layer, less −W⁺b at which all logits are 0, x^⊥ its part outside the principal subspace of the
-    training samples, and α the mean greatest logit over the mean ‖x^⊥‖ of these.
+    x is the input of the last layer, less −W⁺b at which all logits are 0, x^⊥ its part outside the
+    principal subspace of the training samples, and α the mean greatest logit over the mean ‖x^⊥‖ of
+    these.
 
     Wang, Li, Feng, Zhang, ViM: Out-Of-Distribution with Virtual-logit Matching, CVPR 2022.
     """

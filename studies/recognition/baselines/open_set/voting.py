@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from recognition.trfe.forest import TREES, VotingForest, grow
-from recognition.trfe.samples import Features
-from recognition.trfe.screening import EvtJoint, Screening
+from recognition.trfe.forest.screening import EvtJoint, Screening
+from recognition.trfe.inputs.samples import Features
 from schemas.common.array_types import FloatArray, IntArray
 from studies.recognition.baselines.open_set.method import OpenSetMethod
 
@@ -35,7 +35,9 @@ class VotingMethod(OpenSetMethod):
         self.screening, self.trees, self._grown = screening(_DELTA, seed), trees, forest
 
     def _learn(self, features: Features, indices: IntArray) -> None:
-        self._forest = self._grown or grow(features, self.classes[indices], trees=self.trees, seed=self.seed)
+        self._forest = self._grown or grow(
+            features, self.classes[indices], trees=self.trees, seed=self.seed
+        )
 
     def _calibrate(self, features: Features, labels: IntArray) -> None:
         votes = self._forest.vote(features)

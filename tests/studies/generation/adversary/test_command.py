@@ -12,7 +12,9 @@ from tests.studies.generation.adversary.conftest import CUT_IN
 
 
 def test_an_unknown_objective_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="no objective 'luck'; objectives: risk-field, distance, fuzzy"):
+    with pytest.raises(
+        UsageError, match="no objective 'luck'; objectives: risk-field, distance, fuzzy"
+    ):
         command(CUT_IN, tmp_path / "out", objective="luck")
     assert not (tmp_path / "out").exists()
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import schemas
-from generation.logical.library import SCENARIOS
-from generation.outcomes import measures
-from runner.interpreter.execution import run
-from runner.settings import RunSettings
+from generation.search.outcomes import measures
+from generation.space.logical.library import SCENARIOS
+from runner.judging.execution import run
+from runner.judging.settings import RunSettings
 from schemas.common.errors import Unsupported
 from studies.generation.adversary import OBJECTIVES
 from studies.generation.adversary.course import Scene, replayed
@@ -21,7 +21,7 @@ from studies.generation.adversary.environment import OBSERVED, Environment, Epis
 from studies.generation.adversary.files import Writer
 from studies.generation.adversary.search import AdversarySettings, search
 from tests.studies.generation.adversary.conftest import CUT_IN
-from xosc.tags import Tag
+from xosc.writing.tags import Tag
 
 DT = 0.05
 
@@ -35,7 +35,9 @@ def played(scene: Scene, driving: Driving, starts: np.ndarray, sut: str = "none"
     return Environment(scene, driving, sut, DT, 0.98).play(starts, inwards)[0]
 
 
-def test_episodes_keep_to_limits_and_are_foreseeable(scene: Scene, driving: Driving, starts: np.ndarray) -> None:
+def test_episodes_keep_to_limits_and_are_foreseeable(
+    scene: Scene, driving: Driving, starts: np.ndarray
+) -> None:
     episodes = played(scene, driving, starts)
     velocity = np.diff(episodes.ways, axis=1) / DT
     acceleration = np.diff(velocity, axis=1) / DT
@@ -45,7 +47,9 @@ def test_episodes_keep_to_limits_and_are_foreseeable(scene: Scene, driving: Driv
     assert episodes.foreseeable.mean() >= 0.5
 
 
-def test_what_is_learnt_from_ends_with_the_contact(scene: Scene, driving: Driving, starts: np.ndarray) -> None:
+def test_what_is_learnt_from_ends_with_the_contact(
+    scene: Scene, driving: Driving, starts: np.ndarray
+) -> None:
     episodes, transitions = Environment(scene, driving, "none", DT, 0.98).play(starts, inwards)
     assert (episodes.contact >= 0).any()
     assert transitions.seen.shape == (len(transitions.reward), OBSERVED)
@@ -53,11 +57,16 @@ def test_what_is_learnt_from_ends_with_the_contact(scene: Scene, driving: Drivin
     assert np.isfinite(transitions.seen).all()
 
 
-def test_an_ego_that_does_nothing_is_hit_where_a_careful_one_is_not(scene: Scene, driving: Driving, starts: np.ndarray) -> None:
+def test_an_ego_that_does_nothing_is_hit_where_a_careful_one_is_not(
+    scene: Scene, driving: Driving, starts: np.ndarray
+) -> None:
     episodes = played(scene, driving, starts)
     hit = episodes.contact >= 0
     assert (episodes.clearance[hit] == 0.0).all()
-    careful = [replayed(scene, judge, starts, episodes.ways, DT).contact < 0 for judge in ("r157-cc", "fsm")]
+    careful = [
+        replayed(scene, judge, starts, episodes.ways, DT).contact < 0
+        for judge in ("r157-cc", "fsm")
+    ]
     np.testing.assert_array_equal(episodes.preventable, hit & np.any(careful, axis=0))
 
 
@@ -79,11 +88,15 @@ def test_a_written_episode_is_the_same_to_the_step(
             assert seen["clearance"] == pytest.approx(episodes.clearance[row], abs=1e-3)
 
 
-def test_a_file_fails_in_sumo_as_well(scene: Scene, driving: Driving, starts: np.ndarray, tmp_path: Path) -> None:
+def test_a_file_fails_in_sumo_as_well(
+    scene: Scene, driving: Driving, starts: np.ndarray, tmp_path: Path
+) -> None:
     episodes = played(scene, driving, starts)
     row = int(np.flatnonzero(episodes.contact >= 0)[0])
     path = Writer(CUT_IN, scene, tmp_path, DT).write(episodes, row, 0, [])
-    assert measures(run(path, RunSettings(sut="none")), "ad-rss")["conflict"] == pytest.approx(episodes.contact[row] * DT)
+    assert measures(run(path, RunSettings(sut="none")), "ad-rss")["conflict"] == pytest.approx(
+        episodes.contact[row] * DT
+    )
 
 
 def test_a_seed_decides_what_is_found(scene: Scene, driving: Driving, starts: np.ndarray) -> None:
@@ -105,8 +118,13 @@ def test_scenes_without_somebody_beside_are_refused(name: str) -> None:
         Scene.of(SCENARIOS / f"{name}.xosc")
 
 
-def test_objectives_shape_what_is_learnt_and_not_what_happens(scene: Scene, driving: Driving, starts: np.ndarray) -> None:
-    played = [Environment(scene, driving, "none", DT, 0.98, name).play(starts, inwards) for name in OBJECTIVES]
+def test_objectives_shape_what_is_learnt_and_not_what_happens(
+    scene: Scene, driving: Driving, starts: np.ndarray
+) -> None:
+    played = [
+        Environment(scene, driving, "none", DT, 0.98, name).play(starts, inwards)
+        for name in OBJECTIVES
+    ]
     for (one, by_one), (two, by_two) in pairwise(played):
         np.testing.assert_array_equal(one.ways, two.ways)
         assert (by_one.reward != by_two.reward).any()

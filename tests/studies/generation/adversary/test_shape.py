@@ -24,7 +24,9 @@ def test_weights_are_shares(states: list[tuple[float, float]]) -> None:
 def test_rules_hold_at_the_peaks_of_their_sets_and_are_mixed_between() -> None:
     closing = np.array([-50.0, -4.0, -2.0, 0.0, 4.0, 50.0])
     far = rule_weight(np.full(6, 10.0), closing)
-    assert far[0] == far[1] == 0.5, "opening: nearness counts as well, as the risk field is flat there"
+    assert far[0] == far[1] == 0.5, (
+        "opening: nearness counts as well, as the risk field is flat there"
+    )
     assert far[2] == pytest.approx(0.5 * (far[1] + far[3]))
     assert far[4] == far[5] == 1.0, "closing: the risk field alone"
     assert (rule_weight(np.full(6, -5.0), closing) == 1.0).all(), "beside: the risk field alone"
@@ -38,5 +40,7 @@ def test_the_shape_lies_between_its_terms(scene: Scene, starts: np.ndarray) -> N
 
 
 def test_an_unknown_shape_is_refused_with_the_names_of_all() -> None:
-    with pytest.raises(UsageError, match="no objective 'luck'; objectives: risk-field, distance, fuzzy"):
+    with pytest.raises(
+        UsageError, match="no objective 'luck'; objectives: risk-field, distance, fuzzy"
+    ):
         shape("luck")

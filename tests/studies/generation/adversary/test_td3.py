@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recognition.training.windows import seeded
+from recognition.trfe.training.windows import seeded
 from studies.generation.adversary.td3 import TD3, TD3Settings
 
 
@@ -36,5 +36,10 @@ def test_explored_actions_stay_in_range() -> None:
 def test_memory_forgets_the_oldest() -> None:
     policy = TD3(1, 1, np.random.default_rng(0), TD3Settings(remembered=5))
     for value in range(3):
-        policy.remember(tuple(np.full((3, 1) if number < 2 or number == 3 else 3, float(value)) for number in range(5)))
+        policy.remember(
+            tuple(
+                np.full((3, 1) if number < 2 or number == 3 else 3, float(value))
+                for number in range(5)
+            )
+        )
     assert policy._memory[2].tolist() == [1.0, 1.0, 2.0, 2.0, 2.0]

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import xosc
-from generation.outcomes import Outcomes
 from generation.pipeline import generate
-from generation.recorded import Recorded
+from generation.search.outcomes import Outcomes
 from generation.search.problem import History, SearchProblem
-from generation.search.space import Space
-from generation.settings import Choice, SearchSettings
+from generation.search.settings import Choice, SearchSettings
+from generation.space.recorded import Recorded
+from generation.space.space import Space
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile, UsageError
 from studies.generation.comparison import trajectories
@@ -37,12 +37,20 @@ def recorded(space: Space) -> Recorded:
     return Recorded(driven(200), np.array([f"r{number % 10}" for number in range(200)]), errors)
 
 
-def study(out: Path, evaluate: Callable[[FloatArray], Outcomes] | None = None, budget: int = 90) -> Study:
+def study(
+    out: Path, evaluate: Callable[[FloatArray], Outcomes] | None = None, budget: int = 90
+) -> Study:
     def evaluators(sut: str, scenario: Path, space: Space) -> Callable[[FloatArray], Outcomes]:
         own = evaluate or Kinematic()
-        return own if scenario == SCENARIO else lambda knots: own(maneuvers_of(knots, Setting(30.0, 3.75)).theta)
+        return (
+            own
+            if scenario == SCENARIO
+            else lambda knots: own(maneuvers_of(knots, Setting(30.0, 3.75)).theta)
+        )
 
-    return Study(SCENARIO, recorded, out, StudySettings(budget=budget, pinned=PINNED), evaluators=evaluators)
+    return Study(
+        SCENARIO, recorded, out, StudySettings(budget=budget, pinned=PINNED), evaluators=evaluators
+    )
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +60,9 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Study:
     return found
 
 
-def test_an_interrupted_study_goes_on_and_ends_as_if_it_had_not_been(done: Study, tmp_path: Path) -> None:
+def test_an_interrupted_study_goes_on_and_ends_as_if_it_had_not_been(
+    done: Study, tmp_path: Path
+) -> None:
     class Interrupted(Kinematic):
         def __call__(self, theta: FloatArray) -> Outcomes:
             if self.calls > 100:
@@ -65,7 +75,11 @@ def test_an_interrupted_study_goes_on_and_ends_as_if_it_had_not_been(done: Study
     assert first.searches() == [Key("mcsg", 0)]
     assert (tmp_path / "searches" / "kde" / "0.jsonl").exists()
     second = study(tmp_path)
-    assert list(second.run(second.pending(1, METHODS))) == [Key("kde", 0), Key("random", 0), Key("no-elite", 0)]
+    assert list(second.run(second.pending(1, METHODS))) == [
+        Key("kde", 0),
+        Key("random", 0),
+        Key("no-elite", 0),
+    ]
     for key in second.searches():
         assert np.array_equal(second.history(key).theta, done.history(key).theta)
         assert np.array_equal(second.history(key).rewards, done.history(key).rewards)
@@ -82,7 +96,12 @@ def test_a_folder_holds_results_of_one_setting(done: Study) -> None:
 def test_all_methods_have_the_same_calls_and_the_report_shows_each(done: Study) -> None:
     assert {len(done.history(key).theta) for key in done.searches()} == {90}
     tables = {table.name: table for table in write_report(done)}
-    assert [row[0] for row in tables["generated"].rows] == ["**MCSG** †", "KDE sampling †", "random", "No-Elite †"]
+    assert [row[0] for row in tables["generated"].rows] == [
+        "**MCSG** †",
+        "KDE sampling †",
+        "random",
+        "No-Elite †",
+    ]
     assert len(tables["generated"].header) == len(tables["generated"].rows[0])
     assert tables["reconstruction"].rows == [("200", "0.200", "0.200", "0.500", "0.950")]
     assert "trajectories" not in tables
@@ -95,7 +114,11 @@ def test_all_methods_have_the_same_calls_and_the_report_shows_each(done: Study) 
     assert len(rows) == 16
     for key in done.searches():
         own = measure(done.history(key), done.problem)
-        row = next(row for row in rows if (row["episodes"], row["method"], row["seed"]) == ("all", key.method, str(key.seed)))
+        row = next(
+            row
+            for row in rows
+            if (row["episodes"], row["method"], row["seed"]) == ("all", key.method, str(key.seed))
+        )
         assert float(row["r_risk"]) == own.r_risk
         assert float(row["distinct"]) == own.distinct
 
@@ -106,7 +129,9 @@ def test_searches_of_trajectories_are_told_by_both_kinds_of_parameters(tmp_path:
     assert keys == [Key("mcsg", 0), Key("no-maneuver", 0)]
     own, told = found.knots(keys[1]), found.history(keys[1])
     assert own.theta.shape == (90, 11)
-    np.testing.assert_array_equal(told.theta, maneuvers_of(own.theta, found.trajectories.setting).theta)
+    np.testing.assert_array_equal(
+        told.theta, maneuvers_of(own.theta, found.trajectories.setting).theta
+    )
     np.testing.assert_array_equal(told.outcomes.collision, own.outcomes.collision)
     np.testing.assert_allclose(told.rewards, found.problem.reward(told.theta, told.outcomes))
     rows = {row[0]: row[1:] for row in trajectories.table(found).rows}
@@ -114,7 +139,9 @@ def test_searches_of_trajectories_are_told_by_both_kinds_of_parameters(tmp_path:
     assert rows["**MCSG**"][-1] == "1.000"
     assert float(rows["recorded, by their knots"][-1]) >= 0.97
     assert float(rows["recorded, by their knots"][1]) > 0.9
-    assert float(rows["No-Maneuver"][5]) == pytest.approx(measure(last_third(told), found.problem).edge_cases, abs=6e-4)
+    assert float(rows["No-Maneuver"][5]) == pytest.approx(
+        measure(last_third(told), found.problem).edge_cases, abs=6e-4
+    )
     with pytest.raises(UsageError, match="no search method 'no-maneuver'"):
         generate(SCENARIO, recorded, tmp_path / "files", SearchSettings(method="no-maneuver"))
 
@@ -130,22 +157,38 @@ def test_there_are_trajectories_beside_all_seven_parameters_only(tmp_path: Path)
 
 def close(theta: FloatArray) -> Outcomes:
     """Collides where the gap is small."""
-    return Outcomes.of(len(theta), collision=theta[:, 0] < np.median(driven(200)[:, 0]), status=["completed"] * len(theta))
+    return Outcomes.of(
+        len(theta),
+        collision=theta[:, 0] < np.median(driven(200)[:, 0]),
+        status=["completed"] * len(theta),
+    )
 
 
-def test_edge_cases_of_a_study_are_the_likeliest_collisions_of_all_its_seeds(tmp_path: Path) -> None:
+def test_edge_cases_of_a_study_are_the_likeliest_collisions_of_all_its_seeds(
+    tmp_path: Path,
+) -> None:
     done = study(tmp_path, close)
     assert len(list(done.run(done.pending(2, ["kde"])))) == 2
     found = edge_cases(done, "kde", Choice(4))
     searches = [done.history(Key("kde", seed)) for seed in (0, 1)]
     theta = np.concatenate([one.theta[one.outcomes.collision] for one in searches])
     likelihood = done.problem.reward.realism.density.log_density(theta)
-    likelihood_of = dict(zip((tuple(done.space.values(row).values()) for row in theta), likelihood.tolist(), strict=True))
-    chosen = [likelihood_of[tuple(job.parameters[name] for name in done.space.names)] for job in found]
+    likelihood_of = dict(
+        zip(
+            (tuple(done.space.values(row).values()) for row in theta),
+            likelihood.tolist(),
+            strict=True,
+        )
+    )
+    chosen = [
+        likelihood_of[tuple(job.parameters[name] for name in done.space.names)] for job in found
+    ]
     assert 2 <= len(found) <= 4
     assert chosen == sorted(chosen, reverse=True)
     assert chosen[0] == pytest.approx(likelihood.max())
-    assert {(job.scenario, job.parameters["Ego_Speed_mps"]) for job in found} == {(SCENARIO, "30.0")}
+    assert {(job.scenario, job.parameters["Ego_Speed_mps"]) for job in found} == {
+        (SCENARIO, "30.0")
+    }
 
 
 def test_folders_without_what_is_to_be_compared_are_refused(done: Study, tmp_path: Path) -> None:
@@ -160,7 +203,13 @@ def test_folders_without_what_is_to_be_compared_are_refused(done: Study, tmp_pat
 
 def test_figures_are_drawn_for_what_is_there(done: Study, tmp_path: Path) -> None:
     drawn = write_figures(done, tmp_path)
-    assert {path.stem for path in drawn} == {"learning", "methods", "ablations", "projections", "trajectories"}
+    assert {path.stem for path in drawn} == {
+        "learning",
+        "methods",
+        "ablations",
+        "projections",
+        "trajectories",
+    }
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in drawn)
 
 
@@ -179,7 +228,10 @@ def test_measures_are_means_over_what_took_place(problem: SearchProblem) -> None
     assert found.failed == 0.25
     assert found.distinct == 1  # two times the same
     assert 0.0 < found.diversity < 1.0
-    half = taken(History(theta, outcomes, problem.reward(theta, outcomes)), np.array([False, False, True, True]))
+    half = taken(
+        History(theta, outcomes, problem.reward(theta, outcomes)),
+        np.array([False, False, True, True]),
+    )
     assert measure(half, problem).edge_cases == 0.0
 
 
@@ -188,11 +240,28 @@ def test_avoidable_is_what_the_careful_driver_survives(problem: SearchProblem) -
     hit = Kinematic()(theta)
     every = Outcomes(**{**vars(hit), "collision": np.ones(9, bool)})
     history = History(theta, every, np.zeros(9))
-    assert avoided(history, lambda rows: Outcomes(**{name: values[: len(rows)] for name, values in vars(every).items()})) == 0.0
+    assert (
+        avoided(
+            history,
+            lambda rows: Outcomes(
+                **{name: values[: len(rows)] for name, values in vars(every).items()}
+            ),
+        )
+        == 0.0
+    )
     assert avoided(history, Kinematic()) == 1.0 - hit.collision.mean()
-    failed = Outcomes(**{**vars(hit), "collision": np.arange(9) == 0, "status": np.where(np.arange(9) < 3, "completed", "error")})
+    failed = Outcomes(
+        **{
+            **vars(hit),
+            "collision": np.arange(9) == 0,
+            "status": np.where(np.arange(9) < 3, "completed", "error"),
+        }
+    )
     assert avoided(history, lambda rows: failed) == pytest.approx(2 / 3)
-    assert avoided(history, lambda rows: Outcomes(**{**vars(hit), "status": np.full(9, "error")})) is None
+    assert (
+        avoided(history, lambda rows: Outcomes(**{**vars(hit), "status": np.full(9, "error")}))
+        is None
+    )
     none = Outcomes(**{**vars(hit), "collision": np.zeros(9, bool)})
     assert avoided(History(theta, none, np.zeros(9)), Kinematic()) is None
 

@@ -1,8 +1,0 @@
-"""The logical scenarios of the library, made from a table of manoeuvres and one of road geometries.
-
-`python -m generation.logical` writes them into `xosc/library` and `xodr/library`.
-"""
-
-from generation.logical.library import maneuver_scenarios, write
-
-__all__ = ["maneuver_scenarios", "write"]

@@ -1,6 +1,0 @@
-"""Write the library's files."""
-
-from generation.logical.library import write
-
-if __name__ == "__main__":
-    print(*write(), sep="\n")

@@ -1,0 +1,308 @@
+"""Unguided runs: the gate that a density has to pass before it judges what is foreseeable, and the bound on unknown failures.
+
+Recordings replayed with their own values say how often the scenario and the system under test
+collide in traffic as it was. None of the recorded vehicles collided: a scenario in which careful
+drivers collide too does not replay the recordings. A density whose draws collide far more often
+than replays with the same system draws something else than traffic.
+
+Draws of the density that no search has guided or learnt from bound the probability of failures
+that the search has not found. Guided runs add nothing to that bound.
+
+The operational domain has the conditions that a system is made for: failures outside of them are
+not foreseeable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from generation.search.outcomes import Drivers, Outcomes, survivors
+from generation.space.density.roles import EGO, EGO_SPEED, Role
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import UsageError, nearest
+from schemas.common.terminal.text import many
+
+if TYPE_CHECKING:
+    from generation.space.space import Space
+    from runner.judging.settings import RunSettings
+
+Run = Callable[[FloatArray], Outcomes]
+
+CONFIDENCE = 0.95
+UNFAITHFUL = 0.01
+"""Share of colliding replays that is certainly exceeded where a scenario does not replay what was recorded."""
+
+
+TESTABLE = 0.05
+"""Share of colliding draws that a gate with power refuses, where replays do not collide"""
+
+
+class Share(NamedTuple):
+    """Share of runs that collided."""
+
+    collisions: int
+    runs: int
+
+    @classmethod
+    def of(cls, outcomes: Outcomes) -> Share:
+        """Of those that took place."""
+        return cls(int(outcomes.collision.sum()), int(outcomes.executed.sum()))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval of the probability, exact: C. Clopper, E. Pearson, Biometrika 26, 1934."""
+        from scipy.stats import binomtest
+
+        if not self.runs:
+            return 0.0, 1.0
+        found = binomtest(self.collisions, self.runs).proportion_ci(CONFIDENCE, "exact")
+        return float(found.low), float(found.high)
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        return f"{self.collisions} of {self.runs} ({low:.2%} to {high:.2%})"
+
+
+class Statement(NamedTuple):
+    """Upper bound on the probability of failures that a search has not found, from unguided draws of the density.
+
+    The draws are independent of the search: a draw that fails unlike all that it found is a trial
+    that hits an unknown failure. The bound is the one-sided one of Clopper and Pearson; with
+    `outside` = 0 it is 1 − 0.05^(1/draws).
+
+    Attributes:
+        draws: number of draws that were executed.
+        failing: number of draws that fail.
+        outside: number of draws that fail at a distance of `NEAR` or more from each failure that
+            the search found.
+    """
+
+    draws: int
+    failing: int
+    outside: int
+
+    @classmethod
+    def of(cls, outcomes: Outcomes, outside: BoolArray) -> Statement:
+        """Count draws; `outside` (n,) marks points that are unlike all failures of the search."""
+        failing = outcomes.executed & outcomes.collision
+        return cls(int(outcomes.executed.sum()), int(failing.sum()), int((failing & outside).sum()))
+
+    @property
+    def unknown(self) -> float:
+        """Probability that unknown failures stay below with 95 % confidence; 1 without draws."""
+        return _upper(self.outside, self.draws)
+
+    @property
+    def total(self) -> float:
+        """Probability that all failures together stay below with 95 % confidence; 1 without draws."""
+        return _upper(self.failing, self.draws)
+
+    def as_json(self) -> dict[str, float]:
+        """For files."""
+        bounds = {"unknown_below": self.unknown, "all_below": self.total, "confidence": CONFIDENCE}
+        return {**self._asdict(), "near": NEAR, **bounds}
+
+    def __str__(self) -> str:
+        if not self.draws:
+            return "no unguided draw was executed: nothing bounds the probability of failures that were not found"
+        near = (
+            ""
+            if not self.failing
+            else f", {self.outside} of these unlike all that the search found"
+        )
+        bound = f"with 95 % confidence failures that were not found have a probability below {self.unknown:.2g}"
+        return f"{self.failing} of {many(self.draws, 'unguided draw')} fail{near}: {bound} under this density"
+
+
+NO_DRAWS = Statement(0, 0, 0)
+NEAR = 0.1
+"""Distance from a found failure, as a share of the ranges, within which a failure is known"""
+
+
+def _upper(hits: int, trials: int) -> float:
+    """One-sided upper limit of a binomial probability: C. Clopper, E. Pearson, Biometrika 26, 1934."""
+    from scipy.stats import beta
+
+    return float(beta.ppf(CONFIDENCE, hits + 1, trials - hits)) if hits < trials else 1.0
+
+
+class Gate(NamedTuple):
+    """Test of a density.
+
+    Attributes:
+        replayed: recorded units with their own values; None where nothing is recorded.
+        drawn: draws of the density.
+        unprevented: replays in which the careful drivers collide too; None counts all that collide.
+        played: whether the twin played them.
+    """
+
+    replayed: Share | None
+    drawn: Share
+    unprevented: Share | None = None
+    played: bool = False
+
+    @property
+    def refusal(self) -> str | None:
+        """Why the density is no judge of what is foreseeable; None where it is one, or where there is nothing to hold it to."""
+        if self.replayed is None:
+            return None
+        unfaithful = self.unprevented or self.replayed
+        if unfaithful.interval[0] > UNFAITHFUL:
+            careful = " with each careful driver too" if self.unprevented is not None else ""
+            return f"{unfaithful} replays of recordings collide{careful}, where none of the recordings did"
+        if self.drawn.interval[0] > self.replayed.interval[1]:
+            return f"{self.drawn} of its draws collide, far more often than {self.replayed} replays of recordings"
+        return None
+
+    @property
+    def testable(self) -> bool:
+        """Whether replays and draws suffice to refuse a density that collides in `TESTABLE` of its draws."""
+        if self.replayed is None:
+            return False
+        poor = Share(round(TESTABLE * self.drawn.runs), self.drawn.runs)
+        return poor.interval[0] > self.replayed.interval[1]
+
+    def __str__(self) -> str:
+        if self.replayed is None:
+            return f"collisions in {self.drawn} draws of the density; nothing is recorded that could be replayed"
+        where = " on the twin" if self.played else ""
+        measured = f"collisions in {self.replayed} replays of recordings, in {self.drawn} draws of the density{where}"
+        if self.testable or self.refusal is not None:
+            return measured
+        return f"{measured}: not testable, as so few would pass a density of which {TESTABLE:.0%} collides"
+
+
+def replay_shares(units: FloatArray, replay: Run, drivers: Drivers) -> tuple[Share, Share]:
+    """Collisions of recorded rows (m, k), and those of them that no careful driver prevents."""
+    outcomes = replay(units)
+    colliding = np.flatnonzero(outcomes.executed & outcomes.collision)
+    share = Share.of(outcomes)
+    return share, Share(int((~survivors(units[colliding], drivers)).sum()), share.runs)
+
+
+R157, ROAD = "r157", "road"
+R157_SPEED = 130.0 / 3.6
+"""Greatest speed (m/s) of an automated lane keeping system: UN Regulation 157 with its 01 series of amendments"""
+_FORM = f"{R157}, {ROAD} or NAME=LOW..HIGH is expected, as Ego_Speed_mps=0..36"
+
+
+@dataclass(frozen=True)
+class Domain:
+    """Limits of parameters, which hold for what is searched and for what is pinned.
+
+    Attributes:
+        limits: least and greatest value by the parameter's name.
+    """
+
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.limits)
+
+    def holds(self, space: Space, theta: FloatArray) -> BoolArray:
+        """Points (n, d) of a space that are within it: (n,)."""
+        found, values = np.ones(len(theta), bool), space.by_name(theta)
+        for name, (low, high) in self.limits.items():
+            found &= (values[name] >= low) & (values[name] <= high)
+        return found
+
+    def __str__(self) -> str:
+        told = (f"{name} {low:g} to {high:g}" for name, (low, high) in self.limits.items())
+        return ", ".join(told) or "not limited"
+
+    @classmethod
+    def of(
+        cls,
+        texts: Sequence[str],
+        scenario: Path,
+        space: Space,
+        roles: Mapping[str, Role],
+        run: RunSettings,
+    ) -> Domain:
+        """The domain of texts: `r157`, the ego up to 130 km/h; `road`, the ego up to the greatest
+        speed limit of the scenario's roads; or a parameter's range.
+
+        Args:
+            roles: of the scenario's parameters, which tell the ego's speed.
+
+        Raises:
+            UsageError: a text is of no form, a parameter is not known, roads have no limit, or a
+                pinned value is outside.
+            InvalidFile: a road network is malformed.
+        """
+        found: dict[str, tuple[float, float]] = {}
+        values = space.by_name((space.low + space.high)[None] / 2)
+        for text in texts:
+            for name, (low, high) in _limits(text, scenario, roles, run).items():
+                if name not in values:
+                    raise UsageError(
+                        f"--domain {text}: there is no number {name!r}; {nearest(name, values)}",
+                        path=scenario,
+                    )
+                least, most = found.get(name, (low, high))
+                found[name] = max(low, least), min(high, most)
+                pinned = space.pinned.get(name)
+                if pinned is not None and not low <= float(pinned) <= high:
+                    raise UsageError(
+                        f"--domain {text}: {name} is pinned at {pinned}, outside {low:g} to {high:g}",
+                        path=scenario,
+                    )
+        return cls(found)
+
+
+EVERYWHERE = Domain()
+"""The domain without limits"""
+
+
+def _limits(
+    text: str, scenario: Path, roles: Mapping[str, Role], run: RunSettings
+) -> dict[str, tuple[float, float]]:
+    if text in (R157, ROAD):
+        most = R157_SPEED if text == R157 else _speed_limit(scenario, run)
+        speeds = {name: role for name, role in roles.items() if _is_ego_speed(role, roles)}
+        if not speeds:
+            raise UsageError(
+                f"--domain {text}: no parameter is known as the ego's speed; NAME=LOW..HIGH limits one",
+                path=scenario,
+            )
+        return {name: (0.0, most * role.factor) for name, role in speeds.items()}
+    name, equals, limits = text.partition("=")
+    low, dots, high = limits.partition("..")
+    try:
+        if not (name and equals and dots and float(low) < float(high)):
+            raise ValueError
+    except ValueError:
+        raise UsageError(f"--domain {text!r}: {_FORM}") from None
+    return {name: (float(low), float(high))}
+
+
+def _is_ego_speed(role: Role, roles: Mapping[str, Role]) -> bool:
+    """Whether it is the ego's speed: that of the vehicle that is not the actor, unless the ego acts itself."""
+    acts = any(each.actor == EGO and each.role == "start_speed" for each in roles.values())
+    return (
+        role.role in ("start_speed", "end_speed", "final_speed") and role.actor == EGO
+        if acts
+        else role.role == EGO_SPEED
+    )
+
+
+def _speed_limit(scenario: Path, run: RunSettings) -> float:
+    """Greatest speed limit (m/s) of the scenario's roads."""
+    from runner.engine.compile.road_network import load_roads
+    from xosc.document import load
+    from xosc.resolve import resolve
+
+    network, _ = load_roads(resolve(load(scenario), catalog_path=run.catalog_path), run)
+    limits = (
+        [record.speed for road in network.roads.values() for record in road.types if record.speed]
+        if network
+        else []
+    )
+    if not limits:
+        raise UsageError("--domain road: its roads have no speed limit", path=scenario)
+    return max(limits)

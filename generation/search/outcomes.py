@@ -1,0 +1,640 @@
+"""Outcomes of runs at points of a parameter space, and the judges of failures.
+
+Judges are reference drivers and the bound of full braking; they decide which failures are edge
+cases.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from generation.search.settings import Choice
+from generation.space.space import Space, apart, distinctive, diverse
+from runner.batch.jobs import CODES, Job, Outcome, failure
+from runner.batch.pool import Pool
+from runner.judging.measures.rss import parameter_set
+from runner.judging.result import INCONCLUSIVE
+from runner.judging.settings import RunSettings
+from runner.systems.base import Control, Observation, Participant
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.policy import limited
+from schemas.common.terminal.text import one_line
+
+if TYPE_CHECKING:
+    from runner.batch.pool import RayPool
+    from runner.judging.result import RunResult
+
+
+RISK_WINDOW = 3.0
+"""Time (s) up to the conflict over which `Outcomes.risk` is measured"""
+NOTHING: Mapping[str, Any] = {
+    "collision": False,
+    "r_risk": 0.0,
+    "min_ttc": math.inf,
+    "end_time": 0.0,
+    "status": "completed",
+    "error": "",
+    "risk": 0.0,
+    "max_drac": 0.0,
+    "clearance": math.inf,
+    "conflict": 0.0,
+    "impact_speed": 0.0,
+    "side": "",
+    "striking": False,
+}
+"""The outcome of an episode in which nothing happens, by the names of `Outcomes`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """Outcomes of n episodes; arrays of length n.
+
+    Args:
+        collision: whether the ego touched another participant.
+        r_risk: share of the time steps, up to a collision, in which a participant is nearer than
+            both RSS distances; 0 to 1. It depends on how long the scene is, and serves the
+            published reward alone.
+        min_ttc: least time to collision with the lead, s; 0 with a collision, infinite where there
+            never was a lead.
+        end_time: simulated time at the end, s.
+        status: `completed` (by the stop trigger), `timeout`, `error` (no run took place) or
+            `inconclusive` (it did not test what the file describes); with the last two the other
+            values say nothing.
+        error: what went wrong, or was not tested; empty where nothing did.
+        risk: share of the `RISK_WINDOW` up to the conflict in which a participant is nearer than
+            both RSS distances; time before the scene's start counts as safe, so that a short scene
+            gains nothing.
+        max_drac: greatest deceleration that just avoids a collision with the lead, m/s²; 0 where
+            there never was a lead.
+        clearance: least distance of the ego's box to another one, m; 0 with a collision, infinite
+            without others.
+        conflict: time of the first contact, else of the least clearance, s.
+        impact_speed: relative speed at the first contact, m/s; 0 without one.
+        side: side of the ego that is touched first: `front`, `rear`, `left`, `right`; empty without
+            contact.
+        striking: whether the ego hit the other one; false where it was hit, and without contact.
+    """
+
+    collision: BoolArray
+    r_risk: FloatArray
+    min_ttc: FloatArray
+    end_time: FloatArray
+    status: NDArray[np.str_]
+    error: NDArray[np.str_]
+    risk: FloatArray
+    max_drac: FloatArray
+    clearance: FloatArray
+    conflict: FloatArray
+    impact_speed: FloatArray
+    side: NDArray[np.str_]
+    striking: BoolArray
+
+    @classmethod
+    def of(cls, n: int, **known: Any) -> Outcomes:
+        """Of n episodes, with what is known of them; the rest as where nothing happens."""
+        columns = {
+            name: np.asarray(known.get(name, [value] * n), type(value))
+            for name, value in NOTHING.items()
+        }
+        return cls(**columns)
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def executed(self) -> BoolArray:
+        """The episodes that took place, and tested the system."""
+        return (self.status != "error") & ~self.inconclusive
+
+    @property
+    def inconclusive(self) -> BoolArray:
+        """The episodes that took place, but did not test what the file describes."""
+        return self.status == "inconclusive"
+
+    @property
+    def survived(self) -> BoolArray:
+        """The episodes that took place and have no collision."""
+        return self.executed & ~self.collision
+
+    @property
+    def critical(self) -> BoolArray:
+        """The episodes that took place and have a collision or a violation of RSS distances."""
+        return self.executed & (self.collision | (self.r_risk > 0.0))
+
+    def take(self, chosen: BoolArray | IntArray) -> Outcomes:
+        """Some of the episodes, by a mask (n,) or by indices."""
+        return Outcomes(
+            **{each.name: getattr(self, each.name)[chosen] for each in fields(Outcomes)}
+        )
+
+
+class Episodes(NamedTuple):
+    """Points (n, d), what came of them, and their rewards (n,)."""
+
+    theta: FloatArray
+    outcomes: Outcomes
+    rewards: FloatArray
+
+    def first(self, n: int) -> Episodes:
+        """The first n of them, or all."""
+        rows = np.arange(min(n, len(self.theta)))
+        return Episodes(self.theta[rows], self.outcomes.take(rows), self.rewards[rows])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Episodes]) -> Episodes:
+        """Several runs after each other, without empty parts."""
+        kept = [each for each in parts if len(each.theta)] or parts[:1]
+        theta, outcomes, rewards = zip(*kept, strict=True)
+        return cls(np.concatenate(theta), joined(outcomes), np.concatenate(rewards))
+
+
+def joined(parts: Sequence[Outcomes]) -> Outcomes:
+    """Outcomes one after the other."""
+    return Outcomes(
+        **{
+            each.name: np.concatenate([getattr(part, each.name) for part in parts])
+            for each in fields(Outcomes)
+        }
+    )
+
+
+Evaluate = Callable[[FloatArray], Outcomes]
+"""Outcomes of the points (n, d), in their order; `Evaluator` is one."""
+
+
+@dataclass(frozen=True)
+class SimulationJob(Job):
+    """A run.
+
+    Args:
+        sut: name of the system under test that drives the ego; None for that of the settings.
+    """
+
+    sut: str | None = None
+
+
+@dataclass(eq=False)
+class Simulator:
+    """Runs scenarios in lasting processes. A context manager.
+
+    The outcomes are the same whatever the number of processes; a run that fails, or takes its
+    process down, says so in them.
+
+    Args:
+        run: the settings of the runs. Their defaults are those of `xosc-run`, so that a generated
+            file gives the same verdict there.
+        rss: the RSS parameter set of R_risk.
+        processes: how many run at a time.
+        ray: address of a Ray cluster that does the runs, or `local` (`runner.batch.pool`); None for
+            processes on this machine.
+
+    Raises:
+        UsageError: a setting is wrong, or there is no such cluster.
+    """
+
+    _: KW_ONLY
+    run: RunSettings = field(default_factory=RunSettings)
+    rss: str = "ad-rss"
+    processes: int = 2
+    ray: str | None = None
+    calls: int = field(default=0, init=False)
+    """Runs so far: what a budget of simulator calls counts"""
+
+    def __post_init__(self) -> None:
+        parameter_set(self.rss)
+        work = partial(_episode, settings=self.run, rss=self.rss)
+        self._pool: Pool | RayPool = (
+            Pool(self.processes, work, _lost)
+            if self.ray is None
+            else _cluster(self.ray, self.processes, work)
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.close()
+
+    def of(self, jobs: Iterable[Job | Outcome]) -> Outcomes:
+        """The outcomes of jobs, in their order."""
+        found = list(self._pool.execute(iter(jobs)))
+        self.calls += len(found)
+        rows = [_row(one) for one in found]
+        return Outcomes.of(len(rows), **{name: [row[name] for row in rows] for name in NOTHING})
+
+
+@dataclass(eq=False)
+class Evaluator(Simulator):
+    """Runs a logical scenario at points of its parameter space; settings as those of `Simulator`.
+
+    Args:
+        scenario: the file.
+        space: the parameters that are searched, and the values of the others.
+    """
+
+    scenario: Path
+    space: Space
+
+    def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+        """The outcomes at points (n, d), in their order.
+
+        Args:
+            sut: name of the system under test, where another one than that of the settings is to
+                drive.
+        """
+        values = ({**self.space.pinned, **self.space.values(row)} for row in theta)
+        return self.of(
+            SimulationJob(str(number), self.scenario, self.scenario, each, sut=sut)
+            for number, each in enumerate(values)
+        )
+
+
+def measures(result: RunResult, rss: str) -> dict[str, Any]:
+    """The columns of `Outcomes` that a run says something about.
+
+    Args:
+        rss: name of the RSS parameter set.
+    """
+    collision, seen = bool(result.verdict.failures), result.criticality
+    if seen is None or seen.conflict is None:
+        return {"collision": collision}
+    found = {
+        "collision": collision,
+        "r_risk": seen.risk(rss) or 0.0,
+        "min_ttc": 0.0
+        if collision
+        else float(
+            seen.ttc.value[seen.ttc.valid].min(initial=math.inf)
+        ),  # a side is no lead's rear
+        "risk": seen.risk_before(rss, seen.conflict, RISK_WINDOW),
+        "max_drac": float(seen.drac.value[seen.drac.valid].max(initial=0.0)),
+        "clearance": float(seen.distance.value[seen.distance.valid].min()),
+        "conflict": seen.conflict,
+    }
+    impact = seen.impact
+    return (
+        found
+        if impact is None
+        else found
+        | {"impact_speed": impact.speed, "side": impact.side, "striking": impact.striking}
+    )
+
+
+def _cluster(address: str, processes: int, work: Callable[[Job], Outcome]) -> RayPool:
+    from runner.batch.pool import RayPool
+
+    return RayPool(address, processes, work, _lost)
+
+
+def _row(found: Outcome) -> dict[str, Any]:
+    """Return the columns of `Outcomes` for one run. An inconclusive run is neither a success of the system nor a failure."""
+    lost = found.state in ("error", INCONCLUSIVE)
+    status = found.state if lost else found.status
+    ended = {
+        "end_time": found.end_time or 0.0,
+        "status": status,
+        "error": found.message if lost else "",
+    }
+    return {**NOTHING, **found.measures, **ended}
+
+
+def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:
+    from runner.judging.execution import run
+
+    try:
+        chosen = (
+            replace(settings, sut=job.sut)
+            if isinstance(job, SimulationJob) and job.sut is not None
+            else settings
+        )
+        if (
+            chosen.end_after_collision is None
+        ):  # measures are of the whole encounter, with every driver
+            chosen = replace(chosen, end_after_collision=False)
+        with limited():
+            result = run(job.scenario, chosen, parameters=job.parameters)
+            verdict = result.verdict
+            found = measures(result, rss) if verdict.outcome != INCONCLUSIVE else {}
+    except Exception as error:  # whatever it is, the search goes on
+        return failure(job, error)
+    told = one_line("; ".join(verdict.reasons))
+    return Outcome(
+        job, verdict.outcome, CODES[verdict.outcome], told, result.status, result.end_time, found
+    )
+
+
+def _lost(job: Job, _signal: int | None) -> Outcome:
+    return Outcome(job, "error", 5, "the process that ran it died")
+
+
+_CHANGED = 1e-3
+"""Change of a speed (m/s) or of a lateral position (m) above which a vehicle is active"""
+
+
+@dataclass
+class FullBraking:
+    """Brakes fully from the first instant at which anyone changes speed or place in the lane, the ego itself included.
+
+    It is no system that could be built: it knows that whatever begins will be dangerous. What it
+    hits, braking does not avoid.
+
+    Args:
+        brake: deceleration, m/s².
+    """
+
+    brake: float = 9.0
+    _before: dict[str, tuple[float, float]] = field(init=False, repr=False, default_factory=dict)
+    _begun: bool = field(init=False, repr=False, default=False)
+
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
+        """Forget the last run."""
+        self._before, self._begun = {}, False
+
+    def control(self, observation: Observation, dt: float) -> Control:
+        """Nothing until the manoeuvre begins, then full braking."""
+        now = {
+            each.name: _state(observation, each) for each in (observation.ego, *observation.others)
+        }
+        self._begun = self._begun or any(
+            _changed(self._before[name], state)
+            for name, state in now.items()
+            if name in self._before
+        )
+        self._before = now
+        return Control(-self.brake, reason="the manoeuvre has begun") if self._begun else Control()
+
+
+def _state(observation: Observation, who: Participant) -> tuple[float, float]:
+    """Speed (m/s), and offset (m) from the middle of the lane; 0 off the roads."""
+    network = observation.network
+    return who.speed, network.locate(who.x, who.y, who.z).offset if network is not None else 0.0
+
+
+def _changed(before: tuple[float, float], now: tuple[float, float]) -> bool:
+    return any(abs(a - b) > _CHANGED for a, b in zip(before, now, strict=True))
+
+
+CAREFUL = "r157-cc"
+"""The careful and competent human driver of UN Regulation 157"""
+JUDGES = (CAREFUL, "fsm")
+"""A failure is preventable where one of these drivers survives the same case (METHOD.md §6)."""
+FULL_BRAKING = "generation.search.outcomes:FullBraking"
+"""Full braking from the instant at which the manoeuvre begins: what this hits, no braking from then on avoids"""
+NEVER_BRAKED = "nobody changes speed or lane before the contact, so that full braking never begins"
+REFERENCES: Mapping[str, str] = {
+    **{name: name for name in (*JUDGES, "aeb", "idm", "rss", "r157-reg")},
+    "full braking": FULL_BRAKING,
+}
+"""Systems under test by the names that reports have for them: the columns of the matrix of reference drivers."""
+Drivers = Callable[[FloatArray, str], Outcomes]
+"""Outcomes of points (n, d), driven by the system under test of a name; `generation.search.outcomes.Evaluator` is one."""
+
+
+def survivors(theta: FloatArray, drivers: Drivers) -> BoolArray:
+    """The points (n,) of (n, d) that one of the `JUDGES` survives; each is asked only where those before it have not."""
+    found = np.zeros(len(theta), bool)
+    for judge in JUDGES:
+        left = np.flatnonzero(~found)
+        if left.size:
+            found[left] = drivers(theta[left], judge).survived
+    return found
+
+
+class Matrix(NamedTuple):
+    """Outcomes of points with each of the reference drivers, by their names in reports.
+
+    Attributes:
+        drivers: outcomes by name.
+        agreed: verdicts of the judges, all the same on the twin, on which the others were played; 0
+            where all were run.
+    """
+
+    drivers: Mapping[str, Outcomes]
+    agreed: int = 0
+
+
+def matrix(theta: FloatArray, drivers: Drivers, twin: Drivers | None = None) -> Matrix:
+    """The matrix of points (n, d). The judges are run; the others are played on the twin, if it agrees with all verdicts of the
+    judges, and run otherwise.
+
+    Args:
+        twin: plays points with the system of a name; None for none.
+    """
+    judged = {name: drivers(theta, REFERENCES[name]) for name in JUDGES}
+    others = {name: sut for name, sut in REFERENCES.items() if name not in JUDGES}
+    if (
+        twin is None
+        or not len(theta)
+        or not all(agrees(judged[name], twin(theta, REFERENCES[name])) for name in JUDGES)
+    ):
+        return Matrix(judged | {name: _driven(theta, sut, drivers) for name, sut in others.items()})
+    return Matrix(
+        judged | {name: _driven(theta, sut, twin) for name, sut in others.items()},
+        len(JUDGES) * len(theta),
+    )
+
+
+def _driven(theta: FloatArray, sut: str, drivers: Drivers) -> Outcomes:
+    """Outcomes of a driver; where full braking never begins, its collision says nothing of what braking can do, and counts as a
+    run that failed: it is the same as that of what the scenario scripts alone."""
+    found = drivers(theta, sut)
+    rows = np.flatnonzero(found.executed & found.collision)
+    if sut != FULL_BRAKING or not rows.size:
+        return found
+    hit, scripted = found.take(rows), drivers(theta[rows], "none")
+    same = np.isclose(hit.conflict, scripted.conflict) & np.isclose(
+        hit.impact_speed, scripted.impact_speed
+    )
+    never = np.zeros(len(theta), bool)
+    never[rows] = scripted.executed & scripted.collision & same
+    status, error = (
+        np.where(never, "error", found.status),
+        np.where(never, NEVER_BRAKED, found.error),
+    )
+    return replace(found, status=status, error=error, collision=found.collision & ~never)
+
+
+def agrees(one: Outcomes, other: Outcomes) -> bool:
+    """Whether all points were executed twice, with the same verdicts."""
+    return bool(((one.collision == other.collision) & one.executed & other.executed).all())
+
+
+def remembering(drivers: Drivers) -> Drivers:
+    """The same drivers, which run no case twice with the same system."""
+    known: dict[tuple[str, tuple[float, ...]], Outcomes] = {}
+
+    def driving(theta: FloatArray, sut: str) -> Outcomes:
+        keys = [(sut, tuple(row)) for row in theta.tolist()]
+        missing = {key: row for row, key in enumerate(keys) if key not in known}
+        if missing:
+            found = drivers(theta[list(missing.values())], sut)
+            known.update((key, found.take(np.array([place]))) for place, key in enumerate(missing))
+        return joined([known[key] for key in keys]) if keys else Outcomes.of(0)
+
+    return driving
+
+
+COLLISION, VIOLATION = "collision", "violation of RSS distances"
+AVOIDED, UNKNOWN = "avoids a collision", "unknown: the run failed"
+Judged = Callable[[FloatArray], tuple[FloatArray, BoolArray]]
+"""Log-densities (n,) of points (n, d), and which of them are foreseeable."""
+
+
+_FARTHEST = 1e3
+"""Clearances above this (m), and log-densities below its negative, are written as this"""
+
+
+@dataclass(frozen=True, eq=False)
+class Cases:
+    """Edge cases, one a row: failures first, the likelier first.
+
+    Attributes:
+        theta: parameters (n, d).
+        outcomes, rewards: what came of them.
+        log_likelihood: log-density (n,) at theta.
+        drivers: what came of the reference drivers there, by their names
+            (`generation.search.outcomes.REFERENCES`).
+        agreed: verdicts of the judges that the twin shares, all of them, where it played the other
+            drivers; 0 where all were run.
+    """
+
+    theta: FloatArray
+    outcomes: Outcomes
+    rewards: FloatArray
+    log_likelihood: FloatArray
+    drivers: Mapping[str, Outcomes]
+    agreed: int = 0
+
+    def __len__(self) -> int:
+        return len(self.rewards)
+
+    def take(self, rows: BoolArray | IntArray) -> Cases:
+        """Some of them, by a mask (n,) or by indices."""
+        drivers = {name: each.take(rows) for name, each in self.drivers.items()}
+        return Cases(
+            self.theta[rows],
+            self.outcomes.take(rows),
+            self.rewards[rows],
+            self.log_likelihood[rows],
+            drivers,
+            self.agreed,
+        )
+
+    @property
+    def careful(self) -> Outcomes:
+        """Outcomes with the careful and competent driver of UN R157."""
+        return self.drivers[CAREFUL]
+
+    @property
+    def avoidable(self) -> BoolArray:
+        """The collisions (n,) that the careful driver is known to avoid."""
+        return self.outcomes.collision & self.careful.survived
+
+    def tags(self) -> dict[str, list[str] | list[float]]:
+        """The values of each case, by the names of their tags."""
+        outcomes = self.outcomes
+        survived = {name: found.survived for name, found in self.drivers.items()}
+        return {
+            "Verdict": [COLLISION if collided else VIOLATION for collided in outcomes.collision],
+            "CarefulDriver": np.select(
+                [self.careful.survived, self.careful.collision], [AVOIDED, COLLISION], UNKNOWN
+            ).tolist(),
+            "SurvivedBy": [
+                ", ".join(name for name in survived if survived[name][row])
+                for row in range(len(self))
+            ],
+            "Reward": _rounded(self.rewards),
+            "LogLikelihood": _rounded(np.maximum(self.log_likelihood, -_FARTHEST)),
+            "RRisk": _rounded(outcomes.r_risk),
+            "Risk": _rounded(outcomes.risk),
+            "ConflictTime": _rounded(outcomes.conflict),
+            "Clearance": _rounded(np.minimum(outcomes.clearance, _FARTHEST)),
+            "MaxDRAC": _rounded(outcomes.max_drac),
+            "ImpactSpeed": _rounded(outcomes.impact_speed),
+            "ImpactSide": outcomes.side.tolist(),
+            "Striking": np.where(
+                outcomes.striking, "ego", np.where(outcomes.side != "", "other", "")
+            ).tolist(),
+        }
+
+
+def choose(
+    space: Space,
+    episodes: Episodes,
+    judged: Judged,
+    drivers: Drivers,
+    choice: Choice = Choice(),  # noqa: B008 - frozen
+    found: FloatArray | None = None,
+    twin: Drivers | None = None,
+) -> Cases:
+    """The foreseeable and preventable failures that are far enough from each other, the likelier first.
+
+    Args:
+        judged: says how likely points are, and which are foreseeable.
+        drivers: runs scenarios with a system under test of a name.
+        found: points (m, d) that the cases are to be far enough from as well.
+        twin: plays reference drivers that are no judges, where it agrees with the judges' runs;
+            None for none.
+    """
+    drivers = remembering(drivers)
+    log_likelihood, foreseeable = judged(episodes.theta)
+    executed, collision = episodes.outcomes.executed, episodes.outcomes.collision
+    order = np.argsort(-log_likelihood, kind="stable")
+    taken = _Taken(space, choice, found)
+    taken.add(
+        episodes.theta,
+        order[(executed & collision & foreseeable)[order]],
+        lambda rows: survivors(rows, drivers),
+    )
+    if choice.violations:
+        touched = executed & ~collision & foreseeable & (episodes.outcomes.risk > 0.0)
+        taken.add(episodes.theta, order[touched[order]], lambda rows: np.ones(len(rows), bool))
+    chosen = np.array(taken.rows, np.int64)
+    theta = episodes.theta[chosen]
+    references = matrix(theta, drivers, twin)
+    outcomes = episodes.outcomes.take(chosen)
+    return Cases(theta, outcomes, episodes.rewards[chosen], log_likelihood[chosen], *references)
+
+
+class _Taken:
+    """The rows that are cases so far."""
+
+    def __init__(self, space: Space, choice: Choice, found: FloatArray | None) -> None:
+        self.rows: list[int] = []
+        self._space, self._choice, self._told = space, choice, distinctive(space)
+        self._found = np.empty((0, len(space.parameters))) if found is None else found
+
+    def add(
+        self, theta: FloatArray, order: IntArray, counts: Callable[[FloatArray], BoolArray]
+    ) -> None:
+        """Take rows in an order, those that count and are apart; no row is looked at that is near to one taken.
+
+        Args:
+            theta: all points (n, d). order: of the rows that may be taken.
+            counts: which of some points (k, d) count; to be asked of as few as possible.
+        """
+        unit, found = (self._space.unit(rows)[:, self._told] for rows in (theta, self._found))
+        order = order[
+            apart(unit[order], np.concatenate([unit[self.rows], found]), self._choice.apart)
+        ]
+        while order.size and len(self.rows) < self._choice.most:
+            some = order[
+                diverse(unit[order], self._choice.apart, self._choice.most - len(self.rows))
+            ]
+            self.rows += some[counts(theta[some])].tolist()
+            order = order[~np.isin(order, some)]
+            order = order[apart(unit[order], unit[self.rows], self._choice.apart)]
+
+
+def _rounded(values: FloatArray) -> list[float]:
+    """Values to six decimal digits."""
+    found: list[float] = np.round(values, 6).tolist()
+    return found

@@ -1,0 +1,267 @@
+"""Settings of searches and of the loop: the options of `xosc-generate` and `xosc-loop` have their defaults from here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from generation.search.methods import DEFAULT as METHOD
+from generation.search.methods import offered
+from generation.space.density.models import JUDGE, UNIFORM, models
+from generation.space.density.roles import ROLES
+from runner.judging.settings import RunSettings
+from schemas.common.errors import UsageError
+from schemas.common.terminal.options import option, part
+
+if TYPE_CHECKING:
+    from generation.space.density.marginals import Marginal
+
+_OPTIONS = {"recordings": "recorded", "pinned": "pin", "maps": "map"}
+_DECIDE_NOTHING = ("run", "processes", "ask", "against", "overwrite")
+"""Options of the command by the attributes of `Ask` that are not called so."""
+_METHODS = tuple(offered())
+
+
+def _offered(name: str) -> str:
+    """A wrong name is better known before anything else is asked for."""
+    if name not in _METHODS:
+        raise UsageError(f"there is no search method {name!r}; methods: {', '.join(_METHODS)}")
+    return name
+
+
+def _method() -> Any:
+    return option(METHOD, f"Search method: {', '.join(_METHODS)}.", callback=_offered)
+
+
+def _processes() -> Any:
+    return option(2, "Number of processes.", "--jobs", "-j", parameter="jobs", min=1, metavar="N")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which episodes become files.
+
+    Attributes:
+        most: how many.
+        apart: least distance of two in the unit cube, root mean square over the parameters that
+            tell cases apart.
+        violations: whether episodes that violate RSS distances without a failure are cases too,
+            after the failures.
+    """
+
+    most: int = option(100, "Most edge cases to write.", min=1, metavar="N")
+    apart: float = option(
+        0.05, "Least distance of two edge cases, as a share of the ranges.", min=0.0
+    )
+    violations: bool = option(
+        False,
+        "Write violations of RSS distances as edge cases too, after the failures.",
+        "--violations",
+    )
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Settings of a search.
+
+    Attributes:
+        run: how scenarios are run, with the system under test; `seed` is that of the search.
+        method: name of the search method (`generation.search.methods`).
+        budget: simulator calls.
+        seed: of the search.
+        density: name of the density model (`generation.space.density.models`).
+        weight: of realism in the reward; None for the one of `Reward`.
+        rss: name of the RSS parameter set.
+        processes: how many runs at a time.
+        ray: address of a Ray cluster that does the runs, or `local`; None for processes on this
+            machine.
+        pinned: values of parameters that are not searched.
+        free: names of parameters to search besides the default ones.
+        marginals: densities, and ranges, of parameters to search besides.
+        default: whether to search what is searched by default; otherwise only what is free or has a
+            range.
+        choice: which episodes become files.
+        concrete: whether each case becomes a scenario of its own as well.
+        estimate: whether to estimate the rate of failures, by `RUNS` more runs, at most the budget.
+        domain: limits of the operational domain as texts (`generation.search.gate.Domain`).
+        minutes: time after which the search ends, whatever is left of its budget; None for no
+            limit.
+        every: runs after which what was found so far is written; None to write once, at the end.
+        overwrite: whether files in the way are replaced that no earlier search wrote as they are.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> settings = xt.SearchSettings(run=xt.RunSettings(sut="adas"), budget=100, seed=1)
+        >>> settings.budget, settings.run.sut
+        (100, 'adas')
+    """
+
+    run: RunSettings = part(
+        RunSettings, "timestep", "sut", "max_time", "world", "road_path", "catalog_path"
+    )
+    method: str = _method()
+    budget: int = option(3000, "Runs that the search may spend.", min=1, metavar="N")
+    seed: int = option(0, "Seed of the search.")
+    density: str = JUDGE
+    weight: float | None = option(
+        None, "Weight of realism in the reward.  [default: the method's]", min=0.0
+    )
+    rss: str = option("ad-rss", "RSS parameter set: ad-rss, r157.")
+    processes: int = _processes()
+    ray: str | None = option(
+        None,
+        "Run on this Ray cluster; 'local' starts one of --jobs processes on this machine.",
+        metavar="ADDRESS",
+    )
+    pinned: Mapping[str, str] = field(default_factory=dict)
+    free: Sequence[str] = ()
+    marginals: Mapping[str, Marginal] = field(default_factory=dict)
+    default: bool = True
+    choice: Choice = part(Choice)
+    concrete: bool = option(
+        False, "Write each edge case as a scenario of its own too.", "--concrete"
+    )
+    estimate: bool = option(
+        False,
+        "Estimate how often traffic makes the system fail, by at most 600 more runs.",
+        "--estimate",
+    )
+    domain: Sequence[str] = option(
+        (),
+        "Operational domain of the system: r157 (ego up to 130 km/h), road (its speed limit), NAME=LOW..HIGH (repeatable).",
+        "--domain",
+        metavar="LIMIT",
+    )
+    minutes: float | None = option(
+        None,
+        "End the search after so many minutes; the same command goes on.",
+        min=0.0,
+        metavar="M",
+    )
+    every: int | None = option(None, "Write the report after each N runs too.", min=1, metavar="N")
+    overwrite: bool = option(
+        False, "Replace what is in the way in --out, also files that were edited.", "--overwrite"
+    )
+
+
+@dataclass(frozen=True)
+class Ask:
+    """Options of searches as texts.
+
+    Attributes:
+        recordings: `--recorded`. kind: `--kind`. density: `--density`.
+        pinned: `--pin`, by name. free: `--free`. maps: `--map`.
+    """
+
+    recordings: Path | None = option(
+        None,
+        "Recordings, or a table of their units.  [default: our own recordings' units]",
+        "--recorded",
+        parameter="recorded",
+        metavar="PATH",
+    )
+    kind: str | None = option(
+        None, "Kind of recorded units: cut_in, cut_out, lane_change, braking, acceleration."
+    )
+    density: str = option(
+        JUDGE,
+        f"Density of recorded parameters: {', '.join(models())}; or {UNIFORM} within all limits, without recordings.",
+    )
+    pinned: Mapping[str, str] = option(
+        {},
+        "Keep a parameter at a value (repeatable).",
+        "--pin",
+        parameter="pin",
+        metavar="NAME=VALUE",
+    )
+    free: Sequence[str] = option(
+        (),
+        "Search a parameter besides the default ones, or a literal, as 87@value=10..40, between these limits (repeatable).",
+        "--free",
+        metavar="NAME[=LOW..HIGH]",
+    )
+    maps: Sequence[str] = option(
+        (),
+        f"What a parameter is in recordings: {', '.join(ROLES)} (repeatable).",
+        "--map",
+        metavar="NAME=ROLE[*FACTOR]",
+    )
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """Settings of a loop.
+
+    Attributes:
+        run: how scenarios are run, with the system under test; `seed` is that of the searches.
+        model: folder of the model that recognises; None for the rules alone.
+        rounds: how often is searched; each round after the first starts from the failures of those
+            before.
+        budget: simulator calls of each search: one for each class or scenario and round.
+        most: edge cases that each search writes.
+        shown: recorded scenarios of each class that can be played on the page.
+        sample: parameter sets of each variation file that are run, where it has more; drawn by the
+            seed.
+        method: of the search.
+        seed: of everything random.
+        processes: how many runs, or searches of several targets, at a time.
+        ask: what to search of the user's own scenarios, and what is likely of it.
+        against: output folder of an earlier loop, of another version of the system under test; None
+            to compare with none.
+        overwrite: whether its searches replace files in the way that no earlier search wrote as
+            they are.
+    """
+
+    run: RunSettings = part(RunSettings, "sut", "road_path", "catalog_path")
+    model: Path | None = None
+    rounds: int = option(
+        2, "Rounds of search; each starts from failures before it.", min=1, metavar="N"
+    )
+    budget: int = option(300, "Runs of each search: one a class and round.", min=1, metavar="N")
+    most: int = option(6, "Most edge cases that a search writes.", min=1, metavar="N")
+    shown: int = option(12, "Recorded scenarios of each class with a replay.", min=1, metavar="N")
+    sample: int = option(
+        50,
+        "Most parameter sets of each variation file that are run, drawn by the seed.",
+        min=1,
+        metavar="N",
+    )
+    method: str = _method()
+    seed: int = option(0, "Seed of everything random.")
+    processes: int = _processes()
+    ask: Ask = part(Ask)
+    against: Path | None = option(
+        None,
+        "Replay the failures in the output folder of a loop of another version of the system.",
+        metavar="DIR",
+    )
+    overwrite: bool = option(
+        False, "Replace what is in the way in --out, also files that were edited.", "--overwrite"
+    )
+
+    def deciding(self) -> dict[str, str]:
+        """Return the settings that decide the findings, as texts by name; those of `ask` by option."""
+        own = {name: value for name, value in asdict(self).items() if name not in _DECIDE_NOTHING}
+        ask = {_OPTIONS.get(name, name): value for name, value in asdict(self.ask).items()}
+        return {name: _text(value) for name, value in (self.run.as_json() | own | ask).items()}
+
+    def search(self, number: int) -> SearchSettings:
+        """The settings of the searches of a round, whose number counts from 1."""
+        seed = self.seed + 1000 * (number - 1)
+        return SearchSettings(
+            run=self.run, method=self.method, budget=self.budget, seed=seed, processes=self.processes, density=self.ask.density,
+            choice=Choice(self.most, violations=True), concrete=True, overwrite=self.overwrite,
+        )  # fmt: skip
+
+
+def _text(value: Any) -> str:
+    """A setting as it is read: a dash where none is given."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, Mapping):
+        value = [f"{name}={each}" for name, each in value.items()]
+    if isinstance(value, list | tuple):
+        value = ", ".join(map(str, value))
+    return "–" if value is None or value == "" else str(value)

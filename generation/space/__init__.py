@@ -1,0 +1,1 @@
+"""The space that is searched: parameters of a logical scenario and how likely their values are."""

@@ -1,0 +1,438 @@
+"""Stated densities of single parameters (ranges, distributions of OpenSCENARIO), and the prior they make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, singledispatch
+from typing import Any, Protocol
+
+import numpy as np
+
+from generation.space.density.prior import FORESEEABLE, Prior
+from schemas.common.array_types import BoolArray, FloatArray
+from schemas.common.errors import UsageError
+from xosc.distributions import (
+    DistributionRange,
+    DistributionSet,
+    Histogram,
+    LogNormalDistribution,
+    NormalDistribution,
+    PoissonDistribution,
+    ProbabilityDistributionSet,
+    UniformDistribution,
+)
+
+_TAIL = 1e-4
+"""Probability that a distribution without limits has below and above the range that is searched."""
+_MOST_CHOICES = 1000
+
+
+class Marginal(Protocol):
+    """p(x) of one parameter; values are continuous, or some choices."""
+
+    @property
+    def low(self) -> float:
+        """Least value."""
+
+    @property
+    def high(self) -> float:
+        """Greatest value."""
+
+    @property
+    def choices(self) -> tuple[float, ...]:
+        """The only values."""
+
+    @property
+    def follows(self) -> Mapping[float, Mapping[str, str]]:
+        """Values of other parameters by name that belong to each of the only values."""
+
+    def log_density(self, values: FloatArray) -> FloatArray:
+        """log p of values (n,), −∞ outside; of choices, that of the nearest one."""
+
+    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
+        """Draws (n,)."""
+
+
+@dataclass(frozen=True)
+class PiecewiseConstant:
+    """Pieces of constant density: one for a range, several for a histogram.
+
+    Attributes:
+        edges: from piece to piece (k + 1,), ascending.
+        weights: of the pieces (k,), not negative.
+    """
+
+    edges: tuple[float, ...]
+    weights: tuple[float, ...] = (1.0,)
+    choices: tuple[float, ...] = ()
+    follows: Mapping[float, Mapping[str, str]] = field(default_factory=dict)
+
+    @property
+    def low(self) -> float:
+        """Least value."""
+        return self.edges[0]
+
+    @property
+    def high(self) -> float:
+        """Greatest value."""
+        return self.edges[-1]
+
+    def log_density(self, values: FloatArray) -> FloatArray:
+        """log p of values (n,)."""
+        edges, weights = np.array(self.edges), np.array(self.weights)
+        with np.errstate(divide="ignore"):
+            pieces = np.log(weights / weights.sum() / np.diff(edges))
+        found: FloatArray = pieces[
+            np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(weights) - 1)
+        ]
+        return np.where((values >= self.low) & (values <= self.high), found, -np.inf)
+
+    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
+        """Draws (n,)."""
+        weights = np.array(self.weights) / sum(self.weights)
+        piece = generator.choice(len(weights), size=n, p=weights)
+        edges = np.array(self.edges)
+        return edges[piece] + generator.random(n) * np.diff(edges)[piece]
+
+
+@dataclass(frozen=True, eq=False)
+class Continuous:
+    """A distribution of scipy, cut to a range.
+
+    Attributes:
+        of: the distribution, frozen.
+    """
+
+    of: Any
+    low: float
+    high: float
+    choices: tuple[float, ...] = ()
+    follows: Mapping[float, Mapping[str, str]] = field(default_factory=dict)
+
+    def log_density(self, values: FloatArray) -> FloatArray:
+        """log p of values (n,)."""
+        inside = (values >= self.low) & (values <= self.high)
+        share = self.of.cdf(self.high) - self.of.cdf(self.low)
+        return np.where(inside, self.of.logpdf(values) - np.log(share), -np.inf)
+
+    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
+        """Draws (n,)."""
+        low, high = self.of.cdf(self.low), self.of.cdf(self.high)
+        return np.clip(self.of.ppf(low + generator.random(n) * (high - low)), self.low, self.high)
+
+
+@dataclass(frozen=True)
+class Choices:
+    """Some values with their weights; a density in that each value has the cell of what is nearest to it."""
+
+    choices: tuple[float, ...]
+    weights: tuple[float, ...]
+    follows: Mapping[float, Mapping[str, str]] = field(default_factory=dict)
+
+    @property
+    def low(self) -> float:
+        """Least value."""
+        return self.choices[0]
+
+    @property
+    def high(self) -> float:
+        """Greatest value."""
+        return self.choices[-1]
+
+    def log_density(self, values: FloatArray) -> FloatArray:
+        """log p of values (n,)."""
+        points = np.array(self.choices)
+        middles = 0.5 * (points[1:] + points[:-1])
+        cells = np.diff([points[0], *middles, points[-1]])
+        with np.errstate(divide="ignore"):
+            found = np.log(np.array(self.weights) / sum(self.weights) / cells)[
+                np.searchsorted(middles, values)
+            ]
+        return np.where((values >= self.low) & (values <= self.high), found, -np.inf)
+
+    def sample(self, n: int, generator: np.random.Generator) -> FloatArray:
+        """Draws (n,)."""
+        return generator.choice(self.choices, size=n, p=np.array(self.weights) / sum(self.weights))
+
+
+def uniform(low: float, high: float) -> Marginal:
+    """Every value of a range alike.
+
+    Raises:
+        UsageError: it is empty.
+    """
+    if not (np.isfinite([low, high]).all() and low < high):
+        raise UsageError(
+            f"{low:g}..{high:g} is no range: two finite numbers are expected, the lower one first"
+        )
+    return PiecewiseConstant((low, high))
+
+
+@singledispatch
+def marginal(of: object) -> Marginal | str:
+    """Return a standard distribution's density of one parameter, or its only value.
+
+    Raises:
+        UsageError: it has no density that can be searched.
+    """
+    raise UsageError(
+        f"a {type(of).__name__} has no density that can be searched: pin its parameter"
+    )
+
+
+@marginal.register
+def _range(of: DistributionRange) -> Marginal | str:
+    low, high = of.range.lower_limit, of.range.upper_limit
+    return uniform(low, high) if low < high else of.value(0)
+
+
+@marginal.register
+def _uniform(of: UniformDistribution) -> Marginal | str:
+    return uniform(of.range.lower_limit, of.range.upper_limit)
+
+
+@marginal.register
+def _histogram(of: Histogram) -> Marginal | str:
+    bins = sorted((each.range.lower_limit, each.range.upper_limit, each.weight) for each in of.bins)
+    edges: list[float] = [bins[0][0]]
+    weights: list[float] = []
+    for low, high, weight in bins:
+        if low < edges[-1]:
+            raise UsageError("bins of this Histogram overlap: pin its parameter")
+        if low > edges[-1]:
+            edges, weights = [*edges, low], [*weights, 0.0]
+        edges, weights = [*edges, high], [*weights, weight]
+    return PiecewiseConstant(tuple(edges), tuple(weights))
+
+
+@marginal.register
+def _normal(of: NormalDistribution) -> Marginal | str:
+    from scipy import stats
+
+    if not of.variance:
+        return repr(of.expected_value)
+    if isinstance(of, LogNormalDistribution):
+        spread = np.log1p(of.variance / of.expected_value**2)
+        known = stats.lognorm(np.sqrt(spread), scale=of.expected_value * np.exp(-0.5 * spread))
+    else:
+        known = stats.norm(of.expected_value, np.sqrt(of.variance))
+    limits = (
+        (known.ppf(_TAIL), known.ppf(1 - _TAIL))
+        if of.range is None
+        else (of.range.lower_limit, of.range.upper_limit)
+    )
+    return Continuous(known, float(max(limits[0], known.support()[0])), float(limits[1]))
+
+
+@marginal.register
+def _poisson(of: PoissonDistribution) -> Marginal | str:
+    from scipy import stats
+
+    known = stats.poisson(of.expected_value)
+    low, high = known.ppf([_TAIL, 1 - _TAIL])
+    if of.range is not None:
+        low, high = np.ceil(of.range.lower_limit), np.floor(of.range.upper_limit)
+    counts = np.arange(max(low, 0.0), high + 1)
+    if len(counts) > _MOST_CHOICES:
+        raise UsageError(
+            f"a PoissonDistribution of {len(counts)} counts has more than can be searched: give it a Range"
+        )
+    return _chosen(counts.tolist(), known.pmf(counts).tolist())
+
+
+@marginal.register
+def _probabilities(of: ProbabilityDistributionSet) -> Marginal | str:
+    values, weights = zip(*of.elements, strict=True)
+    return _listed(list(values), list(weights))
+
+
+@marginal.register
+def _set(of: DistributionSet) -> Marginal | str:
+    return _listed(list(of.values), [1.0] * len(of.values))
+
+
+def _listed(values: list[str], weights: list[float]) -> Marginal | str:
+    """Numbers as choices; of words the likeliest, the first one where all are alike."""
+    try:
+        numbers = [float(value) for value in values]
+    except ValueError:
+        return max(zip(weights, reversed(range(len(values))), values, strict=True))[2]
+    return _chosen(numbers, weights) if len(set(numbers)) > 1 else values[0]
+
+
+def _chosen(numbers: list[float], weights: list[float]) -> Marginal | str:
+    total: dict[float, float] = {}
+    for number, weight in zip(numbers, weights, strict=True):
+        total[number] = total.get(number, 0.0) + weight
+    kept = sorted(number for number, weight in total.items() if weight > 0.0)
+    return (
+        Choices(tuple(kept), tuple(total[number] for number in kept))
+        if len(kept) > 1
+        else repr(kept[0])
+    )
+
+
+_COUNTED = 2000
+"""Draws that say which share is possible, and how likely 99 % of all are."""
+Admits = Callable[[FloatArray], BoolArray]
+"""Rows (n, d) that keep the scenario's constraints (n,)."""
+
+
+class DeclaredPrior(Prior):
+    """p(θ) = Π_j p_j(θ_j), as stated, within the scenario's constraints.
+
+    Args:
+        marginals: of the parameters, in the order of the columns.
+        admits: rows that keep the constraints; all where it is None.
+        nuisances: names of the columns that are nuisances.
+        theta: rows (m, d) in the place of recorded ones.
+    """
+
+    def __init__(
+        self,
+        marginals: Mapping[str, Marginal],
+        admits: Admits | None,
+        nuisances: Sequence[str] = (),
+        theta: FloatArray | None = None,
+    ) -> None:
+        self.names, self._marginals, self._admits = (
+            tuple(marginals),
+            list(marginals.values()),
+            admits,
+        )
+        self.low = np.array([each.low for each in self._marginals])
+        self.high = np.array([each.high for each in self._marginals])
+        self.nuisances = tuple(nuisances)
+        self.theta = np.empty((0, len(self.names))) if theta is None else theta
+        self.recordings = np.full(len(self.theta), "drawn")
+
+    def possible(self, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that are in the box and keep the constraints: (n,)."""
+        found = self.inside(theta)
+        if self._admits is not None:
+            found[found] = self._admits(theta[found])
+        return found
+
+    def _raw(self, theta: FloatArray) -> FloatArray:
+        found = np.zeros(len(theta))
+        for name, each, values in zip(self.names, self._marginals, theta.T, strict=True):
+            if name not in self.nuisances:
+                found += each.log_density(values)
+        return found
+
+    def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
+        return np.stack([each.sample(n, generator) for each in self._marginals], axis=1)
+
+    @cached_property
+    def _log_share(self) -> float:
+        share = float(self.possible(self._draw(_COUNTED, np.random.default_rng(0))).mean())
+        if not share:
+            raise UsageError("no values of the parameters keep the scenario's constraints")
+        return float(np.log(share))
+
+    @cached_property
+    def limit(self) -> float:
+        """log p that all but 1 % of draws reach."""
+        return float(
+            np.quantile(
+                self.log_density(self.sample(_COUNTED, np.random.default_rng(0))), FORESEEABLE
+            )
+        )
+
+    def log_density(self, theta: FloatArray) -> FloatArray:
+        """log p of rows (n, d): (n,)."""
+        return np.where(self.possible(theta), self._raw(theta) - self._log_share, -np.inf)
+
+    def _foreseeable(self, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that are possible and no less likely than 99 % of draws: (n,)."""
+        found: BoolArray = (
+            self.log_density(theta) >= self.limit - 1e-9
+        )  # all of a uniform density are alike but for rounding
+        return found
+
+    def with_nuisances(self, theta: FloatArray) -> FloatArray:
+        """Rows (n, d) as they are: nothing is recorded of nuisances."""
+        return theta
+
+
+class JointPrior(Prior):
+    """Parts that are independent of each other, each of some columns.
+
+    Args:
+        names: of all columns, in their order.
+        parts: priors of some of them each; the recorded rows are those of the first one.
+        admits: rows that keep the scenario's constraints.
+        alone: priors of some columns that say with the others what is foreseeable, and are no part
+            of the density.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        parts: Sequence[Prior],
+        admits: Admits,
+        alone: Sequence[Prior] = (),
+    ) -> None:
+        self.names, self._parts, self._admits, self._alone = (
+            tuple(names),
+            list(parts),
+            admits,
+            list(alone),
+        )
+        owner = {name: part for part in parts for name in part.names}
+        self.low = np.array([owner[name].low[owner[name].names.index(name)] for name in names])
+        self.high = np.array([owner[name].high[owner[name].names.index(name)] for name in names])
+        self.nuisances = tuple(name for part in parts for name in part.nuisances)
+        self.theta, self.recordings = (
+            np.empty((len(parts[0].theta), len(self.names))),
+            parts[0].recordings,
+        )
+        generator = np.random.default_rng(0)
+        for part in parts:
+            rows = part.theta if part is parts[0] else part.sample(len(self.theta), generator)
+            self.theta[:, self.columns(part.names)] = rows
+
+    def _columns(self, part: Prior, theta: FloatArray) -> FloatArray:
+        return theta[:, self.columns(part.names)]
+
+    def _draw(self, n: int, generator: np.random.Generator) -> FloatArray:
+        theta = np.empty((n, len(self.names)))
+        for part in self._parts:
+            theta[:, self.columns(part.names)] = part.sample(n, generator)
+        return theta
+
+    def possible(self, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that are possible in each part: (n,)."""
+        found = np.all([part.possible(self._columns(part, theta)) for part in self._parts], axis=0)
+        found[found] = self._admits(theta[found])
+        return found
+
+    @cached_property
+    def _log_share(self) -> float:
+        share = float(self._admits(self._draw(_COUNTED, np.random.default_rng(0))).mean())
+        if not share:
+            raise UsageError("no values of the parameters keep the scenario's constraints")
+        return float(np.log(share))
+
+    def log_density(self, theta: FloatArray) -> FloatArray:
+        """log p of rows (n, d): (n,)."""
+        found = (
+            np.sum([part.log_density(self._columns(part, theta)) for part in self._parts], axis=0)
+            - self._log_share
+        )
+        return np.where(self.possible(theta), found, -np.inf)
+
+    def _foreseeable(self, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that are possible, and foreseeable in each part and by each prior of what is done alone: (n,)."""
+        judges = *self._parts, *self._alone
+        return self.possible(theta) & np.all(
+            [each.foreseeable(self._columns(each, theta)) for each in judges], axis=0
+        )
+
+    def with_nuisances(self, theta: FloatArray) -> FloatArray:
+        """Rows (n, d) with nuisances as each part has them."""
+        found = theta.copy()
+        for part in self._parts:
+            found[:, self.columns(part.names)] = part.with_nuisances(self._columns(part, theta))
+        return found

@@ -1,0 +1,69 @@
+"""Density models by name: classes of this folder's modules, each of which describes its models in a literal `DENSITIES`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, NamedTuple
+
+from schemas.common.errors import UsageError
+from schemas.common.packages import described
+
+if TYPE_CHECKING:
+    from generation.space.density.base import Density
+
+DEFAULT = "kde"
+"""The density of the publication."""
+JUDGE = "mixture"
+"""The density that says what is foreseeable: the likeliest to recordings that it has not seen of those that pass the gate
+(`python -m studies.generation densities`)."""
+_OF_PAIRS = "student"
+"""The judge in the place of the mixture where there are few units of many parameters: pairs of adversaries. 6 % of recorded pairs
+lie outside what 99 % of the mixture's draws keep within, and 1 % outside that of this one."""
+UNIFORM = "uniform"
+"""Name of the density of parameters of which nothing is known but their limits."""
+
+
+class Model(NamedTuple):
+    """Density model: location and description.
+
+    Attributes:
+        module: full name.
+        name: of its class.
+        title: for tables.
+    """
+
+    module: str
+    name: str
+    title: str
+
+
+def judge(name: str, pairs: bool) -> str:
+    """The density that judges where one of that name is asked for.
+
+    Args:
+        pairs: whether it is of pairs of units.
+    """
+    return _OF_PAIRS if pairs and name == JUDGE else name
+
+
+def models() -> dict[str, Model]:
+    """The models by name, the default one first; none of them is imported."""
+    found = {
+        name: Model(f"{__name__}.{module}", each["class"], each["title"])
+        for module, densities in described(__name__, "DENSITIES").items()
+        for name, each in densities.items()
+    }
+    return {DEFAULT: found.pop(DEFAULT), **dict(sorted(found.items()))}
+
+
+def model(name: str) -> Density:
+    """A new model with its defaults.
+
+    Raises:
+        UsageError: no model has that name.
+    """
+    found = models()
+    if name not in found:
+        raise UsageError(f"there is no density {name!r}; densities: {', '.join(found)}")
+    new: Density = getattr(import_module(found[name].module), found[name].name)()
+    return new

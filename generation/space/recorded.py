@@ -1,0 +1,425 @@
+"""Recorded parameters of a scenario: from a table of units, or from a catalogue of scenarios that were recognised."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import xosc
+from generation.space.density.marginals import Admits, DeclaredPrior, JointPrior, Marginal, uniform
+from generation.space.density.models import judge
+from generation.space.density.prior import Box, Prior, RecordedPrior
+from generation.space.density.roles import NUISANCES, ROLES, Role, roles_of
+from generation.space.logical.maneuvers import MANEUVERS
+from generation.space.logical.pairs import PAIRS, PairUnits, pair_units
+from generation.space.space import Space, free_option, numbers
+from recognition.labels.maneuvers.parameters import JERK, KINDS, Parameter
+from recognition.labels.maneuvers.units import OWN, Exposure, Samples, extract
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError
+from xosc.document.node import Node
+from xosc.writing.tags import PREFIX
+
+_RECORDING = f"{PREFIX}Recording"
+_BESIDE = 7
+"""Candidates, by the ego's speed, for the unit of the next actor: the nearest may be of the same lane change."""
+_DRAWN, _PARTS = 1000, 5
+"""Draws in the place of recorded units, and how many recordings they count as."""
+
+
+class Recorded(NamedTuple):
+    """Recorded values of a space's parameters.
+
+    Attributes:
+        theta: parameters (n, d) in its order.
+        recordings: the recording (n,) that each row is from.
+        errors: root mean squares (n, 2), m, across and along the lane, of the motion that all seven
+            parameters of the unit stand for; None where that is not known.
+        values: recorded values (n,) by parameter, of pinned ones too.
+        roles: of these parameters.
+        marginals: densities of those of which nothing is recorded; their columns of `theta` are
+            drawn.
+        kind: of the units, or of the pairs; empty where they are of several or none.
+        exposure: of the recordings, by their names; none where it is not known.
+        pairs: what two adversaries did, where the rows are such pairs.
+        simulated: whether the recorded traffic is simulated, as that of our own recordings is.
+    """
+
+    theta: FloatArray
+    recordings: NDArray[np.str_]
+    errors: FloatArray | None = None
+    values: Mapping[str, FloatArray] = MappingProxyType({})
+    roles: Mapping[str, Role] = MappingProxyType({})
+    marginals: Mapping[str, Marginal] = MappingProxyType({})
+    kind: str = ""
+    exposure: Mapping[str, Exposure] = MappingProxyType({})
+    pairs: PairUnits | None = None
+    simulated: bool = False
+
+    def prior(self, space: Space, density: str) -> Prior:
+        """Return the prior of a space.
+
+        Args:
+            density: name of the model of what is recorded (`generation.space.density.models`).
+
+        Raises:
+            UsageError: there is no such density, or it can't be made of them.
+        """
+        if len(self.marginals) == len(space.names):
+            return self._stated(space, space.admits)
+        told = self.recorded_prior(space, judge(density, self.pairs is not None))
+        if not self.marginals and space.constraints is None and self.pairs is None:
+            return told
+        parts = (told, self._stated(space)) if self.marginals else (told,)
+        return JointPrior(
+            space.names, parts, partial(self._admitted, space), self.alone(space, density)
+        )
+
+    def alone(self, space: Space, density: str) -> list[RecordedPrior]:
+        """Return the prior of each of two adversaries, from all units of its kind, whatever the other one does."""
+        found = []
+        for each in self.pairs.alone if self.pairs is not None else ():
+            names = tuple(name for name in space.names if name in each.values)
+            columns = [space.names.index(name) for name in names]
+            pinned = {
+                name: float(value) for name, value in space.pinned.items() if name in each.values
+            }
+            if names:
+                box = Box(names, space.low[columns], space.high[columns], pinned)
+                found.append(RecordedPrior(box, each.values, each.recordings, each.roles, density))
+        return found
+
+    def _admitted(self, space: Space, theta: FloatArray) -> BoolArray:
+        """Rows (n, d) that keep the scenario's constraints, without overlap of vehicles: (n,)."""
+        found = space.admits(theta)
+        if self.pairs is not None:
+            pinned = {
+                name: np.full(len(theta), float(value)) for name, value in space.pinned.items()
+            }
+            found = found & self.pairs.apart({**pinned, **space.by_name(theta)})
+        return found
+
+    def recorded_prior(self, space: Space, density: str) -> RecordedPrior:
+        """Return the prior of those of a space's parameters that are recorded."""
+        values = self.values or dict(zip(space.names, self.theta.T, strict=True))
+        pinned = {name: float(value) for name, value in space.pinned.items() if name in values}
+        kept = [index for index, name in enumerate(space.names) if name not in self.marginals]
+        box = Box(
+            tuple(space.names[index] for index in kept), space.low[kept], space.high[kept], pinned
+        )
+        return RecordedPrior(box, values, self.recordings, self.roles or roles_of(values), density)
+
+    def _stated(self, space: Space, admits: Admits | None = None) -> DeclaredPrior:
+        """The prior of what is not recorded."""
+        roles = roles_of(space.names)
+        nuisances = [
+            name for name in self.marginals if name in roles and roles[name].role in NUISANCES
+        ]
+        marginals = {name: self.marginals[name] for name in space.names if name in self.marginals}
+        return DeclaredPrior(
+            marginals, admits, nuisances, self.theta if admits is not None else None
+        )
+
+    def replays(self, space: Space) -> tuple[Space, FloatArray] | None:
+        """A space in which nothing is pinned that is recorded, and the units (n, k) inside the limits, with their own values.
+
+        None where something is searched of which nothing is recorded: there is nothing to replay.
+        """
+        if self.marginals:
+            return None
+        own = [name for name in self.values if name in space.pinned]
+        sides = [
+            Parameter(name, float(self.values[name].min()), float(self.values[name].max()))
+            for name in own
+        ]
+        inside = self.within(space)
+        columns = [inside.theta, *(inside.values[name][:, None] for name in own)]
+        rest = {name: value for name, value in space.pinned.items() if name not in own}
+        return Space((*space.parameters, *sides), rest), np.hstack(columns)
+
+    def within(self, space: Space) -> Recorded:
+        """Return the values inside the box."""
+        inside = ((self.theta >= space.low) & (self.theta <= space.high)).all(axis=1)
+        errors = None if self.errors is None else self.errors[inside]
+        values = {name: each[inside] for name, each in self.values.items()}
+        return self._replace(
+            theta=self.theta[inside],
+            recordings=self.recordings[inside],
+            errors=errors,
+            values=values,
+        )
+
+
+class RecordedScenario(NamedTuple):
+    """A scenario of a catalogue, names of its searchable parameters, and what is recorded of them in all its like."""
+
+    path: Path
+    names: tuple[str, ...]
+    recorded: Recorded
+
+    def on(self, space: Space) -> Recorded:
+        """The columns that belong to a space of the scenario.
+
+        Raises:
+            UsageError: the catalogue has no values of one of the parameters.
+        """
+        unknown = [name for name in space.names if name not in self.names]
+        if unknown:
+            raise UsageError(f"the catalogue has no values of the parameter {unknown[0]}: pin it")
+        columns = [self.names.index(name) for name in space.names]
+        values = dict(zip(self.names, self.recorded.theta.T, strict=True))
+        return Recorded(
+            self.recorded.theta[:, columns],
+            self.recorded.recordings,
+            None,
+            values,
+            roles_of(self.names),
+        )
+
+
+def of_recordings(path: Path | None, kind: str) -> Samples | PairUnits:
+    """Units of a kind, or pairs of units.
+
+    Args:
+        path: recordings, or a table of units that `recognition.labels.maneuvers.units.Samples`
+            wrote; None for those of our own recordings.
+
+    Raises:
+        UsageError: there is no such kind, or the recordings have no units.
+        InvalidFile: a file is malformed.
+    """
+    if kind not in (*KINDS, *PAIRS):
+        raise UsageError(
+            f"there are no units of the kind {kind!r}; kinds: {', '.join((*KINDS, *PAIRS))}"
+        )
+    samples = _units(path)
+    if kind in KINDS:
+        return samples.of_kind(kind)
+    return pair_units(samples, PAIRS[kind])
+
+
+def _units(path: Path | None) -> Samples:
+    if path is None or Samples.claims(path):
+        return Samples.read(path or OWN)
+    with tempfile.TemporaryDirectory() as roads:
+        return extract(path, roads)
+
+
+def kind_of(scenario: Path) -> str:
+    """The kind of recorded units that a scenario of the library is about, by its name.
+
+    Raises:
+        UsageError: it has none of those names, or is not there.
+    """
+    if not scenario.is_file():
+        raise UsageError("no such file", path=scenario)
+    kinds = {
+        **{name: name for name in PAIRS},
+        **{name: each.kind for name, each in MANEUVERS.items()},
+    }
+    found = next(
+        (kind for name, kind in kinds.items() if scenario.stem.startswith(f"{name}_")), None
+    )
+    if found is None:
+        raise UsageError(
+            "nothing says which values are likely: its name is not that of a manoeuvre, as cut_in_highway.xosc. Give ranges, as "
+            f"{free_option(numbers(scenario))}, or --density uniform for all that has limits, or name recorded units that are "
+            "like it by --kind",
+            path=scenario,
+        )
+    return found
+
+
+def of_samples(
+    samples: Samples | PairUnits,
+    space: Space,
+    mapped: Mapping[str, Role] = MappingProxyType({}),
+    marginals: Mapping[str, Marginal] = MappingProxyType({}),
+    simulated: bool = False,
+) -> Recorded:
+    """The columns of a table that belong to a space: the seven of its actor, and the speed of the other vehicle.
+
+    Two actors of pairs have those of the same pair. Several actors otherwise have the values of as
+    many units, of egos that are about as fast.
+
+    Args:
+        mapped: roles of parameters whose names don't tell them.
+        marginals: densities of parameters of which nothing is recorded.
+        simulated: whether the recorded traffic is simulated.
+
+    Raises:
+        UsageError: recordings have no values of one of the parameters.
+    """
+    if isinstance(samples, PairUnits):
+        return _of_pairs(samples, space)._replace(simulated=simulated)
+    samples, roles = _with_jerk(samples, roles_of([*space.names, *space.pinned], mapped), space)
+    table = dict(zip(ROLES, [*samples.theta.T, samples.ego_speeds, samples.jerks], strict=True))
+    units = _units_of_actors(
+        list(dict.fromkeys(each.actor for each in roles.values())), samples.ego_speeds
+    )
+    values = {
+        name: each.factor * table[each.role][units[each.actor]] for name, each in roles.items()
+    }
+    unknown = [name for name in space.names if name not in values and name not in marginals]
+    if unknown:
+        raise UsageError(
+            f"recordings have no values of the parameter {unknown[0]}: pin it, give it a range by --free {unknown[0]}=LOW..HIGH, "
+            "or say by --map what it is in recordings"
+        )
+    rest = {name: marginals[name] for name in space.names if name not in values}
+    drawn = _drawn(rest, len(samples.theta))
+    theta = np.stack(
+        [values[name] if name in values else drawn[name] for name in space.names], axis=1
+    )
+    kinds = sorted(set(samples.kinds.tolist()))
+    kind = kinds[0] if len(kinds) == 1 else ""
+    return Recorded(
+        theta,
+        samples.recordings,
+        samples.errors,
+        values,
+        roles,
+        rest,
+        kind,
+        samples.exposure,
+        None,
+        simulated,
+    )
+
+
+def _with_jerk(
+    samples: Samples, roles: Mapping[str, Role], space: Space
+) -> tuple[Samples, Mapping[str, Role]]:
+    """Return the samples with known jerk if it is searched; drop its role if it is pinned and never known."""
+    jerk = next((name for name, role in roles.items() if role.role == JERK), None)
+    known = np.flatnonzero(np.isfinite(samples.jerks))
+    if jerk is None or known.size:
+        return (samples if jerk is None else samples.where(known)), roles
+    if jerk in space.names:
+        raise UsageError(
+            f"no jerk is recorded, of which {jerk} is: name recordings, or a table of their units, by --recorded"
+        )
+    return samples, {name: role for name, role in roles.items() if name != jerk}
+
+
+def _of_pairs(samples: PairUnits, space: Space) -> Recorded:
+    values, recordings = samples.values, samples.recordings
+    unknown = [name for name in space.names if name not in values]
+    if unknown:
+        raise UsageError(f"recorded pairs have no values of the parameter {unknown[0]}: pin it")
+    kept = samples.apart(values)
+    values = {name: each[kept] for name, each in values.items()}
+    theta = np.stack([values[name] for name in space.names], axis=1)
+    return Recorded(
+        theta,
+        recordings[kept],
+        None,
+        values,
+        samples.roles,
+        {},
+        samples.kind,
+        samples.exposure,
+        samples,
+    )
+
+
+def _units_of_actors(actors: Sequence[str], speeds: FloatArray) -> dict[str, IntArray]:
+    """Rows (n,) of the units that each actor has the values of; for the first one all in their order.
+
+    Further actors have those some places further by the ego's speed, within blocks, so that the
+    fastest get fast ones too.
+    """
+    order = np.argsort(speeds, kind="stable")
+    found = {}
+    for number, actor in enumerate(actors):
+        beside = _BESIDE * number
+        blocks = np.array_split(order, max(1, len(order) // (2 * beside))) if beside else [order]
+        found[actor] = np.empty(len(speeds), np.int64)
+        found[actor][order] = np.concatenate([np.roll(each, -beside) for each in blocks])
+    return found
+
+
+def of_statements(marginals: Mapping[str, Marginal], space: Space) -> Recorded:
+    """Draws in the place of recordings, from densities that are stated; uniform where there is none."""
+    every = {
+        each.name: marginals.get(each.name) or uniform(each.low, each.high)
+        for each in space.parameters
+    }
+    drawn = _drawn(every, _DRAWN)
+    theta = np.stack([drawn[name] for name in space.names], axis=1)
+    theta = theta[space.admits(theta)]
+    return Recorded(
+        theta,
+        np.array([f"drawn {number % _PARTS}" for number in range(len(theta))]),
+        marginals=every,
+    )
+
+
+def _drawn(marginals: Mapping[str, Marginal], n: int) -> dict[str, FloatArray]:
+    generator = np.random.default_rng(0)
+    return {name: each.sample(n, generator) for name, each in marginals.items()}
+
+
+def of_catalogue(path: Path) -> Iterator[RecordedScenario]:
+    """For each folder in a catalogue the scenario in the middle of those that declare the same parameters.
+
+    The recorded parameters are the values that those scenarios declare; most of a kind win where
+    there are several kinds. Where the ego is alone, nothing can be searched.
+    """
+    for folder in (path, *sorted(each for each in path.iterdir() if each.is_dir())):
+        kinds: dict[tuple[str, ...], list[tuple[Path, FloatArray, str]]] = {}
+        for file in sorted(folder.glob("*.xosc")):
+            found = _declared(file)
+            if found is not None:
+                names, row, recording = found
+                kinds.setdefault(names, []).append((file, row, recording))
+        if kinds:
+            names = max(kinds, key=lambda each: len(kinds[each]))
+            files, rows, recordings = zip(*kinds[names], strict=True)
+            theta = np.array(rows)
+            yield RecordedScenario(
+                files[_middle(theta)], names, Recorded(theta, np.array(recordings, np.str_))
+            )
+
+
+def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
+    """Names and values of a scenario's searchable parameters, and the recording that it is from; None without any.
+
+    The same for a scenario with the ego alone.
+    """
+    document = xosc.load(file)
+    if document.kind != "scenario" or len(document.node.need("Entities").children()) < 2:
+        return None
+    try:
+        names = Space.of(file).names
+    except UsageError:
+        return None
+    values = {
+        each.get("name"): each.get("value")
+        for each in document.node.need("ParameterDeclarations").children()
+    }
+    return (
+        names,
+        np.array([float(values[name]) for name in names]),
+        _recording(document.node) or file.stem,
+    )
+
+
+def _recording(root: Node) -> str | None:
+    properties = root.find("FileHeader", "Properties")
+    listed = properties.children("Property") if properties is not None else []
+    return next((each.get("value") for each in listed if each.get("name") == _RECORDING), None)
+
+
+def _middle(theta: FloatArray) -> int:
+    """The row nearest to the columns' medians, in units of their spread."""
+    spread = theta.std(axis=0)
+    scaled = (theta - np.median(theta, axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    return int(np.square(scaled).sum(axis=1).argmin())

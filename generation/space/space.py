@@ -1,0 +1,415 @@
+"""Search space: the parameters of a logical scenario as a box with a name on each side, and distances in it.
+
+Source: METHOD.md §3, Table 1. A scenario declares its parameters with constraint groups; the box is
+read from there, so that a scenario with other or more parameters (speed of the ego, a jerk, a
+second adversary) needs no change of the search.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from os import PathLike
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
+
+import xosc
+from generation.space.density.roles import NUISANCES, ON_REQUEST, roles_of
+from recognition.labels.maneuvers.parameters import DECLARED, Parameter
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import UsageError, nearest
+from xosc.document.node import Node
+from xosc.resolve.parameters import Assignment, ParameterScope
+
+if TYPE_CHECKING:
+    from generation.space.density.marginals import Marginal
+
+DIGITS = 6
+"""Decimal digits of values in files."""
+_STEP = 10.0**-DIGITS
+_WHOLE = ("integer", "int", "unsignedInt", "unsignedShort")
+"""Types of whole numbers."""
+_LISTED = 6
+"""Parameters that a message names at most"""
+
+
+@dataclass(frozen=True)
+class Space:
+    """The box that a search moves in.
+
+    Attributes:
+        parameters: its sides, in the order of the columns of every array theta (n, d).
+        pinned: what else the scenario declares as literals, with the values that hold in all runs:
+            they decide as much as the searched ones do, and belong beside every result.
+        choices: the only values of some parameters, ascending: points between stand for the nearest
+            one.
+        follows: of some of these, values of other parameters that belong to each value.
+        constraints: whether values by name keep the scenario's constraints; None where the box says
+            it all.
+    """
+
+    parameters: tuple[Parameter, ...]
+    pinned: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    follows: Mapping[str, Mapping[float, Mapping[str, str]]] = field(default_factory=dict)
+    constraints: Callable[[Mapping[str, str]], bool] | None = field(
+        default=None, compare=False, repr=False
+    )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the declarations."""
+        return tuple(each.name for each in self.parameters)
+
+    @property
+    def low(self) -> FloatArray:
+        """Least values (d,)."""
+        return np.array([each.low for each in self.parameters])
+
+    @property
+    def high(self) -> FloatArray:
+        """Greatest values (d,)."""
+        return np.array([each.high for each in self.parameters])
+
+    def clip(self, theta: FloatArray) -> FloatArray:
+        """The nearest points of the box."""
+        return np.clip(theta, self.low, self.high)
+
+    def unit(self, theta: FloatArray) -> FloatArray:
+        """Points in the unit cube, 0 for least and 1 for greatest values."""
+        return (np.asarray(theta) - self.low) / (self.high - self.low)
+
+    def scaled(self, unit: FloatArray) -> FloatArray:
+        """Points of the box from those of the unit cube: the inverse of `unit`."""
+        return self.low + np.asarray(unit) * (self.high - self.low)
+
+    def draw(self, n: int, rng: np.random.Generator) -> FloatArray:
+        """Uniform points (n, d)."""
+        return rng.uniform(self.low, self.high, (n, len(self.parameters)))
+
+    def values(self, row: Sequence[float] | FloatArray) -> dict[str, str]:
+        """A point (d,) as the scenario's parameters take it, rounded to `DIGITS`."""
+        if len(row) != len(self.parameters):
+            raise UsageError(f"{len(row)} values for {len(self.parameters)} parameters")
+        found = {
+            name: self._text(name, float(value))
+            for name, value in zip(self.names, row, strict=True)
+        }
+        for name, follows in self.follows.items():
+            found.update(follows[float(found[name])])
+        return found
+
+    def _text(self, name: str, value: float) -> str:
+        if name not in self.choices:
+            return repr(round(value, DIGITS))
+        nearest_one = min(self.choices[name], key=lambda each: abs(each - value))
+        return str(int(nearest_one)) if nearest_one.is_integer() else repr(nearest_one)
+
+    def admits(self, theta: FloatArray) -> BoolArray:
+        """Points (n, d) that keep the scenario's constraints beyond the box: (n,)."""
+        if self.constraints is None:
+            return np.ones(len(theta), bool)
+        return np.array(
+            [self.constraints({**self.pinned, **self.values(row)}) for row in theta], bool
+        )
+
+    def by_name(self, theta: FloatArray) -> dict[str, FloatArray]:
+        """The columns of points (n, d), and what is pinned at a number, by name: (n,) each."""
+        pinned = {
+            name: np.full(len(theta), float(text))
+            for name, text in self.pinned.items()
+            if _is_number(text)
+        }
+        return pinned | dict(zip(self.names, theta.T, strict=True))
+
+    @classmethod
+    def of(
+        cls,
+        scenario: str | PathLike[str],
+        pinned: Mapping[str, str] | None = None,
+        free: Sequence[str] = (),
+        ego: str = "Ego",
+        ranges: Mapping[str, Marginal] = MappingProxyType({}),
+        default: bool = True,
+    ) -> Space:
+        """The space of a logical scenario: its double parameters that have a lower and an upper limit.
+
+        Of those, the ones of the actors are searched, participants that have one of the seven, and
+        the speed of the ego, or where that acts, of its leader. Where no participant has one of the
+        seven, all but the ego's are. A parameter is a participant's where its name begins with the
+        participant's.
+
+        Args:
+            scenario: the file.
+            pinned: values of parameters that are not to be searched, or that are to differ from
+                their defaults.
+            free: names of parameters to search besides.
+            ego: name of the ego.
+            ranges: limits of parameters to search besides, in the place of those that are declared.
+            default: whether to search what is searched by default; otherwise only what is free or
+                has a range.
+
+        Raises:
+            UsageError: a name is not declared, a free one has no limits or is pinned as well, a
+                pinned value is not of its type, a range is not that of a number, or nothing is left
+                to search.
+            Unsupported: the values allowed to a searched parameter are not one interval.
+            InvalidFile: the file is malformed, or a pinned value violates its constraints.
+        """
+        node = xosc.load(scenario).node
+        declared = {each.get("name"): each for each in _declarations(node)}
+        pinned = dict(pinned or {})
+        for name in (*pinned, *free, *ranges):
+            if name not in declared:
+                raise UsageError(
+                    f"there is no parameter {name!r}; {nearest(name, declared)}", path=scenario
+                )
+        assigned = {
+            name: Assignment(value, partial(UsageError, path=scenario), True)
+            for name, value in pinned.items()
+        }
+        scope = ParameterScope(declared.values(), assigned=assigned)
+        bounded = [name for name, each in declared.items() if _bounded(each, scope)]
+        chosen = (_by_default(bounded, ego) if default else set()) | {*free, *ranges}
+        for name in (*free, *ranges):
+            if (
+                reason := _obstacle(name, name in pinned, name in bounded, name in ranges, scope)
+            ) is not None:
+                raise UsageError(
+                    f"the parameter {name} can't be searched: it {reason}", path=scenario
+                )
+        for violation in ParameterScope(
+            [declared[name] for name in pinned], scope, assigned
+        ).violations():
+            raise violation
+        searched = [
+            name
+            for name in declared
+            if name in chosen and name not in pinned and (name in bounded or name in ranges)
+        ]
+        if not searched:
+            left = {name: value for name, value in numbers(scenario).items() if name not in pinned}
+            instead = (
+                f"give limits, as {free_option(left)}"
+                if left
+                else "every number that it declares is pinned"
+            )
+            raise UsageError(
+                f"no parameter with a lower and an upper limit is left to search: {instead}",
+                path=scenario,
+            )
+        literals = {
+            name: scope.own[name].text
+            for name, each in declared.items()
+            if "$" not in each.get("value")
+        }
+        follows = {
+            name: ranges[name].follows
+            for name in searched
+            if name in ranges and ranges[name].follows
+        }
+        following = {
+            name: first
+            for first, values in follows.items()
+            for each in values.values()
+            for name in each
+        }
+        for name, first in following.items():
+            if name not in declared or name in pinned or name in chosen:
+                reason = "is searched or pinned itself" if name in declared else "is not declared"
+                raise UsageError(
+                    f"the parameter {name} belongs to the values of {first}, and {reason}",
+                    path=scenario,
+                )
+        rest = {
+            name: value
+            for name, value in (literals | pinned).items()
+            if name not in searched and name not in following
+        }
+        sides = (
+            _of_range(name, ranges[name]) if name in ranges else _parameter(declared[name], scope)
+            for name in searched
+        )
+        choices = {
+            name: _choices(ranges[name], scope.own[name].type)
+            for name in searched
+            if name in ranges
+        }
+        admits = partial(_admits, list(declared.values())) if ranges else None
+        return cls(
+            tuple(sides),
+            rest,
+            {name: each for name, each in choices.items() if each},
+            follows,
+            admits,
+        )
+
+
+def numbers(scenario: str | PathLike[str]) -> dict[str, str]:
+    """Values, as declared, of a scenario's parameters whose type is one of numbers, by name.
+
+    Raises:
+        UsageError: there is none. InvalidFile: the file is malformed.
+    """
+    declared = _declarations(xosc.load(scenario).node)
+    found = {
+        each.get("name"): each.get("value")
+        for each in declared
+        if each.get("parameterType") in ("double", *_WHOLE)
+    }
+    if not found:
+        raise UsageError(
+            "it declares no parameter that is a number: --free LINE@ATTRIBUTE=LOW..HIGH searches a literal, as 87@value=10..40",
+            path=scenario,
+        )
+    return found
+
+
+def free_option(declared: Mapping[str, str]) -> str:
+    """The option that gives parameters limits, and which there are, by name with their values; for messages."""
+    told = [f"{name} = {value}" for name, value in declared.items()]
+    listed = ", ".join(told[:_LISTED]) + (
+        f" and {len(told) - _LISTED} more" if len(told) > _LISTED else ""
+    )
+    return f"--free {next(iter(declared))}=LOW..HIGH (it declares {listed})"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _declarations(root: Node) -> list[Node]:
+    holder = root.find("ParameterDeclarations")
+    return holder.children("ParameterDeclaration") if holder is not None else []
+
+
+def _obstacle(
+    name: str, pinned: bool, bounded: bool, ranged: bool, scope: ParameterScope
+) -> str | None:
+    """Why a parameter can't be searched; None where it can."""
+    if pinned:
+        return "is pinned"
+    if not (bounded or ranged):
+        return f"has no lower and upper limit; --free {name}=LOW..HIGH gives it some"
+    kind = scope.own[name].type
+    if bounded or kind == "double" or kind in _WHOLE:
+        return None
+    return f"is of the type {kind}, not a number; --pin {name}=VALUE gives it one value"
+
+
+def _of_range(name: str, limits: Marginal) -> Parameter:
+    return Parameter(
+        name, limits.low, limits.high, name.rpartition("_")[2] if "_" in name else "", ""
+    )
+
+
+def _choices(limits: Marginal, kind: str) -> Sequence[float]:
+    """The values of a range that its parameter can have; none where it can have all."""
+    if limits.choices or kind == "double":
+        return limits.choices
+    return [float(value) for value in range(math.ceil(limits.low), math.floor(limits.high) + 1)]
+
+
+def _admits(declared: Sequence[Node], values: Mapping[str, str]) -> bool:
+    assigned = {name: Assignment(value, UsageError, True) for name, value in values.items()}
+    return next(ParameterScope(declared, assigned=assigned).violations(), None) is None
+
+
+def _by_default(bounded: Sequence[str], ego: str) -> set[str]:
+    """Names of the actors' parameters and of what recordings tell besides; where there is no actor, of all but the ego's.
+
+    Without those that are searched on request only.
+    """
+    roles = roles_of(bounded, ego=ego)
+    bounded = [name for name in bounded if name not in roles or roles[name].role not in ON_REQUEST]
+    actors = tuple(f"{role.actor}_" for role in roles.values() if role.actor)
+    found = {name for name in bounded if name in roles or name.startswith(actors)}
+    return found or {name for name in bounded if not name.startswith(f"{ego}_")}
+
+
+def _bounded(declaration: Node, scope: ParameterScope) -> bool:
+    """Whether it is a double with limits on both sides in each of its constraint groups."""
+    if scope.own[declaration.get("name")].type != "double":
+        return False
+    groups = declaration.children("ConstraintGroup")
+    return bool(groups) and all(
+        {"l", "g"} <= {each.get("rule")[0] for each in group.children()} for group in groups
+    )
+
+
+def _parameter(declaration: Node, scope: ParameterScope) -> Parameter:
+    """A side of the box from its declaration."""
+    name = declaration.get("name")
+    groups = declaration.children("ConstraintGroup")
+    if len(groups) > 1:
+        raise declaration.unsupported(
+            f"the parameter {name} may have values in several intervals, which can't be searched"
+        )
+    low, high = -np.inf, np.inf
+    for each in groups[0].children():
+        rule, value = each.get("rule"), float(scope.literal(each.get("value")))
+        if rule in ("greaterOrEqual", "greaterThan"):
+            low = max(low, value + (_STEP if rule == "greaterThan" else 0.0))
+        elif rule in ("lessOrEqual", "lessThan"):
+            high = min(high, value - (_STEP if rule == "lessThan" else 0.0))
+        else:
+            raise each.unsupported(
+                f"the parameter {name} is constrained by {rule}, which is no interval"
+            )
+    if not low < high:
+        raise declaration.invalid(f"no value of the parameter {name} keeps its constraints")
+    short = name.partition("_")[2]
+    meaning = next((each.meaning for each in DECLARED.values() if each.name == short), "")
+    return Parameter(name, low, high, name.rpartition("_")[2] if "_" in name else "", meaning)
+
+
+_ROUNDING = 1e-9
+"""By how much the tree looks further than it has to: the distances themselves decide"""
+
+
+def distinctive(space: Space) -> BoolArray:
+    """The parameters (d,) that tell cases apart: all but the nuisances."""
+    roles = roles_of(space.names)
+    return np.array(
+        [name not in roles or roles[name].role not in NUISANCES for name in space.names], bool
+    )
+
+
+def apart(unit: FloatArray, others: FloatArray, least: float) -> BoolArray:
+    """Rows (n, d) of the unit cube that are no nearer than `least` to any of others (m, d)."""
+    found, reach = np.ones(len(unit), bool), least * np.sqrt(unit.shape[1])
+    for start in range(0, len(others), _BLOCK):
+        found &= (cdist(unit, others[start : start + _BLOCK]) >= reach).all(axis=1)
+    return found
+
+
+_BLOCK = 4096
+"""Points that distances are worked out to at a time: memory does not grow with the runs"""
+
+
+def diverse(unit: FloatArray, least: float, most: int | None = None) -> IntArray:
+    """Indices of rows (n, d) of the unit cube, each the first one that is no nearer than `least` to those before.
+
+    Args:
+        most: how many indices at most; None for any number.
+    """
+    kept, left, tree = list[int](), np.ones(len(unit), bool), KDTree(unit)
+    reach = least * np.sqrt(unit.shape[1]) * (1.0 + _ROUNDING)
+    for index in range(len(unit)):
+        if len(kept) == most:
+            break
+        if left[index]:
+            kept.append(index)
+            near = np.array(tree.query_ball_point(unit[index], reach), np.int64)
+            left[near] &= np.sqrt(np.square(unit[near] - unit[index]).mean(axis=1)) >= least
+    return np.array(kept, np.int64)

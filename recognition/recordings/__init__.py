@@ -1,0 +1,45 @@
+"""Data sets of recorded traffic, read into `runner.recording.Recording`.
+
+`open(path)` finds the recordings of every known format in a folder or file; each `Source` reads its
+own when asked to. World frame: x, y, z in m, right-handed with z up, headings mathematical, SI
+units; poses are those of the reference point (see `recognition.recordings.source`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from schemas.common.packages import public
+
+if TYPE_CHECKING:
+    from recognition.recordings.source import Cut as Cut
+    from recognition.recordings.source import DataSet as DataSet
+    from recognition.recordings.source import Exclusion as Exclusion
+    from recognition.recordings.source import Gap as Gap
+    from recognition.recordings.source import LightStates as LightStates
+    from recognition.recordings.source import Report as Report
+    from recognition.recordings.source import SiteRoad as SiteRoad
+    from recognition.recordings.source import Source as Source
+    from recognition.recordings.source import cache_roads as cache_roads
+    from recognition.recordings.source import open as open
+
+__all__ = [
+    "Cut",
+    "DataSet",
+    "Exclusion",
+    "Gap",
+    "LightStates",
+    "Report",
+    "SiteRoad",
+    "Source",
+    "cache_roads",
+    "open",
+]
+
+_SOURCE = dict.fromkeys(
+    ("Cut", "DataSet", "Exclusion", "Gap", "LightStates", "Report", "SiteRoad", "Source"),
+    "recognition.recordings.source",
+)
+__getattr__, __dir__ = public(
+    __name__, _SOURCE | dict.fromkeys(("cache_roads", "open"), "recognition.recordings.source")
+)

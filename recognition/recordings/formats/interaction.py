@@ -1,0 +1,270 @@
+"""INTERACTION: CSV files of tracks at 10 Hz, in both layouts, and data sets that follow them (TAF-BW).
+
+Source: Zhan et al., "INTERACTION Dataset" (arXiv:1910.03088). In the first layout a recording is
+`vehicle_tracks_NNN.csv` and perhaps `pedestrian_tracks_NNN.csv` in a folder named after the site.
+In the second, `<site>_train.csv` (or `_val`, `_test`) holds many cases, numbered in `case_id`: each
+is a scene of its own and becomes a source of its own. The site's Lanelet2 map is `<site>.osm`.
+Positions are centres; x, y, psi are those of the map. Pedestrians may lack psi, length and width.
+Time is `timestamp_ms`: frame numbers count frames of the camera, and need not be regular. Rows of a
+track at the same time as another one are excluded and reported.
+
+Velocities that contradict the positions are derived from them, and so are headings that then
+contradict them too: TAF-BW has a recording with all velocities backwards and headings folded into
+one half of the circle, and one at half the speed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Container
+from functools import lru_cache, partial
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from recognition.recordings.road_sources import converted
+from recognition.recordings.rows import (
+    Clock,
+    Columns,
+    Rows,
+    believable,
+    categories,
+    changes,
+    check_sizes,
+    columns_of,
+    cut,
+    facing,
+    heading_of_motion,
+    in_order,
+    rate,
+)
+from recognition.recordings.smoothing import smoothed
+from recognition.recordings.source import Report, SiteRoad, Source, TrackParticipant, participant
+from recognition.recordings.table import Kind, Table, column_names, read_table
+from runner.recording import Recording, Track
+from schemas.common.array_types import BoolArray, FloatArray
+
+FORMAT = "INTERACTION"
+TITLE = "INTERACTION"
+BY_CONTENT = True
+STEP = 0.1
+"""Time from frame to frame, s."""
+
+_FIRST_LAYOUT = re.compile(r"(vehicle|pedestrian)_tracks_(\w+)\.csv")
+_SPLIT = re.compile(r"_(train|val|test)\w*$")
+_COLUMNS: dict[str, Kind] = {
+    "track_id": "text", "timestamp_ms": "whole", "agent_type": "text",
+    "x": "number", "y": "number", "vx": "number", "vy": "number",
+}  # fmt: skip
+_SIZES = ("length", "width")
+_BOX: dict[str, Kind] = {"psi_rad": "optional", **dict.fromkeys(_SIZES, "optional")}
+_CATEGORIES = {
+    "car": "car", "van": "van", "truck": "truck", "bus": "bus", "tram": "tram",
+    "motorcycle": "motorbike", "motorbike": "motorbike",
+    "bike": "bicycle", "bicycle": "bicycle", "cyclist": "bicycle", "pedestrian": "pedestrian", "pedestrian/bicycle": "pedestrian",
+}  # fmt: skip
+_FULL_TURN = 7.0
+"""Headings beyond this are no angles from 0 to 2π or from −π to π, rad."""
+_LEVELS = 3
+"""Number of parent folders of the tracks that are searched for maps."""
+
+
+def claims(path: Path) -> bool:
+    """Whether a file is the (main) track file of recordings."""
+    if path.suffix != ".csv":
+        return False
+    named = _FIRST_LAYOUT.fullmatch(path.name)
+    if named:
+        return (
+            named[1] == "vehicle" or not path.with_name(f"vehicle_tracks_{named[2]}.csv").is_file()
+        )
+    names = column_names(path)
+    return "track_id" in names and ("timestamp_ms" in names or "agent_type" in names)
+
+
+def sources(path: Path, roads: Path) -> list[Source]:
+    """The recording of a track file, or its cases."""
+    named = _FIRST_LAYOUT.fullmatch(path.name)
+    site = path.parent.name if named else _SPLIT.sub("", path.stem)
+    lanelets = _map(path, site)
+    if "case_id" in column_names(path):
+        cases = dict.fromkeys(read_table(path, {"case_id": "text"})["case_id"])
+        names = {case: f"{path.stem}/{case.removesuffix('.0')}" for case in cases}
+        return [
+            Source(
+                name,
+                site,
+                FORMAT,
+                path,
+                partial(_read_case, path, case),
+                lanelets,
+                road=_road(lanelets, None, False),
+            )
+            for case, name in names.items()
+        ]
+    number = named[2] if named else ""
+    name, origin = f"{site}/{number}" if named else path.stem, _origin(path, number)
+    road = _road(lanelets, origin, bool(named) and _has_phases(path.parent))
+    return [Source(name, site, FORMAT, path, partial(_read, path), lanelets, origin, road)]
+
+
+def _has_phases(folder: Path) -> bool:
+    """Whether phases of traffic lights were recorded at the place of a folder (k733 of k733_2018-05-02), on whatever day."""
+    place = folder.name.split("_")[0]
+    return any(
+        each.parent.name.split("_")[0] == place
+        for each in folder.parent.glob("*/signal_phases_*.csv")
+    )
+
+
+def _road(
+    lanelets: Path | None, origin: tuple[float, float] | None, signalised: bool
+) -> Callable[[Recording, Path], SiteRoad] | None:
+    """Makes the road of the Lanelet2 map, if there is one. TAF-BW's maps have no lights, but files with their phases."""
+    return (
+        None
+        if lanelets is None
+        else lambda _, folder: converted(lanelets, origin, folder)._replace(signalised=signalised)
+    )
+
+
+def _map(path: Path, site: str) -> Path | None:
+    folders = [
+        folder for parent in list(path.parents)[:_LEVELS] for folder in (parent, parent / "maps")
+    ]
+    return next(
+        (folder / f"{site}.osm" for folder in folders if (folder / f"{site}.osm").is_file()), None
+    )
+
+
+def _origin(path: Path, number: str) -> tuple[float, float] | None:
+    """Latitude and longitude of the origin, from a meta_data.csv as TAF-BW has it."""
+    meta = path.with_name("meta_data.csv")
+    if not meta.is_file() or not {"id", "originLat", "originLon"} <= set(column_names(meta)):
+        return None
+    table = read_table(meta, {"id": "text", "originLat": "number", "originLon": "number"})
+    places = zip(table["id"], table["originLat"].tolist(), table["originLon"].tolist(), strict=True)
+    return next(((lat, lon) for name, lat, lon in places if name == number), None)
+
+
+def _read(path: Path) -> tuple[Recording, Report]:
+    tracks, report = _tracks(_table(path))
+    pedestrians = path.with_name(path.name.replace("vehicle_", "pedestrian_"))
+    if pedestrians != path and pedestrians.is_file():
+        taken = frozenset(track.name for track in tracks)
+        more, other = _tracks(_table(pedestrians), taken)
+        tracks += more
+        report.add(other)
+    return Recording(tracks, STEP, None), report
+
+
+def _read_case(path: Path, case: str) -> tuple[Recording, Report]:
+    table = _cases(path, path.stat().st_mtime_ns)
+    tracks, report = _tracks(table.where(table["case_id"] == case))
+    return Recording(tracks, STEP, None), report
+
+
+@lru_cache(maxsize=1)
+def _cases(path: Path, _version: int) -> Table:
+    """A file with cases, kept while its cases are read one after the other."""
+    return _table(path, {"case_id": "text"})
+
+
+def _table(path: Path, more: dict[str, Kind] | None = None) -> Table:
+    boxes = any(name in column_names(path) for name in _BOX) or not path.name.startswith(
+        "pedestrian"
+    )
+    return read_table(path, (more or {}) | _COLUMNS | (_BOX if boxes else {}))
+
+
+def _tracks(table: Table, taken: frozenset[str] = frozenset()) -> tuple[list[Track], Report]:
+    """Tracks of a table, with names unlike those `taken`."""
+    each = [name.removesuffix(".0") for name in table["track_id"]]
+    number = {name: index for index, name in enumerate(dict.fromkeys(each))}
+    track = np.fromiter((number[name] for name in each), np.int64, len(table))
+    clock = Clock("timestamp_ms", table["timestamp_ms"], 1000.0, STEP)
+    rows = in_order(table, track, clock, names=list(number), repeats=True)
+    names = [_free(name, taken, number) for name in number]
+    kinds = categories(table, "agent_type", _CATEGORIES)
+    _check_sizes(table, kinds == "pedestrian")
+    who = [
+        _participant(table, row, name, str(kinds[row]))
+        for name, row in zip(names, rows.heads, strict=True)
+    ]
+    report = rows.report(names)
+    report.remarks += changes(
+        table, rows, names, [name for name in ("agent_type", *_SIZES) if name in table.columns]
+    )
+    return cut(*smoothed(rows, who, _columns(table, rows, who, report), report)), report
+
+
+def _check_sizes(table: Table, walks: BoolArray) -> None:
+    """Refuse rows without a size; pedestrians' need none."""
+    if _SIZES[0] in table.columns:
+        check_sizes(table, _SIZES, walks)
+    elif not walks.all():
+        raise table.fault(
+            int(walks.argmin()),
+            "agent_type",
+            "no column length, width: only pedestrians may lack a size",
+        )
+
+
+def _free(name: str, taken: frozenset[str], others: Container[str]) -> str:
+    """A name, led by P where it is taken."""
+    if name not in taken:
+        return name
+    return next(
+        free for n in count(1) if (free := "P" * n + name) not in taken and free not in others
+    )
+
+
+def _participant(table: Table, row: int, name: str, category: str) -> TrackParticipant:
+    """Return the participant of a track from its first row."""
+    if _SIZES[0] not in table.columns:
+        return participant(name, category)
+    length, width = (float(table[side][row]) for side in _SIZES)
+    return (
+        participant(name, category)
+        if np.isnan(length + width)
+        else participant(name, category, length, width)
+    )
+
+
+def _columns(table: Table, rows: Rows, who: list[TrackParticipant], report: Report) -> Columns:
+    x, y, vx, vy = (table[name][rows.order] for name in ("x", "y", "vx", "vy"))
+    credible = believable(x, y, vx, vy, rows)
+    if not credible:
+        report.remarks.append(
+            "the velocities contradict the positions: speeds are derived from the positions"
+        )
+        vx, vy = rate(x, rows), rate(y, rows)
+    h = _headings(table, rows, who, vx, vy)
+    if np.abs(h).max() > _FULL_TURN and not facing(h, vx, vy) and facing(np.radians(h), vx, vy):
+        h = np.radians(h)
+        report.remarks.append(
+            "the headings are taken as degrees: they go beyond a full turn, and agree with the motion as degrees"
+        )
+    if not credible and not facing(h, vx, vy):
+        h = heading_of_motion(vx, vy, rows)
+        report.remarks.append(
+            "the headings contradict the positions too: they are taken from the motion"
+        )
+    speed = vx * np.cos(h) + vy * np.sin(h)
+    report.remarks.append("accelerations are derived from the speeds")
+    return columns_of(rows, who, x, y, h, speed, rate(speed, rows))
+
+
+def _headings(
+    table: Table, rows: Rows, who: list[TrackParticipant], vx: FloatArray, vy: FloatArray
+) -> FloatArray:
+    """The given headings; for pedestrians without, the direction of motion."""
+    given = (
+        table["psi_rad"][rows.order] if "psi_rad" in table.columns else np.full(len(rows), np.nan)
+    )
+    absent = np.isnan(given)
+    wrong = np.flatnonzero(absent & rows.each([one.kind != "pedestrian" for one in who]))
+    if len(wrong):
+        raise table.fault(int(rows.order[wrong[0]]), "psi_rad", "a value is missing")
+    return np.where(absent, heading_of_motion(vx, vy, rows), given)

@@ -1,0 +1,115 @@
+"""Results of this project's own runs: folders with `trajectories.parquet` and `result.json`, as `xosc-run --out` writes them.
+
+The road network is the file that the run was on, where it is still there.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from recognition.recordings.rows import Clock, cut, in_order
+from recognition.recordings.source import Report, SiteRoad, Source, TrackParticipant
+from recognition.recordings.table import Kind, read_table
+from runner.batch.outputs.folder import RESULT, TRAJECTORIES, read_setup
+from runner.recording import COLUMNS, Recording
+from schemas.common.errors import InvalidFile
+from xodr.graph.network import RoadNetwork
+from xodr.reader import load
+
+FORMAT = "run"
+TITLE = "results of xosc-run"
+BY_CONTENT = False
+_KINDS: dict[str, Kind] = {
+    "entity": "text",
+    **dict.fromkeys(COLUMNS, "number"),
+    "road_id": "label",
+    "lane_id": "integer",
+}
+_PER_SECOND = 1e6
+"""Times are compared in µs."""
+
+
+def claims(path: Path) -> bool:
+    """Whether a file is the trajectories of a run."""
+    return path.name == TRAJECTORIES and path.with_name(RESULT).is_file()
+
+
+def sources(path: Path, roads: Path) -> list[Source]:
+    """The run that a trajectory file belongs to; runs of one scenario have one site."""
+    name = path.parent.name
+    return [
+        Source(
+            name,
+            name.partition("~")[0],
+            FORMAT,
+            path,
+            partial(_read, path),
+            road=lambda recording, folder: SiteRoad(road(path)),
+            ego=partial(ego, path),
+        )
+    ]
+
+
+def road(path: Path) -> Path:
+    """The OpenDRIVE file of the run that a trajectory file belongs to.
+
+    Raises:
+        InvalidFile: the run had none, or it is not there any more.
+    """
+    return _there("road", read_setup(path.with_name(RESULT)).road, path)
+
+
+def scenario(path: Path) -> Path:
+    """The scenario that a trajectory file is the run of.
+
+    Raises:
+        InvalidFile: it is not there any more.
+    """
+    return _there("scenario", read_setup(path.with_name(RESULT)).scenario, path)
+
+
+def ego(path: Path) -> str | None:
+    """Name of the ego of the run that a trajectory file belongs to; None where it has none."""
+    return read_setup(path.with_name(RESULT)).ego
+
+
+def _there(what: str, file: Path | None, path: Path) -> Path:
+    if file is None:
+        raise InvalidFile(f"the run has no {what}", path=path.with_name(RESULT))
+    if not os.path.isfile(file):  # unlike Path.is_file it takes names of any length
+        raise InvalidFile(
+            f"the {what} of this run, {file}, is not there", path=path.with_name(RESULT)
+        )
+    return file
+
+
+def _read(path: Path) -> tuple[Recording, Report]:
+    setup = read_setup(path.with_name(RESULT))
+    table = read_table(path, _KINDS)
+    names = list(dict.fromkeys(table["entity"]))
+    absent = set(names) - setup.entities.keys()
+    if absent:
+        raise InvalidFile(f"{min(absent)!r} is not among the entities of {RESULT}", path=path)
+    number = {name: index for index, name in enumerate(names)}
+    track = np.fromiter((number[name] for name in table["entity"]), np.int64, len(table))
+    clock = Clock(
+        "time", np.round(table["time"] * _PER_SECOND).astype(np.int64), _PER_SECOND, setup.timestep
+    )
+    rows = in_order(table, track, clock, names=names)
+    who = [TrackParticipant(name, *setup.entities[name][:3]) for name in names]
+    columns = {name: table[name][rows.order] for name in COLUMNS}
+    report = rows.report(names)
+    return Recording(cut(rows, who, columns), setup.timestep, _network(setup.road, report)), report
+
+
+def _network(road: Path | None, report: Report) -> RoadNetwork | None:
+    if road is None:
+        return None
+    if os.path.isfile(road):
+        return load(road)
+    report.remarks.append(f"the road network {road} is not there any more")
+    return None

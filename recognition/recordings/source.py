@@ -1,0 +1,396 @@
+"""Data sets of recordings: their sources, reports of what was repaired or left out, and the readers' participants."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from importlib import import_module
+from os import PathLike
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
+
+from runner.engine.participants.declaration import BoundingBox
+from runner.recording import Recording
+from schemas.common import packages
+from schemas.common.errors import InvalidFile
+from schemas.common.policy import current
+from schemas.common.storage import LONGEST_POINTER, cache_folder, read_bytes
+
+if TYPE_CHECKING:
+    from runner.recording import Track
+    from schemas.common.array_types import FloatArray
+
+
+class SiteRoad(NamedTuple):
+    """An OpenDRIVE file, and what other files say of its traffic lights.
+
+    lights: roads in it that traffic lights are for.
+    signalised: whether phases of lights were recorded, so that all junctions have some.
+    notes: what was assumed, changed or left out when the road was made, one sentence each.
+    """
+
+    path: Path
+    lights: frozenset[str] = frozenset()
+    signalised: bool = False
+    notes: tuple[str, ...] = ()
+
+
+class Gap(NamedTuple):
+    """Frames that a track lacks between two rows that it has (at `start` and `end`, s)."""
+
+    track: str
+    start: float
+    end: float
+    missing: int
+
+
+class Cut(NamedTuple):
+    """Cut of a track in two: a jump by `distance` (m), or missing rows (distance 0), between two times (s).
+
+    rest: name of the track that goes on; None where too little of it is left.
+    """
+
+    track: str
+    start: float
+    end: float
+    distance: float
+    rest: str | None
+
+
+class Exclusion(NamedTuple):
+    """Something of a source that is not in its recording: a track or an element, how many rows of it, and why."""
+
+    what: str
+    rows: int
+    reason: str
+
+
+@dataclass
+class Report:
+    """Report on reading a source.
+
+    Attributes:
+        rows, tracks: how many the recording has.
+        gaps: frames missing inside tracks; nothing is put in their place.
+        cuts: where tracks were cut, because they jump or are not recorded for long.
+        exclusions: what was left out.
+        remarks: what was assumed, derived or corrected, one sentence each.
+    """
+
+    rows: int = 0
+    tracks: int = 0
+    gaps: list[Gap] = field(default_factory=list)
+    cuts: list[Cut] = field(default_factory=list)
+    exclusions: list[Exclusion] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+    def add(self, other: Report) -> None:
+        """Take in what was found in another file of the same recording."""
+        self.rows += other.rows
+        self.tracks += other.tracks
+        self.gaps += other.gaps
+        self.cuts += other.cuts
+        self.exclusions += other.exclusions
+        self.remarks += (remark for remark in other.remarks if remark not in self.remarks)
+
+    @property
+    def missing(self) -> int:
+        """Frames missing inside tracks."""
+        return sum(gap.missing for gap in self.gaps)
+
+    @property
+    def excluded(self) -> int:
+        """Rows that were left out."""
+        return sum(exclusion.rows for exclusion in self.exclusions)
+
+
+_STOP_LINE, _APPROACH = 3.0, 8.0
+"""Greatest distance (m) of a vehicle's way from the stop line of its light, and time (s) within which it passes there"""
+
+
+class LightStates(NamedTuple):
+    """Recorded states of traffic lights.
+
+    x, y: middle of the stop line of each light (k,), m. time: of the states (n,), s. states: of
+    each light, one per time, in the words of the data set.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    time: FloatArray
+    states: tuple[tuple[str, ...], ...]
+
+    def ahead(self, track: Track, time: float) -> str | None:
+        """Return the state at a time (s) of the light whose stop line a track passes soonest before or after; None for none."""
+        import numpy as np
+
+        columns = track.columns
+        rows = np.flatnonzero(np.abs(columns["time"] - time) <= _APPROACH)
+        if not len(rows) or not len(self.time):
+            return None
+        apart = np.hypot(columns["x"][rows][:, None] - self.x, columns["y"][rows][:, None] - self.y)
+        passing = np.where(
+            apart.min(axis=0) <= _STOP_LINE,
+            np.abs(columns["time"][rows[apart.argmin(axis=0)]] - time),
+            np.inf,
+        )
+        light = int(passing.argmin()) if len(passing) else 0
+        if not len(passing) or not np.isfinite(passing[light]):
+            return None
+        return self.states[light][int(np.abs(self.time - time).argmin())]
+
+
+def _no_ego() -> None:
+    """Return no name: the recording has no vehicle of its own."""
+
+
+def _no_lights() -> None:
+    """Return no states: the recording has none of traffic lights."""
+
+
+_MOMENTS, _ONE_PLACE, _TOO_MANY = 25, 1.0, 0.02
+"""Moments that are looked at; reference points nearer than this (m) are of one vehicle, or of no scene; greatest share
+of vehicles of which this is true in a scene"""
+
+
+def _overlaps(tracks: Sequence[Track]) -> list[str]:
+    """Return a remark if vehicles are inside each other: their tracks are of different times, or one vehicle has several."""
+    import numpy as np
+
+    vehicles = [
+        track.columns for track in tracks if track.kind == "vehicle" and len(track.columns["time"])
+    ]
+    if len(vehicles) < 2:
+        return []
+    start, end = (
+        min(float(each["time"][0]) for each in vehicles),
+        max(float(each["time"][-1]) for each in vehicles),
+    )
+    inside = there = 0
+    for time in np.linspace(start, end, _MOMENTS).tolist():
+        present = [each for each in vehicles if each["time"][0] <= time <= each["time"][-1]]
+        x, y = (
+            np.array([np.interp(time, each["time"], each[axis]) for each in present])
+            for axis in "xy"
+        )
+        apart = np.hypot(x[:, None] - x, y[:, None] - y)
+        np.fill_diagonal(apart, np.inf)
+        inside += int((apart.min(axis=1, initial=np.inf) < _ONE_PLACE).sum())
+        there += len(present)
+    if inside <= _TOO_MANY * there:
+        return []
+    share = f"{inside / there:.0%} of the vehicles are inside another one"
+    return [
+        f"at {_MOMENTS} moments {share}: the tracks can hardly be of one time, or vehicles were tracked twice"
+    ]
+
+
+@dataclass(eq=False)
+class Source:
+    """One recording of a data set, not read yet.
+
+    Args:
+        name: unique in its data set; splits into training and test data go by it.
+        site: where it was recorded; sources of one site share a map.
+        format: name of the format; empty where the file can't be read far enough to tell.
+        path: its main file.
+        read: reads it.
+        road: makes the site's road in a folder, from the recording and what the data set has
+            instead of OpenDRIVE; None where it has nothing.
+        map: the site's map, as the data set has it (Lanelet2, CommonRoad); None without one, or
+            where the recording brings its road network with it.
+        origin: latitude and longitude (degrees) of the origin of the coordinates, where the data
+            set has them.
+        given: the OpenDRIVE file that the user names, before all others.
+        ego: name of the recording's own vehicle, asked for after it was read; None where it has
+            none.
+        lights: recorded states of traffic lights, asked for after it was read; None where it has
+            none.
+    """
+
+    name: str
+    site: str
+    format: str
+    path: Path
+    read: Callable[[], tuple[Recording, Report]] = field(repr=False)
+    map: Path | None = None
+    origin: tuple[float, float] | None = None
+    road: Callable[[Recording, Path], SiteRoad] | None = field(default=None, repr=False)
+    given: Path | None = None
+    ego: Callable[[], str | None] = field(default=_no_ego, repr=False)
+    lights: Callable[[], LightStates | None] = field(default=_no_lights, repr=False)
+    report: Report | None = field(default=None, init=False, repr=False)
+    """what the last reading found; None before"""
+
+    def load(self) -> Recording:
+        """Read the recording, afresh each time, and renew `report`.
+
+        Raises:
+            InvalidFile: a file is malformed; names file, line and column.
+            Unsupported: it holds something that is not supported.
+        """
+        try:
+            recording, self.report = self.read()
+        except InvalidFile as error:
+            error.path = error.path or str(self.path)
+            raise
+        self.report.remarks += _overlaps([*recording.tracks.values()])
+        return recording
+
+
+@dataclass(eq=False)
+class DataSet:
+    """A folder or file with recordings; `sources` lists them without reading their tracks."""
+
+    path: Path
+    find: Callable[[], list[Source]] = field(repr=False)
+
+    @cached_property
+    def sources(self) -> list[Source]:
+        """The recordings, in the order of their files.
+
+        Raises:
+            InvalidFile: no recording of a known format is there, or the name of one can't be
+                printed. A table or index that can't be read, so that it may be a recording or not,
+                is a source that says so when it is loaded.
+        """
+        return self.find()
+
+
+REAR_AXLE = 0.3
+"""Distance of the rear axle behind the centre of a vehicle, in lengths of it."""
+
+_USUAL = {
+    "car": (4.5, 1.8, 1.5),
+    "van": (6.0, 2.1, 2.6),
+    "truck": (8.0, 2.4, 3.5),
+    "bus": (12.0, 2.5, 3.0),
+    "trailer": (6.0, 2.2, 2.5),
+    "tram": (30.0, 2.4, 3.5),
+    "motorbike": (2.2, 0.9, 1.5),
+    "bicycle": (1.8, 0.6, 1.8),
+    "pedestrian": (0.5, 0.5, 1.8),
+    "obstacle": (1.0, 1.0, 1.0),
+}
+"""Usual length, width and height of each category, m."""
+
+
+class TrackParticipant(NamedTuple):
+    """Participant of a track."""
+
+    name: str
+    kind: str
+    category: str
+    box: BoundingBox
+
+
+_LONGEST, _WIDEST = 100.0, 10.0
+"""Greatest length and width of what moves, m; trams reach 75 m"""
+
+
+def wrong_size(category: str, length: float, width: float) -> str | None:
+    """Return what is wrong with the size (m) of what moves, such as other units; None for nothing."""
+    too_large = length > _LONGEST or width > _WIDEST
+    return f"{length:g} m by {width:g} m is no size of a {category}" if too_large else None
+
+
+def participant(
+    name: str, category: str, length: float | None = None, width: float | None = None
+) -> TrackParticipant:
+    """A participant of a category of `_USUAL`, with the usual size where none was recorded; m.
+
+    Raises:
+        InvalidFile: a moving participant has a size in other units than m.
+    """
+    usual_length, usual_width, height = _USUAL[category]
+    length = usual_length if length is None else length
+    width = usual_width if width is None else width
+    kind = {"pedestrian": "pedestrian", "obstacle": "miscellaneous"}.get(category, "vehicle")
+    wrong = None if kind == "miscellaneous" else wrong_size(category, length, width)
+    if wrong:
+        raise InvalidFile(wrong, element=f"participant {name}")
+    behind = REAR_AXLE * length if kind == "vehicle" else 0.0
+    return TrackParticipant(
+        name, kind, category, BoundingBox(behind, 0.0, height / 2, length, width, height)
+    )
+
+
+FORMATS = "recognition.recordings.formats"
+_SUFFIXES = (".csv", ".feather", ".json", ".mcap", ".osi", ".parquet", ".txt", ".xml")
+"""Endings of recordings"""
+
+
+def cache_roads() -> Path:
+    """Folder for roads that are made from recordings, where no other is named."""
+    return cache_folder("roads")
+
+
+def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) -> DataSet:
+    """The recordings in a folder (with all that is below it) or a file.
+
+    Formats are the modules of `recognition.recordings.formats`. Nothing is read before
+    `DataSet.sources` is asked for, and no track before a source is loaded.
+
+    Args:
+        roads: folder for roads that are made from recordings (highD); `cache_roads` by default.
+
+    Raises:
+        InvalidFile: there is no such folder or file.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InvalidFile("no such file or folder", path=path)
+    return DataSet(path, partial(_find, path, Path(roads) if roads is not None else cache_roads()))
+
+
+def _find(path: Path, roads: Path) -> list[Source]:
+    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+    by_content = packages.described(FORMATS, "BY_CONTENT")
+    formats = [
+        import_module(f"{FORMATS}.{name}")
+        for name in sorted(by_content, key=lambda name: by_content[name])
+    ]
+    found = _told_apart(
+        [source for file in files for source in _sources(file, formats, roads)], path
+    )
+    if not found:
+        known = ", ".join(packages.described(FORMATS, "TITLE").values())
+        raise InvalidFile(f"no recording of a known format is here ({known})", path=path)
+    for source in found:
+        if not source.name.isprintable():
+            raise InvalidFile(
+                f"the name of recording {source.name!r} has characters that can't be printed",
+                path=source.path,
+            )
+    return found
+
+
+def _sources(file: Path, formats: Sequence[ModuleType], roads: Path) -> list[Source]:
+    """The recordings in a file. One that can't be read may be a recording or not: a source that says so when it is loaded."""
+    try:
+        current().admit(file)
+        if file.suffix.lower() in _SUFFIXES and file.stat().st_size <= LONGEST_POINTER:
+            read_bytes(
+                file
+            )  # a pointer of Git LFS, which no format claims, may be in the place of a recording
+        form = next((each for each in formats if each.claims(file)), None)
+        return form.sources(file, roads) if form is not None else []
+    except InvalidFile as error:
+        return [Source(file.name, file.stem, "", file, partial(_fail, error))]
+
+
+def _fail(error: InvalidFile) -> NoReturn:
+    raise error
+
+
+def _told_apart(sources: list[Source], folder: Path) -> list[Source]:
+    """The sources, with names that several have led by the place of their files in the folder."""
+    counts = Counter(source.name for source in sources)
+
+    def renamed(source: Source) -> Source:
+        return replace(source, name=f"{source.path.relative_to(folder).as_posix()}/{source.name}")
+
+    return [renamed(source) if counts[source.name] > 1 else source for source in sources]

@@ -1,0 +1,165 @@
+"""Results of runs for other programs: JSON, event log, JUnit."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lxml import etree
+
+from runner.recording import LogEntry
+from schemas.common.packages import version
+from schemas.common.storage import keep
+from schemas.common.terminal.text import xml_text
+
+if TYPE_CHECKING:
+    from runner.batch.jobs import Outcome
+    from runner.judging.result import RunResult, Verdict
+
+_SEVERITY = {"speed": "impact_speed", "delta_v": "delta_v", "risk": "fatality_risk"}
+"""Measures of a contact by their short names"""
+
+
+def summary(result: RunResult) -> dict[str, Any]:
+    """A run in a few JSON-able values: what ran, how it ended, why, and how critical it was for the ego."""
+    network = result.recording.network
+    return {
+        "scenario": result.scenario.name,
+        "files": {
+            "scenario": str(result.scenario.absolute()),
+            "road": str(network.path.absolute()) if network is not None else None,
+        },
+        "parameters": result.parameters,
+        "status": result.status,
+        "verdict": result.verdict.outcome,
+        "reasons": list(result.verdict.reasons),
+        "causes": [cause._asdict() for cause in result.verdict.causes],
+        "criteria": criteria(result.verdict),
+        "remarks": list(result.remarks),
+        "end_time": result.end_time,
+        "ego": result.ego,
+        "sut": result.sut,
+        "sut_parameters": result.sut_parameters,
+        "settings": result.settings,
+        "entities": {
+            track.name: {
+                "kind": track.kind,
+                "category": track.category,
+                "box": track.box._asdict(),
+                "mass": track.mass,
+            }
+            for track in result.recording.tracks.values()
+        },
+        "actors": result.actors,
+        "criticality": result.criticality.summary if result.criticality is not None else None,
+        "version": version(),
+    }
+
+
+def impact(result: RunResult) -> dict[str, Any] | None:
+    """The first contact of the ego, as `runner.batch.jobs.Outcome` has it; None without one."""
+    from runner.judging.measures.measure import Extreme, measures
+
+    found = result.criticality.impact if result.criticality is not None else None
+    if found is None:
+        return None
+    severity = {key: measures()[name].of(result.criticality) for key, name in _SEVERITY.items()}
+    numbers = {key: value.value for key, value in severity.items() if isinstance(value, Extreme)}
+    where = {
+        "time": found.time,
+        "other": found.other,
+        "side": found.side,
+        "point": list(found.point),
+    }
+    return numbers | where | {"strikes": found.striking}
+
+
+def criteria(verdict: Verdict) -> list[dict[str, Any]]:
+    """Results of criteria as JSON-able values: result, name, entity, value (null where nothing was measured), unit, reason."""
+    return [
+        {
+            "result": each.state,
+            **{key: value for key, value in each._asdict().items() if key != "passed"},
+        }
+        for each in verdict.criteria
+    ]
+
+
+def write_json(values: dict[str, Any], path: Path) -> None:
+    """Write JSON that every reader takes: infinite numbers become null."""
+    text = json.dumps(finite(values), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    path.write_text(
+        text, encoding="utf-8", newline="\n", errors="backslashreplace"
+    )  # which is how JSON writes bytes in file names
+
+
+def finite(value: Any) -> Any:
+    """The same values with infinite numbers as None, which JSON can hold."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {key: finite(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(inner) for inner in value]
+    return value
+
+
+def write_events(events: Iterable[LogEntry], path: Path) -> None:
+    """Write the event log, one JSON object a line: time, kind, subject, and the reason or detail as text."""
+    with path.open("w", encoding="utf-8", errors="backslashreplace") as file:
+        for entry in events:
+            file.write(
+                json.dumps(finite(entry._asdict()), ensure_ascii=False, allow_nan=False) + "\n"
+            )
+
+
+def write_junit(outcomes: Iterable[Outcome], path: Path, inconclusive: str = "skipped") -> None:
+    """Write a JUnit file, whole or not at all: a test case a run; a failed verdict is a failure, a defect an error.
+
+    An inconclusive run is skipped, or an error, as `inconclusive` says. Results of criteria are
+    properties of their test case, remarks its standard output.
+    """
+    suites = etree.Element("testsuites", name="xosc-run")
+    groups: dict[str, list[Outcome]] = {}
+    for outcome in outcomes:
+        groups.setdefault(str(outcome.job.source), []).append(outcome)
+    for source, members in groups.items():
+        tags = [
+            {"failed": "failure", "error": "error", "inconclusive": inconclusive}.get(each.state)
+            for each in members
+        ]
+        suite = etree.SubElement(
+            suites,
+            "testsuite",
+            name=xml_text(source),
+            tests=str(len(members)),
+            failures=str(tags.count("failure")),
+            errors=str(tags.count("error")),
+            skipped=str(tags.count("skipped")),
+        )
+        for outcome, tag in zip(members, tags, strict=True):
+            case = etree.SubElement(suite, "testcase", classname=xml_text(Path(source).stem))
+            case.set("name", xml_text(outcome.job.title))
+            case.set("time", f"{outcome.end_time or 0.0:.3f}")
+            _add_criteria(case, outcome.criteria)
+            if tag is not None:
+                detail = etree.SubElement(case, tag, message=xml_text(outcome.message))
+                detail.text = xml_text(outcome.message)
+            if outcome.remarks:
+                etree.SubElement(case, "system-out").text = xml_text("\n".join(outcome.remarks))
+    keep(etree.tostring(suites, pretty_print=True, xml_declaration=True, encoding="UTF-8"), path)
+
+
+def _add_criteria(case: etree._Element, results: list[dict[str, Any]]) -> None:
+    properties = etree.SubElement(case, "properties") if results else case
+    for result in results:
+        name = " ".join(text for text in (f"criteria_{result['name']}", result["entity"]) if text)
+        etree.SubElement(
+            properties,
+            "property",
+            name=xml_text(name),
+            value=xml_text(f"{result['result']}: {result['reason']}"),
+        )

@@ -1,0 +1,263 @@
+"""The verdict table of `xosc-run`: a line a run as it ends, a summary at the end; errors on standard error,
+those that many runs share once."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from schemas.common.remarks import told_quietly
+from schemas.common.terminal.text import many, one_line
+
+if TYPE_CHECKING:
+    from runner.batch.batch import BatchComparison
+    from runner.batch.jobs import Outcome
+
+_WORDS = {
+    "error": "ERROR",
+    "failed": "FAILED",
+    "inconclusive": "INCONCLUSIVE",
+    "passed": "PASSED",
+    "loaded": "LOADED",
+}
+"""By state, the gravest first."""
+_GRAVE = ("error", "failed", "inconclusive")
+_COLOURS = {
+    "passed": "\033[32m", "loaded": "\033[32m", "inconclusive": "\033[33m", "failed": "\033[31m", "error": "\033[35m",
+}  # fmt: skip
+_WORD = 13
+"""Width of the column with verdicts"""
+_BOLD, _OFF, _CLEAR = "\033[1m", "\033[0m", "\r\033[K"
+_NAME = 44
+"""Least width of the column with the names of runs"""
+_REST = 60
+"""Width of all other columns, with room for a reason"""
+_LISTED = 5
+"""Runs that are named in a group of the summary, and among the worst"""
+_PAGES = ("before-and-after.html", "replay.html")
+"""Names of the pages of a run, as of `runner.view.replay.player`; the first that there is is named"""
+_ENDS = {
+    "completed": "stop trigger",
+    "timeout": "time limit",
+    "collision": "",
+    "compiled": "not run (--dry-run)",
+}
+_ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
+_LOCATION = re.compile(r"^.*?:\d+: ")
+"""Start of a remark: the file and its line"""
+_NUMBER = re.compile(r"-?\b\d+(\.\d+)?\b")
+_DRAWN = re.compile(r"(?<==)-?\d+\.\d{5,}\b")
+"""Values with more digits than a reader needs, as draws of a distribution have them"""
+
+
+class OutcomeTable:
+    """Prints outcomes as they come; colours and a progress line on a terminal only.
+
+    Args:
+        verbose: print tracebacks of errors too.
+        quiet: print failures, inconclusive runs and errors only.
+        total: how many runs there will be at most; 0 where that is not known.
+    """
+
+    def __init__(self, *, verbose: bool, quiet: bool, total: int = 0) -> None:
+        self._verbose, self._quiet, self._total = verbose, quiet, total
+        self._terminal = sys.stdout.isatty()
+        self._progress = sys.stderr.isatty() and not quiet
+        self._begun = time.monotonic()
+        self._width = (
+            max(_NAME, shutil.get_terminal_size().columns - _REST) if self._terminal else _NAME
+        )
+        self._counts = dict.fromkeys(_WORDS, 0)
+        self._groups: dict[tuple[str, str], list[str]] = {}
+        self._remarks: dict[str, list[str]] = {}
+        self._told: set[str] = set()
+        self._contacts: list[tuple[str, dict[str, Any]]] = []
+        self._last = ""
+
+    def show(self, outcome: Outcome) -> None:
+        """Print one run's line."""
+        if not self._quiet and not any(self._counts.values()) and outcome.state != "loaded":
+            self._print(f"{'verdict':{_WORD}}{'run':{self._width}}  {'end':>9}  ended by")
+        self._counts[outcome.state] += 1
+        self._last = outcome.job.name if outcome.state != "error" else ""
+        grave = outcome.state in _GRAVE
+        if grave:
+            self._groups.setdefault((outcome.state, _cause(outcome)), []).append(_title(outcome))
+        if outcome.impact is not None:
+            self._contacts.append((_title(outcome), outcome.impact))
+        for remark in outcome.remarks:
+            self._remarks.setdefault(_LOCATION.sub("", remark), []).append(remark)
+        if grave or not self._quiet:
+            self._print(self._line(outcome))
+        if outcome.state == "error" and outcome.message not in self._told:
+            self._told.add(outcome.message)
+            trace = (
+                "".join(f"{one_line(line)}\n" for line in outcome.trace.splitlines())
+                if self._verbose
+                else ""
+            )
+            print(f"{trace}xosc-run: {outcome.message}", file=sys.stderr, flush=True)
+        if self._progress:
+            sys.stderr.write(f"{_CLEAR}{self._done()}")
+            sys.stderr.flush()
+
+    @property
+    def only(self) -> str | None:
+        """Name of the run where there was one, without an error; else None."""
+        return self._last if self._last and sum(self._counts.values()) == 1 else None
+
+    def _done(self) -> str:
+        """Describe progress and the remaining time."""
+        done, failed = sum(self._counts.values()), self._counts["failed"] + self._counts["error"]
+        seconds = (time.monotonic() - self._begun) / done * max(self._total - done, 0)
+        parts = [f"{done} of {self._total} runs" if self._total >= done else f"{done} runs done"]
+        parts += [f"{failed} failed"] if failed else []
+        parts += (
+            [f"{self._counts['inconclusive']} inconclusive"] if self._counts["inconclusive"] else []
+        )
+        parts += [f"about {_duration(seconds)} left"] if self._total > done else []
+        return ", ".join(parts)
+
+    def _line(self, outcome: Outcome) -> str:
+        word = f"{_WORDS[outcome.state]:{_WORD}}"
+        if self._terminal:
+            word = f"{_COLOURS[outcome.state]}{word}{_OFF}"
+        name, width = _title(outcome), self._width
+        if self._terminal and len(name) > width:
+            name = name[: width // 2 - 1] + "…" + name[-(width - width // 2) :]
+        end = f"{outcome.end_time:7.2f} s" if outcome.end_time is not None else ""
+        how = (
+            _ERRORS[outcome.exit_code]
+            if outcome.state == "error"
+            else _ENDS.get(outcome.status, "")
+        )
+        if outcome.message and outcome.state != "error":
+            how = ": ".join(filter(None, (how, outcome.message)))
+        if outcome.remarks:
+            how += f" ({many(len(outcome.remarks), 'remark')})"
+        return f"{word}{name:{width}}  {end:>9}  {how}"
+
+    def close(self, left_out: Mapping[Path, int] = MappingProxyType({})) -> None:
+        """Print remarks, equal ones once, and a summary of several runs: failures by cause, the gravest first, and all.
+
+        A quiet table has one line, on standard error, where files break their standard and were
+        read all the same.
+
+        Args:
+            left_out: numbers of parameter sets that violate constraints, by variation file.
+        """
+        if self._progress:
+            sys.stderr.write(_CLEAR)
+        runs = sum(self._counts.values())
+        if self._quiet:
+            if repaired := told_quietly(
+                remark for same in self._remarks.values() for remark in same
+            ):
+                print(f"xosc-run: {one_line(repaired)}", file=sys.stderr, flush=True)
+            return
+        for same in self._remarks.values():
+            times = f" (and {len(same) - 1} more like it)" if len(same) > 1 else ""
+            self._print(f"remark: {same[0]}{times}")
+        for path, count in left_out.items():
+            text = f"{path}: {many(count, 'parameter set')} left out: the values violate the scenario's constraints"
+            self._print(f"remark: {one_line(text)}")
+        if runs < 2:
+            return
+        for (state, cause), names in sorted(
+            self._groups.items(), key=lambda group: list(_WORDS).index(group[0][0])
+        ):
+            self._print(f"{_WORDS[state]}, {many(len(names), 'run')}: {cause}")
+            more = [f"and {len(names) - _LISTED} more"] if len(names) > _LISTED else []
+            self._print("\n".join(f"    {name}" for name in names[:_LISTED] + more))
+        self._worst()
+        counts = ", ".join(f"{count} {state}" for state, count in self._counts.items() if count)
+        text = f"{many(runs, 'file' if self._counts['loaded'] else 'run')}: {counts}"
+        self._print(f"{_BOLD}{text}{_OFF}" if self._terminal else text)
+
+    def compare(self, earlier: BatchComparison, replays: Path | None) -> None:
+        """Print what has changed since an earlier batch.
+
+        Args:
+            replays: output folder with replays of the runs; None where there are none.
+        """
+        kinds = {"new": earlier.new, "fixed": earlier.fixed, "still failing": earlier.still}
+        self.tell(
+            f"since {one_line(earlier.title)}: "
+            + ", ".join(f"{len(runs)} {kind}" for kind, runs in kinds.items())
+        )
+        for kind, runs in kinds.items():
+            for outcome in runs[:_LISTED]:
+                was = earlier.was(outcome) or "not in it"
+                pages = (
+                    replays / outcome.job.name / name for name in _PAGES if replays is not None
+                )
+                link = next((f"  {page}" for page in pages if page.is_file()), "")
+                why = f"  {one_line(outcome.message)}" if outcome.message else ""
+                self.tell(f"    {kind:15}{_title(outcome)} (before: {was}){why}{link}")
+            if len(runs) > _LISTED:
+                self.tell(f"    {kind:15}and {len(runs) - _LISTED} more")
+
+    def tell(self, line: str) -> None:
+        """Print a line, unless failures only are asked for."""
+        if not self._quiet:
+            self._print(line)
+
+    def _worst(self) -> None:
+        """The contacts with the greatest risk of a death."""
+        if len(self._contacts) < 2:
+            return
+        from runner.judging.measures.contacts import sentence  # needs numpy
+
+        found = sorted(
+            self._contacts,
+            key=lambda contact: (-contact[1]["risk"], -contact[1]["speed"], contact[0]),
+        )[:_LISTED]
+        self._print(
+            f"worst {len(found)} of {many(len(self._contacts), 'contact')}, by the risk of a death:"
+        )
+        for name, each in found:
+            who = sentence("the ego", one_line(each["other"]), each["side"], each["strikes"])
+            size = f"{each['speed']:5.1f} m/s, change of velocity {each['delta_v']:4.1f} m/s, risk {percent(each['risk'])}"
+            self._print(f"    {size}  {name}: {who}")
+
+    def _print(self, text: str) -> None:
+        if self._progress:
+            sys.stderr.write(_CLEAR)
+            sys.stderr.flush()
+        print(text, flush=True)
+
+
+def _title(outcome: Outcome) -> str:
+    """Label of a run, long values to six digits; `--only` runs it again with all of them."""
+    return one_line(_DRAWN.sub(lambda found: f"{float(found[0]):.6g}", outcome.job.title))
+
+
+def _cause(outcome: Outcome) -> str:
+    """Why a run failed, without the numbers and the file in which failures of one kind differ."""
+    first = outcome.message.partition("; ")[0]
+    return _NUMBER.sub(
+        "…",
+        first.removeprefix(str(outcome.job.scenario))
+        .removeprefix(str(outcome.job.source))
+        .lstrip(": "),
+    )
+
+
+def percent(share: float) -> str:
+    """A share in per cent, with two digits below 10 %."""
+    if share < 0.001:
+        return "<0.1 %"
+    return f"{100.0 * share:.0f} %" if share >= 0.1 else f"{100.0 * share:.1f} %"
+
+
+def _duration(seconds: float) -> str:
+    """A time as people say it, from seconds to hours."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

@@ -1,0 +1,186 @@
+"""Entities that come, go, are put somewhere else, and are coupled (EntityAction, TeleportAction, TrailerAction)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from runner.engine.compile import registry
+from runner.engine.compile.element import GlobalAction, PrivateAction
+from runner.engine.compile.registry import action
+from runner.engine.participants.entity import Entity
+from runner.engine.participants.trailers import connect, disconnect, train
+from xosc.document.node import Node
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from runner.engine.compile.element import Position
+    from runner.engine.compile.registry import Context
+    from runner.engine.compile.run import Run
+    from runner.engine.motion.placement import Placement
+
+
+def _entity(node: Node, context: Context) -> Entity:
+    above = node.parent
+    assert above is not None
+    return context.entity(above)
+
+
+@action("AddEntityAction")
+@dataclass(frozen=True, slots=True)
+class AddEntityAction(GlobalAction):
+    """Brings a declared entity into the world at a position; nothing happens where it is there already.
+
+    It drives at the speed that it was last asked for: before it was deleted, or by an initial
+    SpeedAction; else it stands.
+    """
+
+    entity: Entity
+    position: Position
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> AddEntityAction:
+        """Build from an AddEntityAction element."""
+        return cls(_entity(node, context), context.position(node.need("Position")))
+
+    def puts(self) -> Iterable[tuple[Entity, Position | None]]:
+        """The position."""
+        return [(self.entity, self.position)]
+
+    def references(self) -> Iterable[Entity]:
+        """Entities that the position is relative to."""
+        return self.position.references()
+
+    def start(self, run: Run) -> None:
+        """Add at once."""
+        if self.entity.active and self.entity.placed:
+            run.note("entity", self.entity.name, "is in the scenario already")
+            return
+        run.activate(self.entity, self.position.resolve(run, self.entity))
+        run.note("entity", self.entity.name, "added")
+
+
+@action("DeleteEntityAction")
+@dataclass(frozen=True, slots=True)
+class DeleteEntityAction(GlobalAction):
+    """Takes an entity out of the world; its actions end with it."""
+
+    entity: Entity
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> DeleteEntityAction:
+        """Build from a DeleteEntityAction element."""
+        return cls(_entity(node, context))
+
+    def start(self, run: Run) -> None:
+        """Delete at once."""
+        if self.entity.active:
+            run.deactivate(self.entity)
+            run.note("entity", self.entity.name, "deleted")
+
+
+@registry.action("TeleportAction")
+class TeleportAction(PrivateAction):
+    """Puts the actor at a position at once; it keeps its speed."""
+
+    def __init__(self, position: Position) -> None:
+        self.position = position
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> TeleportAction:
+        """Read the position."""
+        return cls(context.position(node.need("Position")))
+
+    @property
+    def places(self) -> bool:
+        """It does."""
+        return True
+
+    def puts(self, actor: Entity) -> Iterable[tuple[Entity, Position | None]]:
+        """The position."""
+        return [(actor, self.position)]
+
+    def references(self) -> Iterable[Entity]:
+        """Entities that the position is relative to."""
+        return self.position.references()
+
+    def start(self, actor: Entity, run: Run) -> None:
+        """Jump."""
+        run.place(actor, self.position.resolve(run, actor))
+
+
+@registry.action("ConnectTrailerAction")
+class ConnectTrailerAction(PrivateAction):
+    """Puts a trailer's coupler on the actor's hitch; the trailer is moved there where it stands elsewhere."""
+
+    def __init__(self, node: Node, trailer: Entity, lasting: bool) -> None:
+        self.node, self.trailer = node, trailer
+        self.lasting = lasting
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> ConnectTrailerAction:
+        """Read the reference."""
+        trailer = context.entity(node, "trailerRef")
+        if trailer.declared.coupler is None:
+            raise node.invalid(f"{trailer.name!r} has no TrailerCoupler, so it can't be towed")
+        return cls(
+            node, trailer, next(context.document.node.iter("DisconnectTrailerAction"), None) is None
+        )
+
+    def references(self) -> Iterable[Entity]:
+        """The trailer."""
+        return (self.trailer,)
+
+    def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:
+        """It has to have a hitch, and what is connected from the beginning and never disconnected must not be in the way."""
+        if actor.declared.hitch is None:
+            raise self.node.invalid(f"{actor.name!r} has no TrailerHitch, so it can't tow")
+        if self.lasting:
+            self._check_free(actor)
+
+    def start(self, actor: Entity, run: Run) -> None:
+        """Connect."""
+        self.check(actor, None)
+        self._check_free(actor)
+        trailer = self.trailer
+        if actor.controls.trailer is trailer:
+            return
+        run.end_actions(trailer, f"{trailer.name} is towed by {actor.name}")
+        connect(run.roads, actor, trailer)
+
+    def _check_free(self, actor: Entity) -> None:
+        """Neither the hitch nor the coupler may hold another vehicle now."""
+        trailer = self.trailer
+        if actor.controls.trailer is trailer:
+            return
+        if actor.controls.trailer is not None:
+            raise self.node.invalid(f"{actor.name!r} tows {actor.controls.trailer.name!r} already")
+        if trailer.controls.tractor is not None:
+            raise self.node.invalid(
+                f"{trailer.name!r} is towed by {trailer.controls.tractor.name!r} already"
+            )
+        if actor in train(trailer):
+            raise self.node.invalid(
+                f"{trailer.name!r} can't be towed by {actor.name!r}, which it tows itself"
+            )
+
+
+@registry.action("DisconnectTrailerAction")
+class DisconnectTrailerAction(PrivateAction):
+    """Takes the actor's trailer off its hitch; the trailer stays where it is, standing."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> DisconnectTrailerAction:
+        """Nothing to read."""
+        return cls(node)
+
+    def start(self, actor: Entity, run: Run) -> None:
+        """Disconnect."""
+        if actor.controls.trailer is None:
+            run.note("trailer", actor.name, "has no trailer to disconnect")
+            return
+        disconnect(run.roads, actor)

@@ -1,0 +1,147 @@
+"""Routes for lane following (OpenSCENARIO XML 1.4, class RoutingAction).
+
+A route (`Entity.route`) decides at junctions; it holds until another one is assigned.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from runner.engine.compile import registry
+from runner.engine.compile.element import PrivateAction
+from runner.engine.compile.run import Running
+from runner.engine.motion.routes import AssignedRoute, RandomRoute, Route
+from runner.engine.positions.lane import LAYERS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from runner.engine.compile.element import Position
+    from runner.engine.compile.registry import Context
+    from runner.engine.compile.run import Run
+    from runner.engine.motion.placement import Placement
+    from runner.engine.participants.entity import Entity
+    from xodr.graph.network import RoadNetwork
+    from xodr.model import RoadPoint
+    from xosc.document.node import Node
+
+_REACHED = 1e-6
+
+
+@registry.action("AssignRouteAction")
+class AssignRouteAction(PrivateAction):
+    """Gives the actor a route to follow at junctions; complete at once."""
+
+    def __init__(self, route: Route) -> None:
+        self.route = route
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> AssignRouteAction:
+        """Read the route."""
+        return cls(Route.from_xml(node.need("Route"), context))
+
+    def references(self) -> Iterable[Entity]:
+        """Entities that the waypoints are relative to."""
+        return self.route.references()
+
+    def start(self, actor: Entity, run: Run) -> None:
+        """Assign."""
+        path = self.route.path(run, actor)
+        actor.controls.route = AssignedRoute(path, self.route.closed, self.route.network)
+
+
+@registry.action("RandomRouteAction")
+class RandomRouteAction(PrivateAction):
+    """Lets the actor choose its way at random at every junction; complete at once."""
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> RandomRouteAction:
+        """Nothing to read."""
+        context.need_network(node)
+        return cls()
+
+    def start(self, actor: Entity, run: Run) -> None:
+        """Assign."""
+        actor.controls.route = RandomRoute(run.random)
+
+
+@registry.action("PreferredLaneLayerAction")
+class PreferredLaneLayerAction(PrivateAction):
+    """Has the actor keep to a layer of lanes wherever none is named; complete at once.
+
+    Where its lane is of the other layer, it keeps to that until the layers are one again.
+    """
+
+    def __init__(self, layer: str) -> None:
+        self.layer = layer
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> PreferredLaneLayerAction:
+        """Read the layer."""
+        context.need_network(node)
+        return cls(node.choice("layer", LAYERS))
+
+    def start(self, actor: Entity, run: Run) -> None:
+        """From now on."""
+        run.roads.prefer(actor, self.layer)
+        run.note("preferredLaneLayer", actor.name, self.layer)
+
+
+@registry.action("AcquirePositionAction")
+class AcquirePositionAction(PrivateAction):
+    """Leads the actor to a position by the shortest way; complete when it is there, or has got another route."""
+
+    def __init__(self, node: Node, position: Position, network: RoadNetwork) -> None:
+        self.node, self.position, self.network = node, position, network
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> AcquirePositionAction:
+        """Read the position."""
+        return cls(node, context.position(node.need("Position")), context.need_network(node))
+
+    def references(self) -> Iterable[Entity]:
+        """Entities that the position is relative to."""
+        return self.position.references()
+
+    def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:
+        """A way must lead to the position from a place where the actor can be put."""
+        if self.position.fixed is None or not starts:
+            return
+        there = self._point(self.position.fixed)
+        if not any(self.network.route([self._point(start), there]) for start in starts):
+            raise self._unreachable(actor)
+
+    def start(self, actor: Entity, run: Run) -> Running | None:
+        """Find the way and assign it."""
+        here = run.roads.road_point(actor)
+        there = self._point(self.position.resolve(run, actor))
+        path = self.network.route([here, there]) if here is not None else None
+        if path is None:
+            raise self._unreachable(actor)
+        route = actor.controls.route = AssignedRoute(path)
+        return _Acquiring(actor, run, route)
+
+    def _point(self, place: Placement) -> RoadPoint:
+        return place.point or self.network.locate(place.x, place.y, place.z)
+
+    def _unreachable(self, actor: Entity) -> Exception:
+        return self.node.invalid(f"no way leads {actor.name!r} to the position")
+
+
+class _Acquiring(Running):
+    """On the way to a position."""
+
+    def __init__(self, actor: Entity, run: Run, route: AssignedRoute) -> None:
+        self.actor, self.run, self.route = actor, run, route
+        self.length = route.path.length
+
+    def step(self, dt: float) -> bool:
+        """Nothing to do but to see whether this step leads to the end of the route."""
+        if self.actor.controls.route is not self.route:
+            return True
+        point = self.run.roads.road_point(self.actor)
+        gone = self.route.path.position(point, self.length) if point is not None else None
+        return (
+            gone is not None
+            and gone + abs(self.actor.controls.target_speed) * dt >= self.length - _REACHED
+        )

@@ -1,0 +1,207 @@
+"""SynchronizeAction: reach a position at the same time as a master entity reaches another one.
+
+The master's arrival time is that of its present speed. The profile to the target is planned anew at
+every step from the present state, so that it follows the master's changes of speed; while the
+master holds its speed, the plan is the same at every step. Of all speed profiles that cover the way
+in the time, it is that with the smallest greatest acceleration: one stretch of acceleration a and
+one of −a (or the other way round), or, where even that would mean driving backwards, a stop with a
+wait. To arrive in time is the action's purpose, so no Performance bounds it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+from runner.engine.actions.speed import RELATIVE
+from runner.engine.compile.element import LONGITUDINAL, PrivateAction, need_places
+from runner.engine.compile.registry import action
+from runner.engine.compile.run import Running
+from runner.engine.motion.placement import Placement
+from runner.engine.participants.entity import Entity
+from xosc.document.node import Node
+
+if TYPE_CHECKING:
+    from runner.engine.compile.registry import Context
+    from runner.engine.compile.run import Run
+
+_STILL = 1e-6
+"""Speed (m/s) below which an entity is taken to stand."""
+
+
+class SteadyState(NamedTuple):
+    """Phase of constant final speed before the target: length in m, or duration in s."""
+
+    distance: float = 0.0
+    time: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class FinalSpeed:
+    """FinalSpeed: absolute, or relative to the master's; and the steady state before the target."""
+
+    value: float
+    relation: str
+    steady: SteadyState
+
+    @classmethod
+    def from_xml(cls, node: Node) -> FinalSpeed:
+        """Read the child of a FinalSpeed element."""
+        speed = node.only()
+        relation = (
+            speed.choice("speedTargetValueType", RELATIVE)
+            if speed.tag == "RelativeSpeedToMaster"
+            else ""
+        )
+        return cls(speed.finite("value"), relation, _read_steady(speed))
+
+    def speed(self, master: Entity) -> float:
+        """The final speed as of now, m/s; synchronised entities do not drive backwards."""
+        return max(
+            RELATIVE[self.relation](master.speed, self.value) if self.relation else self.value, 0.0
+        )
+
+
+def _read_steady(node: Node) -> SteadyState:
+    length, time = node.find("TargetDistanceSteadyState"), node.find("TargetTimeSteadyState")
+    steady = SteadyState(
+        length.finite("distance") if length else 0.0, time.finite("time") if time else 0.0
+    )
+    if min(steady) < 0.0:
+        raise node.invalid("the steady state must not be negative")
+    return steady
+
+
+@action("SynchronizeAction")
+@dataclass(frozen=True, slots=True)
+class SynchronizeAction(PrivateAction):
+    """Times an entity's arrival at its target by a master's arrival at another one, optionally at a final speed.
+
+    It ends when either has arrived, within its tolerance. Both move along the way that they are on:
+    lane and route, or trajectory.
+    """
+
+    domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
+
+    node: Node
+    master: Entity
+    master_target: Any
+    target: Any
+    master_tolerance: float
+    tolerance: float
+    final: FinalSpeed | None
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> SynchronizeAction:
+        """Build from a SynchronizeAction element."""
+        final = node.find("FinalSpeed")
+        tolerances = node.finite("targetToleranceMaster", 0.0), node.finite("targetTolerance", 0.0)
+        if min(tolerances) < 0.0:
+            raise node.invalid("tolerances must not be negative")
+        return cls(
+            node,
+            context.entity(node, "masterEntityRef"),
+            context.position(node.need("TargetPositionMaster")),
+            context.position(node.need("TargetPosition")),
+            *tolerances,
+            FinalSpeed.from_xml(final) if final is not None and final.children() else None,
+        )
+
+    def references(self) -> Iterable[Entity]:
+        """The master."""
+        return (self.master,)
+
+    def start(self, actor: Entity, run: Run) -> Running:
+        """Begin; a target that is not on its entity's way yet is looked for again at every step."""
+        need_places(self.node, actor, self.master)
+        targets = self.master_target.resolve(run, self.master), self.target.resolve(run, actor)
+        for entity, target in zip((self.master, actor), targets, strict=True):
+            if entity.controls.motion.distance_to(entity, target) is None:
+                run.note(
+                    "synchronise",
+                    entity.name,
+                    "its target position is not on the way that it follows yet",
+                )
+        return _Synchronisation(self, actor, run, *targets)
+
+
+class _Synchronisation(Running):
+    """Under way to the target; while there is no way to one (an entity has left its road, say), the speed stays."""
+
+    __slots__ = ("_action", "_actor", "_master_target", "_run", "_target")
+
+    def __init__(
+        self,
+        action: SynchronizeAction,
+        actor: Entity,
+        run: Run,
+        master_target: Placement,
+        target: Placement,
+    ) -> None:
+        self._action = action
+        self._actor = actor
+        self._run = run
+        self._master_target = master_target
+        self._target = target
+
+    def step(self, dt: float) -> bool:
+        """Ask for the planned speed at the end of the step."""
+        action, actor, master = self._action, self._actor, self._action.master
+        left = actor.controls.motion.distance_to(actor, self._target)
+        master_left = master.controls.motion.distance_to(master, self._master_target)
+        if left is None or master_left is None or not master.active:
+            return False
+        left, master_left = left - action.tolerance, master_left - action.master_tolerance
+        arrived = left <= 0.0 or master_left <= 0.0
+        time = master_left / abs(master.speed) if abs(master.speed) > _STILL else math.inf
+        if action.final is None:
+            actor.controls.target_speed = (
+                actor.speed if arrived else free_speed(actor.speed, left, time, dt)
+            )
+            return arrived
+        final, steady = action.final.speed(master), action.final.steady
+        way = left - max(steady.distance, steady.time * final)
+        hold = max(steady.time, steady.distance / final if final > 0.0 else 0.0)
+        actor.controls.target_speed = (
+            final if arrived else planned_speed(actor.speed, final, way, time - hold, dt)
+        )
+        return arrived
+
+
+def free_speed(speed: float, way: float, time: float, dt: float) -> float:
+    """Speed (m/s) after dt (s) on the way (m) to be covered in a time (s), whatever the speed at its end.
+
+    The acceleration is constant; where that would end in driving backwards, the entity stops before
+    the target.
+    """
+    if time <= dt:
+        return speed
+    if speed * time > 2.0 * way:
+        return max(speed - 0.5 * speed * speed / way * dt, 0.0)
+    return max(speed + 2.0 * (way - speed * time) / (time * time) * dt, 0.0)
+
+
+def planned_speed(speed: float, final: float, way: float, time: float, dt: float) -> float:
+    """Speed (m/s) after dt (s) on the way (m) to be covered in a time (s), ending at the speed `final`.
+
+    With D = way − (speed + final)/2 · time, the distance that a linear profile lacks, and Δ = final
+    − speed, the smallest greatest acceleration is a = (2 D ± √(4 D² + time² Δ²)) / time², with the
+    sign of D; it changes its sign after (time + Δ/a)/2. A turning speed below zero means to stop,
+    wait, and leave again, each at (speed² + final²) / (2 way).
+    """
+    if way <= 0.0 or time <= dt:
+        return final
+    change, lacking = final - speed, way - 0.5 * (speed + final) * time
+    if lacking == 0.0 or time == math.inf:
+        rate = change / time
+    else:
+        rate = (
+            2.0 * lacking + math.copysign(math.hypot(2.0 * lacking, time * change), lacking)
+        ) / (time * time)
+    if time == math.inf or speed + final + rate * time < 0.0:
+        braking = (speed * speed + final * final) / (2.0 * way)
+        return max(speed - braking * dt, 0.0)
+    turn = 0.5 * (time + change / rate) if rate else time
+    return speed + rate * (dt if turn >= dt else 2.0 * max(turn, 0.0) - dt)

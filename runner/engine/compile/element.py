@@ -1,0 +1,309 @@
+"""Contracts of positions, conditions and actions: what their classes offer to the interpreter.
+
+A position is an object that resolves to a place in a run, a condition a logical expression that
+describes itself with current values.
+
+An action class is built once from its element (`from_xml`) and holds no state. `start` applies it;
+what takes simulation time comes back as a `Running`, one for each actor, with the state of this
+execution.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from runner.engine.compile.run import Instant, Run, Running, Surroundings
+    from runner.engine.motion.placement import Placement
+    from runner.engine.participants.entity import Entity
+    from xosc.document.node import Node
+
+
+class Position(ABC):
+    """A position of the standard.
+
+    Attributes:
+        node: its element, for complaints.
+        fixed: where it is, for positions that are the same throughout every run.
+        oriented: whether the file prescribes an orientation.
+        grounded: whether the height is that of the road's surface.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.fixed: Placement | None = None
+        self.oriented = node.find("Orientation") is not None
+        self.grounded = True
+
+    @abstractmethod
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
+        """Return the current place.
+
+        Args:
+            run: the run; positions with `fixed` need none.
+            actor: the entity concerned, for shapes that begin where it is.
+
+        Raises:
+            InvalidFile: there is no such place at the moment: with the line of the position's
+                element.
+        """
+
+    def references(self) -> tuple[Entity, ...]:
+        """Entities whose place must be known before this position can be resolved."""
+        return ()
+
+    def current(self, entity: Entity) -> Entity:
+        """The entity referred to, once it has a place."""
+        if not entity.placed:
+            raise self.node.invalid(
+                f"the position is relative to {entity.name!r}, which has no position yet"
+            )
+        return entity
+
+
+class FixedPosition(Position):
+    """A position that does not depend on anything that happens."""
+
+    fixed: Placement
+
+    def __init__(self, node: Node, placement: Placement) -> None:
+        super().__init__(node)
+        self.fixed = placement
+
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
+        """The place."""
+        return self.fixed
+
+
+_SLEEPLESS = 8
+"""Steps between attempts to let a condition sleep: with all entities near, every attempt fails."""
+
+
+class Condition(ABC):
+    """A ByValueCondition, or a ByEntityCondition with its triggering entities."""
+
+    triggering: tuple[Entity, ...] = ()
+    """Entities for which the last evaluation was true (by-entity conditions)."""
+
+    stays_true: bool = False
+    """Whether the expression stays true for the rest of a run once it is."""
+
+    mishap: bool = False
+    """Whether a run in which the expression becomes true has gone wrong: a contact, an entity off the road or at its end."""
+
+    def reset(self) -> None:
+        """A run begins: forget what the last one has left."""
+        self.triggering = ()
+
+    def measure_from(self, run: Instant) -> None:
+        """Count times and distances from now on instead of from the beginning of the run; most conditions count nothing."""
+        return
+
+    def keeps(self, run: Instant) -> float:
+        """Time (s) before which the expression keeps its present value while `run.changes` stays; by default it keeps none."""
+        return -math.inf
+
+    def false_until(self, run: Instant) -> float:
+        """Time (s) before which the expression is false whatever happens; `-inf` if unknown."""
+        return -math.inf
+
+    def false_within(self, run: Instant) -> float:
+        """Total displacement (m, see `Displacement`) before which the expression is false whatever happens; `-inf` if unknown."""
+        return -math.inf
+
+    @abstractmethod
+    def evaluate(self, run: Instant) -> bool:
+        """The logical expression at the simulation's current time."""
+
+    @abstractmethod
+    def describe(self, run: Instant) -> str:
+        """The expression with the values of now, e.g. `time headway Ego–Lead = 1.31 s < 1.5 s`."""
+
+
+class EntityCondition(ABC):
+    """The expression inside a ByEntityCondition, for one triggering entity."""
+
+    mishap: ClassVar[bool] = False
+    """Same as `Condition.mishap`"""
+
+    def reset(self) -> None:
+        """A run begins: forget what the last one has left, by default nothing."""
+        return
+
+    def measure_from(self, entities: Sequence[Entity]) -> None:
+        """Count distances of these entities from now on; most conditions count nothing."""
+        return
+
+    def keeps(self, entity: Entity, run: Instant) -> float:
+        """Same as `Condition.keeps`, for this entity."""
+        return -math.inf
+
+    @abstractmethod
+    def holds(self, entity: Entity, run: Instant) -> bool:
+        """Whether the expression is true for this entity now; an undefined quantity makes it false."""
+
+    @abstractmethod
+    def describe(self, entity: Entity, run: Instant) -> str:
+        """The expression for this entity with the values of now."""
+
+
+class NearCondition(EntityCondition):
+    """An expression that holds only near to something: where that is far, it need not be looked at for a while."""
+
+    @abstractmethod
+    def way(self, entity: Entity, run: Instant) -> float:
+        """Return the distance (m) each entity may move before the expression, now false, can hold for this entity; 0 if
+        unknown."""
+
+
+class ByEntityCondition(Condition):
+    """An EntityCondition over its triggering entities.
+
+    Args:
+        entities: the triggering entities (selections already expanded).
+        every: triggeringEntitiesRule: `all` (true) or `any` (false).
+        condition: the expression for one entity.
+    """
+
+    def __init__(self, entities: list[Entity], every: bool, condition: EntityCondition) -> None:
+        self.entities = entities
+        self.every = every
+        self.condition = condition
+        self.mishap = condition.mishap
+        self._only = entities[0] if len(entities) == 1 else None
+        self._near = condition if isinstance(condition, NearCondition) else None
+        self._asleep = -math.inf
+
+    def reset(self) -> None:
+        """Reset the expression as well."""
+        super().reset()
+        self._asleep = -math.inf
+        self.condition.reset()
+
+    def measure_from(self, run: Instant) -> None:
+        """Let the expression count from now on."""
+        self.condition.measure_from(self.entities)
+
+    def keeps(self, run: Instant) -> float:
+        """Constant until the value for a present entity can change."""
+        return min(
+            (self.condition.keeps(entity, run) for entity in self.entities if entity.active),
+            default=math.inf,
+        )
+
+    def false_within(self, run: Instant) -> float:
+        """Constant until an entity is near."""
+        return self._asleep
+
+    def evaluate(self, run: Instant) -> bool:
+        """True when the expression holds for any, or all, of the entities that are present."""
+        if self._near is not None and run.displacement.total < self._asleep:
+            return False
+        holds, only = self.condition.holds, self._only
+        if only is None:
+            held = tuple(
+                [entity for entity in self.entities if entity.active and holds(entity, run)]
+            )
+        else:
+            held = (only,) if only.active and holds(only, run) else ()
+        self.triggering = held
+        if self._near is not None and not held and run.step_index % _SLEEPLESS == 0:
+            self._asleep = run.displacement.after(self._way(self._near, run))
+        return len(held) == len(self.entities) if self.every else bool(held)
+
+    def _way(self, condition: NearCondition, run: Instant) -> float:
+        """Return the distance each entity may move before the expression, false for all, can hold for one of them."""
+        return min(
+            (condition.way(entity, run) for entity in self.entities if entity.active), default=0.0
+        )
+
+    def describe(self, run: Instant) -> str:
+        """The expressions of the entities that triggered, or of all of them if none did."""
+        shown = self.triggering or [entity for entity in self.entities if entity.active]
+        return (
+            "; ".join(self.condition.describe(entity, run) for entity in shown)
+            or "no triggering entity is present"
+        )
+
+
+LONGITUDINAL, LATERAL, LIGHTING, ANIMATION = "longitudinal", "lateral", "lighting", "animation"
+"""Control domains of an entity (OpenSCENARIO XML 1.3, 6.6.1): at most one action owns each at a time."""
+
+
+def need_places(node: Node, *entities: Entity) -> None:
+    """Make sure that entities are somewhere before an action deals with where they are.
+
+    Raises:
+        InvalidFile: one of them has no position yet.
+    """
+    for entity in entities:
+        if not entity.placed:
+            raise node.invalid(
+                f"{entity.name} has no position yet; a TeleportAction has to come first"
+            )
+
+
+class PrivateAction(ABC):
+    """An action on one entity."""
+
+    domains: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def places(self) -> bool:
+        """Whether it puts the actor somewhere, whatever its place is; initial actions are ordered by it."""
+        return False
+
+    @property
+    def activates_controller(self) -> bool:
+        """Whether it decides when a system under test drives the actor."""
+        return False
+
+    def claims(self) -> tuple[str, ...]:
+        """Control domains that this action takes over from whatever owns them (standard 7.5.1)."""
+        return self.domains
+
+    def references(self) -> Iterable[Entity]:
+        """Entities whose state `start` reads; initial actions are ordered by it."""
+        return ()
+
+    def puts(self, actor: Entity) -> Iterable[tuple[Entity, Position | None]]:
+        """Return the entities that it teleports, with None for a place known only in a run."""
+        return [(actor, None)] if self.places else []
+
+    def check(self, actor: Entity, starts: Sequence[Placement] | None) -> None:  # noqa: B027  (most actions suit every actor)
+        """Complain before any run about what this actor can never do.
+
+        Args:
+            starts: all places where actions can put the actor; None where only a run knows.
+
+        Raises:
+            InvalidFile: the action makes no sense for this actor.
+        """
+
+    @abstractmethod
+    def start(self, actor: Entity, run: Run) -> Running | None:
+        """Begin for this actor now; None when the action is complete at once."""
+
+
+class GlobalAction(ABC):
+    """An action on the simulation at large."""
+
+    def references(self) -> Iterable[Entity]:
+        """Same as `PrivateAction.references`."""
+        return ()
+
+    def puts(self) -> Iterable[tuple[Entity, Position | None]]:
+        """Return the entities that it teleports, with None for a place known only in a run."""
+        return []
+
+    @abstractmethod
+    def start(self, run: Run) -> Running | None:
+        """Begin now; None when the action is complete at once."""
+
+
+Action = PrivateAction | GlobalAction

@@ -1,0 +1,234 @@
+"""Routes: waypoints joined through the road network, and the choice at junctions that follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+from runner.engine.compile.element import Position
+
+if TYPE_CHECKING:
+    from random import Random
+
+    from runner.engine.compile.registry import Context
+    from runner.engine.compile.run import Surroundings
+    from runner.engine.participants.entity import Entity
+    from xodr.graph.network import RoadNetwork
+    from xodr.graph.routes import Leg, RoadPath
+    from xodr.model import LaneLink, RoadPoint
+    from xosc.document.node import Node
+
+STRATEGIES = ("shortest", "fastest", "leastIntersections", "random")
+"""Values of RouteStrategy."""
+
+
+class Waypoint(NamedTuple):
+    """A place to pass, and the strategy of the way to it."""
+
+    position: Position
+    strategy: str
+    node: Node
+
+
+class Route:
+    """A Route of the standard.
+
+    Attributes:
+        name: its name.
+        closed: whether the last waypoint leads back to the first.
+        fixed: whether it is the same throughout every run.
+    """
+
+    def __init__(
+        self, node: Node, network: RoadNetwork, waypoints: Sequence[Waypoint], closed: bool
+    ) -> None:
+        self.node, self.network, self.closed = node, network, closed
+        self.name: str = node.get("name", "")
+        self.waypoints = waypoints
+        self.fixed = all(w.position.fixed is not None and w.strategy != "random" for w in waypoints)
+        self._path: RoadPath | None = None
+
+    @classmethod
+    def from_xml(cls, node: Node, context: Context) -> Route:
+        """Read the waypoints; a route of fixed waypoints is found, or complained about, here."""
+        network = context.need_network(node)
+        waypoints = [
+            Waypoint(
+                context.position(child.need("Position")),
+                child.choice("routeStrategy", STRATEGIES),
+                child,
+            )
+            for child in node.children("Waypoint")
+        ]
+        if len(waypoints) < 2:
+            raise node.invalid("a route needs two waypoints or more")
+        route = cls(node, network, waypoints, node.bool("closed"))
+        if route.fixed:
+            route.path(None)
+        return route
+
+    def references(self) -> tuple[Entity, ...]:
+        """Entities that the waypoints refer to."""
+        return tuple(
+            entity for waypoint in self.waypoints for entity in waypoint.position.references()
+        )
+
+    def path(self, run: Surroundings | None, actor: Entity | None = None) -> RoadPath:
+        """The way through the road network.
+
+        Raises:
+            InvalidFile: a waypoint is not on a road, or no way leads to it.
+        """
+        if self._path is not None:
+            return self._path
+        waypoints = [*self.waypoints, self.waypoints[0]] if self.closed else self.waypoints
+        points = [_road_point(w.position, self.network, run, actor) for w in waypoints]
+        path = self.network.route(
+            points, [w.strategy for w in waypoints[1:]], run.random if run is not None else None
+        )
+        if path is None:
+            raise self._unreachable(waypoints, points)
+        if self.fixed:
+            self._path = path
+        return path
+
+    def _unreachable(self, waypoints: Sequence[Waypoint], points: Sequence[RoadPoint]) -> Exception:
+        for (_, waypoint), pair in zip(pairwise(waypoints), pairwise(points), strict=True):
+            if self.network.route(pair) is None:
+                here, there = (f"road {p.road_id!r} lane {p.lane_id} s={p.s:.1f}" for p in pair)
+                return waypoint.node.invalid(f"no way leads from {here} to {there}")
+        return self.node.invalid(f"no way leads along all waypoints of the route {self.name!r}")
+
+
+def _road_point(
+    position: Position, network: RoadNetwork, run: Surroundings | None, actor: Entity | None
+) -> RoadPoint:
+    placement = position.resolve(run, actor)
+    return placement.point or network.locate(placement.x, placement.y, placement.z, placement.h)
+
+
+def _beginning(network: RoadNetwork, leg: Leg) -> RoadPoint:
+    """Return the start of a leg of a route, on a lane in the direction of travel if there is one."""
+    road = network.road(leg.road_id)
+    lanes = road.lane_ids(leg.enter)
+    along = [lane for lane in lanes if (road.direction(lane, leg.enter) > 0) == leg.forward]
+    return road.lane_point(leg.enter, min(along or lanes, key=abs))
+
+
+class AssignedRoute:
+    """Following a route: at junctions its roads; off the route the shortest way to it, once through it the straightest.
+
+    A route can use a road more than once, so it is remembered which of its legs the entity is on.
+
+    Args:
+        path: the way through the road network.
+        closed: whether it starts again at its end.
+        network: where ways to the route are looked for; without it an entity off its route takes
+            the straightest way.
+    """
+
+    def __init__(
+        self, path: RoadPath, closed: bool = False, network: RoadNetwork | None = None
+    ) -> None:
+        self.path, self.closed, self.network = path, closed, network
+        self._leg = 0
+        self._back: RoadPath | None = None
+        self._through = False
+
+    def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
+        """The lane that goes on along the route, if possible one that leads on to the leg after."""
+        index = self._find(point.road_id, forward)
+        following = self._following(index) if index is not None else None
+        if index is not None and self.path.legs[index].passes(point, links):
+            return links[0]
+        if following is not None:
+            self._back = None
+            onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
+            leading = [link for link in onwards if link.lane_id in following.exit_lanes]
+            if onwards:
+                return (leading or onwards)[0]
+        self._through = self._through or (following is None and index == self._leg)
+        way = self._way_back(point, forward) if following is None else None
+        return (way or self.path).choose(point, forward, links)
+
+    def _way_back(self, point: RoadPoint, forward: bool) -> RoadPath | None:
+        """The shortest way from a road's end to one of the legs that are left."""
+        if self.network is None or self._through:
+            return None
+        known = self._back.legs if self._back is not None else ()
+        if not any(leg[:2] == (point.road_id, forward) for leg in known):
+            starts = dict.fromkeys(
+                _beginning(self.network, leg) for leg in self.path.legs[self._leg :]
+            )
+            ways = [
+                way for there in starts if (way := self.network.route([point, there])) is not None
+            ]
+            self._back = min(ways, key=lambda way: way.length) if ways else None
+        return self._back
+
+    def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
+        """Whether a lane reached is on the next leg."""
+        index = self._find(road_id, forward)
+        following = self._following(index) if index is not None else None
+        return following is not None and any(
+            (link.road_id, link.at_start) == following[:2] for link in links
+        )
+
+    def enter(self, road_id: str, forward: bool) -> None:
+        """Remember the leg."""
+        index = self._find(road_id, forward)
+        if index is not None:
+            self._leg = index
+
+    def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
+        """Distance along the route."""
+        start = self.path.position(here, self.path.legs[self._leg].before)
+        end = self.path.position(there, start) if start is not None else None
+        if start is None or end is None:
+            return None
+        return end - start + (self.path.length if self.closed and end < start else 0.0)
+
+    def forward(self, here: RoadPoint) -> bool:
+        """Whether the route goes towards +s at a point that is on it."""
+        position = self.path.position(here, self.path.legs[self._leg].before)
+        return self.path.at(position or 0.0)[2]
+
+    def _find(self, road_id: str, forward: bool) -> int | None:
+        """Index of the leg on a road: the present one, the next one after it, or else one before."""
+        legs = self.path.legs
+        ahead = (*range(self._leg, len(legs)), *range(self._leg))
+        return next((index for index in ahead if legs[index][:2] == (road_id, forward)), None)
+
+    def _following(self, index: int) -> Leg | None:
+        legs = self.path.legs
+        if index + 1 < len(legs):
+            return legs[index + 1]
+        # the last leg of a closed route ends where the first one began, on the same road
+        return legs[1] if self.closed and len(legs) > 1 else None
+
+
+class RandomRoute:
+    """A way chosen at random at every junction.
+
+    Args:
+        rng: the run's source of random numbers.
+    """
+
+    def __init__(self, rng: Random) -> None:
+        self.rng = rng
+
+    def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
+        """Any of the ways on."""
+        return self.rng.choice(links) if links else None
+
+    def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
+        """Any lane does."""
+        return bool(links)
+
+    def enter(self, road_id: str, forward: bool) -> None:
+        """Nothing to remember."""
+
+    def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
+        """Unknown."""
+        return None

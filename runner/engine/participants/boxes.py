@@ -1,0 +1,164 @@
+"""Plane geometry of bounding boxes: overlap and gaps of oriented rectangles, in plain scalars.
+
+A box stands upright: its outline is the rectangle of `BoundingBox` turned by the entity's heading,
+its height the vertical span at the reference point. Pitch and roll tilt it by centimetres and are
+left out.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Protocol
+
+from runner.engine.participants.declaration import BoundingBox
+
+_TOUCHING = 1e-9
+"""Distance (m) that is rounding: boxes so near to each other touch, whichever of them looks."""
+
+
+class Boxed(Protocol):
+    """Something with a reference point (x, y, z in m), a heading h (rad) and a bounding box about them: an entity."""
+
+    @property
+    def x(self) -> float: ...
+    @property
+    def y(self) -> float: ...
+    @property
+    def z(self) -> float: ...
+    @property
+    def h(self) -> float: ...
+    @property
+    def box(self) -> BoundingBox: ...
+
+
+class Spot(NamedTuple):
+    """A position as a box without extent, so that distances to positions and to entities are one thing."""
+
+    x: float
+    y: float
+    z: float
+    h: float
+    box: BoundingBox = BoundingBox(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class Outlook(NamedTuple):
+    """Another box as seen from the centre of the own box: its centre (m) and the cosine and sine of its relative heading."""
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+
+
+def outlook(a: Boxed, b: Boxed) -> Outlook:
+    """Return the relation of b to a: axes along and to the left of a, origin in the centre of a's box."""
+    ca, sa, cb, sb = math.cos(a.h), math.sin(a.h), math.cos(b.h), math.sin(b.h)
+    dx = b.x - a.x + cb * b.box.x - sb * b.box.y
+    dy = b.y - a.y + sb * b.box.x + cb * b.box.y
+    return Outlook(
+        dx * ca + dy * sa - a.box.x,
+        dy * ca - dx * sa - a.box.y,
+        cb * ca + sb * sa,
+        sb * ca - cb * sa,
+    )
+
+
+def reach(box: BoundingBox) -> float:
+    """Radius about the reference point that holds the whole outline, m."""
+    return math.hypot(abs(box.x) + box.length / 2, abs(box.y) + box.width / 2)
+
+
+def vertical_gap(a: Boxed, b: Boxed) -> float:
+    """Height between the vertical spans of two boxes, m; 0 where the spans overlap or touch."""
+    middle = abs(b.z + b.box.z - a.z - a.box.z)
+    return max(middle - (a.box.height + b.box.height) / 2, 0.0)
+
+
+def overlap(a: Boxed, b: Boxed) -> bool:
+    """Whether two boxes overlap or touch, by the separating-axis theorem in the plane and their vertical spans."""
+    return vertical_gap(a, b) == 0.0 and not _separated(outlook(a, b), a.box, b.box)
+
+
+def _separated(seen: Outlook, a: BoundingBox, b: BoundingBox) -> bool:
+    """Whether one of the four axes of two rectangles separates them; touching rectangles are not separated."""
+    x, y, c, s = seen
+    al, aw, bl, bw = a.length / 2 + _TOUCHING, a.width / 2 + _TOUCHING, b.length / 2, b.width / 2
+    cos, sin = abs(c), abs(s)
+    return (
+        abs(x) > al + bl * cos + bw * sin
+        or abs(y) > aw + bl * sin + bw * cos
+        or abs(x * c + y * s) > bl + al * cos + aw * sin
+        or abs(y * c - x * s) > bw + al * sin + aw * cos
+    )
+
+
+def gap(a: Boxed, b: Boxed) -> float:
+    """Shortest distance between two boxes, m; 0 where they overlap or touch.
+
+    In the plane it is exact: the nearest points of two rectangles that do not overlap include a
+    corner of one of them.
+    """
+    return math.hypot(plane_gap(a, b), vertical_gap(a, b))
+
+
+def plane_gap(a: Boxed, b: Boxed) -> float:
+    """Shortest distance between the outlines of two boxes as seen from above, m; 0 where they overlap or touch."""
+    seen = outlook(a, b)
+    return _outline_gap(seen, a.box, b.box) if _separated(seen, a.box, b.box) else 0.0
+
+
+def _outline_gap(seen: Outlook, a: BoundingBox, b: BoundingBox) -> float:
+    x, y, c, s = seen
+    back_x, back_y = -(x * c + y * s), x * s - y * c  # the centre of a as b sees it
+    return math.sqrt(min(_corner_gap(x, y, c, s, b, a), _corner_gap(back_x, back_y, c, -s, a, b)))
+
+
+def _corner_gap(
+    x: float, y: float, c: float, s: float, other: BoundingBox, box: BoundingBox
+) -> float:
+    """Squared distance of the nearest corner of `other` (centre and relative heading given) from `box`'s rectangle."""
+    length, width = other.length / 2, other.width / 2
+    half_length, half_width = box.length / 2, box.width / 2
+    ahead_x, ahead_y, aside_x, aside_y = c * length, s * length, -s * width, c * width
+    front_x, front_y, rear_x, rear_y = x + ahead_x, y + ahead_y, x - ahead_x, y - ahead_y
+    nearest = math.inf
+    for corner_x, corner_y in (
+        (front_x + aside_x, front_y + aside_y),
+        (rear_x + aside_x, rear_y + aside_y),
+        (rear_x - aside_x, rear_y - aside_y),
+        (front_x - aside_x, front_y - aside_y),
+    ):
+        dx = (corner_x if corner_x > 0.0 else -corner_x) - half_length
+        dy = (corner_y if corner_y > 0.0 else -corner_y) - half_width
+        squared = (dx * dx if dx > 0.0 else 0.0) + (dy * dy if dy > 0.0 else 0.0)
+        if squared < nearest:
+            nearest = squared
+    return nearest
+
+
+def spans(seen: Outlook, box: BoundingBox) -> tuple[float, float, float, float]:
+    """Least and greatest x, least and greatest y of a box that is seen at `seen`, m."""
+    cos, sin = abs(seen.cos), abs(seen.sin)
+    ahead = (box.length * cos + box.width * sin) / 2
+    aside = (box.length * sin + box.width * cos) / 2
+    return seen.x - ahead, seen.x + ahead, seen.y - aside, seen.y + aside
+
+
+def interval_gap(low_a: float, high_a: float, low_b: float, high_b: float) -> float:
+    """Signed gap from interval a to interval b: positive where b lies above, negative where below, 0 where they overlap."""
+    if low_b > high_a:
+        return low_b - high_a
+    return high_b - low_a if high_b < low_a else 0.0
+
+
+def box_corners(x: float, y: float, h: float, box: BoundingBox) -> tuple[tuple[float, float], ...]:
+    """World corners of a box whose reference point is at x, y (m) with heading h (rad), counter-clockwise from front left."""
+    c, s = math.cos(h), math.sin(h)
+    front, rear = box.x + box.length / 2, box.x - box.length / 2
+    left, right = box.y + box.width / 2, box.y - box.width / 2
+    return (
+        (x + c * front - s * left, y + s * front + c * left),
+        (x + c * rear - s * left, y + s * rear + c * left),
+        (x + c * rear - s * right, y + s * rear + c * right),
+        (x + c * front - s * right, y + s * front + c * right),
+    )

@@ -1,0 +1,1 @@
+"""Storyboard and simulation: states of elements, triggers, steps of time."""

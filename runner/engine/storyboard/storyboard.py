@@ -1,0 +1,492 @@
+"""The storyboard: element states and transitions at run time (OpenSCENARIO XML 1.3, 8.3 and 8.4).
+
+Within one step all triggers are evaluated first, then events start in document order; conditions on
+element states see the states as they were when the step began, so the order of elements in the file
+does not matter to them. An entity is added before the actions of the same step that act on it,
+whatever their order in the file.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from runner.engine.compile.element import Action, PrivateAction
+from runner.engine.compile.run import ElementState, Transition
+from runner.engine.storyboard.story_elements import ActionElement, Element, StoryboardRun
+from runner.engine.storyboard.triggers import Trigger, Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from runner.engine.compile.element import Position
+    from runner.engine.motion.placement import Placement
+    from runner.engine.participants.entity import Entity
+
+
+class Event(Element):
+    """An Event: waits for its trigger, respects the priority among the events of its maneuver, may execute repeatedly."""
+
+    kind = "event"
+
+    def __init__(
+        self, name: str, parent: Maneuver, priority: str, maximum: int, where: str = ""
+    ) -> None:
+        super().__init__(name, parent)
+        self.where = where
+        """file and line of the element"""
+        self.priority = priority
+        self.maximum = maximum
+        self.trigger: Trigger | None = None
+        self.executions = 0
+
+    @property
+    def group(self) -> ManeuverGroup:
+        """The maneuver group whose actors this event acts on."""
+        maneuver = self.parent
+        assert maneuver is not None and isinstance(maneuver.parent, ManeuverGroup)
+        return maneuver.parent
+
+    @property
+    def actions(self) -> list[ActionElement]:
+        """Its actions in document order."""
+        return [child for child in self.children if isinstance(child, ActionElement)]
+
+    @property
+    def waits(self) -> bool:
+        """Whether the trigger may start it now."""
+        return (
+            self.state is ElementState.STANDBY
+            and self.parent is not None
+            and self.parent.state is ElementState.RUNNING
+        )
+
+    def arm(self, run: StoryboardRun) -> None:
+        """Wait for the trigger (it is evaluated in this same step)."""
+        self.executions = 0
+        if self.trigger is not None:
+            self.trigger.rearm()
+
+    def begin(self, run: StoryboardRun) -> None:
+        """Start, or be skipped, because the trigger has fired."""
+        reason = self.trigger.reason if self.trigger is not None else "with its act"
+        others = (
+            [e for e in self.parent.children if e is not self and e.state is ElementState.RUNNING]
+            if self.parent
+            else []
+        )
+        self.executions += 1
+        if self.priority == "skip" and others:
+            self._skip(run, reason)
+            return
+        if self.priority in ("override", "overwrite"):
+            for other in others:
+                other.stop(run, f"overridden by {self.path}")
+        self._execute(run, reason)
+
+    def _skip(self, run: StoryboardRun, reason: str) -> None:
+        left = self.executions < self.maximum
+        self.change(
+            run, ElementState.STANDBY if left else ElementState.COMPLETE, Transition.SKIP, reason
+        )
+        if self.trigger is not None:
+            self.trigger.rearm()
+        if not left and self.parent is not None:
+            self.parent.child_completed(run)
+
+    def _execute(self, run: StoryboardRun, reason: str) -> None:
+        actors = self.group.actors_for(self)
+        self.change(run, ElementState.RUNNING, Transition.START, reason)
+        for action in self.children:
+            action.rearm(run)
+        for action in sorted(self.actions, key=lambda action: not action.adds):
+            if self.state is ElementState.RUNNING:
+                action.execute(run, actors)
+        self.child_completed(run)
+
+    def end(self, run: StoryboardRun) -> None:
+        """running → standby while executions are left (8.4.2.1), else → complete."""
+        if self.executions < self.maximum:
+            self.change(run, ElementState.STANDBY, Transition.END)
+            if self.trigger is not None:
+                self.trigger.rearm()
+        else:
+            super().end(run)
+
+    def reset(self) -> None:
+        """No executions are counted, and the trigger has never been looked at."""
+        super().reset()
+        self.executions = 0
+        if self.trigger is not None:
+            self.trigger.reset()
+
+    def child_completed(self, run: StoryboardRun) -> None:
+        """End when all actions are complete, but not while they are still being started."""
+        started = all(action.state is not ElementState.STANDBY for action in self.children)
+        if started:
+            super().child_completed(run)
+
+
+class Maneuver(Element):
+    """A Maneuver: runs until all its events are complete."""
+
+    kind = "maneuver"
+
+
+class ManeuverGroup(Element):
+    """A ManeuverGroup: actors, and maneuvers that may execute repeatedly."""
+
+    kind = "maneuverGroup"
+
+    def __init__(
+        self, name: str, parent: Act, maximum: int, actors: list[Entity], select_triggering: bool
+    ) -> None:
+        super().__init__(name, parent)
+        self.maximum = maximum
+        self.actors = actors
+        self.select_triggering = select_triggering
+        self.executions = 0
+        self.acted: dict[Entity, None] = {}
+        """all actors so far, those selected by triggers included"""
+
+    def actors_for(self, event: Event) -> list[Entity]:
+        """The actors of an event that starts now, those selected by its trigger (or its act's) included."""
+        selected: tuple[Entity, ...] = ()
+        if self.select_triggering:
+            trigger = event.trigger or (
+                self.parent.trigger if isinstance(self.parent, Act) else None
+            )
+            selected = trigger.triggering if trigger is not None else ()
+        found = dict.fromkeys((*self.actors, *selected))
+        self.acted |= found
+        return list(found)
+
+    def start(self, run: StoryboardRun, reason: str = "") -> None:
+        """Count the execution and start the maneuvers."""
+        self.executions += 1
+        super().start(run, reason)
+
+    def end(self, run: StoryboardRun) -> None:
+        """running → standby while executions are left, to start again in the next step; else → complete."""
+        if self.executions < self.maximum:
+            self.change(run, ElementState.STANDBY, Transition.END)
+            run.call_next_step(self._restart)
+        else:
+            super().end(run)
+
+    def _restart(self, run: StoryboardRun) -> None:
+        if (
+            self.state is ElementState.STANDBY
+            and self.parent is not None
+            and self.parent.state is ElementState.RUNNING
+        ):
+            for child in self.children:
+                child.rearm(run)
+            self.start(run)
+
+    def reset(self) -> None:
+        """Reset: no executions, no actors."""
+        super().reset()
+        self.executions = 0
+        self.acted.clear()
+
+
+class Act(Element):
+    """An Act: start and stop trigger over its maneuver groups."""
+
+    kind = "act"
+
+    def __init__(self, name: str, parent: Story) -> None:
+        super().__init__(name, parent)
+        self.trigger: Trigger | None = None
+        self.stop_trigger: Trigger | None = None
+        self._events: list[Event] | None = None
+
+    @property
+    def events(self) -> list[Event]:
+        """All events of the act in document order."""
+        if self._events is None:
+            self._events = [
+                event
+                for group in self.children
+                for maneuver in group.children
+                for event in maneuver.children
+                if isinstance(event, Event)
+            ]
+        return self._events
+
+    def reset(self) -> None:
+        """The triggers have never been looked at."""
+        super().reset()
+        for trigger in (self.trigger, self.stop_trigger):
+            if trigger is not None:
+                trigger.reset()
+
+    def arm(self, run: StoryboardRun) -> None:
+        """Wait for the start trigger."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether it waits for its start trigger or, once it runs, for its stop trigger."""
+        running = self.state is ElementState.RUNNING
+        return self.stop_trigger is not None if running else self.state is ElementState.STANDBY
+
+    def fire(self, run: StoryboardRun) -> None:
+        """Start because the start trigger has fired, or stop because the stop trigger has, which is looked at in either case."""
+        stops = self.state is ElementState.RUNNING
+        if not stops:
+            self.start(run, self.trigger.reason if self.trigger is not None else "with its story")
+        if self.state is not ElementState.RUNNING or self.stop_trigger is None:
+            return
+        if stops or self.stop_trigger.fires(run):
+            self.stop(run, self.stop_trigger.reason)
+            if self.parent is not None:
+                self.parent.child_completed(run)
+
+
+class Story(Element):
+    """A Story: runs from the beginning until all its acts are complete."""
+
+    kind = "story"
+
+
+class Storyboard:
+    """Init actions, stories and the stop trigger that ends the run.
+
+    The storyboard itself ends by its stop trigger only; without one the run goes on to its time
+    limit. A scenario for CARLA's scenario_runner whose stop trigger holds no conditions ends when
+    all stories have.
+    """
+
+    def __init__(self) -> None:
+        self.init: list[tuple[Entity | None, ActionElement]] = []
+        self.stories: list[Story] = []
+        self.stop_trigger: Trigger | None = None
+        self.ends_with_stories = False
+        self._acts: Watch[Act] = Watch()
+        self._events: Watch[Event] = Watch()
+        self._places: dict[Element, int] = {}
+        """places of acts and events in the document"""
+        self._arming: list[Event] = []
+        """events that may have begun to wait since the last step of triggers"""
+        self._until, self._changes = -math.inf, 0
+        """the time until which all triggers rest while `Run.changes` is this"""
+
+    @property
+    def acts(self) -> list[Act]:
+        """All acts in document order."""
+        return [act for story in self.stories for act in story.children if isinstance(act, Act)]
+
+    @property
+    def actors(self) -> dict[str, tuple[str, ...]]:
+        """Names of the actors of each maneuver group, by the group's path: declared, and selected by triggers so far."""
+        groups = [
+            group for act in self.acts for group in act.children if isinstance(group, ManeuverGroup)
+        ]
+        return {
+            group.path: tuple(
+                entity.name for entity in {**dict.fromkeys(group.actors), **group.acted}
+            )
+            for group in groups
+        }
+
+    def elements(self) -> list[Element]:
+        """All named elements, depth first in document order."""
+        found: list[Element] = []
+        pending: list[Element] = list(reversed(self.stories))
+        while pending:
+            element = pending.pop()
+            found.append(element)
+            pending.extend(reversed(element.children))
+        return found
+
+    def reset(self) -> None:
+        """Restore the state before a run."""
+        for element in (*(element for _, element in self.init), *self.elements()):
+            element.reset()
+        self._acts.clear()
+        self._events.clear()
+        self._arming.clear()
+        if self.stop_trigger is not None:
+            self.stop_trigger.reset()
+
+    def begin(self, run: StoryboardRun) -> None:
+        """Run the initial actions, then start the stories."""
+        for actor, element in ordered_init(self.init):
+            element.execute(run, [actor] if actor is not None else [])
+        acts = self.acts
+        self._places = {
+            element: place
+            for place, element in enumerate(
+                (*acts, *(event for act in acts for event in act.events))
+            )
+        }
+        for story in self.stories:
+            story.start(run)
+        for act in acts:
+            self._acts.add(self._places[act], act, act.trigger)
+
+    def changed(self, element: Element) -> None:
+        """To be called when an element has changed its state: it may wait for a trigger from now on."""
+        self._until = -math.inf
+        if isinstance(element, Event):
+            self._arming.append(element)
+        elif isinstance(element, Maneuver):
+            self._arming += [child for child in element.children if isinstance(child, Event)]
+
+    def evaluate(self, run: StoryboardRun) -> bool:
+        """One step of triggers; true when the storyboard's stop trigger ends the run.
+
+        All triggers look at the same instant: no event starts before every waiting one has been
+        looked at.
+        """
+        if run.time < self._until and run.changes == self._changes:
+            return False
+        if self.stop_trigger is not None and self.stop_trigger.fires(run):
+            for story in self.stories:
+                story.stop(run, self.stop_trigger.reason)
+            return True
+        for act in self._acts.due(run):
+            act.fire(run)
+            self._acts.add(self._places[act], act, act.stop_trigger)
+        for event in self._arming:
+            if event.waits:
+                self._events.add(self._places[event], event, event.trigger)
+        self._arming = []
+        due = list(self._events.due(run))
+        for event in _adding_first(due) if len(due) > 1 else due:
+            if event.waits:
+                event.begin(run)
+        if not self._arming:
+            stop = self.stop_trigger.rests(run) if self.stop_trigger is not None else math.inf
+            self._changes, self._until = (
+                run.changes,
+                min(stop, self._acts.quiet, self._events.quiet),
+            )
+        return self.ends_with_stories and all(
+            story.state is ElementState.COMPLETE for story in self.stories
+        )
+
+
+def ordered_init(
+    init: list[tuple[Entity | None, ActionElement]],
+) -> list[tuple[Entity | None, ActionElement]]:
+    """Initial actions in an order in which every state that one reads has been set.
+
+    Document order, except that an action that refers to another entity waits for that entity's own
+    actions in the same control domain and for those that place it (relative positions and speeds
+    may precede what they refer to). Circular references keep document order; the position then says
+    that the other entity has no place yet.
+    """
+    pending, done = list(init), []
+    while pending:
+        ready = next((item for item in pending if not _waits(item, pending)), pending[0])
+        pending.remove(ready)
+        done.append(ready)
+    return done
+
+
+def _waits(
+    item: tuple[Entity | None, ActionElement], pending: list[tuple[Entity | None, ActionElement]]
+) -> bool:
+    actor, element = item
+    for action in element.actions:
+        needed = {id(entity) for entity in action.references()}
+        for other, others in pending if needed else ():
+            if other is not None and (other is actor or id(other) not in needed):
+                continue
+            if any(
+                _prepares(earlier, action, needed)
+                for earlier in others.actions
+                if earlier is not action
+            ):
+                return True
+    return False
+
+
+def _prepares(earlier: Action, later: Action, needed: set[int]) -> bool:
+    if isinstance(earlier, PrivateAction):
+        return earlier.places or (
+            isinstance(later, PrivateAction)
+            and not set(earlier.claims()).isdisjoint(later.claims())
+        )
+    return any(id(entity) in needed for entity, _ in earlier.puts())
+
+
+def _adding_first(due: list[Event]) -> list[Event]:
+    """Events that start in one step: those that add an absent entity before the first one that acts on it, else as they are."""
+    adding = {
+        event: added
+        for event in due
+        if (added := {entity for action in event.actions for entity in action.adds})
+    }
+    order: dict[Event, None] = {}
+    for event in due:
+        actors = event.group.actors
+        order |= dict.fromkeys(
+            other
+            for other, added in adding.items()
+            if other is not event and not added.isdisjoint(actors)
+        )
+        order[event] = None
+    return list(order)
+
+
+# actions and their actors, before any run -------------------------------------------------------
+
+
+_Puts = list[tuple["Entity", "Position | None"]]
+
+
+def check_actors(storyboard: Storyboard) -> None:
+    """Have every action look at the actors that it is sure to have.
+
+    Raises:
+        InvalidFile: one makes no sense for one of its actors.
+    """
+    starts = list(_starts(storyboard))
+    puts: _Puts = [put for action, actors in starts for put in _puts(action, actors)]
+    selects = any(event.group.select_triggering for act in storyboard.acts for event in act.events)
+    for action, actors in starts:
+        if isinstance(action, PrivateAction):
+            for actor in actors:
+                action.check(actor, None if selects else _places(puts, actor))
+
+
+def placeable(storyboard: Storyboard) -> set[Entity] | None:
+    """Entities that some action can put somewhere; None where triggers select actors, which are known in a run only."""
+    if any(event.group.select_triggering for act in storyboard.acts for event in act.events):
+        return None
+    return {entity for action, actors in _starts(storyboard) for entity, _ in _puts(action, actors)}
+
+
+def _starts(storyboard: Storyboard) -> Iterator[tuple[Action, list[Entity]]]:
+    """Every action, with the actors that it is sure to have."""
+    for actor, element in storyboard.init:
+        for action in element.actions:
+            yield action, [actor] if actor is not None else []
+    for act in storyboard.acts:
+        for event in act.events:
+            for child in event.children:
+                if isinstance(child, ActionElement):
+                    for action in child.actions:
+                        yield action, event.group.actors
+
+
+def _puts(action: Action, actors: list[Entity]) -> Iterator[tuple[Entity, Position | None]]:
+    if isinstance(action, PrivateAction):
+        for actor in actors:
+            yield from action.puts(actor)
+    else:
+        yield from action.puts()
+
+
+def _places(puts: _Puts, actor: Entity) -> list[Placement] | None:
+    """All places where an actor can be put; None where one of them changes."""
+    positions = [position for entity, position in puts if entity is actor]
+    fixed = [
+        position.fixed
+        for position in positions
+        if position is not None and position.fixed is not None
+    ]
+    return fixed if len(fixed) == len(positions) else None

@@ -1,0 +1,531 @@
+"""Lanes, lane boundaries, and logical lanes with reference lines of OSI ground truth, from OpenDRIVE roads.
+
+Sources: ASAM OSI 3.8, Lane, LaneBoundary, ReferenceLine, LogicalLaneBoundary and LogicalLane. A
+lane of a lane section is a lane; lanes beside each other share the boundary between them. All lanes
+of a junction are one lane of type intersection, with free boundaries and no neighbours. Centre
+lines lead in driving direction, and begin where those of the lanes before end.
+
+A lane of a lane section is a logical lane too, also in junctions; its reference line is that of its
+road, with OpenDRIVE's s and t. Boundaries run in the direction of the reference line. Overlaps of
+lanes in junctions are not exported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from shapely import LineString, dwithin
+from shapely import Point as ShapelyPoint
+
+from runner.exchange.exports.lanelets import ExportedLanelet, Key, lanelets
+from runner.exchange.exports.moments import box_centre
+from xodr.lookup.arrays import sample, stations
+
+if TYPE_CHECKING:
+    from runner.recording import Recording, Track
+    from xodr import RoadNetwork
+    from xodr.lookup.arrays import Points
+    from xodr.model.road import Road
+
+
+_REACH = 200.0
+"""Margin (m) around the paths of the entities within which lanes are exported"""
+_CLOSE = 0.03
+"""m by which lines of fewer points may be off; with that of the points that they are chosen from less than 5 cm"""
+_DRIVING = {
+    "driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "bus", "taxi", "HOV",
+    "mwyEntry", "mwyExit", "roadWorks", "tram", "rail",
+}  # fmt: skip
+"""OpenDRIVE lane types that vehicles drive on; all others are non-driving."""
+_SUBTYPES = {
+    "driving": "NORMAL", "bidirectional": "NORMAL", "biking": "BIKING", "sidewalk": "SIDEWALK", "walking": "SIDEWALK",
+    "parking": "PARKING", "stop": "STOP", "restricted": "RESTRICTED", "border": "BORDER", "curb": "BORDER",
+    "shoulder": "SHOULDER", "exit": "EXIT", "mwyExit": "EXIT", "entry": "ENTRY", "mwyEntry": "ENTRY", "onRamp": "ONRAMP",
+    "offRamp": "OFFRAMP", "connectingRamp": "CONNECTINGRAMP", "slipLane": "CONNECTINGRAMP",
+}  # fmt: skip
+"""OSI's subtypes by OpenDRIVE lane type; everything else is `OTHER`."""
+_LINES = {
+    "none": "NO_LINE", "solid": "SOLID_LINE", "broken": "DASHED_LINE", "solid solid": "SOLID_LINE",
+    "solid broken": "SOLID_LINE", "broken solid": "SOLID_LINE", "broken broken": "DASHED_LINE", "botts dots": "BOTTS_DOTS",
+    "curb": "CURB", "grass": "GRASS_EDGE", "edge": "ROAD_EDGE",
+}  # fmt: skip
+"""OSI's boundary types by OpenDRIVE road mark; everything else is `OTHER`."""
+_UNPAINTED = {"NO_LINE", "CURB", "GRASS_EDGE", "ROAD_EDGE"}
+_COLORS = {"standard", "white", "yellow", "red", "blue", "green", "violet", "orange"}
+_PAINTED = 0.12
+"""m wide where the road does not say."""
+
+Border = tuple[str, int, int]
+"""A border: road id, number of the section, id of the lane that it is the outer border of; 0 is the middle."""
+
+
+class Lanes:
+    """Lanes of a road network, as OSI has them.
+
+    Args:
+        network: the roads.
+        chosen: the lanes, those of a junction all or none.
+        first_id: ids from here on are free.
+    """
+
+    def __init__(
+        self, network: RoadNetwork, chosen: Iterable[ExportedLanelet], first_id: int
+    ) -> None:
+        self._network = network
+        self._lanelets = list(chosen)
+        names: dict[Key | str, int] = {}
+        for lanelet in self._lanelets:
+            names.setdefault(self._junction(lanelet) or lanelet.key, first_id + len(names))
+        self._ids = names
+        borders = dict.fromkeys(
+            border for lanelet in self._lanelets for border in self._borders(lanelet)
+        )
+        self._border_ids = {
+            border: first_id + len(names) + number for number, border in enumerate(borders)
+        }
+        self.next_id = first_id + len(names) + len(borders)
+        """ids from here on are still free"""
+
+    def _junction(self, lanelet: ExportedLanelet) -> str | None:
+        return _junction(self._network, lanelet)
+
+    def _borders(self, lanelet: ExportedLanelet) -> tuple[Border, Border]:
+        """The left and the right border in driving direction."""
+        road_id, section, lane = lanelet.key
+        inner, outer = (road_id, section, lane + (1 if lane < 0 else -1)), (road_id, section, lane)
+        forward = (
+            self._network.roads[road_id].direction(
+                lane, self._network.roads[road_id].sections[section].s
+            )
+            > 0
+        )
+        return (inner, outer) if (lane < 0) == forward else (outer, inner)
+
+    def of(self, track: Track) -> list[int | None]:
+        """The id of the lane that a participant is on at every row; None where it is on none."""
+        columns = track.columns
+        places = zip(columns["road_id"], columns["lane_id"], columns["s"], strict=True)
+        return [self.at(road_id, int(lane), float(s)) for road_id, lane, s in places]
+
+    def at(self, road_id: str | None, lane: int, s: float) -> int | None:
+        """The id of a lane at a place of its road (m); None where there is none."""
+        road = self._network.roads.get(str(road_id)) if road_id else None
+        return (
+            self.id((road.id, road.sections.index(road.section(s)), lane))
+            if road is not None
+            else None
+        )
+
+    def fill(self, message: Any, host: int | None) -> None:
+        """Add lanes and boundaries to a GroundTruth.
+
+        Args:
+            host: id of the lane that the host vehicle is on.
+        """
+        message.lane.MergeFrom(self._messages.lane)
+        message.lane_boundary.MergeFrom(self._messages.lane_boundary)
+        for lane in message.lane:
+            lane.classification.is_host_vehicle_lane = lane.id.value == host
+
+    @cached_property
+    def _messages(self) -> Any:
+        from osi3.osi_groundtruth_pb2 import GroundTruth
+
+        message, made = GroundTruth(), dict[int, Any]()
+        for lanelet in self._lanelets:
+            number = self._ids[self._junction(lanelet) or lanelet.key]
+            if number not in made:
+                made[number] = message.lane.add()
+                made[number].id.value = number
+            self._fill_lane(made[number].classification, lanelet)
+        lines = {border: line for each in self._lanelets for border, line in self._lines(each)}
+        for (
+            each
+        ) in self._lanelets:  # on a kerb the outer side of the lane counts whose border it is
+            lines |= {border: line for border, line in self._lines(each) if border == each.key}
+        for border, number in self._border_ids.items():
+            _fill_boundary(message.lane_boundary.add(), number, *lines[border])
+        return message
+
+    def _lines(
+        self, lanelet: ExportedLanelet
+    ) -> Iterable[tuple[Border, tuple[Points, tuple[str, str, float | None]]]]:
+        sides = (lanelet.left, lanelet.right)
+        yield from zip(self._borders(lanelet), zip(sides, lanelet.paint, strict=True), strict=True)
+
+    def _fill_lane(self, lane: Any, lanelet: ExportedLanelet) -> None:
+        lane.centerline_is_driving_direction = True
+        if lanelet.in_junction:
+            lane.type = lane.TYPE_INTERSECTION
+            _add_points(lane.centerline, lanelet.centre)
+            _add_ids(
+                lane.free_lane_boundary_id,
+                (self._border_ids[border] for border in self._borders(lanelet)),
+            )
+            outside = [key for key in lanelet.predecessors if not self._is_inside(key)]
+            if outside:
+                _add_pairs(lane, self._present(outside), self._present(self._exits(lanelet.key)))
+            return
+        lane.type = lane.TYPE_DRIVING if lanelet.lane_type in _DRIVING else lane.TYPE_NONDRIVING
+        lane.subtype = lane.Subtype.Value(f"SUBTYPE_{_SUBTYPES.get(lanelet.lane_type, 'OTHER')}")
+        _add_points(lane.centerline, lanelet.centre)
+        _add_pairs(lane, self._present(lanelet.predecessors), self._present(lanelet.successors))
+        left, right = self._borders(lanelet)
+        _add_ids(lane.left_lane_boundary_id, [self._border_ids[left]])
+        _add_ids(lane.right_lane_boundary_id, [self._border_ids[right]])
+        for beside, ids in zip(
+            lanelet.beside, (lane.left_adjacent_lane_id, lane.right_adjacent_lane_id), strict=True
+        ):
+            _add_ids(ids, [self.id(beside[0])] if beside is not None else [])
+
+    def _is_inside(self, key: Key) -> bool:
+        return self._network.roads[key[0]].junction_id in self._network.junctions
+
+    def _exits(self, key: Key) -> list[Key]:
+        """The lanes that a lane of a junction leads to."""
+        ahead = lanelets(self._network)[key].successors
+        return [
+            each
+            for following in ahead
+            for each in (self._exits(following) if self._is_inside(following) else [following])
+        ]
+
+    def _present(self, keys: Iterable[Key]) -> list[int]:
+        """Ids of lanes, each once, without those too far away for export."""
+        return list(dict.fromkeys(number for key in keys if (number := self.id(key)) is not None))
+
+    def id(self, key: Key) -> int | None:
+        """The id of a lane; None if it is too far away for export."""
+        road = self._network.roads[key[0]]
+        junction = (
+            f"junction {road.junction_id}" if road.junction_id in self._network.junctions else None
+        )
+        return self._ids.get(junction or key)
+
+
+class Nearby:
+    """Surroundings of the ways of all participants of a run.
+
+    Args:
+        recording: the run.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        columns = [track.columns for track in recording.tracks.values()]
+        self._ways = [
+            LineString(
+                np.column_stack([each["x"], each["y"]]).repeat(2 if len(each["x"]) < 2 else 1, 0)
+            )
+            for each in columns
+        ]
+
+    def lanes(self, everything: Sequence[ExportedLanelet]) -> set[ExportedLanelet]:
+        """Lanes within reach."""
+        from shapely import STRtree
+
+        tree = STRtree([LineString(lanelet.centre[:, :2]) for lanelet in everything])
+        query = partial(tree.query, predicate="dwithin", distance=_REACH)
+        numbers = {int(number) for way in self._ways for number in query(way)}
+        return {everything[number] for number in numbers}
+
+    def has(self, x: float, y: float) -> bool:
+        """Whether a place (m) is within reach."""
+        return any(bool(dwithin(way, ShapelyPoint(x, y), _REACH)) for way in self._ways)
+
+
+def around(network: RoadNetwork, nearby: Nearby) -> list[ExportedLanelet]:
+    """The lanes near the ways of the participants of a run, and the rest of their junctions."""
+    everything = list(lanelets(network).values())
+    near = nearby.lanes(everything)
+    junctions = {_junction(network, lanelet) for lanelet in near} - {None}
+    return [each for each in everything if each in near or _junction(network, each) in junctions]
+
+
+def _junction(network: RoadNetwork, lanelet: ExportedLanelet) -> str | None:
+    return f"junction {network.roads[lanelet.key[0]].junction_id}" if lanelet.in_junction else None
+
+
+def _fill_boundary(
+    boundary: Any, number: int, points: Points, paint: tuple[str, str, float | None]
+) -> None:
+    boundary.id.value = number
+    mark, color, width = paint
+    kind = _LINES.get(mark, "OTHER")
+    painted = kind not in _UNPAINTED
+    boundary.classification.type = boundary.classification.Type.Value(f"TYPE_{kind}")
+    said = {"standard": "WHITE"}.get(color, color.upper()) if color in _COLORS else "OTHER"
+    boundary.classification.color = boundary.classification.Color.Value(
+        f"COLOR_{said if painted else 'NONE'}"
+    )
+    for place in _thinned(points):
+        point = boundary.boundary_line.add()
+        point.position.x, point.position.y, point.position.z = place
+        point.width = (width or _PAINTED) if painted else 0.0
+        point.height = 0.0
+
+
+def _add_points(line: Any, points: Points) -> None:
+    for x, y, z in _thinned(points):
+        line.add(x=x, y=y, z=z)
+
+
+def _thinned(points: Points) -> Sequence[Sequence[float]]:
+    """The points of a line that are needed, its ends among them."""
+    kept: list[list[float]] = np.asarray(LineString(points).simplify(_CLOSE).coords).tolist()
+    return kept
+
+
+def _add_ids(ids: Any, numbers: Iterable[int | None]) -> None:
+    for number in numbers:
+        if number is not None:
+            ids.add(value=number)
+
+
+def _add_pairs(lane: Any, behind: Sequence[int], ahead: Sequence[int]) -> None:
+    """Each way through a lane: from one before it to one after it."""
+    befores: Sequence[int | None] = behind or [None]
+    afters: Sequence[int | None] = ahead or [None]
+    for before in befores:
+        for after in afters:
+            if before is None and after is None:
+                continue
+            pair = lane.lane_pairing.add()
+            if before is not None:
+                pair.antecessor_lane_id.value = before
+            if after is not None:
+                pair.successor_lane_id.value = after
+
+
+_LOGICAL_CLOSE, _SPACING = 0.02, 2.0
+"""m by which lines of fewer points may be off, and greatest distance (m) of the points that they are chosen from"""
+_TYPES = {
+    "driving": "NORMAL", "bidirectional": "NORMAL", "biking": "BIKING", "sidewalk": "SIDEWALK", "walking": "SIDEWALK",
+    "parking": "PARKING", "stop": "STOP", "restricted": "RESTRICTED", "border": "BORDER", "curb": "CURB", "shoulder": "SHOULDER",
+    "exit": "EXIT", "mwyExit": "EXIT", "entry": "ENTRY", "mwyEntry": "ENTRY", "onRamp": "ONRAMP", "offRamp": "OFFRAMP",
+    "connectingRamp": "CONNECTINGRAMP", "slipLane": "CONNECTINGRAMP", "median": "MEDIAN", "rail": "RAIL", "tram": "TRAM",
+}  # fmt: skip
+"""OSI's types by OpenDRIVE lane type; everything else is `OTHER`"""
+_ROADS = {
+    "lowSpeed", "motorway", "pedestrian", "rural", "townArterial", "townCollector", "townExpressway", "townLocal",
+    "townPlayStreet", "townPrivate", "town", "bicycle",
+}  # fmt: skip
+"""OpenDRIVE road types that OSI has, too"""
+_UNREFERENCED = {"median", "curb", "tram", "rail"}
+"""Lane types whose logical lanes name no physical lane"""
+_PASSING = {
+    "solid": "NONE_ALLOWED", "solid solid": "NONE_ALLOWED", "broken": "BOTH_ALLOWED", "broken broken": "BOTH_ALLOWED",
+    "solid broken": "INCREASING_T", "broken solid": "DECREASING_T",
+}  # fmt: skip
+"""Passing rules by road mark, read from larger to smaller t; everything else is `OTHER`"""
+_SWAPPED = {"solid broken": "broken solid", "broken solid": "solid broken"}
+
+
+class LogicalLanes:
+    """Logical lanes of a road network.
+
+    Args:
+        network: the roads.
+        chosen: the lanes, at most one of each lane of a section.
+        physical: gives the id of the physical lane of a key.
+        first_id: ids from here on are free.
+    """
+
+    def __init__(
+        self,
+        network: RoadNetwork,
+        chosen: Iterable[ExportedLanelet],
+        physical: Callable[[Key], int | None],
+        first_id: int,
+    ) -> None:
+        self._network, self._physical = network, physical
+        self._lanelets = {lanelet.key: lanelet for lanelet in chosen}
+        roads = dict.fromkeys(key[0] for key in self._lanelets)
+        borders = dict.fromkeys(border for key in self._lanelets for border in (_inner(key), key))
+        numbers = iter(range(first_id, first_id + len(roads) + len(borders) + len(self._lanelets)))
+        self._lines = {road: next(numbers) for road in roads}
+        self._borders = {border: next(numbers) for border in borders}
+        self._ids = {key: next(numbers) for key in self._lanelets}
+        self.next_id = first_id + len(roads) + len(borders) + len(self._lanelets)
+        """ids from here on are still free"""
+
+    def fill(self, message: Any) -> None:
+        """Add reference lines, boundaries and lanes to a GroundTruth."""
+        for field in ("reference_line", "logical_lane_boundary", "logical_lane"):
+            getattr(message, field).MergeFrom(getattr(self._messages, field))
+
+    def assignments(self, track: Track) -> list[tuple[int, float, float, float] | None]:
+        """Of the middle of a participant's box at every row: id of the lane, s and t (m), angle to it (rad); None off lanes."""
+        found: list[tuple[int, float, float, float] | None] = []
+        hint = None
+        heights, headings = track.columns["z"].tolist(), track.columns["h"].tolist()
+        for (x, y, _), z, h in zip(box_centre(track).tolist(), heights, headings, strict=True):
+            hint = self._network.locate(x, y, z, h, hint)
+            if not self._network.on_road(hint):
+                hint = self._network.locate(x, y, z, h)
+            road = self._network.roads[hint.road_id]
+            section = road.section(hint.s)
+            number = self._ids.get((road.id, road.sections.index(section), hint.lane_id))
+            turn = h - road.heading(hint.s)
+            angle = math.atan2(math.sin(turn), math.cos(turn))
+            found.append(
+                (number, hint.s, hint.t, angle)
+                if number is not None and self._network.on_road(hint)
+                else None
+            )
+        return found
+
+    @cached_property
+    def _messages(self) -> Any:
+        from osi3.osi_groundtruth_pb2 import GroundTruth
+
+        message = GroundTruth()
+        for road_id, number in self._lines.items():
+            self._fill_line(message.reference_line.add(), self._network.roads[road_id], number)
+        for border, number in self._borders.items():
+            self._fill_boundary(message.logical_lane_boundary.add(), border, number)
+        for lanelet in self._lanelets.values():
+            self._fill_lane(message.logical_lane.add(), lanelet)
+        return message
+
+    def _fill_line(self, line: Any, road: Road, number: int) -> None:
+        line.id.value, line.type = number, line.TYPE_POLYLINE_WITH_T_AXIS
+        along = stations(road, _SPACING)
+        points = sample(road, along, 0.0)
+        for index in _needed(np.column_stack([points, along])):
+            one = line.poly_line.add(
+                s_position=float(along[index]),
+                t_axis_yaw=_wrapped(road.heading(along[index]) + math.pi / 2),
+            )
+            one.world_position.x, one.world_position.y, one.world_position.z = points[
+                index
+            ].tolist()
+
+    def _fill_boundary(self, boundary: Any, border: Key, number: int) -> None:
+        road_id, section_number, lane_id = border
+        road = self._network.roads[road_id]
+        section = road.sections[section_number]
+        lane = section.lanes[lane_id]
+        along = np.array(_stations(road, section))
+        aside = [lane.outer(s) for s in along.tolist()]
+        points = sample(road, along, aside)
+        boundary.id.value, boundary.reference_line_id.value = number, self._lines[road_id]
+        mark = lane.marks[0].type if lane.marks else "none"
+        rule = _PASSING.get(_SWAPPED.get(mark, mark) if lane_id > 0 else mark, "OTHER")
+        boundary.passing_rule = boundary.PassingRule.Value(f"PASSING_RULE_{rule}")
+        for index in _needed(np.column_stack([points, along])):
+            one = boundary.boundary_line.add(
+                s_position=float(along[index]), t_position=float(aside[index])
+            )
+            one.position.x, one.position.y, one.position.z = points[index].tolist()
+
+    def _fill_lane(self, lane: Any, lanelet: ExportedLanelet) -> None:
+        road_id, section_number, lane_id = key = lanelet.key
+        road = self._network.roads[road_id]
+        section = road.sections[section_number]
+        forward = self._forward(key)
+        lane.id.value, lane.type = (
+            self._ids[key],
+            lane.Type.Value(f"TYPE_{_TYPES.get(lanelet.lane_type, 'OTHER')}"),
+        )
+        source = lane.source_reference.add(type="net.asam.opendrive")
+        source.identifier.extend([road_id, repr(section.s), str(lane_id)])
+        physical = self._physical(key) if lanelet.lane_type not in _UNREFERENCED else None
+        if physical is not None:
+            reference = lane.physical_lane_reference.add(start_s=section.s, end_s=section.end)
+            reference.physical_lane_id.value = physical
+        lane.reference_line_id.value, lane.start_s, lane.end_s = (
+            self._lines[road_id],
+            section.s,
+            section.end,
+        )
+        move = (
+            "BOTH_ALLOWED"
+            if lanelet.lane_type == "bidirectional"
+            else "INCREASING_S"
+            if forward
+            else "DECREASING_S"
+        )
+        lane.move_direction = lane.MoveDirection.Value(f"MOVE_DIRECTION_{move}")
+        borders = (_inner(key), key) if lane_id < 0 else (key, _inner(key))
+        for border, ids in zip(
+            borders, (lane.left_boundary_id, lane.right_boundary_id), strict=True
+        ):
+            ids.add(value=self._borders[border])
+        road_type = lanelet.road_type.upper() if lanelet.road_type in _ROADS else "UNKNOWN"
+        lane.road_type = lane.RoadType.Value(f"ROAD_TYPE_{road_type}")
+        if lanelet.limit is not None:
+            _fill_limit(lane, lanelet.limit)
+        for step, relations in ((1, lane.left_adjacent_lane), (-1, lane.right_adjacent_lane)):
+            other = (road_id, section_number, lane_id + step or step)
+            if other in self._ids:
+                relation = relations.add(
+                    start_s=section.s,
+                    end_s=section.end,
+                    start_s_other=section.s,
+                    end_s_other=section.end,
+                )
+                relation.other_lane_id.value = self._ids[other]
+        ahead, behind = (lane.successor_lane, lane.predecessor_lane)[:: 1 if forward else -1]
+        for connections, keys, at_start in (
+            (ahead, lanelet.successors, True),
+            (behind, lanelet.predecessors, False),
+        ):
+            for other in (each for each in keys if each in self._ids):
+                connection = connections.add(
+                    at_begin_of_other_lane=self._forward(other) == at_start
+                )
+                connection.other_lane_id.value = self._ids[other]
+
+    def _forward(self, key: Key) -> bool:
+        """Whether a lane's traffic goes along the reference line."""
+        road = self._network.roads[key[0]]
+        return road.direction(key[2], road.sections[key[1]].s) > 0
+
+
+def _fill_limit(lane: Any, limit: float) -> None:
+    """Give a logical lane its speed limit (m/s), for all."""
+    rule = lane.traffic_rule.add()
+    rule.traffic_rule_type = rule.TRAFFIC_RULE_TYPE_SPEED_LIMIT
+    rule.traffic_rule_validity.start_s, rule.traffic_rule_validity.end_s = lane.start_s, lane.end_s
+    value = rule.speed_limit.speed_limit_value
+    value.value, value.value_unit = limit * 3.6, value.Unit.Value("UNIT_KILOMETER_PER_HOUR")
+
+
+def _inner(key: Key) -> Key:
+    """The border on the inner side of a lane, as the lane whose outer border it is; 0 is the middle."""
+    road_id, section, lane = key
+    return road_id, section, lane + (1 if lane < 0 else -1)
+
+
+def _stations(road: Road, section: Any) -> list[float]:
+    return [
+        section.s,
+        *(s for s in stations(road, _SPACING).tolist() if section.s < s < section.end),
+        section.end,
+    ]
+
+
+def _needed(points: np.ndarray) -> list[int]:
+    """Rows of a line, x, y, z and s, that are needed: its ends, and those between which x, y and z are linear in s."""
+    kept, pending = {0, len(points) - 1}, [(0, len(points) - 1)]
+    while pending:
+        first, last = pending.pop()
+        if last - first < 2:
+            continue
+        inner = points[first + 1 : last]
+        share = (inner[:, 3] - points[first, 3]) / (points[last, 3] - points[first, 3])
+        line = points[first, :3] + share[:, None] * (points[last, :3] - points[first, :3])
+        off = np.linalg.norm(inner[:, :3] - line, axis=1)
+        worst = int(off.argmax())
+        if off[worst] > _LOGICAL_CLOSE:
+            kept.add(first + 1 + worst)
+            pending += [(first, first + 1 + worst), (first + 1 + worst, last)]
+    return sorted(kept)
+
+
+def _wrapped(angle: float) -> float:
+    return math.atan2(math.sin(angle), math.cos(angle))

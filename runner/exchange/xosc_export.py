@@ -1,0 +1,154 @@
+"""The command `xosc-export`: scenarios and their runs for other tools."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from runner.batch.options import Only, Param, Sample, selection_of
+from runner.exchange.exports import TARGETS
+from runner.judging.settings import RunSettings
+from schemas.common.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest
+from schemas.common.remarks import told_quietly
+from schemas.common.terminal.command_line import (
+    AllowInconclusive,
+    Overwrite,
+    Verbose,
+    Version,
+    epilog,
+    guarded,
+    new_app,
+    out_folder,
+    protected,
+    say,
+)
+from schemas.common.terminal.options import parameters_of, with_settings
+from schemas.common.terminal.text import shown
+
+if TYPE_CHECKING:
+    from runner.exchange.exports.exporting import Exported
+
+_EXAMPLES = (
+    "xosc-export xosc/library/simple_cut_in.xosc --to carla --out for_carla",
+    "xosc-export --targets",
+)
+_EPILOG = exit_codes("all exported", "", "an exported run did not test what its file describes") + (
+    " 4 is also a file that says what the target cannot. What each target keeps, changes and loses is told in docs/exports.md."
+)
+
+app = new_app()
+
+
+def _print_targets(wanted: bool) -> None:
+    if wanted:
+        for target in TARGETS.values():
+            print(f"{target.name:12}{'a run' if target.of_run else 'the file':10}{target.summary}")
+        raise typer.Exit
+
+
+@app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
+@protected()
+@with_settings
+def xosc_export(
+    paths: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs."
+        ),
+    ],
+    to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],
+    out: Annotated[Path, out_folder("Folder to write into.")],
+    settings: RunSettings,
+    param: Param = None,
+    only: Only = None,
+    sample: Sample = None,
+    overwrite: Overwrite = False,
+    allow_inconclusive: AllowInconclusive = False,
+    _verbose: Verbose = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Print what is not exported or inconclusive only.")
+    ] = False,
+    _targets: Annotated[
+        bool,
+        typer.Option("--targets", callback=_print_targets, is_eager=True, help="List all targets."),
+    ] = False,
+    _version: Version = False,
+) -> None:
+    """Export OpenSCENARIO files, or runs of them, to what other tools read."""
+    from runner.exchange.exports.exporting import export_documents, export_runs
+    from xosc.exports.draft import Folder
+
+    target = TARGETS.get(to)
+    if target is None:
+        raise UsageError(f"there is no target {to!r}, only {', '.join(TARGETS)}")
+    sources = _sources(paths)
+    selection = selection_of(only, sample, settings.seed, sources)
+    if target.of_run:
+        exports = export_runs(
+            sources, target, Folder(out, overwrite), settings, parameters_of(param or []), selection
+        )
+    elif param:
+        raise UsageError(f"--param is for runs, and {to} is written without one")
+    else:
+        exports = export_documents(sources, target, Folder(out, overwrite), settings, selection)
+    code = _tell(exports, sources, quiet, out)
+    raise typer.Exit(
+        ExitCode.PASSED if allow_inconclusive and code == ExitCode.INCONCLUSIVE else code
+    )
+
+
+def _sources(paths: list[str]) -> list[Path]:
+    """The files meant; roads, which are taken along by the scenarios on them, only where they are named themselves."""
+    from schemas.common.terminal.command_line import expand
+
+    return [path for path in expand(paths) if path.suffix.lower() != ".xodr" or str(path) in paths]
+
+
+def _tell(exports: Iterator[Exported], sources: Sequence[Path], quiet: bool, out: Path) -> int:
+    """Print exports as they are done, and where they are; the exit code.
+
+    Raises:
+        InvalidFile: there are none, as all files are catalogues.
+    """
+    code, counts = 0, {True: 0, False: 0}
+    for name, exit_code, remarks, trace, untested in exports:
+        done = exit_code in (ExitCode.PASSED, ExitCode.INCONCLUSIVE)
+        counts[done] += 1
+        code = gravest((code, exit_code))
+        if not done:
+            reason = "; ".join(remarks)
+            told = (
+                reason if reason.startswith(f"{name}:") else f"{name}: {reason}"
+            )  # errors in a file name it, and the line
+            say(*trace.splitlines(), f"xosc-export: not exported: {told}", to=sys.stderr)
+        elif untested:
+            say(
+                f"xosc-export: {name}: exported, but inconclusive: {'; '.join(shown(untested))}",
+                to=sys.stderr,
+            )
+        if done and quiet and (repaired := told_quietly(remarks)):
+            say(f"xosc-export: {name}: exported; {repaired}", to=sys.stderr)
+        elif done and not quiet:
+            say(f"{name}: exported", *(f"  {remark}" for remark in remarks))
+    if not sum(counts.values()):
+        more = f" (and {len(sources) - 1} more)" if len(sources) > 1 else ""
+        told = "this is a catalog, nothing in it can be run: its entries are part of the scenarios that use them"
+        raise InvalidFile(told + more, path=sources[0])
+    if sum(counts.values()) > 1 and not quiet:
+        print(f"{counts[True]} exported, {counts[False]} not")
+    if counts[True] and not quiet:
+        say(f"files: {out}")
+    return code
+
+
+def main() -> None:
+    """Entry point."""
+    guarded("xosc-export", app)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Judgement of runs: criticality measures, criteria, verdicts, assessment by protocols."""

@@ -1,0 +1,262 @@
+"""Criticality measures of a run: what each one means, their registry, and limits on them by which runs fail (`--fail-if`).
+
+A limit is a measure and a number, as `min_ttc<1`, or one of `EVENTS`.
+
+A measure is one class in a family file of `runner.judging.measures.kinds`. Everything else that
+names measures (`result.json`, tables of runs, `--fail-if`, reports, tags, docs/measures.md) takes
+them from `measures()`.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
+
+from schemas.common.errors import UsageError
+from schemas.common.packages import load
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from schemas.common.array_types import BoolArray, FloatArray
+
+
+GREATEST_DECELERATION = 9.81
+"""Deceleration (m/s²) beyond which tyres on a dry road do not brake: a coefficient of friction of 1"""
+LONGEST_PET = 10.0
+"""Post-encroachment times above this (s) are no encounter"""
+
+
+class Series(NamedTuple):
+    """Values of a quantity over time, and where it is defined; values elsewhere are 0, never NaN."""
+
+    value: FloatArray
+    valid: BoolArray
+
+
+class Extreme(NamedTuple):
+    """The extreme of a quantity over a run: its value, the instant (s) and the other participant."""
+
+    value: float
+    time: float
+    other: str
+
+
+def least(series: Series, other: NDArray[np.object_], time: FloatArray) -> Extreme | None:
+    """The least value of a series where it is defined, the first of equal ones; None where it is never defined."""
+    return (
+        _pick(series, other, time, int(series.value[series.valid].argmin()))
+        if series.valid.any()
+        else None
+    )
+
+
+def greatest(series: Series, other: NDArray[np.object_], time: FloatArray) -> Extreme | None:
+    """The greatest value of a series where it is defined, the first of equal ones; None where it is never defined."""
+    return (
+        _pick(series, other, time, int(series.value[series.valid].argmax()))
+        if series.valid.any()
+        else None
+    )
+
+
+def _pick(series: Series, other: NDArray[np.object_], time: FloatArray, index: int) -> Extreme:
+    row = series.valid.nonzero()[0][index]
+    return Extreme(float(series.value[row]), float(time[row]), str(other[row]))
+
+
+class RunMeasure(ABC):
+    """A criticality measure of a run: one number about the ego.
+
+    Attributes:
+        name: in results, tables, `--fail-if` and the index of a catalogue.
+        label: in reports.
+        unit: empty for a number without one.
+        formula: in words and symbols.
+        critical: whether `low` or `high` values are critical.
+        validity: where it is defined.
+        source: publication.
+        most: value beyond which the amount no longer matters, the end of its axis in reports; None
+            leaves it out of reports.
+        beyond: word for values beyond `most` in reports; empty for the number.
+        tag: name of the tag in catalogues; empty for none.
+        is_extreme: whether it has an instant and another participant (`Extreme`), or is a number
+            over the whole run.
+    """
+
+    name: str
+    label: str
+    unit: ClassVar[str] = ""
+    formula: str
+    critical: ClassVar[str]
+    validity: ClassVar[str]
+    source: ClassVar[str]
+    most: float | None = None
+    beyond: ClassVar[str] = ""
+    tag: ClassVar[str] = ""
+    is_extreme: ClassVar[bool] = True
+
+    @abstractmethod
+    def of(self, run: Any) -> Extreme | float | None:
+        """The measure of a run, given as its `runner.judging.measures.criticality.Criticality`; None where it is not defined."""
+
+    def sentence(self, found: Mapping[str, Any] | float) -> str:
+        """A value of `Criticality.summary` in words, for the reasons of verdicts."""
+        if isinstance(found, Mapping):
+            return f"{self.name} is {found['value']:.2f} {self.unit} with {found['other']} at {found['time']:.2f} s"
+        return f"{self.name} is {found:.2f} {self.unit}"
+
+
+_registered: dict[str, RunMeasure] = {}
+_Class = TypeVar("_Class", bound=type[RunMeasure])
+
+
+def measure(kind: _Class) -> _Class:
+    """Register a class of measures, whose constructor takes no argument."""
+    register(kind())
+    return kind
+
+
+def register(each: RunMeasure) -> None:
+    """Register a measure."""
+    _registered[each.name] = each
+
+
+@cache
+def measures() -> dict[str, RunMeasure]:
+    """All measures by name, in the order of their families and of their places in these.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> measure = xt.measures()["min_ttc"]
+        >>> measure.label, measure.unit
+        ('Least time to collision', 's')
+    """
+    load("runner.judging.measures.kinds")
+    return dict(
+        sorted(_registered.items(), key=lambda each: type(each[1]).__module__)
+    )  # whichever was imported first
+
+
+def units() -> dict[str, str]:
+    """Units of all measures by name."""
+    return {name: each.unit for name, each in measures().items()}
+
+
+_RSS = "rss_risk_ad_rss"
+"""Measure that `rss` stands for"""
+NEW_FAILURE = "new-failure"
+"""Word of `xosc-run --fail-if` that is no limit of a run: a batch fails by failures that an earlier one does not have"""
+UNITS = units() | {"end_time": "s"}
+"""Measures of a run by name, and their units; see `runner.judging.measures.measure` and `RunResult`."""
+EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": ""}
+"""Limits without a number, each with the kind of its event in the log: the ego leaves the road or reaches its end; the time
+limit is reached first; RSS distances (parameter set `ad-rss`) are violated."""
+_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+    "<=": operator.le, "<": operator.lt, ">=": operator.ge, ">": operator.gt,
+}  # fmt: skip
+_FORM = re.compile(r"\s*([\w-]+)\s*(?:(<=|<|>=|>)\s*(\S+)\s*)?")
+
+
+class Facts(NamedTuple):
+    """Values that limits are compared with.
+
+    Attributes:
+        criticality: `Criticality.summary` of the ego; None where there is none.
+        events: kind, and text with the time, of the events of the ego.
+        status: of the run.
+        end_time: of the run, s.
+    """
+
+    criticality: Mapping[str, Any] | None
+    events: Iterable[tuple[str, str]]
+    status: str
+    end_time: float
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit of a measure, or an event.
+
+    Args:
+        text: as it was written.
+        name: one of `UNITS` or `EVENTS`.
+        comparison: with which the run fails; empty for events.
+        value: the number that is compared with.
+    """
+
+    text: str
+    name: str
+    comparison: str = ""
+    value: float = 0.0
+
+    @classmethod
+    def parse(cls, text: str) -> Limit:
+        """A limit from its text.
+
+        Raises:
+            UsageError: it is none, with the measures and events that there are.
+        """
+        if text.strip() == "inconclusive":
+            raise UsageError(
+                f"--fail-if {text!r}: inconclusive runs fail a batch without it (exit code 6, see --allow-inconclusive); "
+                "--junit-inconclusive error makes them errors of the report"
+            )
+        if text.strip() == NEW_FAILURE:
+            raise UsageError(
+                f"{NEW_FAILURE} compares batches, no run fails by it alone: type xosc-run --against BATCH"
+            )
+        match = _FORM.fullmatch(text)
+        if match is None or match[1] not in (UNITS if match[2] else EVENTS):
+            raise UsageError(
+                f"--fail-if {text!r}: a measure with a limit is expected, such as min_ttc<1 (of {', '.join(UNITS)}), "
+                f"or one of {', '.join(EVENTS)}, or with --against {NEW_FAILURE}"
+            )
+        try:
+            value = float(match[3] or 0.0)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise UsageError(f"--fail-if {text!r}: {match[3]!r} is no number")
+        return cls(text.strip(), match[1], match[2] or "", value)
+
+    def reason(self, facts: Facts) -> str:
+        """Why a run fails by it; empty where it does not."""
+        if self.name == "timeout":
+            return (
+                f"{self.text}: the time limit came first, at {facts.end_time:.2f} s"
+                if facts.status == "timeout"
+                else ""
+            )
+        if self.name == "rss":
+            return Limit(self.text, _RSS, ">").reason(facts)
+        if not self.comparison:
+            return next(
+                (
+                    f"{self.text}: {text}"
+                    for kind, text in facts.events
+                    if kind == EVENTS[self.name]
+                ),
+                "",
+            )
+        found: Any = (
+            facts.end_time if self.name == "end_time" else (facts.criticality or {}).get(self.name)
+        )
+        value = found["value"] if isinstance(found, Mapping) else found
+        if value is None or not _COMPARISONS[self.comparison](value, self.value):
+            return ""
+        if self.name == "end_time":
+            return f"{self.text}: end_time is {value:.2f} s"
+        return f"{self.text}: {measures()[self.name].sentence(found)}"
+
+    @property
+    def needs_ego(self) -> bool:
+        """Whether it says nothing about a run without an ego."""
+        return self.name not in ("timeout", "end_time")

@@ -1,0 +1,395 @@
+"""Relations of entities to one entity over time: gaps of boxes and velocities, as arrays.
+
+All others are looked at together, one row for each of them and each instant: scenes have many
+participants and few instants. On the same road gaps are measured in the road's coordinates, so that
+curves and lane changes are seen as the driver sees them; otherwise in the participant's own frame.
+Distances are in m, times in s, speeds in m/s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runner.engine.participants.declaration import BoundingBox
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from runner.recording import Track
+
+_STEEPEST = 0.3
+"""Rise per distance between two boxes from which they are on different levels (a bridge): steeper than any road"""
+_BLOCK = 1 << 16
+"""Rows of others that are looked at together, about: arrays of them fit into caches"""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionRows:
+    """One participant over time, or rows of several (`joined`).
+
+    Args:
+        name: its name.
+        box: its bounding box about the reference point; of rows of several, with arrays of values.
+        time: s, ascending.
+        x, y, z: reference point in the world, m.
+        h: heading, rad.
+        speed: along the heading.
+        road: id of the road, None where unknown.
+        s, t: road coordinates, m.
+        kind, category: as those of a `runner.recording.Track`.
+        mass: kg; 0 where it is not known.
+    """
+
+    name: str
+    box: BoundingBox
+    time: FloatArray
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    h: FloatArray
+    speed: FloatArray
+    road: NDArray[np.object_]
+    s: FloatArray
+    t: FloatArray
+    kind: str = "vehicle"
+    category: str = "car"
+    mass: float = 0.0
+
+    @classmethod
+    def from_columns(cls, name: str, box: BoundingBox, columns: Mapping[str, Any]) -> MotionRows:
+        """From the columns of a trajectory table (`runner.recording.COLUMNS`)."""
+        values: dict[str, Any] = {
+            key: np.asarray(columns[key], dtype=np.float64)
+            for key in ("time", "x", "y", "z", "h", "speed", "s", "t")
+        }
+        return cls(name, box, road=np.asarray(columns["road_id"], dtype=object), **values)
+
+    @classmethod
+    def of(cls, track: Track) -> MotionRows:
+        """The motion of a recorded participant."""
+        return replace(
+            cls.from_columns(track.name, track.box, track.columns),
+            kind=track.kind,
+            category=track.category,
+            mass=track.mass,
+        )
+
+    @cached_property
+    def facing(self) -> tuple[FloatArray, FloatArray]:
+        """Cosine and sine of the heading."""
+        return np.cos(self.h), np.sin(self.h)
+
+    def at(self, rows: IntArray | BoolArray) -> MotionRows:
+        """The same at some of its instants."""
+        sizes: tuple[Any, ...] = self.box
+        box = (
+            self.box if np.ndim(sizes[0]) == 0 else BoundingBox(*(values[rows] for values in sizes))
+        )
+        some = replace(self, box=box, **{name: getattr(self, name)[rows] for name in _ROWS})
+        cos, sin = self.facing
+        some.__dict__["facing"] = (
+            cos[rows],
+            sin[rows],
+        )  # not worked out again: rows are taken of rows
+        return some
+
+
+_ROWS = ("time", "x", "y", "z", "h", "speed", "road", "s", "t")
+
+
+@lru_cache(maxsize=1)  # several measures of one scene ask for it
+def joined(motions: tuple[MotionRows, ...]) -> tuple[MotionRows, IntArray]:
+    """The rows of several participants, one participant after the other, and which one each row is of."""
+    sizes = [len(each.time) for each in motions]
+    boxes = BoundingBox(
+        *np.repeat(np.array([each.box for each in motions], np.float64).T, sizes, axis=1)
+    )
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(each, name) for each in motions]) for name in _ROWS
+    }
+    return MotionRows("", boxes, **columns), np.repeat(np.arange(len(motions)), sizes)
+
+
+def blocks(motions: Sequence[MotionRows]) -> Iterator[tuple[MotionRows, ...]]:
+    """Participants in their order, as many at once as are to be looked at together."""
+    ends = np.cumsum([len(each.time) for each in motions]) // _BLOCK
+    for block in np.unique(ends):
+        first, last = np.searchsorted(ends, [block, block + 1])
+        yield tuple(motions[first:last])
+
+
+class View(NamedTuple):
+    """Another participant as the ego sees it.
+
+    ahead, aside: signed gaps of the boxes: positive ahead and to the left of the ego, 0 where they
+    overlap. speed, sideways: velocity of the ego, and other_speed, other_sideways: of the other,
+    ahead and to the left.
+    """
+
+    ahead: FloatArray
+    aside: FloatArray
+    speed: FloatArray
+    sideways: FloatArray
+    other_speed: FloatArray
+    other_sideways: FloatArray
+
+
+class Relations(NamedTuple):
+    """Relations of other entities to the ego while both exist, one row per entity and instant.
+
+    rows: of the ego. who: index of the other entity. distance: shortest distance of the boxes, m.
+    view: how the ego sees it.
+    """
+
+    rows: IntArray
+    who: IntArray
+    distance: FloatArray
+    view: View
+
+
+# boxes --------------------------------------------------------------------------------------
+
+
+class Sight(NamedTuple):
+    """Centre and relative heading (cosine, sine) of another box, seen from the centre of the own one."""
+
+    x: FloatArray
+    y: FloatArray
+    cos: FloatArray
+    sin: FloatArray
+
+
+def seen_by(a: MotionRows | Outline, b: MotionRows | Outline) -> Sight:
+    """Return the relation of b to a, row by row."""
+    (ca, sa), (cb, sb) = a.facing, b.facing
+    dx = b.x - a.x + cb * b.box.x - sb * b.box.y
+    dy = b.y - a.y + sb * b.box.x + cb * b.box.y
+    return Sight(
+        dx * ca + dy * sa - a.box.x,
+        dy * ca - dx * sa - a.box.y,
+        cb * ca + sb * sa,
+        sb * ca - cb * sa,
+    )
+
+
+class Outline(NamedTuple):
+    """The part of `MotionRows` that says where a box is in the plane and how fast it drives: quickly taken of rows."""
+
+    box: BoundingBox
+    x: FloatArray
+    y: FloatArray
+    facing: tuple[FloatArray, FloatArray]
+    speed: FloatArray
+
+    @classmethod
+    def of(cls, motion: MotionRows, rows: IntArray) -> Outline:
+        """Some instants of a participant whose box does not change."""
+        cos, sin = motion.facing
+        return cls(
+            motion.box, motion.x[rows], motion.y[rows], (cos[rows], sin[rows]), motion.speed[rows]
+        )
+
+    def at(self, rows: IntArray) -> Outline:
+        """The same at some of its instants."""
+        cos, sin = self.facing
+        return Outline(
+            self.box, self.x[rows], self.y[rows], (cos[rows], sin[rows]), self.speed[rows]
+        )
+
+
+def boxes_overlap(a: MotionRows, b: MotionRows) -> BoolArray:
+    """Return a mask of rows in which two upright boxes overlap or touch."""
+    return _outlines_overlap(a.box, b.box, seen_by(a, b)) & (vertical_gap(a, b) == 0.0)
+
+
+def _outlines_overlap(own: BoundingBox, other: BoundingBox, seen: Sight) -> BoolArray:
+    """The same in the plane, by the separating-axis theorem."""
+    x, y, c, s = seen
+    al, aw, bl, bw = own.length / 2, own.width / 2, other.length / 2, other.width / 2
+    cos, sin = np.abs(c), np.abs(s)
+    apart = (np.abs(x) > al + bl * cos + bw * sin) | (np.abs(y) > aw + bl * sin + bw * cos)
+    apart |= np.abs(x * c + y * s) > bl + al * cos + aw * sin
+    apart |= np.abs(y * c - x * s) > bw + al * sin + aw * cos
+    return np.logical_not(apart)
+
+
+def vertical_gap(a: MotionRows, b: MotionRows) -> FloatArray:
+    """Height between the vertical spans of two upright boxes, row by row; 0 where they overlap."""
+    middle = np.abs(b.z + b.box.z - a.z - a.box.z)
+    return np.maximum(middle - (a.box.height + b.box.height) / 2, 0.0)
+
+
+def box_distance(
+    a: MotionRows | Outline, b: MotionRows | Outline, seen: Sight | None = None
+) -> FloatArray:
+    """Shortest distance of two boxes in the plane, row by row; 0 where they overlap.
+
+    Args:
+        seen: how a sees b, where that is known.
+    """
+    seen = seen or seen_by(a, b)
+    squares = np.minimum(
+        _corner_squares(seen, b.box, a.box), _corner_squares(seen_by(b, a), a.box, b.box)
+    )
+    return np.where(_outlines_overlap(a.box, b.box, seen), 0.0, np.sqrt(squares))
+
+
+def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatArray:
+    """Squared distance of the nearest corner of a box seen from another's centre to that box."""
+    nearest = np.full(seen.x.shape, np.inf)
+    for along in (-other.length / 2, other.length / 2):
+        for across in (-other.width / 2, other.width / 2):
+            dx = np.abs(seen.x + along * seen.cos - across * seen.sin) - box.length / 2
+            dy = np.abs(seen.y + along * seen.sin + across * seen.cos) - box.width / 2
+            nearest = np.minimum(nearest, np.maximum(dx, 0.0) ** 2 + np.maximum(dy, 0.0) ** 2)
+    return nearest
+
+
+# relations ----------------------------------------------------------------------------------
+
+
+def relations(ego: MotionRows, others: Sequence[MotionRows]) -> Relations:
+    """Return the relations of other entities to the ego while both exist, on the same level."""
+    everyone = tuple(others)
+    a, b, rows, theirs, who = common(ego, everyone)
+    seen = seen_by(a, b)
+    distance = box_distance(a, b, seen)
+    level = vertical_gap(a, b) <= _STEEPEST * distance
+    if not level.all():
+        rows, theirs, who, distance = rows[level], theirs[level], who[level], distance[level]
+        a, b, seen = a.at(level), b.at(level), Sight(*(values[level] for values in seen))
+    view = in_ego_frame(a, b, seen)
+    same = np.equal(a.road, b.road).astype(bool) & np.not_equal(
+        a.road, np.array(None, object)
+    ).astype(bool)
+    if same.any():
+        alone = np.zeros(len(ego.time), np.int64)
+        on_road = _on_road(
+            (a, *_along_road(ego, alone, rows)), (b, *_along_road(*joined(everyone), theirs))
+        )
+        view = View(
+            *(np.where(same, one, another) for one, another in zip(on_road, view, strict=True))
+        )
+    return Relations(rows, who, distance, view)
+
+
+@lru_cache(maxsize=1)  # as `joined`
+def common(
+    ego: MotionRows, others: tuple[MotionRows, ...]
+) -> tuple[MotionRows, MotionRows, IntArray, IntArray, IntArray]:
+    """Return ego and others at their common instants, the rows of both, and the index of the other one by row."""
+    everyone, who = joined(others)
+    rows, theirs = _common(ego.time, everyone.time, who)
+    return (
+        ego.at(rows),
+        everyone if len(theirs) == len(who) else everyone.at(theirs),
+        rows,
+        theirs,
+        who[theirs],
+    )
+
+
+def _common(time: FloatArray, theirs: FloatArray, who: IntArray) -> tuple[IntArray, IntArray]:
+    """Rows of both with equal time (to the microsecond), of each one's first row at a time."""
+    mine, times = np.round(time * 1e6), np.round(theirs * 1e6)
+    rows = np.minimum(np.searchsorted(mine, times), len(mine) - 1)
+    again = np.diff(times, prepend=-np.inf) == 0.0
+    again[1:] &= who[1:] == who[:-1]
+    found = np.flatnonzero((mine[rows] == times) & ~again) if len(mine) else np.empty(0, np.int64)
+    return rows[found], found
+
+
+def interval_gaps(
+    low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high_b: FloatArray
+) -> FloatArray:
+    """Signed gaps from intervals a to intervals b: positive where b lies above, negative where below, 0 where they overlap."""
+    return np.maximum(low_b - high_a, 0.0) + np.minimum(high_b - low_a, 0.0)
+
+
+def in_ego_frame(a: MotionRows | Outline, b: MotionRows | Outline, seen: Sight) -> View:
+    """Return b in the frame of a, along and across its heading, row by row.
+
+    Args:
+        seen: how a sees b.
+    """
+    x, y, c, s = seen
+    cos, sin = np.abs(c), np.abs(s)
+    ahead = (b.box.length * cos + b.box.width * sin) / 2
+    aside = (b.box.length * sin + b.box.width * cos) / 2
+    half_length, half_width = a.box.length / 2, a.box.width / 2
+    return View(
+        interval_gaps(
+            np.full_like(x, -half_length), np.full_like(x, half_length), x - ahead, x + ahead
+        ),
+        interval_gaps(
+            np.full_like(y, -half_width), np.full_like(y, half_width), y - aside, y + aside
+        ),
+        a.speed,
+        np.zeros_like(x),
+        b.speed * c,
+        b.speed * s,
+    )
+
+
+_OnRoad = tuple[MotionRows, FloatArray, FloatArray]
+"""A participant at some instants, and how it moves along its road there (`_along_road`)"""
+
+
+def _along_road(motion: MotionRows, who: IntArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return the motion of entities along their roads in given rows (n,).
+
+    Args:
+        motion, who: rows of one or several entities, and the entity of each row (`joined`).
+
+    Returns:
+        +1 where one faces increasing s, −1 else: by its last movement, or its next one while it has
+        not moved yet. And dt/dτ, its
+        lateral speed towards +t, m/s; 0 in the step in which the road changes.
+    """
+    begins = np.diff(who, prepend=-1) != 0
+    jumps = begins.copy()
+    jumps[1:] |= motion.road[1:] != motion.road[:-1]
+    turns = np.where(jumps, 0.0, np.sign(np.diff(motion.s, prepend=0.0)) * np.sign(motion.speed))
+    known = np.concatenate([[-1], np.flatnonzero(turns), [len(who)]])
+    place = np.searchsorted(known, rows, side="right")
+    last, following = known[place - 1], np.minimum(known[place], len(who) - 1)
+    before, after = (
+        (last >= 0) & (who[last] == who[rows]),
+        (turns[following] != 0.0) & (who[following] == who[rows]),
+    )
+    side = np.where(before | after, turns[np.where(before, last, following)], 1.0)
+    drift = np.where(
+        jumps,
+        0.0,
+        np.diff(motion.t, prepend=0.0) / np.maximum(np.diff(motion.time, prepend=0.0), 1e-9),
+    )
+    first = np.flatnonzero(begins[:-1] & ~begins[1:])
+    drift[first] = drift[first + 1]
+    return side, drift[rows]
+
+
+def _on_road(ego: _OnRoad, other: _OnRoad) -> View:
+    """In road coordinates, turned into the ego's direction; boxes are taken as aligned with the road."""
+    (a, side, drift), (b, other_side, other_drift) = ego, other
+    low_a, high_a, right_a, left_a = _extent(a, side)
+    low_b, high_b, right_b, left_b = _extent(b, other_side)
+    return View(
+        side * interval_gaps(low_a, high_a, low_b, high_b),
+        side * interval_gaps(right_a, left_a, right_b, left_b),
+        a.speed,
+        side * drift,
+        side * other_side * b.speed,
+        side * other_drift,
+    )
+
+
+def _extent(
+    m: MotionRows, side: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    s, t = m.s + side * m.box.x, m.t + side * m.box.y
+    return s - m.box.length / 2, s + m.box.length / 2, t - m.box.width / 2, t + m.box.width / 2

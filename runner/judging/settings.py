@@ -1,0 +1,168 @@
+"""The settings of a run: everything that is chosen besides the scenario and the values of its parameters."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from runner.judging.measures.measure import Limit
+from schemas.common.errors import UsageError
+from schemas.common.terminal.options import CATALOG_PATH, ROAD_PATH, option
+
+if TYPE_CHECKING:
+    from runner.systems import System
+
+DEFAULT_SYSTEM = "cas"
+"""The system under test that drives the ego unless another one is chosen."""
+WORLDS = ("sumo", "kinematic")
+"""The worlds by name: SUMO, or scripted motion without a simulator."""
+MADE = "auto"
+"""Setting `road` for straight roads with the lanes and lengths that a scenario's positions use"""
+_TIMESTEPS = 0.001, 1.0
+_LONGEST = 1e6
+
+
+def _systems() -> tuple[str, list[tuple[str, str]]]:
+    from runner.systems import systems  # takes long to load
+
+    return "Systems under test", list(systems().items())
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """Settings of a run, the same for one run, a batch, an export or a search.
+
+    Args:
+        timestep: s.
+        sut: the system under test that drives the ego: a name of the entry-point group `xosc.sut`,
+            `module:Class`, an instance, or None (as `none`) for what the scenario scripts alone.
+        ego: name of the ego entity; found by `runner.systems.drivers.find_ego` where it is None.
+        seed: of everything random in a run.
+        max_time: limit of simulated time, s: scenarios without a StopTrigger have no end of their
+            own.
+        world: one of `WORLDS`.
+        end_after_collision: end a run one second after the ego's first contact; None for runs with
+            a system under test.
+        fail_if: limits by which a run fails besides collisions of the ego, as `min_ttc<1` or
+            `off-road`; see `runner.judging.measures.measure`.
+        enforce_constraints: refuse parameter values that violate their constraint groups, and leave
+            such sets of a distribution out; otherwise violations are noted in the event log.
+        strict: refuse files that break their standard, where they are otherwise repaired with a
+            remark.
+        road: for scenarios that name no road network, or one that is missing: an OpenDRIVE file, or
+            `auto` for straight roads with the lanes and lengths that the positions use; None
+            refuses them where they need a road.
+        road_path: folders in which road networks are looked for that are not where the scenario
+            says (see `xosc.document.road_files`).
+        catalog_path: folders in which directories of catalogues are, likewise (see
+            `schemas.catalogs.locate`).
+
+    Raises:
+        UsageError: a value is out of its range, or there is no such world, system under test or
+            limit.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> settings = xt.RunSettings(sut="adas", timestep=0.1, world="kinematic", max_time=1.0)
+        >>> xt.run("xosc/library/simple_cut_in.xosc", settings).end_time
+        1.0
+    """
+
+    timestep: float = option(0.05, "Time step.", metavar="SECONDS")
+    sut: str | System | None = option(
+        DEFAULT_SYSTEM,
+        "System under test that drives the ego, with arguments of its class.",
+        type=str,
+        section=_systems,
+        metavar="NAME[:PARAMETER=VALUE,...]",
+    )
+    ego: str | None = option(None, "The ego, where it is not found by itself.", metavar="NAME")
+    seed: int = option(0, "Seed of everything random.")
+    max_time: float = option(300.0, "Limit of simulated time for each run.", metavar="SECONDS")
+    world: str = option("sumo", "sumo, or kinematic: scripted motion without a simulator.")
+    end_after_collision: bool | None = option(
+        None,
+        "End a run one second after the ego's first contact.  [default: with a system under test]",
+        "--end-after-collision/--continue-after-collision",
+        show_default=False,
+    )
+    fail_if: tuple[str, ...] = ()
+    enforce_constraints: bool = option(
+        True,
+        "Refuse parameter values that violate constraint groups; leave such sets of a distribution out.",
+        "--constraints/--no-constraints",
+    )
+    strict: bool = option(
+        False,
+        "Refuse files that break their standard instead of repairing them with a remark.",
+        "--strict",
+    )
+    road: str | None = option(
+        None,
+        "Where the road network is missing: an OpenDRIVE file; auto: straight roads as the positions use them.",
+        metavar="FILE|auto",
+    )
+    road_path: tuple[str, ...] = option(
+        (),
+        ROAD_PATH,
+        "--road-path",
+        metavar="DIR",
+    )
+    catalog_path: tuple[str, ...] = option(
+        (),
+        CATALOG_PATH,
+        "--catalog-path",
+        metavar="DIR",
+    )
+
+    def __post_init__(self) -> None:
+        shortest, longest = _TIMESTEPS
+        if not shortest <= self.timestep <= longest:
+            raise UsageError(
+                f"the time step must be from {shortest:g} s to {longest:g} s, not {self.timestep}"
+            )
+        if not 0.0 <= self.max_time <= _LONGEST:
+            raise UsageError(
+                f"the time limit must be from 0 s to {_LONGEST:g} s, not {self.max_time}"
+            )
+        if self.world not in WORLDS:
+            raise UsageError(f"the world {self.world!r} is not one of {', '.join(WORLDS)}")
+        if self.road not in (None, MADE) and not os.path.isfile(self.road):
+            raise UsageError(f"the road {self.road!r} is neither a file nor {MADE}")
+        _ = self.limits  # parsed once, or refused here
+        if isinstance(self.sut, str):
+            from runner.systems import find_system
+
+            find_system(self.sut)
+
+    @property
+    def ends_after_collision(self) -> bool:
+        """Value of `end_after_collision`, or by default whether a system under test drives the ego."""
+        from runner.systems import system_name
+
+        return (
+            system_name(self.sut) != "none"
+            if self.end_after_collision is None
+            else self.end_after_collision
+        )
+
+    @cached_property
+    def limits(self) -> tuple[Limit, ...]:
+        """Limits of `fail_if`."""
+        return tuple(map(Limit.parse, self.fail_if))
+
+    def as_json(self) -> dict[str, Any]:
+        """The values by name, as JSON has them; a system under test by its name."""
+        from runner.systems import system_name
+
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        lists = {
+            name: list(getattr(self, name)) for name in ("fail_if", "road_path", "catalog_path")
+        }
+        return (
+            values
+            | lists
+            | {"sut": system_name(self.sut), "end_after_collision": self.ends_after_collision}
+        )

@@ -1,0 +1,441 @@
+"""The ego: its entity, from when on a system under test drives it, and its drivers.
+
+The ego is, in this order: the entity named by the caller (`--ego`); the vehicle called `Ego` (any
+case, also `EgoVehicle`, `ego_vehicle`, `hero`; of several one with a controller, then the first);
+the first vehicle whose Property `type` is `ego_vehicle`, as in files for CARLA; the only vehicle
+with a controller. Scenarios without any of these have no ego, and no system under test drives
+anyone.
+
+A scenario that assigns the ego a controller hands it over by ActivateControllerAction: until then,
+and in domains that it deactivates, the ego does what is scripted (OpenSCENARIO XML 1.3, 6.6:
+controllers are assigned deactivated). A scenario that never activates a controller of the ego is
+driven by the system under test from the beginning.
+
+An ego that files for CARLA leave to `external_control`, without a speed in Init, is no ego that
+stands: the system under test is asked for `CRUISE` until the scenario says a speed.
+
+While a driver has the ego, the scripted speed (speed actions included) is what it is asked for,
+`Observation.target_speed`. Where it answers with no acceleration of its own, the ego has exactly
+that speed; after an intervention it returns to it at no more than its `Performance` or 3.5 m/s²
+allow. Scripted lateral motion is followed unless the system steers.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from runner.engine.actions.controller import AssignControllerAction
+from runner.engine.compile.element import LATERAL, LONGITUDINAL, PrivateAction
+from runner.engine.participants.scenario_objects import EXTERNAL, module_of
+from runner.engine.worlds.base import DriverRequest
+from runner.systems import System, system_name
+from runner.systems.base import (
+    PEDAL,
+    Control,
+    Observation,
+    Pose,
+    SystemUnderTest,
+    WorldDriven,
+    seen,
+)
+from schemas.common.errors import ToolchainError, UsageError, blame
+from xosc.document.node import EGO_NAME
+
+if TYPE_CHECKING:
+    from runner.engine.compile.compiler import Scenario
+    from runner.engine.compile.run import Run
+    from runner.engine.participants.entity import Entity
+    from runner.engine.worlds.surroundings import StopLine
+
+
+CRUISE = 20.0 / 3.6
+"""Speed (m/s) of an ego that is driven from outside: by default that of CARLA's BasicAgent."""
+
+
+def find_ego(scenario: Scenario, name: str | None) -> Entity | None:
+    """The ego of a scenario; None where it has none.
+
+    Raises:
+        UsageError: no entity has the given name.
+    """
+    if name is not None:
+        if name not in scenario.entities:
+            raise UsageError(
+                f"no entity is called {name!r}; there are {', '.join(scenario.entities)}",
+                path=scenario.path,
+            )
+        return scenario.entities[name]
+    vehicles = [
+        entity for entity in scenario.entities.values() if entity.declared.kind == "vehicle"
+    ]
+    named = [entity for entity in vehicles if EGO_NAME.fullmatch(entity.name)]
+    if named:
+        return next((entity for entity in named if entity.declared.controllers), named[0])
+    called = [entity for entity in vehicles if is_called_ego(entity)]
+    if called:
+        return called[0]
+    controlled = [entity for entity in vehicles if entity.declared.controllers]
+    return controlled[0] if len(controlled) == 1 else None
+
+
+def is_called_ego(entity: Entity) -> bool:
+    """Whether a file for CARLA says that this is an ego: there may be several."""
+    return entity.declared.properties.get("type") == "ego_vehicle"
+
+
+def driver_of(
+    scenario: Scenario, ego: Entity, system: System, timestep: float, seed: int
+) -> EgoDriver:
+    """Return the ego's driver for a system under test, which is reset; timestep in s."""
+    try:
+        system.reset(seen(ego), timestep, seed)
+    except Exception as error:
+        raise failed(system, error, 0.0) from error
+    handed_over = ego.name not in scenario.activated
+    if isinstance(system, WorldDriven):
+        return WorldDriver(handed_over, scripted_at_start(scenario, ego))
+    return SystemDriver(system, handed_over, cruise_speed(scenario, ego))
+
+
+def cruise_speed(scenario: Scenario, ego: Entity) -> float | None:
+    """Speed (m/s) of an ego that is driven from outside and has no speed to begin with; None for all others."""
+    assigned = [
+        action.properties
+        for actor, element in scenario.storyboard.init
+        for action in element.actions
+        if actor is ego and isinstance(action, AssignControllerAction)
+    ]
+    external = any(
+        module_of(each) == EXTERNAL for each in (*assigned, *ego.declared.controllers.values())
+    )
+    return CRUISE if external and not scripted_at_start(scenario, ego) else None
+
+
+def scripted_at_start(scenario: Scenario, ego: Entity) -> bool:
+    """Whether an initial action says how fast the ego is."""
+    elements = [element for actor, element in scenario.storyboard.init if actor is ego]
+    private = [
+        action
+        for element in elements
+        for action in element.actions
+        if isinstance(action, PrivateAction)
+    ]
+    return any(LONGITUDINAL in action.claims() for action in private)
+
+
+_RETURN = 3.5
+"""Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
+_SAME = 1e-9
+_GRAVITY = 9.81
+_OFF = 1.0
+"""Distance (m), beside that of 1 g in a step, of a pose from where the ego would be at its speed: farther no vehicle comes"""
+_UNLIKE = 1.0
+"""Difference (m/s) of a pose's speed and that of the displacement above which they contradict each other"""
+
+
+class Decision(NamedTuple):
+    """Decision of a driver on the coming step.
+
+    Args:
+        speed: at its end, m/s.
+        steering: angle of the front wheels, rad; None to go on along lane or path.
+        pose: where it is at its end; None to move there by speed and steering.
+    """
+
+    speed: float
+    steering: float | None = None
+    pose: Pose | None = None
+
+
+class EgoDriver(ABC):
+    """Driver of the ego in its control domains.
+
+    Args:
+        handed_over: whether it drives from the beginning.
+    """
+
+    scripted = True
+    """whether the scenario says how fast the ego is; if not, it keeps its speed when the world's own driver lets go of it"""
+
+    def __init__(self, handed_over: bool) -> None:
+        self.longitudinal = handed_over
+        self.lateral = handed_over
+
+    def hand_over(self, domains: Mapping[str, bool]) -> None:
+        """Let it drive, or no longer drive, in control domains (ActivateControllerAction)."""
+        self.longitudinal = domains.get("longitudinal", self.longitudinal)
+        self.lateral = domains.get("lateral", self.lateral)
+
+    def request(self, ego: Entity) -> DriverRequest | None:
+        """Return the request to the world's own driver; None if it does not drive the ego."""
+        return None
+
+    def answer(self, driven: bool) -> None:
+        """Whether the world's own driver has the ego, as requested."""
+        return
+
+    @abstractmethod
+    def decide(self, ego: Entity, run: Run) -> Decision:
+        """Return the ego's motion in the coming step, unless the world's own driver has it."""
+
+
+class WorldDriver(EgoDriver):
+    """Lets the world's own driver drive the ego where the scenario leaves it free.
+
+    A scripted lateral action takes the ego back for as long as it runs, and so does a speed
+    backwards. The scripted speed, once there is any, is the driver's desired speed, and may exceed
+    speed limits; before, the driver goes by the limits. With the longitudinal domain alone, it
+    keeps its lane; with the lateral domain alone, it has exactly the scripted speed. Where the
+    world can't drive the ego, or lets go of it at the end of its roads, the ego goes on as scripted
+    until it is handed over anew.
+
+    Args:
+        handed_over: whether it drives from the beginning.
+        scripted: whether the scenario says from the beginning how fast the ego is.
+    """
+
+    def __init__(self, handed_over: bool, scripted: bool) -> None:
+        super().__init__(handed_over)
+        self.scripted = scripted
+        self._returning = False
+        self._refused = False
+
+    def request(self, ego: Entity) -> DriverRequest | None:
+        """The scripted speed, unless the ego is handed over to the scenario or the world has refused it."""
+        controls = ego.controls
+        moved = (
+            LATERAL in controls.owners
+            or controls.target_offset is not None
+            or controls.target_speed < 0.0
+            or ego.speed < 0.0
+        )
+        if moved or not (self.longitudinal or self.lateral):
+            self._refused = False
+            return None
+        if self._refused:
+            return None
+        self.scripted = (
+            self.scripted or controls.target_speed != 0.0 or LONGITUDINAL in controls.owners
+        )
+        return DriverRequest(
+            controls.target_speed if self.scripted else None, not self.longitudinal, self.lateral
+        )
+
+    def answer(self, driven: bool) -> None:
+        """Once the world has driven the ego, it has to return to the scripted speed."""
+        self._returning = self._returning or driven
+        self._refused = not driven
+
+    def decide(self, ego: Entity, run: Run) -> Decision:
+        """The scripted speed, or the way back to it."""
+        target = ego.controls.target_speed
+        if not self._returning:
+            return Decision(target)
+        speed = returning(ego, target, run.dt)
+        self._returning = abs(speed - target) >= _SAME
+        return Decision(speed)
+
+
+class SystemDriver(EgoDriver):
+    """Turns the controls of a system under test into what it wants of the ego's motion.
+
+    Args:
+        system: the system under test.
+        handed_over: whether it drives from the beginning.
+        cruise: speed (m/s) that it is asked for until the scenario says one; None for that of the
+            scenario from the beginning.
+    """
+
+    def __init__(
+        self, system: SystemUnderTest, handed_over: bool, cruise: float | None = None
+    ) -> None:
+        super().__init__(handed_over)
+        self.system = system
+        self._cruise = cruise
+        self._intervening = False
+        self._returning = cruise is not None
+        self.implausible = ""
+        """Sentence on the first pose that no vehicle reaches; empty where there is none"""
+
+    def decide(self, ego: Entity, run: Run) -> Decision:
+        """The system's pose, or its acceleration and steering within the ego's limits; the scripted speed where it gives none."""
+        target = self._target(ego)
+        control = self._ask(ego, target, run) if self.longitudinal or self.lateral else Control()
+        if isinstance(control, Pose):
+            return self._put(ego, control, run)
+        steering = control.steering if self.lateral else None
+        control = _overridden(control, ego) if self.longitudinal else Control()
+        if control.acceleration is not None:
+            return Decision(
+                self._intervene(ego, control.acceleration, control.reason, run), steering
+            )
+        if not self._returning:
+            return Decision(target, steering)
+        speed = returning(ego, target, run.dt)
+        if abs(speed - target) < _SAME:
+            self._returning = False
+            if self._intervening:
+                self._intervening = False
+                run.note("interventionEnd", ego.name, "back at the scripted speed")
+        return Decision(speed, steering)
+
+    def _target(self, ego: Entity) -> float:
+        """Speed that the system is asked for, m/s."""
+        controls = ego.controls
+        if controls.target_speed != 0.0 or LONGITUDINAL in controls.owners:
+            self._cruise = None
+        return controls.target_speed if self._cruise is None else self._cruise
+
+    def _ask(self, ego: Entity, target: float, run: Run) -> Control | Pose:
+        """The system's answer, checked."""
+        try:
+            answer = self.system.control(observe(run, ego, target), run.dt)
+            if not isinstance(answer, Control | Pose):
+                raise TypeError(
+                    f"control() returned {answer!r}, a runner.systems.Control or Pose is expected"
+                )
+            if not is_finite(answer):
+                raise ValueError(f"control() returned {answer}, finite numbers are expected")
+            if isinstance(answer, Pose) and not (self.longitudinal and self.lateral):
+                domain = "longitudinal" if self.longitudinal else "lateral"
+                raise ValueError(
+                    f"control() returned a Pose, which needs both domains; the scenario hands over the {domain} one"
+                )
+        except Exception as error:
+            raise failed(self.system, error, run.time) from error
+        return answer
+
+    def _put(self, ego: Entity, pose: Pose, run: Run) -> Decision:
+        """The pose as it is, with its speed; the first one that no vehicle reaches is noted."""
+        self._begin(ego, pose.reason, run)
+        dt, c, s = run.dt, math.cos(pose.h), math.sin(pose.h)
+        dx, dy = pose.x - ego.x, pose.y - ego.y
+        speed = (dx * c + dy * s) / dt if pose.speed is None else pose.speed
+        if not self.implausible:
+            off = math.hypot(dx - ego.vx * dt, dy - ego.vy * dt)
+            before, now = abs(ego.speed), abs(speed)
+            moved = math.hypot(dx, dy) / dt
+            if off > _OFF + _GRAVITY * dt * dt:
+                self.implausible = (
+                    f"{ego.name} is put {off:.2f} m from where it would be at {run.time + dt:.2f} s"
+                )
+            elif not min(before, now) - _UNLIKE <= moved <= max(before, now) + _UNLIKE:
+                told = f"is put {moved * dt:.2f} m further at {run.time + dt:.2f} s, at a speed of {speed:.2f} m/s"
+                self.implausible = f"{ego.name} {told}"
+            if self.implausible:
+                run.note("implausiblePose", ego.name, f"{self.implausible}: no vehicle moves so")
+        return Decision(speed, pose=pose)
+
+    def _intervene(self, ego: Entity, acceleration: float, reason: str, run: Run) -> float:
+        """Speed after a step of the system's acceleration, m/s: a change of the direction of travel ends in standstill."""
+        self._begin(ego, reason, run)
+        limits = ego.declared.performance
+        grip = _GRAVITY * run.environment.friction
+        speed = (
+            ego.speed
+            + max(
+                -min(limits.max_deceleration, grip),
+                min(limits.max_acceleration, grip, acceleration),
+            )
+            * run.dt
+        )
+        return (
+            min(max(speed, 0.0), max(limits.max_speed, ego.speed))
+            if ego.speed >= 0.0
+            else min(speed, 0.0)
+        )
+
+    def _begin(self, ego: Entity, reason: str, run: Run) -> None:
+        """Log the beginning of an intervention."""
+        if not self._intervening:
+            self._intervening = self._returning = True
+            run.note("interventionStart", ego.name, reason)
+
+
+def observe(run: Run, ego: Entity, target: float) -> Observation:
+    """Return the driver's current observation for a target speed (m/s)."""
+    others = [
+        seen(e)
+        for e in run.entities.values()
+        if e is not ego and e.active and e.placed and e.visible["sensors"]
+    ]
+    return Observation(
+        run.time,
+        seen(ego),
+        others,
+        target,
+        run.roads.network,
+        run.environment,
+        _stop_line(run, ego),
+    )
+
+
+def _stop_line(run: Run, ego: Entity) -> StopLine | None:
+    """Return the stop line of a signal on the ego's way."""
+    if not run.signals.meanings:
+        return None
+    point = run.roads.road_point(ego)
+    if point is None or run.roads.network is None:
+        return None
+    along = (
+        ego.direction > 0
+        if ego.on_lane
+        else math.cos(ego.h - run.roads.network.pose(point).h) >= 0.0
+    )
+    return run.signals.stop_line(
+        point, along == (ego.speed >= 0.0), abs(ego.speed), ego.controls.route
+    )
+
+
+def is_finite(answer: Control | Pose) -> bool:
+    """Whether all numbers of a system's answer are finite."""
+    values: tuple[float | None, ...]
+    values = (
+        (answer.x, answer.y, answer.h, answer.speed)
+        if isinstance(answer, Pose)
+        else (answer.acceleration, answer.steering)
+    )
+    return all(value is None or math.isfinite(value) for value in values)
+
+
+def failed(system: System, error: Exception, time: float) -> ToolchainError:
+    """An error of a system under test, which is named, at a simulation time (s)."""
+    if isinstance(error, ToolchainError):
+        return error
+    told = blame(error, type(system).__module__)
+    return ToolchainError(
+        f"the system under test {system_name(system)} failed at {time:.2f} s: {told}"
+    )
+
+
+def returning(ego: Entity, target: float, dt: float) -> float:
+    """Speed (m/s) after dt (s) on the way back to the target speed (m/s), when something else has driven the ego."""
+    limits, change = ego.declared.performance, target - ego.speed
+    faster = change * ego.speed >= 0.0
+    most = dt * (min(_RETURN, limits.max_acceleration) if faster else limits.max_deceleration)
+    return ego.speed + max(-most, min(most, change))
+
+
+def _overridden(control: Control, ego: Entity) -> Control:
+    """The system's control with the pedals that OverrideControllerValueAction holds in place of its own."""
+    pedals = ego.controls.overrides
+    if not pedals or not pedals.keys() & {"Throttle", "Brake", "ParkingBrake"}:
+        return control
+    limits, own = ego.declared.performance, control.acceleration or 0.0
+    forwards, backwards = max(own, 0.0), max(-own, 0.0)
+    if "Throttle" in pedals:
+        forwards = pedals["Throttle"] * min(limits.max_acceleration, PEDAL)
+    if "Brake" in pedals:
+        backwards = pedals["Brake"] * min(limits.max_deceleration, PEDAL)
+    backwards = max(
+        backwards, pedals.get("ParkingBrake", 0.0) * min(limits.max_deceleration, PEDAL)
+    )
+    if control.acceleration is None and forwards == backwards == 0.0:
+        return control
+    return replace(
+        control, acceleration=forwards - backwards, reason="overridden controller inputs"
+    )

@@ -1,0 +1,94 @@
+"""`aeb`: autonomous emergency braking in two stages, by the time to collision."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from runner.systems.base import Control, Observation, Participant
+from runner.systems.encounters import AheadParticipant, choose, encounters, greatest, least
+
+SYSTEMS = {
+    "aeb": ("EmergencyBraking", "emergency braking in two stages by the time to collision"),
+}
+_FORESEEN = 10.0
+"""Longest prediction (s) of lateral motion"""
+_FOLLOWS, _HOLDS, _PARTIAL, _FULL = range(4)
+
+
+@dataclass
+class EmergencyBraking:
+    """Brakes in part, then fully, for entities in its path now or when it reaches them; else it follows the scenario.
+
+    Braking continues, at least as hard, until the ego is no longer faster than the entity in its
+    path, or the path is free. It then keeps its speed, or stands, while that entity is near: the
+    scenario's speed would drive it on.
+
+    Args:
+        partial_time, full_time: times to collision below which it brakes, s.
+        partial, full: its decelerations, m/s².
+        sensor_range: how far it sees ahead, m.
+        clearance: lateral gap (m) below which an entity is in the path.
+        hold: after braking, the scenario's speed applies again once the entity in its path is this
+            far ahead (m), plus the distance driven in `partial_time`.
+    """
+
+    partial_time: float = 1.6
+    full_time: float = 1.0
+    partial: float = 4.0
+    full: float = 9.0
+    sensor_range: float = 80.0
+    clearance: float = 0.2
+    hold: float = 5.0
+
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
+        """Forget the last run."""
+        self._stage = _FOLLOWS
+
+    def control(self, observation: Observation, dt: float) -> Control:
+        """Braking or keeping the speed, with the reason, or nothing."""
+        seen = list(encounters(observation))
+        time, name = min(
+            ((self.threat(each), each.name) for each in seen),
+            key=lambda threat: threat[0],
+            default=(math.inf, ""),
+        )
+        held = next((each.name for each in seen if self.holds(each, observation.ego.speed)), None)
+        self._stage = self.stage(time, held is not None, self._stage)
+        if self._stage == _FOLLOWS:
+            return Control()
+        reason = (
+            f"{held} is near" if self._stage == _HOLDS else f"{name} is reached in {time:.2f} s"
+        )
+        return Control(self.acceleration(self._stage), reason=reason)
+
+    def threat(self, found: AheadParticipant) -> float:
+        """Return the time (s) until the ego reaches the entity, if it is or will be in the path; else infinity."""
+        time = found.time_to_collision
+        reached: float = choose(
+            (found.gap <= self.sensor_range) & self._in_way(found), time, math.inf
+        )
+        return reached
+
+    def holds(self, found: AheadParticipant, speed: float) -> bool:
+        """Whether an entity in the path is so near that, having braked at a speed (m/s), it does not speed up again."""
+        near: bool = (found.gap <= self.hold + self.partial_time * speed) & self._in_way(found)
+        return near
+
+    def stage(self, time: Any, held: Any, stage: Any) -> Any:
+        """Return the next stage, for the time (s) to reach an object or for a near object, and the current stage."""
+        braking = (time <= self.partial_time) | ((stage >= _PARTIAL) & (time < math.inf))
+        full = braking & ((stage == _FULL) | (time <= self.full_time))
+        holding = choose((stage != _FOLLOWS) & held, _HOLDS, _FOLLOWS)
+        return choose(full, _FULL, choose(braking, _PARTIAL, holding))
+
+    def acceleration(self, stage: Any) -> Any:
+        """The acceleration (m/s²) of what it does."""
+        return choose(stage == _FULL, -self.full, choose(stage == _PARTIAL, -self.partial, 0.0))
+
+    def _in_way(self, found: AheadParticipant) -> bool:
+        left = found.aside - greatest(found.approach, 0.0) * least(
+            found.time_to_collision, _FORESEEN
+        )
+        return left < self.clearance

@@ -1,0 +1,359 @@
+"""The system under test `bridge`: another process drives the ego over a socket; docs/ego-from-outside.md has the messages.
+
+A frame is 4 bytes with the length (unsigned, the highest first), then so many bytes; each is sent
+and received in a limited time.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import math
+import os
+import secrets
+import selectors
+import socket
+import struct
+import sys
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+from runner.systems.base import Control, Observation, Participant, Pose
+from runner.systems.outside.osmp import Truth
+from schemas.common.errors import ToolchainError, UsageError
+
+_LENGTH = struct.Struct(">I")
+LONGEST = 65_536
+"""Bytes that a frame of a client may have"""
+_LONGEST_HELLO = 1024
+"""Bytes that the frame with the token may have"""
+_OPEN = 16
+"""Connections that may be open until one of them has sent the token"""
+
+
+class FrameConnection:
+    """A connection with one client.
+
+    Args:
+        connection: the socket, which is owned by this object.
+        limit: time (s) in which a frame has to be sent or received as a whole.
+    """
+
+    def __init__(self, connection: socket.socket, limit: float) -> None:
+        self._connection, self._limit = connection, limit
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def send(self, body: bytes) -> None:
+        """Send a frame.
+
+        Raises:
+            ToolchainError: the client does not read, or has gone.
+        """
+        self._connection.settimeout(self._limit)
+        try:
+            self._connection.sendall(_LENGTH.pack(len(body)) + body)
+        except TimeoutError:
+            raise ToolchainError(
+                f"the client of the bridge has read nothing for {self._limit:g} s"
+            ) from None
+        except OSError as error:
+            raise _gone(error) from None
+
+    def receive(self) -> bytes:
+        """The next frame.
+
+        Raises:
+            ToolchainError: none comes in time, it is too long, or the client has gone.
+        """
+        end = time.monotonic() + self._limit
+        (length,) = _LENGTH.unpack(self._exactly(_LENGTH.size, end))
+        if length > LONGEST:
+            raise ToolchainError(
+                f"the client of the bridge sends a frame of {length} bytes, at most {LONGEST} are expected"
+            )
+        return self._exactly(length, end)
+
+    def _exactly(self, count: int, end: float) -> bytes:
+        """So many bytes, by a time of the monotonic clock (s)."""
+        data = b""
+        while len(data) < count:
+            left = end - time.monotonic()
+            try:
+                if left <= 0.0:
+                    raise TimeoutError
+                self._connection.settimeout(left)
+                more = self._connection.recv(count - len(data))
+            except TimeoutError:
+                raise ToolchainError(
+                    f"the client of the bridge has not answered within {self._limit:g} s"
+                ) from None
+            except OSError as error:
+                raise _gone(error) from None
+            if not more:
+                raise _gone()
+            data += more
+        return data
+
+    def close(self) -> None:
+        """End the connection."""
+        self._connection.close()
+
+
+def _gone(error: OSError | None = None) -> ToolchainError:
+    why = f": {error.strerror}" if error is not None and error.strerror else ""
+    return ToolchainError(f"the client of the bridge has closed the connection{why}")
+
+
+def accept(host: str, port: int, wait: float, limit: float, token: str) -> FrameConnection:
+    """Listen until a client has connected and sent a frame with `{"token": …}`; others are turned away, further ones refused.
+
+    Any number of connections may be open meanwhile, so that one which sends nothing, or slowly,
+    delays no other.
+
+    Args:
+        wait: time (s) in which it has to connect and send the token.
+        limit: time (s) for each frame.
+        token: what it has to know.
+
+    Raises:
+        UsageError: the address can't be listened at.
+        ToolchainError: no client with the token connects.
+    """
+    try:
+        listener = socket.create_server((host, port), backlog=_OPEN)
+    except OSError as error:
+        raise UsageError(
+            f"the bridge can't listen at {host}:{port}: {error.strerror or error}"
+        ) from None
+    turned_away = 0
+    with listener, selectors.DefaultSelector() as selector:
+        listener.setblocking(False)
+        selector.register(listener, selectors.EVENT_READ)
+        waiting: dict[socket.socket, bytes] = {}
+        end = time.monotonic() + wait
+        try:
+            while (left := end - time.monotonic()) > 0.0:
+                for key, _ in selector.select(left):
+                    connection = key.fileobj
+                    assert isinstance(connection, socket.socket)
+                    if connection is listener:
+                        turned_away += _admit(listener, selector, waiting)
+                        continue
+                    known = _hear(connection, waiting, token)
+                    if known is not None:
+                        selector.unregister(connection)
+                        del waiting[connection]
+                        if known:
+                            return FrameConnection(connection, limit)
+                        connection.close()
+                        turned_away += 1
+        finally:
+            for connection in waiting:
+                connection.close()
+    strangers = (
+        f"; {turned_away + len(waiting)} without its token were turned away"
+        if turned_away or waiting
+        else ""
+    )
+    raise ToolchainError(
+        f"no client has connected to the bridge at {host}:{port} within {wait:g} s{strangers}"
+    )
+
+
+def _admit(
+    listener: socket.socket, selector: selectors.BaseSelector, waiting: dict[socket.socket, bytes]
+) -> int:
+    """Take a connection in; the number of those that make room for it, which have been silent for longest."""
+    try:
+        connection, _ = listener.accept()
+    except OSError:  # it has gone already
+        return 0
+    connection.setblocking(False)
+    selector.register(connection, selectors.EVENT_READ)
+    waiting[connection] = b""
+    if len(waiting) <= _OPEN:
+        return 0
+    oldest = next(iter(waiting))
+    selector.unregister(oldest)
+    del waiting[oldest]
+    oldest.close()
+    return 1
+
+
+def _hear(
+    connection: socket.socket, waiting: dict[socket.socket, bytes], token: str
+) -> bool | None:
+    """Whether a connection has sent the token; None while its frame is not complete."""
+    missing = _LENGTH.size - len(waiting[connection])
+    if missing <= 0:
+        (length,) = _LENGTH.unpack(waiting[connection][: _LENGTH.size])
+        if length > _LONGEST_HELLO:
+            return False
+        missing = length + _LENGTH.size - len(waiting[connection])
+    try:
+        more = connection.recv(missing) if missing > 0 else b""
+    except BlockingIOError:
+        return None
+    except OSError:
+        return False
+    if not more and missing > 0:
+        return False
+    waiting[connection] += more
+    data = waiting[connection]
+    if len(data) < _LENGTH.size:
+        return None
+    (length,) = _LENGTH.unpack(data[: _LENGTH.size])
+    if length > _LONGEST_HELLO:
+        return False
+    return None if len(data) < _LENGTH.size + length else _knows(data[_LENGTH.size :], token)
+
+
+def _knows(body: bytes, token: str) -> bool:
+    try:
+        said = json.loads(body)
+    except (ValueError, RecursionError):
+        return False
+    given = said.get("token") if isinstance(said, dict) else None
+    return isinstance(given, str) and hmac.compare_digest(
+        given.encode(errors="replace"), token.encode(errors="replace")
+    )
+
+
+SYSTEMS = {
+    "bridge": ("Bridge", "another process over a socket"),
+}
+VERSION = 2
+"""Version of the messages"""
+_CONTROL = {"acceleration", "steering", "reason"}
+_POSE = {"x", "y", "h", "speed"}
+_LONGEST_SHOWN = 60
+TOKEN = "XOSC_BRIDGE_TOKEN"  # noqa: S105  # the name of the variable
+"""Environment variable with what a client has to know; the bridge makes one up, and prints it, where it is not set"""
+
+
+@dataclass(slots=True)
+class Bridge:
+    """Sends each observation to a client as an OSI GroundTruth, and does what it answers.
+
+    Each run waits for a client of its own, one at a time, that sends the token of
+    `XOSC_BRIDGE_TOKEN`. Needs the extra `osi`.
+
+    Args:
+        port: where the client connects to.
+        host: the address to listen at; other machines can connect only if it is not the loopback's.
+        wait: time that the client has to connect, s.
+        answer: time that it has for each answer, s.
+    """
+
+    port: int = 48100
+    host: str = "127.0.0.1"
+    wait: float = 60.0
+    answer: float = 10.0
+    _client: FrameConnection | None = field(init=False, default=None, repr=False)
+    _truth: Truth = field(init=False, repr=False)
+    _token: str = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not 0 < self.port < 65_536:
+            raise UsageError(f"the bridge's port is from 1 to 65535, not {self.port}")
+        if not (self.wait > 0.0 and self.answer > 0.0):
+            raise UsageError("the bridge's times to wait are more than 0 s")
+        self._truth = Truth()
+        self._token = os.environ.get(TOKEN, "")
+        if not self._token:
+            self._token = secrets.token_urlsafe(24)
+            print(
+                f"the bridge at {self.host}:{self.port} waits for a client with {TOKEN}={self._token}",
+                file=sys.stderr,
+                flush=True,
+            )
+
+    def reset(self, ego: Participant, timestep: float, seed: int) -> None:
+        """Wait for a client, and greet it."""
+        self.close()
+        self._truth = Truth()
+        self._client = accept(self.host, self.port, self.wait, self.answer, self._token)
+        limits = {
+            name: value if math.isfinite(value) else None
+            for name, value in ego.performance._asdict().items()
+        }
+        steering = ego.max_steering or None
+        start = {"bridge": VERSION, "ego": ego.name, "timestep": timestep, "seed": seed}
+        self._client.send(_json({**start, "limits": {**limits, "max_steering": steering}}))
+
+    def control(self, observation: Observation, dt: float) -> Control | Pose:
+        """Return the client's answer."""
+        client = self._client
+        if client is None:
+            raise ToolchainError("the bridge has no client: reset() comes first")
+        client.send(_json({"time": observation.time, "target_speed": observation.target_speed}))
+        client.send(self._truth.of(observation).SerializeToString(deterministic=True))
+        return answer_of(client.receive())
+
+    def close(self) -> None:
+        """End the connection: the run is over."""
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+
+def _json(message: dict[str, Any]) -> bytes:
+    return json.dumps(message).encode()
+
+
+def answer_of(body: bytes) -> Control | Pose:
+    """A client's answer.
+
+    Raises:
+        ToolchainError: it is none.
+    """
+    shown = repr(body[:_LONGEST_SHOWN].decode(errors="replace"))
+    try:
+        answer = json.loads(body)
+    except (ValueError, RecursionError):
+        raise ToolchainError(
+            f"the client of the bridge answers {shown}, a JSON object is expected"
+        ) from None
+    if not isinstance(answer, dict) or not (
+        answer.keys() <= _CONTROL or answer.keys() <= {"pose", "reason"}
+    ):
+        expected = "acceleration, steering and reason, or pose and reason,"
+        raise ToolchainError(f"the client of the bridge answers {shown}, {expected} are expected")
+    reason = answer.get("reason", "")
+    if not isinstance(reason, str):
+        raise ToolchainError(
+            f"the client of the bridge answers {shown}, a text is expected as reason"
+        )
+    if "pose" not in answer:
+        return Control(
+            _number(answer, "acceleration", shown), _number(answer, "steering", shown), reason
+        )
+    pose = answer["pose"]
+    if not isinstance(pose, dict) or not _POSE - {"speed"} <= pose.keys() <= _POSE:
+        raise ToolchainError(
+            f"the client of the bridge answers {shown}, x, y, h and speed are expected in pose"
+        )
+    x, y, h = (_number(pose, name, shown, needed=True) for name in ("x", "y", "h"))
+    assert x is not None and y is not None and h is not None
+    return Pose(x, y, h, _number(pose, "speed", shown), reason)
+
+
+def _number(answer: dict[str, Any], name: str, shown: str, needed: bool = False) -> float | None:
+    """A value of an answer; None where that is left out or null and not needed."""
+    value = answer.get(name)
+    if value is None and not needed:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
+        expected = "a finite number" if needed else "a finite number or null"
+        raise ToolchainError(
+            f"the client of the bridge answers {shown}, {expected} is expected as {name}"
+        )
+    return value
+
+
+def _finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond all floats
+        return False

@@ -1,0 +1,1 @@
+"""Terminal of commands: options, help, progress, errors, text that no terminal obeys."""

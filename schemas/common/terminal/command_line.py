@@ -1,0 +1,520 @@
+"""Base of all commands: app, common options, errors as one line and an exit code, interruptions, progress bars."""
+
+from __future__ import annotations
+
+import inspect
+import io
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import replace
+from functools import wraps
+from glob import glob, has_magic
+from pathlib import Path
+from typing import Annotated, Any, TextIO
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.models import OptionInfo
+
+from schemas.common.errors import ToolchainError, UsageError, describe
+from schemas.common.packages import leave_working_folder_out, missing, version
+from schemas.common.policy import UNTRUSTED, CommandPolicy, in_force, of_command
+from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
+from schemas.common.terminal.options import CATALOG_PATH, ROAD_PATH, resign, sections
+from schemas.common.terminal.text import of_service, one_line
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "Runs": (
+        "sut", "ego", "timestep", "seed", "max_time", "world", "end_after_collision", "fail_if", "allow_inconclusive", "dry_run",
+    ),
+    "Parameters": ("param", "only", "sample", "repeat", "enforce_constraints", "free", "pin", "density", "recorded", "kind"),
+    "Files and roads": ("strict", "road", "road_path", "catalog_path"),
+    "Output": (
+        "out", "overwrite", "output", "format", "osi", "plot", "replay", "against", "assess", "gui", "junit",
+        "junit_inconclusive", "verbose", "quiet",
+    ),
+    "Processes and limits": ("jobs", "ray", "resume", "untrusted", "max_memory", "max_seconds", "max_runs"),
+}  # fmt: skip
+"""Headings of options by the names of their parameters; all other options stand under `Options`, before them."""
+
+
+def epilog(codes: str, *examples: str) -> str:
+    """The end of a command's help: examples, one command line each, and its exit codes."""
+    return "\n".join(["\b", "Examples:", *(f"  {each}" for each in examples), "", codes])
+
+
+class GroupedCommand(TyperCommand):
+    """A command whose help has options under headings."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Arguments, options without a group, groups, sections."""
+        heading = {name: title for title, names in GROUPS.items() for name in names}
+        found: dict[str, list[tuple[str, str]]] = {
+            title: [] for title in ("Arguments", "Options", *GROUPS)
+        }
+        names = []
+        for param in self.get_params(ctx):
+            record = param.get_help_record(ctx)
+            if record is not None:
+                name = param.name or ""
+                found[
+                    "Arguments"
+                    if param.param_type_name == "argument"
+                    else heading.get(name, "Options")
+                ].append(record)
+                names.append(name)
+        explained = (sections[name]() for name in names if name in sections)
+        for title, records in (*found.items(), *explained):
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
+
+
+class App(typer.Typer):
+    """A typer app whose commands are grouped ones."""
+
+    def command(self, name: str | None = None, **options: Any) -> Any:
+        """Same as `typer.Typer.command`."""
+        options.setdefault("cls", GroupedCommand)
+        return super().command(name, **options)
+
+
+# options and their policy ----------------------------------------------------------------------
+
+Bar = Callable[[str, int], AbstractContextManager[Callable[[float], None]]]
+"""Shows progress: takes a description and the number of steps, gives a function to call with how many more of them are done."""
+PIPE_CLOSED = 141
+"""Exit code that shells give to what SIGPIPE has ended"""
+_ENDING = ("SIGTERM", "SIGHUP")
+"""Signals that end a command in good order, as an interrupt does"""
+_SIGNALLED = 128
+_STANDARD_ERROR = 2
+_DIGITS = 6
+
+
+_INPUTS = (
+    "paths", "path", "files", "folders", "folder", "source", "road", "road_path", "catalog_path", "against", "recorded", "model",
+    "encoders", "pretrain_on", "develop", "unseen", "cache", "like", "reviewed", "verdicts",
+)  # fmt: skip
+_OUTPUTS = ("out", "osi", "junit", "output", "keep_model", "copy_to")
+"""Parameters of commands that name files and folders to read from, and to write into"""
+_LIMITS: dict[str, Any] = {
+    "untrusted": Annotated[
+        bool,
+        typer.Option(
+            "--untrusted",
+            help="Files come from anyone: read nothing outside what is named here, load no plug-in, and keep to limits of memory "
+            f"({UNTRUSTED.max_memory:g} GiB), time ({UNTRUSTED.max_seconds:g} s) and runs ({UNTRUSTED.max_runs:,}).",
+        ),
+    ],
+    "max_memory": Annotated[
+        float | None,
+        typer.Option(
+            min=0.1,
+            metavar="GIB",
+            help="Memory that each process may take; what needs more is an error.",
+        ),
+    ],
+    "max_seconds": Annotated[
+        float | None,
+        typer.Option(
+            min=0.1,
+            metavar="S",
+            help="Time that each file or run may take; what needs more is an error.",
+        ),
+    ],
+    "max_runs": Annotated[
+        int | None,
+        typer.Option(
+            min=1, metavar="N", help="Runs, or parameter sets, that one file may stand for."
+        ),
+    ],
+}
+
+
+def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command --untrusted and the limits, and let it work under the policy that they and its arguments state.
+
+    Args:
+        left_out: names of limits that make no difference to the command.
+    """
+    options = {name: option for name, option in _LIMITS.items() if name not in left_out}
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_policy(**given: Any) -> None:
+            limits = _limits({name: given.pop(name) for name in options})
+            inputs, outputs = _named(given, _INPUTS), _named(given, _OUTPUTS)
+            asked_for = [folder for variable in _FOLDERS for folder in search_path((), variable)]
+            with own_cache() as remark:
+                own = [*_PACKAGES, Path(sys.prefix), *_installed(), cache_folder(), *asked_for]
+                if remark:
+                    say(f"{Path(sys.argv[0]).stem}: remark: {remark}", to=sys.stderr)
+                with in_force(of_command(inputs, outputs, own, limits)):
+                    command(**given)
+
+        parameters = [
+            *inspect.signature(command, eval_str=True).parameters.values(),
+            *(
+                inspect.Parameter(
+                    name,
+                    inspect.Parameter.KEYWORD_ONLY,
+                    default=_NOT_GIVEN[name],
+                    annotation=option,
+                )
+                for name, option in options.items()
+            ),
+        ]
+        resign(with_policy, parameters)
+        return with_policy
+
+    return decorate
+
+
+_NOT_GIVEN = {"untrusted": False, "max_memory": None, "max_seconds": None, "max_runs": None}
+_FOLDERS = ("XOSC_ROAD_PATH", "XOSC_CATALOG_PATH", "XOSC_SCHEMA_DIR")
+_PACKAGES = [
+    Path(__file__).parents[3] / name
+    for name in ("schemas", "xosc", "xodr", "runner", "recognition", "generation")
+]
+"""The toolchain's own files: libraries of scenarios and roads, models"""
+
+
+def _installed() -> list[Path]:
+    """Folders of installed packages, which may be outside of the environment: those of the user, or of the system."""
+    return [
+        folder
+        for folder in map(Path, sys.path)
+        if folder.name in ("site-packages", "dist-packages")
+    ]
+
+
+def _limits(given: dict[str, Any]) -> CommandPolicy:
+    """Return the limits that the options give, over those of the policy for untrusted files or of none."""
+    base = UNTRUSTED if given.pop("untrusted") else CommandPolicy()
+    return replace(base, **{name: value for name, value in given.items() if value is not None})
+
+
+def _named(given: dict[str, Any], names: Iterable[str]) -> list[str | Path]:
+    """The files and folders that arguments name; of globs the folders that they begin with."""
+    values = [given[name] for name in names if given.get(name) is not None]
+    return [
+        _without_glob(each)
+        for value in values
+        for each in (value if isinstance(value, list) else [value])
+    ]
+
+
+def _without_glob(name: str | Path) -> str | Path:
+    parts = Path(name).parts
+    magic = next((number for number, part in enumerate(parts) if has_magic(part)), None)
+    return name if magic is None or os.path.exists(name) else Path(*parts[:magic], "")
+
+
+def new_app(name: str | None = None, group: type[TyperGroup] = TyperGroup) -> typer.Typer:
+    """An app that leaves errors to its caller, and prints plain text; with a name and a group where it has subcommands."""
+    return App(
+        name=name,
+        cls=group,
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        no_args_is_help=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+
+
+def _print_version(context: typer.Context, requested: bool) -> None:
+    if requested:
+        names = [each.command.name for each in (context.parent, context) if each is not None]
+        print(f"{' '.join(filter(None, names))} {version()}")
+        raise typer.Exit
+
+
+RoadPath = Annotated[list[str] | None, typer.Option("--road-path", metavar="DIR", help=ROAD_PATH)]
+CatalogPath = Annotated[
+    list[str] | None, typer.Option("--catalog-path", metavar="DIR", help=CATALOG_PATH)
+]
+AllowInconclusive = Annotated[
+    bool,
+    typer.Option(
+        "--allow-inconclusive",
+        help="Exit as if runs that did not test what their file describes had passed.",
+    ),
+]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace what an earlier call has written to --out.")
+]
+Version = Annotated[
+    bool,
+    typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version."),
+]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]
+
+
+def writable_folder(path: Path | None) -> Path | None:
+    """Callback of what names a folder to write into, which need not be there.
+
+    Raises:
+        UsageError: a file is in the way.
+    """
+    there = (
+        next((place for place in (path, *path.parents) if os.path.exists(place)), None)
+        if path
+        else None
+    )
+    if there and not there.is_dir():
+        raise UsageError("a folder to write into is expected, this is a file", path=there)
+    return path
+
+
+def out_folder(help: str) -> OptionInfo:
+    """An option that names a folder to write into."""
+    return typer.Option(metavar="DIR", callback=writable_folder, help=help)
+
+
+def _begin() -> None:
+    """Prepare the process; called first in every command."""
+    _open_closed_output()
+    leave_working_folder_out()
+    _listen()
+    print_anything()
+
+
+class Ended(KeyboardInterrupt):
+    """A signal asks the command to end.
+
+    Args:
+        number: of the signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+def _listen() -> None:
+    """Take signals as interrupts, the first of them; a second one ends the process at once. What is ignored (nohup) stays so."""
+    numbers = [getattr(signal, name) for name in _ENDING if hasattr(signal, name)]
+
+    def end(number: int, _frame: object) -> None:
+        for each in numbers:
+            signal.signal(each, signal.SIG_DFL)
+        raise Ended(number)
+
+    for number in numbers:
+        if (
+            threading.current_thread() is threading.main_thread()
+            and signal.getsignal(number) != signal.SIG_IGN
+        ):
+            signal.signal(number, end)
+
+
+def print_anything() -> None:
+    """Let output hold what the terminal's encoding has no characters for: names of files may be of any bytes."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def guarded(
+    name: str, app: Callable[[], object], extra: str | None = None, traced: bool = True
+) -> None:
+    """Run a command's app: errors become one line and an exit code, after a traceback with -v or for an unexpected error.
+
+    A closed pipe gives `PIPE_CLOSED`, output that can't be written (a full disk) is an error as any
+    other.
+
+    Args:
+        extra: the extra of the package that brings all that the command needs.
+        traced: -v adds the traceback of an error; elsewhere it asks for longer output.
+    """
+    _begin()
+    if any(
+        variable.startswith("_XOSC") and variable.endswith("_COMPLETE") for variable in os.environ
+    ):
+        from typer.completion import completion_init  # type: ignore[attr-defined]
+
+        completion_init()  # a shell asks for words that complete a line
+    try:
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # else what can't be written would be a message of the interpreter
+    except SystemExit as ending:
+        code = (
+            PIPE_CLOSED if isinstance(ending.__context__, BrokenPipeError) else ending.code
+        )  # typer makes 1 of it
+        cause = getattr(
+            ending.__context__, "__cause__", None
+        )  # typer makes 130 of any interruption
+        code = _interrupted(name, cause) if isinstance(cause, KeyboardInterrupt) else code
+    except KeyboardInterrupt as ending:
+        code = _interrupted(name, ending)
+    except BrokenPipeError:
+        code = PIPE_CLOSED
+    except Exception as raised:
+        error = missing(raised, extra) or raised
+        expected = isinstance(error, ToolchainError | OSError)
+        message, code = describe(error)
+        with suppress(OSError):
+            if not expected or (traced and ("-v" in sys.argv or "--verbose" in sys.argv)):
+                say(*traceback.format_exc().splitlines(), to=sys.stderr)
+            print(f"{name}: {message}", file=sys.stderr)
+    _settle_output()
+    raise SystemExit(code)
+
+
+def _open_closed_output() -> None:
+    """Give a process that was started with closed streams ones that lead nowhere, before a file takes their numbers."""
+    while (file := os.open(os.devnull, os.O_RDWR)) <= _STANDARD_ERROR:
+        os.set_inheritable(file, True)
+    os.close(file)
+    for stream in ("stdout", "stderr"):
+        if getattr(sys, stream) is None:
+            setattr(sys, stream, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+
+
+def _settle_output() -> None:
+    """Send nowhere what could not be written, or the interpreter tries again when it ends, and reports an error."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
+
+
+def say(*lines: str, to: TextIO | None = None) -> None:
+    """Print lines that may hold names and messages from files, each escaped as one line; to standard output by default."""
+    for line in lines:
+        print(one_line(line), file=to or sys.stdout, flush=True)
+
+
+def deliver(content: str, what: str, output: Path | None) -> None:
+    """Write a text to a file, or print it where none is given.
+
+    Raises:
+        UsageError: it can't be written; the message says what.
+    """
+    if output is None:
+        print(of_service(content), end="")
+        return
+    with writing(what, output), drafted(output) as draft:
+        draft.write_bytes(content.encode("utf-8", "backslashreplace"))
+
+
+@contextmanager
+def interruptible(name: str, hint: str = "") -> Iterator[None]:
+    """End the command in good order when it is interrupted, with a hint how to continue."""
+    try:
+        yield
+    except KeyboardInterrupt as ending:
+        raise typer.Exit(_interrupted(name, ending, hint)) from None
+
+
+def _interrupted(name: str, ending: KeyboardInterrupt, hint: str = "") -> int:
+    """Say that the command was interrupted; its exit code."""
+    with suppress(OSError):
+        print(f"\n{name}: interrupted{hint and f'; {hint}'}", file=sys.stderr)
+    return _SIGNALLED + (ending.number if isinstance(ending, Ended) else signal.SIGINT)
+
+
+@contextmanager
+def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[float], None]]:
+    """A bar on standard error, where that is a terminal; yields a function to advance it by finished items, or shares of one.
+
+    It shows the elapsed time, which advances during long items too, and the remaining time.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda count: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task, done = bar.add_task(doing, total=total), 0.0
+
+        def advance(count: float) -> None:
+            nonlocal done
+            done += count
+            bar.update(task, completed=round(done, _DIGITS))  # shares of an item add up to it
+
+        yield advance
+
+
+# files that arguments stand for ----------------------------------------------------------------
+
+SUFFIXES = (".xosc", ".xodr")
+
+
+def expand(arguments: Iterable[str]) -> list[Path]:
+    """The files meant by command line arguments: each once, in the order of the arguments and sorted within each.
+
+    A file is taken as it is, whatever its name, and also where it does not exist; a folder stands
+    for the scenario and road files in it and below it, see `files_in`; a glob (`**` for any depth)
+    for the scenario and road files that it matches, and for those in the folders that it matches.
+
+    Raises:
+        UsageError: a folder or a glob stands for no file.
+    """
+    return list(dict.fromkeys(path for argument in arguments for path in _expand(argument)))
+
+
+def _expand(argument: str) -> list[Path]:
+    path = Path(argument)
+    try:
+        is_glob = has_magic(argument) and not path.exists()
+        if not is_glob and not path.is_dir():
+            return [path]
+    except (OSError, ValueError):
+        return [path]  # no such name can be; the check says so
+    matches = (
+        [Path(match) for match in sorted(glob(argument, recursive=True))] if is_glob else [path]
+    )
+    found = [file for match in matches for file in files_in(match)]
+    if not found:
+        raise UsageError(f"this stands for no {' or '.join(SUFFIXES)} file", path=argument)
+    return found
+
+
+def files_in(path: Path) -> list[Path]:
+    """The scenario and road files in a folder and below it, sorted; a file itself, if it is one.
+
+    Names that begin with a dot are left out: drafts that a killed command has left, and
+    environments as .venv, which hold files of packages.
+    """
+    candidates = sorted(_visible(path)) if path.is_dir() else [path]
+    return [
+        candidate
+        for candidate in candidates
+        if candidate.suffix.lower() in SUFFIXES and candidate.is_file()
+    ]
+
+
+def _visible(folder: Path) -> Iterator[Path]:
+    for parent, folders, files in os.walk(folder):
+        folders[:] = [each for each in folders if not each.startswith(".")]
+        yield from (Path(parent, each) for each in files if not each.startswith("."))

@@ -1,0 +1,203 @@
+"""Command-line options that are declared once, with the settings that they set: fields of a dataclass.
+
+    @dataclass(frozen=True)
+    class Settings:
+        timestep: float = option(0.05, "Time step.", metavar="SECONDS")
+
+    @with_settings
+    def command(path: Path, settings: Settings) -> None: ...
+
+gives the command `--timestep SECONDS` in the place of `settings`, with the default of the field.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import Field, field, fields, is_dataclass
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from schemas.common.errors import UsageError
+
+if TYPE_CHECKING:
+    from typer.models import OptionInfo
+
+ROAD_PATH = "Folder with road networks that are not where the scenario says (repeatable; also XOSC_ROAD_PATH)."
+CATALOG_PATH = "Folder with catalogues that are not where the scenario says (repeatable; also XOSC_CATALOG_PATH)."
+"""Helps of `--road-path` and `--catalog-path`"""
+_OPTION, _PART = "option", "part"
+_TYPES = {"int": int, "float": float, "bool": bool, "str": str, "Path": Path}
+_LISTS: dict[str, tuple[type, Any]] = {
+    "tuple[str, ...]": (tuple, list[str]),
+    "Sequence[str]": (tuple, list[str]),
+    "Sequence[Path]": (tuple, list[Path]),
+    "Mapping[str, str]": (dict, list[str]),
+}
+"""Fields of options that can be repeated, with the types of field and given values; a mapping is given as NAME=VALUE"""
+
+
+Section = Callable[[], tuple[str, list[tuple[str, str]]]]
+"""Gives a heading, and names with a line each; called when help is printed."""
+sections: dict[str, Section] = {}
+"""Sections that follow the options in the help of every command that has an option, by the name of its parameter"""
+
+
+def explain(option: str, section: Section) -> None:
+    """Add a section to the help of every command that has an option, given by the name of its parameter."""
+    sections[option] = section
+
+
+class Declared(NamedTuple):
+    """Declaration of an option.
+
+    Attributes:
+        help: its text. names: on the command line, `--` and the name of the field where there are
+            none.
+        parameter: name of the command's parameter, that of the field where it is None.
+        type: of the value given, that of the field where it is None.
+        section: what help says below the options: a heading, and names with a line each.
+        how: what `typer.Option` takes besides.
+    """
+
+    help: str
+    names: tuple[str, ...]
+    parameter: str | None
+    type: Any
+    section: Section | None
+    how: Mapping[str, Any]
+
+
+def option(
+    default: Any,
+    help: str,
+    *names: str,
+    parameter: str | None = None,
+    type: Any = None,
+    section: Section | None = None,
+    **how: Any,
+) -> Any:
+    """A field of a settings dataclass that commands offer as an option; arguments as of `Declared`."""
+    metadata = {_OPTION: Declared(help, names, parameter, type, section, how)}
+    return (
+        field(default_factory=dict, metadata=metadata)
+        if default == {}
+        else field(default=default, metadata=metadata)
+    )
+
+
+def part(settings: type, *offered: str) -> Any:
+    """A field with settings of their own, whose options commands offer: those named, or all."""
+    return field(default_factory=settings, metadata={_PART: (settings, offered)})
+
+
+def option_of(settings: type, name: str) -> OptionInfo:
+    """The option of one field, for commands that take no others of the settings."""
+    return _info(next(each for each in fields(settings) if each.name == name))
+
+
+def with_settings(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of its settings: those of the fields of each parameter whose annotation is a dataclass."""
+    own = inspect.signature(command, eval_str=True).parameters.values()
+    settings = {each.name: each.annotation for each in own if is_dataclass(each.annotation)}
+
+    @wraps(command)
+    def with_options(**given: Any) -> None:
+        made = {name: _build(of, (), given) for name, of in settings.items()}
+        command(**made, **given)
+
+    resign(
+        with_options,
+        [
+            new
+            for each in own
+            for new in (_parameters(settings[each.name], ()) if each.name in settings else [each])
+        ],
+    )
+    return with_options
+
+
+def resign(function: Callable[..., None], parameters: list[inspect.Parameter]) -> None:
+    """Give a function a signature of these parameters, all by keyword, as typer reads it."""
+    parameters = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in parameters]
+    function.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    function.__annotations__ = {each.name: each.annotation for each in parameters}
+
+
+def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, str]:
+    """Values of parameters by name, from the texts of an option.
+
+    Raises:
+        UsageError: one is not of the form NAME=VALUE.
+    """
+    values: dict[str, str] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not (name and equals):
+            raise UsageError(f"{option} {pair!r}: NAME=VALUE is expected")
+        values[name] = value
+    return values
+
+
+def _fields(settings: Any, offered: tuple[str, ...]) -> Iterator[Field[Any]]:
+    for each in fields(settings):
+        if not offered or each.name in offered:
+            yield each
+
+
+def _parameters(settings: Any, offered: tuple[str, ...]) -> Iterator[inspect.Parameter]:
+    for each in _fields(settings, offered):
+        if _PART in each.metadata:
+            yield from _parameters(*each.metadata[_PART])
+        elif _OPTION in each.metadata:
+            declared, text = each.metadata[_OPTION], str(each.type)
+            repeated = text in _LISTS
+            kind: Any = declared.type or (
+                _LISTS[text][1] if repeated else _TYPES[text.removesuffix(" | None")]
+            )
+            if repeated or (text.endswith(" | None") and declared.type is None):
+                kind |= None
+            default = None if repeated else each.default
+            yield inspect.Parameter(
+                _name(each),
+                inspect.Parameter.KEYWORD_ONLY,
+                default=default,
+                annotation=Annotated[kind, _info(each)],
+            )
+
+
+def _build(settings: Any, offered: tuple[str, ...], given: dict[str, Any]) -> Any:
+    """Settings of the values of options, which are taken out of those given."""
+    values = {}
+    for each in _fields(settings, offered):
+        if _PART in each.metadata:
+            kind, only = each.metadata[_PART]
+            values[each.name] = _build(kind, only, given)
+        elif _OPTION in each.metadata:
+            value = given.pop(_name(each))
+            values[each.name] = _repeated(each, value or []) if str(each.type) in _LISTS else value
+    return settings(**values)
+
+
+def _repeated(each: Field[Any], texts: list[Any]) -> Any:
+    return (
+        parameters_of(texts, each.metadata[_OPTION].names[0])
+        if _LISTS[str(each.type)][0] is dict
+        else tuple(texts)
+    )
+
+
+def _name(each: Field[Any]) -> str:
+    name: str = each.metadata[_OPTION].parameter or each.name
+    return name
+
+
+def _info(each: Field[Any]) -> OptionInfo:
+    import typer
+
+    declared: Declared = each.metadata[_OPTION]
+    if declared.section is not None:
+        explain(_name(each), declared.section)
+    info: OptionInfo = typer.Option(*declared.names, help=declared.help, **declared.how)
+    return info

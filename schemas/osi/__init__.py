@@ -1,0 +1,1 @@
+"""OSI traces: reading them, and the rules that they are checked by."""

@@ -1,0 +1,119 @@
+"""Priors that are stated: distributions of the standard, ranges, and both beside recordings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from generation.space.density.marginals import Choices, Marginal, marginal, uniform
+from generation.space.logical.library import SCENARIOS
+from generation.space.recorded import of_recordings, of_samples, of_statements
+from generation.space.space import Space
+from schemas.common.errors import UsageError
+from xosc.distributions import (
+    DistributionRange,
+    DistributionSet,
+    Histogram,
+    HistogramBin,
+    LogNormalDistribution,
+    NormalDistribution,
+    PoissonDistribution,
+    ProbabilityDistributionSet,
+    Range,
+    UniformDistribution,
+)
+
+SIMPLE = SCENARIOS / "simple_cut_in.xosc"
+
+
+def density(of: object) -> Marginal:
+    found = marginal(of)
+    assert not isinstance(found, str)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("of", "low", "high", "mean"),
+    [
+        (DistributionRange(Range(10.0, 60.0), 5.0), 10.0, 60.0, 35.0),
+        (UniformDistribution(Range(-3.0, 1.0)), -3.0, 1.0, -1.0),
+        (NormalDistribution(20.0, 4.0, Range(18.0, 22.0)), 18.0, 22.0, 20.0),
+        (NormalDistribution(20.0, 4.0), 12.56, 27.44, 20.0),
+        (LogNormalDistribution(5.0, 1.0), 2.348, 10.24, 5.0),
+        (
+            Histogram((HistogramBin(Range(0.0, 1.0), 1.0), HistogramBin(Range(2.0, 4.0), 3.0))),
+            0.0,
+            4.0,
+            2.375,
+        ),
+    ],
+)
+def test_continuous_distributions_are_densities(
+    of: object, low: float, high: float, mean: float
+) -> None:
+    found = density(of)
+    assert (found.low, found.high) == pytest.approx((low, high), abs=0.01)
+    points = np.linspace(found.low, found.high, 200_001)
+    step = (found.high - found.low) / 200_000
+    values = np.exp(found.log_density(points))
+    assert values.sum() * step == pytest.approx(1.0, abs=1e-3)
+    drawn = found.sample(4000, np.random.default_rng(0))
+    assert ((drawn >= found.low) & (drawn <= found.high)).all()
+    assert drawn.mean() == pytest.approx(mean, abs=0.1 * (found.high - found.low))
+    assert np.isneginf(found.log_density(np.array([found.low - 1.0, found.high + 1.0]))).all()
+
+
+def test_counts_and_numbers_are_choices_and_words_are_pinned() -> None:
+    counts = density(PoissonDistribution(3.0, Range(1.0, 5.0)))
+    assert counts.choices == (1.0, 2.0, 3.0, 4.0, 5.0)
+    sides = density(ProbabilityDistributionSet((("1", 3.0), ("-1", 1.0))))
+    assert sides == Choices((-1.0, 1.0), (1.0, 3.0))
+    assert set(sides.sample(50, np.random.default_rng(0))) == {-1.0, 1.0}
+    assert np.exp(sides.log_density(np.array([0.9]))) / np.exp(
+        sides.log_density(np.array([-0.9]))
+    ) == pytest.approx(3.0)
+    assert marginal(ProbabilityDistributionSet((("car", 1.0), ("truck", 2.0)))) == "truck"
+    assert marginal(DistributionSet(("car", "truck"))) == "car"
+    assert marginal(NormalDistribution(3.0, 0.0)) == "3.0"
+    with pytest.raises(UsageError, match="no density"):
+        marginal(object())
+
+
+def test_choices_become_the_nearest_value_in_files() -> None:
+    space = Space.of(
+        SIMPLE, ranges={"CutIn_Gap_m": Choices((10.0, 12.5), (1.0, 1.0))}, default=False
+    )
+    assert space.names == ("CutIn_Gap_m",)
+    assert [space.values([value])["CutIn_Gap_m"] for value in (10.9, 11.6)] == ["10", "12.5"]
+
+
+def test_what_is_stated_is_a_prior_within_the_constraints_of_the_scenario() -> None:
+    stated = {
+        "CutIn_Gap_m": uniform(2.0, 70.0),
+        "CutIn_Speed_mps": density(NormalDistribution(20.0, 9.0)),
+    }
+    space = Space.of(SIMPLE, ranges=stated, default=False)
+    recorded = of_statements(stated, space)
+    prior = recorded.prior(space, "kde")
+    drawn = prior.sample(300, np.random.default_rng(1))
+    assert prior.possible(drawn).all() and space.admits(drawn).all()
+    assert prior.foreseeable(drawn).mean() > 0.95
+    gap = space.names.index("CutIn_Gap_m")
+    outside = drawn.copy()
+    outside[:, gap] = 90.0
+    assert not prior.foreseeable(outside).any()
+    assert recorded.replays(space) is None
+
+
+def test_recordings_and_ranges_make_one_prior() -> None:
+    samples = of_recordings(None, "cut_out").where(np.arange(0, 2900, 8))
+    path, slow = SCENARIOS / "cut_out_highway.xosc", {"Slow_Speed_mps": uniform(5.0, 15.0)}
+    space = Space.of(path, ranges=slow)
+    prior = of_samples(samples, space, marginals=slow).prior(space, "gaussian")
+    assert prior.names == space.names
+    drawn = prior.sample(200, np.random.default_rng(0))
+    column = space.names.index("Slow_Speed_mps")
+    assert ((drawn[:, column] >= 5.0) & (drawn[:, column] <= 15.0)).all()
+    assert prior.foreseeable(drawn).mean() > 0.9 and np.isfinite(prior.log_density(drawn)).all()
+    assert set(prior.nuisances) == {"CutOut_StartTime_s", "CutOut_RestTime_s"}
+    np.testing.assert_array_equal(prior.with_nuisances(drawn)[:, column], drawn[:, column])

@@ -1,0 +1,38 @@
+"""Runs of the library's logical scenarios as recordings to be cut into units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import runner
+from generation.space.logical.library import ROADS, SCENARIOS
+from recognition.labels.classes import Rules
+from recognition.labels.maneuvers.estimation import LaneCoordinates, lane_motion
+from recognition.labels.maneuvers.parameters import PARAMETERS, declared_name
+from recognition.labels.scene import prepare
+from recognition.scenes import site_at
+
+STEP = 0.05
+
+
+def recorded(
+    name: str, road: str, actor: str, values: tuple[float, ...], folder: Path, **others: float
+) -> LaneCoordinates:
+    """What a run without a system under test records.
+
+    Args:
+        values: the seven parameters of the actor, in their order.
+        others: further parameters.
+    """
+    given = {
+        declared_name(actor, role): str(value)
+        for role, value in zip(PARAMETERS, values, strict=True)
+    }
+    given |= {key: str(value) for key, value in others.items()}
+    done = runner.run(
+        SCENARIOS / f"{name}.xosc", parameters=given, sut=None, world="kinematic", timestep=STEP
+    )
+    assert done.verdict.passed, done.verdict.reasons
+    return lane_motion(
+        prepare(done.recording.locate(), site_at(ROADS / f"{road}.xodr", folder=folder), Rules())
+    )

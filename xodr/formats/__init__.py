@@ -1,0 +1,1 @@
+"""Roads in other formats, read and written."""

@@ -1,0 +1,359 @@
+"""Building SUMO networks of OpenDRIVE files with netconvert (from the eclipse-sumo package), and their cache.
+
+An entry of the cache is a network file and an index beside it, named after everything that they
+depend on. Both are written whole, and the bytes depend on the entry alone, so parallel processes
+may write the same one. The index carries a digest of the network: a damaged entry counts as absent
+and is built again."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import logging
+import math
+import os
+import sys
+import warnings
+from collections import defaultdict
+from functools import cache, lru_cache
+from itertools import accumulate, pairwise
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import ToolchainError, Unsupported, UsageError
+from schemas.common.storage import Stamp, cache_folder, is_own, keep, read_bytes, stamp
+from schemas.common.xml import parse
+from xodr.formats.sumo_net.net import LaneTrack, SignalLink, SumoNet, text
+from xodr.formats.sumo_net.plain import PlainNetwork, SumoLane, plain_network
+from xodr.graph.network import RoadNetwork
+from xodr.lookup.geo import GeoReference
+from xodr.model.road import Road
+from xodr.reader import load
+
+_log = logging.getLogger(__name__)
+
+TIMEOUT = 120.0
+"""Longest time that netconvert may take, in s; a city of some thousand roads takes a few."""
+
+OPTIONS = (
+    "--offset.disable-normalization",  # keep the coordinates of the road network
+    "--no-turnarounds",  # only the connections of the road network
+    "--output.original-names",
+    "--precision=4",
+    "--seed=42",
+)
+
+
+class NetconvertFailed(Unsupported):
+    """netconvert refused its input; the message is netconvert's first complaint."""
+
+
+@cache
+def sumo_home() -> Path:
+    """Folder of the eclipse-sumo package.
+
+    Raises:
+        ToolchainError: the package is not installed.
+    """
+    found = importlib.util.find_spec("sumo")
+    if found is None or not found.submodule_search_locations:
+        raise ToolchainError("SUMO's netconvert is needed: pip install eclipse-sumo")
+    return Path(found.submodule_search_locations[0])
+
+
+def program() -> Path:
+    """The netconvert program.
+
+    Raises:
+        ToolchainError: it is not there.
+    """
+    found = sumo_home() / "bin" / ("netconvert.exe" if sys.platform == "win32" else "netconvert")
+    if not found.is_file():
+        raise ToolchainError("SUMO's netconvert is missing; install eclipse-sumo anew", path=found)
+    return found
+
+
+def netconvert(plain: PlainNetwork, folder: Path) -> etree._Element:
+    """Build a SUMO network, with `folder` for the files between; netconvert's warnings go to the log.
+
+    Raises:
+        NetconvertFailed: netconvert refuses or takes too long.
+    """
+    import subprocess
+
+    arguments = [
+        str(program()),
+        *OPTIONS,
+        "--output-file=net.xml",
+        *(["--lefthand"] if plain.left_hand else []),
+    ]
+    for kind in ("nodes", "edges", "connections"):
+        (folder / f"{kind}.xml").write_bytes(etree.tostring(getattr(plain, kind)))
+        arguments.append(f"--{kind[:-1]}-files={kind}.xml")
+    try:
+        done = subprocess.run(
+            arguments, cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())}, stdin=subprocess.DEVNULL,
+            capture_output=True, timeout=TIMEOUT, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise NetconvertFailed(
+            f"SUMO's netconvert has not finished after {TIMEOUT:.0f} s"
+        ) from None
+    lines = done.stderr.decode(errors="replace").splitlines()
+    target = folder / "net.xml"
+    if done.returncode != 0 or not target.is_file():
+        reason = next(
+            (line for line in lines if line.startswith("Error")), f"exit code {done.returncode}"
+        )
+        raise NetconvertFailed(
+            f"SUMO's netconvert cannot build a network: {reason.removeprefix('Error: ')}"
+        )
+    for line in lines:
+        _log.debug("netconvert: %s", line)
+    return parse(target).getroot()
+
+
+CACHE_FORMAT = 2
+"""To be counted up when the same road network shall give another SUMO network or index."""
+
+
+class CacheEntry:
+    """One entry: the files of the network that is built from the given OpenDRIVE content."""
+
+    def __init__(self, content: bytes) -> None:
+        built_by = program().stat()
+        salt = repr((CACHE_FORMAT, OPTIONS, built_by.st_size, built_by.st_mtime_ns)).encode()
+        key = hashlib.blake2b(
+            content, digest_size=20, key=hashlib.blake2b(salt).digest()
+        ).hexdigest()
+        self.network = cache_folder("sumo") / f"{key}.net.xml"
+        self.index = self.network.with_name(f"{key}.json")
+
+    def read(self) -> dict[str, Any] | None:
+        """The index, None where the entry is absent, damaged, or of files that another user may change."""
+        if not (is_own(self.index) and is_own(self.network)):
+            return None
+        try:
+            index = json.loads(self.index.read_bytes())
+            intact = index["digest"] == _digest(self.network.read_bytes())
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        return index if intact else None
+
+    def write(self, network: bytes, index: dict[str, Any]) -> None:
+        """Store the entry.
+
+        Raises:
+            UsageError: the cache folder cannot be written.
+        """
+        try:
+            keep(network, self.network)
+            keep(json.dumps({"digest": _digest(network), **index}).encode(), self.index)
+        except OSError as error:
+            message = f"the cache folder cannot be written ({error.strerror or error}); set XOSC_CACHE_DIR to another one"
+            raise UsageError(message, path=self.network.parent) from None
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.blake2b(data, digest_size=20).hexdigest()
+
+
+WIDEST = 1000.0
+"""m of width that lanes of SUMO's networks have at most: wider than any apron."""
+_Connections = dict[tuple[SumoLane, SumoLane], etree._Element]
+
+
+def convert(roads: RoadNetwork | None) -> tuple[bytes, dict[str, Any]]:
+    """The network file, and the index that says what is what in it."""
+    plain = plain_network(roads)
+    with TemporaryDirectory(prefix="xosc-netconvert-") as folder:
+        fallback = None
+        try:
+            _check_widths(plain)
+            network = netconvert(plain, Path(folder))
+        except NetconvertFailed as error:
+            plain, fallback = plain_network(None), error.message
+            network = netconvert(plain, Path(folder))
+    for junction in network.iter("junction"):
+        outline = plain.outlines.get(junction.get("id", ""))
+        if outline:
+            junction.set("shape", text(outline))
+    connections = _connections(network)
+    index = {
+        "left_hand": plain.left_hand,
+        "tracks": [(sumo_lane, *track) for sumo_lane, track in _tracks(plain, connections)],
+        "signals": _signals(plain, connections),
+        "fallback": fallback,
+    }
+    return etree.tostring(network, xml_declaration=True, encoding="UTF-8"), index
+
+
+def georeference(network: etree._Element, roads: RoadNetwork) -> str | None:
+    """Give a SUMO network the projection and the offset of its roads; why not, where that can't be done.
+
+    SUMO adds `netOffset` to projected coordinates; it can't turn them.
+    """
+    location = network.find("location")
+    if roads.geo_reference is None or location is None:
+        return None
+    x, y, _, heading = roads.header.offset
+    if heading:
+        return f"the projection is left out: SUMO can't turn coordinates, and the header's offset turns them by {heading:g} rad"
+    try:
+        projection = proj_text(roads)
+    except ToolchainError as error:
+        return f"the projection is left out: {error.message}"
+    location.set("projParameter", projection)
+    location.set("netOffset", f"{-x:.4f},{-y:.4f}")
+    return None
+
+
+def proj_text(roads: RoadNetwork) -> str:
+    """The projection of roads as a PROJ string of coordinates.
+
+    Raises:
+        Unsupported, InvalidFile: see `xodr.lookup.geo.GeoReference`.
+    """
+    crs = GeoReference(roads).crs
+    given = str(roads.geo_reference).strip()
+    if not given.startswith("+proj="):
+        with warnings.catch_warnings(
+            action="ignore", category=UserWarning
+        ):  # names of datums are lost
+            given = crs.to_proj4()
+    return given.replace("+type=crs", "").strip()
+
+
+def lift(network: etree._Element, net: SumoNet, roads: RoadNetwork) -> None:
+    """Give the lanes of a SUMO network the heights of its roads."""
+    if all(road.flat for road in roads.roads.values()):
+        return
+    for lane in network.iter("lane"):
+        track = net.track(lane.get("id", ""))
+        if track is None:
+            continue
+        points = [
+            (float(x), float(y))
+            for x, y, *_ in (each.split(",") for each in lane.get("shape", "").split())
+        ]
+        gone = np.array([0.0, *accumulate(math.dist(a, b) for a, b in pairwise(points))])
+        heights = _heights(roads.roads[track.road_id], track, gone / max(gone[-1], _SHORTEST))
+        shape = [
+            f"{x:.4f},{y:.4f},{z:.4f}" for (x, y), z in zip(points, heights.tolist(), strict=True)
+        ]
+        lane.set("shape", " ".join(shape))
+
+
+_SHORTEST, _HEIGHTS_APART = 1e-9, 2.0
+
+
+def _heights(road: Road, track: LaneTrack, shares: FloatArray) -> FloatArray:
+    """Heights (m) of a lane's centre line at shares of its length as seen from above."""
+    count = math.ceil(abs(track.end - track.start) / _HEIGHTS_APART) + 1
+    places = []
+    for s in np.linspace(track.start, track.end, max(count, 2)).tolist():
+        lane_id = track.lane_id if track.lane_id in road.section(s).lanes else road.lane_at(s, 0.0)
+        places.append(road.pose(s, road.lane_t(s, lane_id))[:3])
+    line = np.array(places)
+    gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T)))
+    return np.interp(shares * gone[-1], gone, line[:, 2])
+
+
+def _check_widths(plain: PlainNetwork) -> None:
+    """netconvert goes on for minutes with lanes of many kilometres.
+
+    Raises:
+        NetconvertFailed: a lane is too wide.
+    """
+    widest = max((float(lane.get("width", "0")) for lane in plain.edges.iter("lane")), default=0.0)
+    if widest > WIDEST:
+        raise NetconvertFailed(
+            f"a lane is {widest:g} m wide, SUMO's networks have lanes up to {WIDEST:g} m"
+        )
+
+
+def _connections(network: etree._Element) -> _Connections:
+    """netconvert's connections from lane to lane, those inside junctions included."""
+    return {
+        (
+            SumoLane(c.get("from", ""), int(c.get("fromLane", 0))),
+            SumoLane(c.get("to", ""), int(c.get("toLane", 0))),
+        ): c
+        for c in network.iter("connection")
+    }
+
+
+def _tracks(plain: PlainNetwork, connections: _Connections) -> list[tuple[str, LaneTrack]]:
+    """Every SUMO lane with what it is in the road network; lanes inside junctions with all that they pass, longest first."""
+    found = list(plain.lanes.items())
+    onward = {
+        f"{source.edge}_{source.lane}": element.get("via")
+        for (source, _), element in connections.items()
+        if source.edge[0] == ":"
+    }
+    for way, tracks in plain.inside.items():
+        inner = connections[way].get("via") if way in connections else None
+        while inner:
+            found += [
+                (inner, track)
+                for track in sorted(tracks, key=lambda track: -abs(track.end - track.start))
+            ]
+            inner = onward.get(inner)
+    return found
+
+
+def _signals(plain: PlainNetwork, connections: _Connections) -> dict[str, list[SignalLink]]:
+    found: dict[str, list[SignalLink]] = defaultdict(list)
+    for way, held in plain.signals.items():
+        light = connections[way].get("tl") if way in connections else None
+        if light:
+            link = SignalLink(light, int(connections[way].get("linkIndex", 0)))
+            for signal_id in dict.fromkeys(held):
+                found[signal_id].append(link)
+    return found
+
+
+_REMEMBERED = 64
+_NO_FILE: Stamp = (0, 0)
+
+
+def build(path: str | PathLike[str] | None) -> SumoNet:
+    """The SUMO network of an OpenDRIVE file.
+
+    Args:
+        path: the OpenDRIVE file; None for a plain without roads, on which there is only the dock.
+
+    Raises:
+        InvalidFile, Unsupported: the OpenDRIVE file cannot be read.
+        UsageError: the cache folder cannot be written.
+    """
+    folder = cache_folder("sumo")
+    return (
+        _build(None, _NO_FILE, folder) if path is None else _build(Path(path), stamp(path), folder)
+    )
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _build(path: Path | None, _stamp: Stamp, _folder: Path) -> SumoNet:
+    entry = CacheEntry(read_bytes(path) if path else b"")
+    index = entry.read()
+    if index is None:
+        network, index = convert(load(path) if path else None)
+        entry.write(network, index)
+    return SumoNet(
+        entry.network,
+        index["left_hand"],
+        [(sumo_lane, LaneTrack(*track)) for sumo_lane, *track in index["tracks"]],
+        {
+            signal: tuple(SignalLink(*link) for link in links)
+            for signal, links in index["signals"].items()
+        },
+        index["fallback"],
+    )

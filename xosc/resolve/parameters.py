@@ -1,0 +1,370 @@
+"""Parameter declarations: their scopes, values and constraints.
+
+Source: OpenSCENARIO XML 1.3.1, section 9.1. The scope of a parameter is the subtree of the element
+that declares it; an inner declaration hides an outer one of the same name.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+
+from schemas.common.errors import ToolchainError, nearest
+from schemas.common.remarks import Remark, Remarks
+from schemas.common.xml import canonical
+from schemas.expressions import ExpressionError, is_wellformed, references, substitute
+from schemas.expressions.values import (
+    Value,
+    holds,
+    literal,
+    meant,
+    number,
+    operand,
+    quoted,
+    type_named,
+    typed,
+)
+from xosc.document.node import Node
+
+TYPED = "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference"
+ASSIGNED = "xosc.toolchain:xosc:1.0.0:parameters.assigned_parameter_is_declared"
+NUMBERS = "xosc.toolchain:xosc:1.1.0:expressions.expression_has_a_value"
+OPERATORS = "asam.net:xosc:1.2.0:data_type.allowed_operators"
+"""Rules whose faults are repaired here."""
+
+LONGEST_TEXT = 10_000
+"""Characters of texts that are joined; each parameter may double those of the one before"""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterDeclaration:
+    """A declared name with its value.
+
+    Attributes:
+        name: its name, without `$`.
+        type: one of `schemas.expressions.values.TYPES`.
+        value: its value as a Python value.
+        text: its value as a literal, as written in attributes.
+    """
+
+    name: str
+    type: str
+    value: Value
+    text: str
+
+
+class Variable(ParameterDeclaration):
+    """A variable with its initial value (1.2 and later)."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """A value that replaces a parameter's default.
+
+    Attributes:
+        text: the value.
+        error: makes the error, from its message, that is raised where the value does not fit.
+        symbolic: whether the text may refer to parameters of the declaring scope, as a default may.
+        remark: makes the remark, from a rule and a message, that is added where the assignment is
+            repaired; None where what does not fit is an error.
+    """
+
+    text: str
+    error: Callable[[str], ToolchainError]
+    symbolic: bool = False
+    remark: Callable[[str, str], Remark] | None = None
+
+
+class ParameterScope:
+    """The parameters that are visible inside one element, all evaluated.
+
+    Args:
+        declarations: the ParameterDeclaration elements.
+        outer: the scope around, None where there is none.
+        assigned: values that replace defaults, by parameter name.
+        remarks: where remarks on repairs are added.
+
+    Raises:
+        InvalidFile: a declaration is malformed, its value is not of its type, or values depend on
+            each other in a circle.
+        ToolchainError: an assigned value does not fit, made by its `error`.
+    """
+
+    def __init__(
+        self,
+        declarations: Iterable[Node] = (),
+        outer: ParameterScope | None = None,
+        assigned: Mapping[str, Assignment] | None = None,
+        remarks: Remarks | None = None,
+    ) -> None:
+        self._remarks = remarks or Remarks()
+        self._visible: dict[str, ParameterDeclaration] = dict(outer._visible) if outer else {}
+        self._declared: dict[str, Node] = dict(outer._declared) if outer else {}
+        self.declarations = _by_name(declarations)
+        self._declared |= self.declarations
+        assigned = assigned or {}
+        for name, assignment in assigned.items():
+            if name not in self.declarations:
+                message = f"there is no parameter {quoted(name)} to assign; {nearest(name, self.declarations)}"
+                self._repair(assignment, ASSIGNED, message, "it is left out")
+        for name in self.declarations:
+            self._visible.pop(name, None)
+        sources = {
+            name: assigned.get(name)
+            or Assignment(node.get("value"), node.invalid, symbolic=True, remark=node.remark)
+            for name, node in self.declarations.items()
+        }
+        for name in _in_order(sources):
+            self._visible[name] = self._evaluate(name, sources[name])
+
+    @property
+    def own(self) -> dict[str, ParameterDeclaration]:
+        """The parameters declared here, by name, as in the file."""
+        return {name: self._visible[name] for name in self.declarations}
+
+    def literal(self, text: str, place: Node | None = None) -> str:
+        """An attribute's value with parameters and expressions replaced by what they stand for.
+
+        Args:
+            text: the value.
+            place: where it stands; texts that are put together in it are repaired with a remark
+                there.
+
+        Raises:
+            ExpressionError: it refers to an unknown parameter, or has no value.
+        """
+        if "$" not in text:
+            return text
+        parameter = self._visible.get(text[1:]) if text.startswith("$") else None
+        if parameter:
+            return parameter.text
+        try:
+            return substitute(text, self._operand)
+        except ExpressionError as error:
+            if place is None:
+                raise
+            named, found = _referring(text, self._visible), _parts(text)
+            if named != text:
+                self._remarks.add(
+                    place.remark(OPERATORS, f"{error.message}; {quoted(named)} is meant")
+                )
+                return self.literal(named)
+            if not found:
+                raise
+            joined = "".join(map(self.literal, found))
+            if len(joined) > LONGEST_TEXT:
+                raise ExpressionError(
+                    f"a text of {len(joined)} characters is longer than the {LONGEST_TEXT} allowed"
+                ) from None
+            rule = NUMBERS if is_wellformed(text) else OPERATORS
+            self._remarks.add(
+                place.remark(rule, f"{error.message}; the texts are joined: {quoted(joined)}")
+            )
+            return joined
+
+    def violations(self) -> Iterator[ToolchainError]:
+        """An error for each parameter declared here whose constraints don't hold.
+
+        Source: ParameterDeclaration.constraintGroups: groups are combined by "or"; the constraints
+        of one group by "and".
+        """
+        for name, declaration in self.declarations.items():
+            groups = declaration.children("ConstraintGroup")
+            parameter = self._visible[name]
+            held = [
+                [self._holds(parameter, item) for item in group.children()] for group in groups
+            ]  # a faulty one is refused
+            if groups and not any(map(all, held)):
+                limits = " or ".join(
+                    f"({_described(group)})" if len(groups) > 1 else _described(group)
+                    for group in groups
+                )
+                yield declaration.invalid(
+                    f"the parameter {name} = {parameter.text} violates its constraint: {limits}"
+                )
+
+    def _operand(self, name: str) -> float | int | bool | str:
+        """Return the operand of an expression for a parameter; numeric text counts as a number."""
+        parameter = self._visible[name]
+        if isinstance(parameter.value, str):
+            try:
+                value = number(parameter.value)
+            except ValueError:
+                return parameter.value
+            declaration = self._declared[name]
+            message = f"the text {quoted(parameter.value)} of the parameter {name} is in an expression; it counts as a number"
+            self._remarks.add(declaration.remark(NUMBERS, message))
+            return value
+        return operand(parameter.value, parameter.text)
+
+    def _evaluate(self, name: str, source: Assignment) -> ParameterDeclaration:
+        declaration = self.declarations[name]
+        try:
+            kind = type_named(self.literal(declaration.get("parameterType")))
+        except (ExpressionError, ValueError) as error:
+            raise declaration.invalid(f"the type of the parameter {name}: {error}") from None
+        try:
+            text = (
+                self.literal(source.text, declaration if source.remark else None)
+                if source.symbolic
+                else source.text
+            )
+        except ExpressionError as error:
+            raise source.error(f"the value of the parameter {name}: {error.message}") from None
+        try:
+            spelled = meant(kind, text)
+        except ValueError as error:
+            self._repair(
+                source, TYPED, f"the value of the parameter {name}: {error}", "it is kept as text"
+            )
+            kind, spelled = "string", text
+        if spelled != text and source.remark is not None:
+            message = f"the value of the parameter {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
+            self._remarks.add(source.remark(TYPED, message))
+        value = typed(kind, spelled)
+        return ParameterDeclaration(name, kind, value, literal(kind, value, spelled))
+
+    def _repair(self, assignment: Assignment, rule: str, fault: str, assumption: str) -> None:
+        """Tell a repair, or refuse it where the assignment is not to be repaired."""
+        if assignment.remark is None:
+            raise assignment.error(fault)
+        self._remarks.add(assignment.remark(rule, f"{fault}; {assumption}"))
+
+    def _holds(self, parameter: ParameterDeclaration, constraint: Node) -> bool:
+        """Whether one ValueConstraint holds."""
+        try:
+            limit = typed(
+                parameter.type, meant(parameter.type, self.literal(constraint.get("value")))
+            )
+            return holds(constraint.get("rule"), parameter.value, limit)
+        except (ValueError, ExpressionError) as error:
+            raise constraint.invalid(
+                f"the constraint of the parameter {parameter.name}: {error}"
+            ) from None
+
+
+def typed_value(node: Node, kind: str, rule: str, remarks: Remarks) -> Value:
+    """The attribute `value` of an element as a value of a type; other spellings are read with a remark.
+
+    Args:
+        rule: uid of the rule that another spelling breaks.
+
+    Raises:
+        ValueError: it is no such value.
+        InvalidFile: it is missing, or spelled otherwise where remarks are refused.
+    """
+    text = node.get("value")
+    spelled = meant(kind, text)
+    if spelled != text:
+        remarks.add(
+            node.remark(rule, f"value={quoted(text)} is not of type {kind}; {spelled} is meant")
+        )
+    return typed(kind, spelled)
+
+
+def variables(declarations: Iterable[Node], remarks: Remarks) -> dict[str, Variable]:
+    """Variables by name, from VariableDeclaration elements whose attributes are literals.
+
+    Args:
+        remarks: where remarks on values that are spelled otherwise are added.
+
+    Raises:
+        InvalidFile: a declaration is malformed, or its value is not of its type.
+    """
+    found = {}
+    for name, declaration in _by_name(declarations).items():
+        text = declaration.get("value")
+        try:
+            kind = type_named(declaration.get("variableType"))
+            spelled = meant(kind, text)
+        except ValueError as error:
+            raise declaration.invalid(f"the value of the variable {name}: {error}") from None
+        if spelled != text:
+            message = f"the value of the variable {name}: {quoted(text)} is not of type {kind}; {spelled} is meant"
+            remarks.add(declaration.remark(TYPED, message))
+        value = typed(kind, spelled)
+        found[name] = Variable(name, kind, value, literal(kind, value, spelled))
+    return found
+
+
+def monitors(declarations: Iterable[Node]) -> dict[str, bool]:
+    """Initial values of monitors by name, from MonitorDeclaration elements whose attributes are literals."""
+    return {name: declaration.bool("value") for name, declaration in _by_name(declarations).items()}
+
+
+def _by_name(declarations: Iterable[Node]) -> dict[str, Node]:
+    found: dict[str, Node] = {}
+    for declaration in declarations:
+        name = declaration.get("name")
+        if "$" in name:
+            raise declaration.invalid(
+                f"the declared name {quoted(name)} must be written without '$'"
+            )
+        first = found.get(name)
+        if first and canonical(first.element) != canonical(declaration.element):
+            raise declaration.invalid(
+                f"{quoted(name)} is declared twice and differently, first in line {first.line}"
+            )
+        found[name] = declaration
+    return found
+
+
+def _in_order(sources: Mapping[str, Assignment]) -> list[str]:
+    """Names in an order in which each value refers to earlier names only."""
+    if not any(source.symbolic and "$" in source.text for source in sources.values()):
+        return list(sources)
+    sorter: TopologicalSorter[str] = TopologicalSorter()
+    for name, source in sources.items():
+        try:
+            used = (
+                {name for part in _parts(source.text) or [source.text] for name in references(part)}
+                if source.symbolic
+                else set()
+            )
+            sorter.add(name, *sorted(used & sources.keys()))
+        except ExpressionError as error:
+            raise source.error(f"the value of the parameter {name}: {error.message}") from None
+    try:
+        return list(sorter.static_order())
+    except CycleError as error:
+        circle = list(reversed(error.args[1]))
+        raise sources[circle[0]].error(
+            f"the parameter {circle[0]} depends on itself: {' → '.join(circle)}"
+        ) from None
+
+
+def _described(group: Node) -> str:
+    return " and ".join(f"{item.get('rule')} {item.get('value')}" for item in group.children())
+
+
+# expressions that others write: texts put together in `${}`, for which the standard has no operator, and names without `$` ---
+
+_OPERAND = r"(?:\$[A-Za-z_]\w*|'[^']*')"
+_SUM = re.compile(rf"\$\{{\s*{_OPERAND}(?:\s*\+\s*{_OPERAND})*\s*\}}", re.ASCII)
+_EXPRESSION = re.compile(r"(\$\{[^{}]*\})")
+_NAME = re.compile(r"(?<![\w$.'])[A-Za-z_]\w*\b(?!\s*\()", re.ASCII)
+
+
+def _parts(text: str) -> list[str]:
+    """The texts, references and expressions that a value is put together of; empty for anything else.
+
+    These are sums of parameters and quoted texts (`${$town + '_day'}`), and expressions with text
+    between them (`${$town}_${$hour}`).
+    """
+    if _SUM.fullmatch(text):
+        return [each.strip("'") for each in re.findall(_OPERAND, text, re.ASCII)]
+    between = _EXPRESSION.split(text)
+    return between if len(between) > 3 else []
+
+
+def _referring(text: str, names: Container[str]) -> str:
+    """A value with `$` before the names in its expressions, of those given: parameters that are meant."""
+
+    def named(expression: re.Match[str]) -> str:
+        return _NAME.sub(lambda name: f"${name[0]}" if name[0] in names else name[0], expression[0])
+
+    return _EXPRESSION.sub(named, text)

@@ -1,0 +1,1 @@
+"""Writing of scenarios: files by manoeuvres, tags, other versions of the standard."""
