@@ -451,19 +451,10 @@ class Situation(NamedTuple):
             x, y, c, s = seen_by(self.ego, other)
             leftwards = other.speed * s
             boxes = (self.ego.box, other.box)
-            found.append(
-                (
-                    x > 0.0,
-                    encounter(
-                        other.name,
-                        Outlook(x, y, c, s),
-                        boxes,
-                        self.speed,
-                        other.speed * c,
-                        leftwards,
-                    ),
-                )
-            )  # type: ignore[arg-type]
+            towards = other.speed * c
+            view = Outlook(x, y, c, s)  # type: ignore[arg-type]
+            met = encounter(other.name, view, boxes, self.speed, towards, leftwards)  # type: ignore[arg-type]
+            found.append((x > 0.0, met))
         return found
 
 
@@ -578,9 +569,8 @@ class _Following(_Memory):
         gap, wanted = np.full(len(seen.speed), np.inf), np.zeros(len(seen.speed))
         for ahead, found in seen.encounters():
             nearer = ahead & (found.aside < self._system.clearance) & (found.gap < gap)
-            wanted = np.where(
-                nearer, self._system.acceleration(found, seen.speed, seen.target), wanted
-            )  # type: ignore[arg-type]
+            behind = self._system.acceleration(found, seen.speed, seen.target)  # type: ignore[arg-type]
+            wanted = np.where(nearer, behind, wanted)
             gap = np.where(nearer, found.gap, gap)
         return np.isfinite(gap), wanted
 

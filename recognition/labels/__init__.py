@@ -40,8 +40,11 @@ RULES = (
 
 
 def label(
-    recording: Recording, site: Site, name: str, config: Rules = Rules()
-) -> list[LabelledEvent]:  # noqa: B008 - frozen
+    recording: Recording,
+    site: Site,
+    name: str,
+    config: Rules = Rules(),  # noqa: B008
+) -> list[LabelledEvent]:
     """The events of a recording, by ego and time.
 
     The recording gets the road coordinates that it lacks.
@@ -63,8 +66,10 @@ class JunctionWay(NamedTuple):
 
 
 def passing(
-    recording: Recording, site: Site, config: Rules = Rules()
-) -> dict[str, list[JunctionWay]]:  # noqa: B008
+    recording: Recording,
+    site: Site,
+    config: Rules = Rules(),  # noqa: B008
+) -> dict[str, list[JunctionWay]]:
     """Ways of vehicles through junctions, by their names.
 
     Where no rule finds anything there, something may happen all the same: a way that bends by 20 to

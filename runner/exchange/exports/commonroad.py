@@ -150,7 +150,7 @@ def scenario(result: RunResult, name: str, remarks: list[str]) -> etree._Element
 
 
 def _location(network: RoadNetwork, remarks: list[str]) -> etree._Element:
-    """Where the origin of the roads lies on Earth, and how coordinates are projected."""
+    """Return the place of the roads' origin on Earth, and the projection of coordinates."""
     location = etree.Element("location")
     values = dict(_UNKNOWN_PLACE)
     transformation = None

@@ -121,7 +121,7 @@ def _coordinate_systems(network: RoadNetwork | None) -> dict[str, Any]:
 
 
 def _described(track: Track, ego: str | None) -> dict[str, Any]:
-    """What a participant is, the same at all times."""
+    """Return the properties of a participant that are the same at all times."""
     box = track.box
     centre = {"name": "box_centre", "val": [box.x, box.y, box.z]}
     numbers = [

@@ -18,8 +18,11 @@ METHODS = {
 
 
 def ccsf(
-    problem: SearchProblem, budget: int, seed: int, settings: McsgSettings = McsgSettings()
-) -> History:  # noqa: B008 - frozen
+    problem: SearchProblem,
+    budget: int,
+    seed: int,
+    settings: McsgSettings = McsgSettings(),  # noqa: B008
+) -> History:
     """MCSG's policy and stages, with edits of single parameters, always from real scenarios, rewarded for criticality alone."""
     return rewarded(
         partial(mcsg, settings=settings, edits=single, starts=RealStarts),

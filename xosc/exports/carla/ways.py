@@ -116,9 +116,8 @@ def _speed(holder: Node, action: Node, start: InitialState, scenario: Node) -> I
     if step and not target.bool("continuous", False) and speed >= 0.0:
         if target.tag == "RelativeTargetSpeed":
             yield f"{target.where}: {target.tag}: the first speed is written as the {speed:g} m/s that it is"
-            target.element.getparent().replace(
-                target.element, etree.Element("AbsoluteTargetSpeed", value=repr(speed))
-            )  # type: ignore[union-attr]
+            absolute = etree.Element("AbsoluteTargetSpeed", value=repr(speed))
+            target.element.getparent().replace(target.element, absolute)  # type: ignore[union-attr]
         return
     to_story(holder, holder.parent.get("entityRef"), scenario)  # type: ignore[union-attr]
     yield f"{action.where}: {action.tag}: it is done by a story at the beginning, scenario_runner's first speeds are set at once"

@@ -284,7 +284,8 @@ def test_encoders_work_without_torchs_compiler(tuned, tmp_path, monkeypatch):
 
 
 def test_importing_the_package_does_not_import_torch():
-    code = "import sys, recognition.trfe.encoder, recognition.trfe.encoder.config, recognition.trfe.training.windows; print('torch' in sys.modules)"
+    modules = "recognition.trfe.encoder, recognition.trfe.encoder.config, recognition.trfe.training.windows"
+    code = f"import sys, {modules}; print('torch' in sys.modules)"
     assert (
         subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True
