@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from runner.engine.participants.entity import Entity
-    from runner.engine.worlds.surroundings import Environment, StopLine
+    from runner.engine.worlds.signals_ahead import SignalAhead, StopLine
+    from runner.engine.worlds.surroundings import Environment
     from xodr.graph.network import RoadNetwork
 
 
@@ -111,8 +112,8 @@ class Observation(NamedTuple):
         target_speed: speed that the scenario asks of the ego at the end of this step, m/s.
         network: the roads, or None.
         environment: what EnvironmentActions have set (weather, time of day, road condition).
-        stop_line: where a traffic signal, by the semantics of its phase, forbids to go on; None
-            without one.
+        stop_line: nearest line at which a traffic light forbids to go on; None without one.
+        signals: traffic lights on the ego's way within 300 m, the nearest first.
 
     Example:
         >>> import xosc_toolchain as xt
@@ -129,6 +130,7 @@ class Observation(NamedTuple):
     network: RoadNetwork | None
     environment: Environment
     stop_line: StopLine | None = None
+    signals: Sequence[SignalAhead] = ()
 
 
 @dataclass(frozen=True, slots=True)

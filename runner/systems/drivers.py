@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -32,6 +32,7 @@ from runner.engine.actions.controller import AssignControllerAction
 from runner.engine.compile.element import LATERAL, LONGITUDINAL, PrivateAction
 from runner.engine.participants.scenario_objects import EXTERNAL, module_of
 from runner.engine.worlds.base import DriverRequest
+from runner.engine.worlds.signals_ahead import stop_line
 from runner.systems import System, system_name
 from runner.systems.base import (
     PEDAL,
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
     from runner.engine.compile.compiler import Scenario
     from runner.engine.compile.run import Run
     from runner.engine.participants.entity import Entity
-    from runner.engine.worlds.surroundings import StopLine
+    from runner.engine.worlds.signals_ahead import SignalAhead
 
 
 CRUISE = 20.0 / 3.6
@@ -363,32 +364,24 @@ def observe(run: Run, ego: Entity, target: float) -> Observation:
         for e in run.entities.values()
         if e is not ego and e.active and e.placed and e.visible["sensors"]
     ]
+    signals = _signals(run, ego)
+    line = stop_line(signals, abs(ego.speed))
     return Observation(
-        run.time,
-        seen(ego),
-        others,
-        target,
-        run.roads.network,
-        run.environment,
-        _stop_line(run, ego),
+        run.time, seen(ego), others, target, run.roads.network, run.environment, line, signals
     )
 
 
-def _stop_line(run: Run, ego: Entity) -> StopLine | None:
-    """Return the stop line of a signal on the ego's way."""
-    if not run.signals.meanings:
-        return None
-    point = run.roads.road_point(ego)
+def _signals(run: Run, ego: Entity) -> Sequence[SignalAhead]:
+    """Return the traffic lights on the ego's way."""
+    point = run.roads.road_point(ego) if run.signals.lit else None
     if point is None or run.roads.network is None:
-        return None
+        return ()
     along = (
         ego.direction > 0
         if ego.on_lane
         else math.cos(ego.h - run.roads.network.pose(point).h) >= 0.0
     )
-    return run.signals.stop_line(
-        point, along == (ego.speed >= 0.0), abs(ego.speed), ego.controls.route
-    )
+    return run.signals.ahead(point, along == (ego.speed >= 0.0), ego.controls.route)
 
 
 def is_finite(answer: Control | Pose) -> bool:

@@ -152,6 +152,15 @@ class AssignedRoute:
         way = self._way_back(point, forward) if following is None else None
         return (way or self.path).choose(point, forward, links)
 
+    def foresee(
+        self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]
+    ) -> LaneLink | None:
+        """The lane that `choose` gives, without remembering anything."""
+        kept = self._through, self._back
+        link = self.choose(point, forward, links)
+        self._through, self._back = kept
+        return link
+
     def _way_back(self, point: RoadPoint, forward: bool) -> RoadPath | None:
         """The shortest way from a road's end to one of the legs that are left."""
         if self.network is None or self._through:
@@ -221,6 +230,12 @@ class RandomRoute:
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """Any of the ways on."""
         return self.rng.choice(links) if links else None
+
+    def foresee(
+        self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]
+    ) -> LaneLink | None:
+        """Nothing: it is decided at the junction."""
+        return None
 
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
         """Any lane does."""

@@ -53,6 +53,12 @@ class Guide(Protocol):
         """The way on at the end of a road: one of the lanes reached; None to stop there."""
         ...
 
+    def foresee(
+        self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]
+    ) -> LaneLink | None:
+        """The same without any effect, for a look ahead; None where it is not decided yet."""
+        ...
+
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
         """Whether one of the lanes reached at a road's end goes on along the way that is followed."""
         ...

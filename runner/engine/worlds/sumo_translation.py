@@ -1,9 +1,6 @@
 """Translation of a scenario's vehicles, traffic signals and routes for SUMO.
 
-Traffic signals: the standard leaves it to the road network how a state is written. Two ways of
-writing are in use and understood here: colours (`red`, `redYellow`, `GREEN`), and the lamps from
-top to bottom (`on;off;off`, `flashing` too), of which three are red, yellow and green, and two are
-red and green.
+Traffic signals: each aspect (`runner.engine.worlds.aspects`) has a letter of SUMO's.
 
 Ways: SUMO's drivers need a route, and leave the network at its end. A participant without a route
 of its own takes the straightest way; it is found for some kilometres ahead and again when half of
@@ -12,13 +9,13 @@ it is driven.
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from runner.engine.motion.routes import AssignedRoute
 from runner.engine.participants.entity import Entity
+from runner.engine.worlds.aspects import Aspect, aspect_of
 from xodr.formats.sumo_net import SumoNet
 from xodr.graph.network import RoadNetwork
 from xodr.model import LaneLink, RoadPoint
@@ -57,38 +54,16 @@ OBSTACLE = VehicleKind("ignoring", 1.0, 1.0, 55.0)
 RED, RED_YELLOW, YELLOW, GREEN, YIELD, OFF = "r", "u", "y", "g", "o", ""
 """Link states of SUMO. OFF is not SUMO's: the junction's own right of way holds, for which SUMO has one or another letter."""
 
-_COLOURS = re.compile("red|yellow|amber|orange|green")
-_LAMPS = {3: ("red", "yellow", "green"), 2: ("red", "green")}
-_NAMES = {"amber": "yellow", "orange": "yellow"}
-_MEANINGS = {
-    frozenset({"red"}): RED,
-    frozenset({"red", "yellow"}): RED_YELLOW,
-    frozenset({"yellow"}): YELLOW,
-    frozenset({"green"}): GREEN,
-    frozenset({"yellow", "green"}): YELLOW,
-}
-_DARK = frozenset({"", "off", "dark", "none", "inactive", "disabled"})
+_LETTERS = {
+    Aspect.RED: RED, Aspect.RED_YELLOW: RED_YELLOW, Aspect.YELLOW: YELLOW, Aspect.GREEN: GREEN, Aspect.CAUTION: YIELD,
+    Aspect.OFF: OFF,
+}  # fmt: skip
 
 
 def link_state(state: str) -> str | None:
     """SUMO's link state of a signal's state; None where it is not understood."""
-    text = state.strip().lower()
-    lamps = [lamp.strip() for lamp in text.split(";")]
-    flashing = "flash" in text or "blink" in text
-    if len(lamps) in _LAMPS and all(
-        lamp in ("on", "off", "flashing", "blinking") for lamp in lamps
-    ):
-        lit = frozenset(
-            colour for colour, lamp in zip(_LAMPS[len(lamps)], lamps, strict=True) if lamp != "off"
-        )
-    else:
-        lit = frozenset(_NAMES.get(colour, colour) for colour in _COLOURS.findall(text))
-        if not lit and text not in _DARK:
-            return None
-    if not lit:
-        return OFF
-    meaning = _MEANINGS.get(lit)
-    return YIELD if flashing and meaning == YELLOW else meaning
+    aspect = aspect_of(state)
+    return _LETTERS[aspect] if aspect is not None else None
 
 
 REACH = 5000.0

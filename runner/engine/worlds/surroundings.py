@@ -5,8 +5,8 @@ A controller goes round its phases (OpenSCENARIO XML 1.3, 6.11). One with a `del
 running. A TrafficSignalStateAction sets a signal until its controller's next phase sets it anew; a
 TrafficSignalControllerAction makes the controller go on from a phase.
 
-A phase may say what its signals mean (`semantics`, since 1.4). That counts for drivers whatever the
-states show.
+`TrafficSignals` owns the state and the aspect of each signal (`runner.engine.worlds.aspects`):
+drivers, criteria and pages read them.
 """
 
 from __future__ import annotations
@@ -20,17 +20,16 @@ from itertools import accumulate
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from runner.engine.worlds.aspects import SEMANTICS, Aspect, aspect_of
+from runner.engine.worlds.signals_ahead import SignalAhead, SignalHorizon
 from schemas.expressions.values import typed
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from runner.engine.participants.entity import Guide
     from runner.engine.worlds.base import World
     from xodr.graph.network import RoadNetwork
     from xodr.model import RoadPoint, Signal
-    from xodr.model.road import Road
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +96,6 @@ def read_date(node: Node, attribute: str) -> datetime:
 
 
 _EPSILON = 1e-9
-_SHORTEST = 1e-3
-"""Length (m) that each road counts at least, so that a circle of roads without length ends."""
 _AT = 2.0
 """Largest distance (m) of a traffic light from the place that names it, as in CARLA's scenario_runner."""
 
@@ -110,25 +107,6 @@ class Phase(NamedTuple):
     duration: float
     states: dict[str, str]
     semantics: str | None = None
-
-
-SHOWN = {
-    "stop": "red", "attention_go": "red yellow", "go": "green", "attention_stop": "yellow", "caution": "flashing yellow",
-    "fallback": "off",
-}  # fmt: skip
-"""State of a common light by what a phase means."""
-_FORBIDS = ("stop", "attention_go", "attention_stop")
-_COMFORTABLE = 4.0
-"""Deceleration (m/s²) up to which a stop at a light that is about to stop traffic is safe."""
-_FAR = 300.0
-"""Distance (m) within which lights are looked at."""
-
-
-class StopLine(NamedTuple):
-    """Stop line of a signal: its id, and its distance (m) from the reference point along the lane."""
-
-    signal: str
-    distance: float
 
 
 class SignalController:
@@ -202,15 +180,16 @@ class TrafficSignals:
         self.phases: dict[str, str] = {}
         """name of the present phase of each controller"""
         self._present: dict[str, Phase] = {}
-        self.meanings: dict[str, str] = {}
-        """semantics of the signals whose controller's phase gives some"""
+        self.aspects: dict[str, Aspect | None] = {}
+        """aspect of each signal that has a state; None where that is not understood"""
         self._network = network
+        self._horizon = SignalHorizon(network) if network is not None else None
 
     def reset(self) -> None:
         """Restore the state before a run: no signal has a state."""
         for controller in self.controllers.values():
             controller.reset()
-        for table in (self.states, self.phases, self._present, self.meanings):
+        for table in (self.states, self.phases, self._present, self.aspects):
             table.clear()
         self.history.clear()
 
@@ -313,70 +292,34 @@ class TrafficSignals:
                     self.set_state(run, signal, state, phase.semantics)
 
     def set_state(
-        self, run: SignalRun, signal: str, state: str, meaning: str | None = None
+        self, run: SignalRun, signal: str, state: str, semantics: str | None = None
     ) -> None:
-        """Put a signal into a state, with what it means where that is said."""
-        if (self.states.get(signal), self.meanings.get(signal)) != (state, meaning):
-            self.states[signal] = state
-            self.meanings.pop(signal, None)
-            if meaning is not None:
-                self.meanings[signal] = meaning
-            shown = state if meaning is None else SHOWN[meaning]
+        """Put a signal into a state; the semantics of its phase, where there are some, decide on the aspect."""
+        aspect = aspect_of(state) if semantics is None else SEMANTICS[semantics]
+        if signal not in self.states or (self.states[signal], self.aspects[signal]) != (
+            state,
+            aspect,
+        ):
+            self.states[signal], self.aspects[signal] = state, aspect
+            shown = state if semantics is None else str(SEMANTICS[semantics])
             self.history.append((run.time, signal, shown))
-            understood = run.world.signal(signal, shown)
+            understood = run.world.signal(signal, shown) and aspect is not None
             run.note(
                 "trafficSignal",
                 signal,
-                state if understood else f"{state} (not understood by {run.world.name}'s traffic)",
+                state if understood else f"{state} (not understood by drivers)",
             )
 
-    def stop_line(
-        self, point: RoadPoint, forward: bool, speed: float, guide: Guide | None
-    ) -> StopLine | None:
-        """The nearest line ahead at which a signal's semantics forbid to pass; None without one.
+    @property
+    def lit(self) -> bool:
+        """Whether the roads have any traffic light for vehicles."""
+        return self._horizon is not None and not self._horizon.empty
 
-        Args:
-            point: where the reference point is. forward: whether it moves towards +s.
-            speed: m/s; a light that is about to stop traffic counts only where a comfortable stop
-                is possible.
-            guide: decides at junctions.
-        """
-        forbidding = {
-            signal: meaning for signal, meaning in self.meanings.items() if meaning in _FORBIDS
-        }
-        if not forbidding or self._network is None:
-            return None
-        network, gone = self._network.on(point.layer), 0.0
-        while gone < _FAR:
-            road = network.road(point.road_id)
-            for s, signal in sorted(_lines(road, point.lane_id, forward), reverse=not forward):
-                distance = gone + (s - point.s if forward else point.s - s)
-                safe = distance >= speed * speed / (2.0 * _COMFORTABLE)
-                if (
-                    distance >= 0.0
-                    and signal in forbidding
-                    and (forbidding[signal] != "attention_stop" or safe)
-                ):
-                    return StopLine(signal, distance)
-            end = road.length if forward else 0.0
-            gone += abs(end - point.s)
-            lane = network.travel(
-                point._replace(offset=0.0), abs(end - point.s), forward
-            ).point.lane_id
-            choose = guide.choose if guide is not None else network.straightest
-            link = choose(
-                network.lane_point(road.id, lane, end),
-                forward,
-                network.links(road.id, lane, forward),
-            )
-            if link is None:
-                return None
-            forward, entered = link.at_start, network.road(link.road_id)
-            point = network.lane_point(
-                link.road_id, link.lane_id, 0.0 if forward else entered.length
-            )
-            gone += _SHORTEST
-        return None
+    def ahead(self, point: RoadPoint, forward: bool, guide: Guide | None) -> list[SignalAhead]:
+        """The traffic lights on the way ahead of the ego, see `runner.engine.worlds.signals_ahead.SignalHorizon`."""
+        if self._horizon is None:
+            return []
+        return self._horizon.ahead(point, forward, guide, self.states, self.aspects)
 
     def set_phase(self, run: SignalRun, controller: str, phase: str) -> None:
         """Let a controller go on from a phase; the signals of that phase are set even if it was in it already."""
@@ -389,7 +332,7 @@ def _read_phase(node: Node, controller: str, network: RoadNetwork | None) -> Pha
     duration = float(node.float("duration"))
     if duration < 0.0:
         raise node.invalid(f"duration={duration:g} must not be negative")
-    semantics = node.choice("semantics", SHOWN, None)
+    semantics = node.choice("semantics", SEMANTICS, None)
     states: dict[str, str] = {}
     for group in node.children(
         "TrafficSignalGroupState", "TrafficeSignalGroupState"
@@ -398,7 +341,7 @@ def _read_phase(node: Node, controller: str, network: RoadNetwork | None) -> Pha
     for state in node.children("TrafficSignalState"):
         states[state.get("trafficSignalId")] = state.get("state")
     if semantics is not None and not states:
-        states = dict.fromkeys(_controlled(node, controller, network), SHOWN[semantics])
+        states = dict.fromkeys(_controlled(node, controller, network), str(SEMANTICS[semantics]))
     return Phase(node.get("name"), duration, states, semantics)
 
 
@@ -407,18 +350,6 @@ def _controlled(phase: Node, controller: str, network: RoadNetwork | None) -> li
     others = phase.parent.iter("TrafficSignalState") if phase.parent is not None else ()
     named = dict.fromkeys(state.get("trafficSignalId") for state in others)
     return list(named) or list(_group(phase, controller, network))
-
-
-def _lines(road: Road, lane_id: int, forward: bool) -> Iterator[tuple[float, str]]:
-    """s and id of the signals and references to signals of a road that are for a lane and direction."""
-    for each, signal in [(s, s.id) for s in road.signals] + [
-        (r, r.signal_id) for r in road.signal_references
-    ]:
-        if each.validity:
-            if any(min(ends) <= lane_id <= max(ends) for ends in each.validity):
-                yield each.s, signal
-        elif each.orientation not in ("+", "-") or (each.orientation == "+") == forward:
-            yield each.s, signal
 
 
 def _group(node: Node, controller: str, network: RoadNetwork | None) -> tuple[str, ...]:

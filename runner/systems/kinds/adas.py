@@ -13,7 +13,10 @@ from runner.systems.base import Control, Observation, Participant
 from runner.systems.kinds.reference import HARDEST, JERK
 
 SYSTEMS = {
-    "adas": ("DriverAssistance", "adaptive cruise control and emergency braking, by radar"),
+    "adas": (
+        "DriverAssistance",
+        "adaptive cruise control and emergency braking by radar; sees no lights",
+    ),
 }
 _SLOW, _FAST = 5.0, 20.0
 """Speeds (m/s) between which ISO 15622 interpolates its limits"""
@@ -78,7 +81,8 @@ class DriverAssistance:
     The scenario's speed is the driver's, and holds until the system acts. Targets are the
     participants in the field of view of a front radar, along the path that the ego's yaw rate
     predicts. Each decision takes effect after `latency`, and every change of braking is limited by
-    a jerk. It never steers. Traffic that is hidden behind other traffic is seen.
+    a jerk. It never steers. Traffic that is hidden behind other traffic is seen. Traffic lights are
+    not.
 
     **Following** begins where the nearest target in the path calls for `comfortable` deceleration
     or is nearer than the time gap `shortest`, and ends where the scenario asks for less speed. It

@@ -10,7 +10,10 @@ from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import AheadParticipant, choose, encounters, greatest, least
 
 SYSTEMS = {
-    "aeb": ("EmergencyBraking", "emergency braking in two stages by the time to collision"),
+    "aeb": (
+        "EmergencyBraking",
+        "emergency braking in two stages by the time to collision; sees no lights",
+    ),
 }
 _FORESEEN = 10.0
 """Longest prediction (s) of lateral motion"""

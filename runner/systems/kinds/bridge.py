@@ -223,7 +223,7 @@ def _knows(body: bytes, token: str) -> bool:
 SYSTEMS = {
     "bridge": ("Bridge", "another process over a socket"),
 }
-VERSION = 2
+VERSION = 3
 """Version of the messages"""
 _CONTROL = {"acceleration", "steering", "reason"}
 _POSE = {"x", "y", "h", "speed"}
@@ -287,7 +287,17 @@ class Bridge:
         client = self._client
         if client is None:
             raise ToolchainError("the bridge has no client: reset() comes first")
-        client.send(_json({"time": observation.time, "target_speed": observation.target_speed}))
+        line = observation.stop_line
+        client.send(
+            _json(
+                {
+                    "time": observation.time,
+                    "target_speed": observation.target_speed,
+                    "signals": [signal._asdict() for signal in observation.signals],
+                    "stop_line": line._asdict() if line is not None else None,
+                }
+            )
+        )
         client.send(self._truth.of(observation).SerializeToString(deterministic=True))
         return answer_of(client.receive())
 

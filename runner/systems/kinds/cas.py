@@ -27,7 +27,10 @@ from runner.systems.encounters import choose
 _NOTHING = Control()
 _ROUNDING = 1e-6
 SYSTEMS = {
-    "cas": ("CollisionAvoidance", "full braking where RSS distances within 10 m are violated"),
+    "cas": (
+        "CollisionAvoidance",
+        "full braking where RSS distances within 10 m are violated; sees no lights",
+    ),
 }
 
 
@@ -48,7 +51,8 @@ class CollisionAvoidance:
 
     Danger is: a participant no further than the sensor range (between the boxes), ahead of the
     ego's middle (behind it while the ego reverses), whose longitudinal and lateral gaps in the
-    ego's frame are both less than the safe ones. Otherwise the ego does what the scenario asks.
+    ego's frame are both less than the safe ones. Otherwise the ego does what the scenario asks. It
+    does not look at traffic lights.
 
     Args:
         sensor_range: how far it sees, m.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from runner.systems.base import Control, Observation, Participant, Pose, WorldDriven
 
 SYSTEMS = {
-    "sumo": ("SumoDriver", "SUMO's driver: keeps distance, yields, changes lanes"),
+    "sumo": ("SumoDriver", "SUMO's driver: keeps distance, yields, obeys lights, changes lanes"),
 }
 
 

@@ -32,7 +32,7 @@ SYSTEMS = {
 _CONTROLS = ("acceleration", "throttle", "brake", "steering")
 _POSE = ("x", "y", "h", "speed")
 _OUTPUTS = (*_CONTROLS, *_POSE, "active")
-_INPUTS = ("time", "dt", "target_speed")
+_INPUTS = ("time", "dt", "target_speed", "stop_distance", "signal_distance")
 _NEAREST = 32
 """Others that a lead is sought among, the nearest"""
 _OTHER = re.compile(r"others\[(\d{1,3})\]\Z")
@@ -82,13 +82,15 @@ class Fmu:
         [parameters]                                          # variable of the FMU = value
         time_gap = 1.8
 
-    Fields of the observation are `time`, `dt`, `target_speed`; of `ego`, `lead` and `others[0]`
-    (nearest first) `x`, `y`, `h`, `vx`, `vy`, `ax`, `ay`, `length`, `width`, and the columns of
-    `runner.systems.outside.learner` (`EGO`, `PARTICIPANT`); `gap` (m) between boxes of ego and lead
-    or other, along the lane. The lead is the nearest participant ahead in the ego's way, of the 32
-    nearest. Fields of the answer are `acceleration` (m/s²) or `throttle` and `brake` (0 to 1, of 8
-    m/s² or what the `Performance` allows), and `steering` (rad); or the pose `x`, `y`, `h` with or
-    without `speed`. Where `active` is named and 0, the ego drives as scripted.
+    Fields of the observation are `time`, `dt`, `target_speed`; `signal_distance` to the next
+    traffic light, `stop_distance` to the next line at which one forbids to go on (m, `absent`
+    without one); of `ego`, `lead` and `others[0]` (nearest first) `x`, `y`, `h`, `vx`, `vy`, `ax`,
+    `ay`, `length`, `width`, and the columns of `runner.systems.outside.learner` (`EGO`,
+    `PARTICIPANT`); `gap` (m) between boxes of ego and lead or other, along the lane. The lead is
+    the nearest participant ahead in the ego's way, of the 32 nearest. Fields of the answer are
+    `acceleration` (m/s²) or `throttle` and `brake` (0 to 1, of 8 m/s² or what the `Performance`
+    allows), and `steering` (rad); or the pose `x`, `y`, `h` with or without `speed`. Where `active`
+    is named and 0, the ego drives as scripted.
 
     An FMU of OSMP gets `OSMPSensorViewIn` (and `OSMPGroundTruthInit`) and answers by
     `OSMPTrafficUpdateOut` or `OSMPMotionRequestOut`; it needs the extra `osi` and no mapping file.
@@ -232,11 +234,15 @@ class Fmu:
 
         def look(name: str) -> float | None:
             if name in _INPUTS:
-                return {
+                line, signal = observation.stop_line, next(iter(observation.signals), None)
+                values: dict[str, float | None] = {
                     "time": observation.time,
                     "dt": dt,
                     "target_speed": observation.target_speed,
-                }[name]
+                    "stop_distance": line.distance if line is not None else None,
+                    "signal_distance": signal.distance if signal is not None else None,
+                }
+                return values[name]
             whose, _, column = name.partition(".")
             found = seats[whose]
             if found is None:

@@ -9,13 +9,16 @@ from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import AheadParticipant, encounters, greatest, ratio, stop_line
 
 SYSTEMS = {
-    "idm": ("IntelligentDriver", "Intelligent Driver Model behind the participant ahead"),
+    "idm": (
+        "IntelligentDriver",
+        "Intelligent Driver Model behind the participant ahead; stops at red lights",
+    ),
 }
 
 
 @dataclass
 class IntelligentDriver:
-    """Follows the entity in its path; its desired speed v₀ is the scenario's. It obeys semantics of signals.
+    """Follows the entity in its path; its desired speed v₀ is the scenario's. It stops at red lights.
 
     a = `accelerate`·(1 − (v/v₀)⁴ − (s*/s)²), s* = `standstill` + max(0, v·`headway` +
     v·Δv/(2·√(`accelerate`·`comfortable`)))

@@ -30,10 +30,19 @@ from runner.systems.encounters import (
 )
 
 SYSTEMS = {
-    "r157-cc": ("CarefulCompetent", "careful and competent driver of UN Regulation 157"),
-    "r157-reg": ("Regulation157", "requirement of UN Regulation 157 on the system"),
-    "rss": ("SafeDistance", "brakes where RSS distances of the set r157 are violated"),
-    "fsm": ("FuzzySafety", "Fuzzy Safety Model of the JRC"),
+    "r157-cc": (
+        "CarefulCompetent",
+        "careful and competent driver of UN Regulation 157; stops at red lights",
+    ),
+    "r157-reg": (
+        "Regulation157",
+        "requirement of UN Regulation 157 on the system; stops at red lights",
+    ),
+    "rss": (
+        "SafeDistance",
+        "brakes where RSS distances of the set r157 are violated; stops at red lights",
+    ),
+    "fsm": ("FuzzySafety", "Fuzzy Safety Model of the JRC; stops at red lights"),
 }
 GRAVITY = 9.81
 HARDEST = 0.774 * GRAVITY
@@ -64,8 +73,8 @@ class Moving(Protocol):
 
 class ReferenceDriver:
     """Follows the scenario until a participant ahead is dangerous. From then on it brakes, after a
-    reaction time, while there is danger, and keeps its speed while there is none. Where a signal's
-    semantics say so it stops, and then goes on as scripted.
+    reaction time, while there is danger, and keeps its speed while there is none. It stops at red
+    lights, and goes on as scripted at green.
 
     Attributes:
         reaction: time in danger before it brakes, s.

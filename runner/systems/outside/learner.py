@@ -38,6 +38,9 @@ PARTICIPANT = (
 """Columns of a participant: 1 (0 in an empty row); from reference point to reference point (m), lanes between, its
 speed along the ego's lane (m/s), how much faster the ego is (m/s), its heading relative to the
 ego's (rad), its size (m)."""
+SIGNAL = ("present", "distance", "stop", "stop_distance")
+"""Columns of the traffic lights: 1 with a light ahead, the distance to the next one (m); 1 with a line at which a light forbids
+to go on, the distance to it (m); from the reference point, 0 without one."""
 STATE = ("x", "y", "z", "h", "vx", "vy", "ax", "ay")
 """Columns of the bare state, as in `runner.systems.Participant`; the ego in the first row, then the participants."""
 
@@ -62,12 +65,13 @@ class ObservationArrays:
         self._hints: dict[str, RoadPoint] = {}
 
     def of(self, observation: Observation) -> dict[str, Rows]:
-        """`ego` (7,), `participants` (n, 9) and `state` (1 + n, 8), see `EGO`, `PARTICIPANT`, `STATE`."""
+        """`ego` (7,), `signal` (4,), `participants` (n, 9) and `state` (1 + n, 8), see the columns above."""
         ego, network = observation.ego, observation.network
         seat = self._seat(network, ego) if network is not None else None
         nearest = self.nearest(observation)
         rows = {
             "ego": np.zeros(len(EGO), np.float32),
+            "signal": np.zeros(len(SIGNAL), np.float32),
             "participants": np.zeros((self._most, len(PARTICIPANT)), np.float32),
             "state": np.zeros((1 + self._most, len(STATE)), np.float32),
         }
@@ -77,6 +81,12 @@ class ObservationArrays:
             observation.target_speed,
             *_on_road(network, seat),
         )
+        for place, signal in (
+            (0, next(iter(observation.signals), None)),
+            (2, observation.stop_line),
+        ):
+            if signal is not None:
+                rows["signal"][place : place + 2] = 1.0, signal.distance
         for row, other in enumerate(nearest):
             rows["participants"][row] = self._participant(network, ego, seat, other)
         for row, each in enumerate((ego, *nearest)):

@@ -20,6 +20,7 @@ from runner.systems.kinds.commanded import Commanded
 from runner.systems.outside.learner import (
     EGO,
     PARTICIPANT,
+    SIGNAL,
     STATE,
     DrivingReward,
     EgoStep,
@@ -95,8 +96,9 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
             )
         self.render_mode = render_mode
         self.action_space = spaces.Box(-1.0, 1.0, (ACTIONS[actions],), np.float32)
-        shapes = {
+        shapes: dict[str, tuple[int, ...]] = {
             "ego": (len(EGO),),
+            "signal": (len(SIGNAL),),
             "participants": (participants, len(PARTICIPANT)),
             "state": (1 + participants, len(STATE)),
         }

@@ -1,8 +1,7 @@
 """Criteria of signals: red lights and stop signs, and where a drive passes their lines.
 
-A signal holds at its s, on the lanes of its validity. On the connecting roads of a junction, to
-which signal references point that stand for the whole junction, it holds where the junction is
-entered.
+`runner.engine.worlds.signals_ahead` says where a signal holds, `runner.engine.worlds.aspects` what
+its states mean.
 """
 
 from __future__ import annotations
@@ -14,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runner.engine.worlds.sumo_translation import RED, RED_YELLOW, link_state
+from runner.engine.worlds.aspects import STOPS, aspect_of
+from runner.engine.worlds.signals_ahead import SignalLine, is_light, signal_lines
 from runner.judging.criteria.criterion import CriterionFinding, Drive, criterion
+from schemas.common.array_types import FloatArray
 from xodr.model import Signal
-from xodr.model.road import Road
 
 
 class LineCrossing(NamedTuple):
@@ -28,24 +28,9 @@ class LineCrossing(NamedTuple):
     signal: Signal
 
 
-class _Line(NamedTuple):
-    signal: Signal
-    s: float
-    orientation: str
-    validity: tuple[tuple[int, int], ...]
-
-    def holds(self, lane_id: int, forwards: bool) -> bool:
-        """Whether it is for traffic on a lane in a direction; lanes that a file names say more than an orientation."""
-        if self.validity:
-            return any(
-                low <= lane_id <= high or high <= lane_id <= low for low, high in self.validity
-            )
-        return self.orientation not in ("+", "-") or (self.orientation == "+") == forwards
-
-
 def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[LineCrossing]:
     """All lines of certain signals that a drive passes in the direction of its lane, in ascending time."""
-    lines: dict[str, list[_Line]] = {}
+    lines: dict[str, list[SignalLine]] = {}
     found: list[LineCrossing] = []
     columns = drive.columns
     for row in range(1, len(columns["time"])):
@@ -54,7 +39,7 @@ def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[LineCrossi
             if (road.direction(lane_id, min(max(low, 0.0), road.length)) > 0) != forwards:
                 continue
             if road_id not in lines:
-                lines[road_id] = list(_lines(drive, road, wanted))
+                lines[road_id] = list(signal_lines(drive.network, road, wanted))
             for line in lines[road_id]:
                 passed = (
                     entered
@@ -64,17 +49,6 @@ def crossings(drive: Drive, wanted: Callable[[Signal], bool]) -> list[LineCrossi
                 if passed and line.holds(lane_id, forwards):
                     found.append(LineCrossing(float(columns["time"][row]), row, line.signal))
     return found
-
-
-def _lines(drive: Drive, road: Road, wanted: Callable[[Signal], bool]) -> Iterator[_Line]:
-    """Signals and references to signals of a road."""
-    for signal in road.signals:
-        if wanted(signal):
-            yield _Line(signal, signal.s, signal.orientation, signal.validity)
-    for reference in road.signal_references:
-        referred = drive.network.signals.get(reference.signal_id)
-        if referred is not None and wanted(referred):
-            yield _Line(referred, reference.s, reference.orientation, reference.validity)
 
 
 def _ways(drive: Drive, row: int) -> Iterator[tuple[str, int, float, float, bool, bool]]:
@@ -102,10 +76,6 @@ def _ways(drive: Drive, row: int) -> Iterator[tuple[str, int, float, float, bool
     )
 
 
-_FOR_WALKERS = "1000002"
-"""OpenDRIVE's type of lights for pedestrians."""
-
-
 @criterion(
     "RunningRedLightTest",
     unit="red lights",
@@ -113,13 +83,17 @@ _FOR_WALKERS = "1000002"
     on_roads=True,
 )
 def running_red_light(drive: Drive) -> CriterionFinding:
-    """Look up the state of each light in the moment in which the reference point passes its line."""
-    found = crossings(drive, _is_light)
+    """Look up the state of each light in the moment in which the front passes its line.
+
+    A light counts once the reference point has passed it, too: a car that stands a little beyond
+    the line has not run it.
+    """
+    found = crossings(drive, is_light)
     states = [_state(drive, crossing) for crossing in found]
     red = [
         c
         for c, state in zip(found, states, strict=True)
-        if state is not None and link_state(state) in (RED, RED_YELLOW)
+        if state is not None and aspect_of(state) in STOPS
     ]
     if red:
         return CriterionFinding(
@@ -140,14 +114,12 @@ def running_red_light(drive: Drive) -> CriterionFinding:
     )
 
 
-def _is_light(signal: Signal) -> bool:
-    return signal.dynamic and signal.type != _FOR_WALKERS
-
-
 def _state(drive: Drive, crossing: LineCrossing) -> str | None:
-    """The state of a crossing's light at that time; None where it has none."""
+    """The state of a crossing's light when the front passed its line; None where it had none."""
     history = drive.lights.get(crossing.signal.id, [])
-    index = bisect_right(history, crossing.time, key=itemgetter(0)) - 1
+    before = _way_to(drive, crossing)
+    row = int(np.searchsorted(before, before[-1] - _front(drive)))
+    index = bisect_right(history, float(drive.columns["time"][row]), key=itemgetter(0)) - 1
     return history[index][1] if index >= 0 else None
 
 
@@ -184,7 +156,16 @@ def _is_stop_sign(signal: Signal) -> bool:
 
 def _stopped(drive: Drive, crossing: LineCrossing) -> bool:
     """Whether it stood shortly before a crossing."""
-    before = np.concatenate([[0.0], np.cumsum(drive.steps)])[: crossing.row + 1]
-    front = drive.track.box.x + drive.track.box.length / 2
-    near = before >= before[-1] - front - _NEAR
+    before = _way_to(drive, crossing)
+    near = before >= before[-1] - _front(drive) - _NEAR
     return bool((np.abs(drive.columns["speed"][: crossing.row + 1][near]) < _STANDING).any())
+
+
+def _way_to(drive: Drive, crossing: LineCrossing) -> FloatArray:
+    """Way (m) at each row up to a crossing."""
+    return np.concatenate([[0.0], np.cumsum(drive.steps)])[: crossing.row + 1]
+
+
+def _front(drive: Drive) -> float:
+    """x (m) of the front in the entity's own frame."""
+    return drive.track.box.x + drive.track.box.length / 2

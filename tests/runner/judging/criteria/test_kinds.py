@@ -206,9 +206,9 @@ LIGHTS = {"1": [(0.0, "green"), (3.0, "red")], "2": [(0.0, "off;off;on")]}
 
 @pytest.mark.parametrize(
     ("start", "passed", "value"),
-    [(371, True, 0.0), (369, False, 1.0), (390, True, 0.0), (300, False, 1.0)],
+    [(367, True, 0.0), (365, False, 1.0), (390, True, 0.0), (300, False, 1.0)],
 )
-def test_running_red_light_by_its_state_when_the_line_is_passed(
+def test_running_red_light_by_its_state_when_the_front_passes_the_line(
     start: int, passed: bool, value: float
 ) -> None:
     found = judge("RunningRedLightTest", drive(ahead(start, 450), "signals", lights=LIGHTS))

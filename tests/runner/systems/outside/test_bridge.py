@@ -125,7 +125,7 @@ def test_a_client_drives_as_the_same_system_in_this_process(
         seen[0]["ego"],
         seen[0]["timestep"],
         seen[0]["limits"]["max_speed"],
-    ) == (2, "Ego", 0.05, 70.0)
+    ) == (3, "Ego", 0.05, 70.0)
     assert [step["time"] for step, _ in seen[1:]] == [
         round(0.05 * number, 9) for number in range(30)
     ]

@@ -272,7 +272,7 @@ def test_files_that_are_no_fmu_are_refused(tmp_path: Path, command: Command) -> 
         ('[inputs]\na_demand = "ego.speed"\n', "'a_demand' is of causality output, not input"),
         (
             '[inputs]\nv_ego = "ego.colour"\n',
-            "there is no field 'ego.colour'; there are time, dt, target_speed, and ego",
+            "there is no field 'ego.colour'; there are time, dt, target_speed, stop_distance,",
         ),
         ('[inputs]\nv_ego = "lead"\n', "there is no field 'lead'"),
         ("[inputs]\nv_ego = 3\n", r"'v_ego' is a text, or \{ absent = …, factor = …, field = … \}"),
