@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import xosc
-from runner.engine.actions.speed import STRETCH, STRETCHES
 from runner.engine.compile.compiler import Scenario
 from runner.engine.motion.dynamics import EPSILON, RESERVE, read_constraints, tighter
+from runner.engine.motion.speed_plans import plateau, shortest
 from runner.engine.participants.declaration import BoundingBox, Performance
 from runner.judging.execution import prepare
 from runner.judging.measures.relations import MotionRows, View, interval_gaps
@@ -325,7 +325,7 @@ class JerkChanging(Changing):
         return np.where(changing, speed, wanted), np.where(changing, ended, over)
 
 
-_COLUMNS = ("start", "slope", "entering", "leaving", "duration")
+_COLUMNS = ("start", "plateau", "entering", "leaving", "duration")
 
 
 def plan(
@@ -337,47 +337,36 @@ def plan(
 ) -> FloatArray:
     """The profiles (n, 5) from speeds to speeds (n,), m/s, with the columns of `_COLUMNS`.
 
-    These are: speed at the start, m/s; slope between the corners, m/s²; times that the first and
-    the last corner take, and from the middle of one to that of the other, s.
+    These are: speed at the start, m/s; acceleration between the ends, m/s²; times that the first
+    part, the last part and the whole take, s.
 
     Args:
         duration: wanted (n,), s. jerk: greatest (n,), m/s³. limits: of the vehicle.
     """
     change = np.minimum(target, limits.max_speed) - start
     gains = change > 0.0
-    lasts = np.maximum(
-        duration, np.abs(change) / np.where(gains, limits.max_acceleration, limits.max_deceleration)
-    )
     up, down = (
-        np.minimum(jerk, limits.max_acceleration_rate),
-        np.minimum(jerk, limits.max_deceleration_rate),
+        1.0 / np.minimum(jerk, limits.max_acceleration_rate),
+        1.0 / np.minimum(jerk, limits.max_deceleration_rate),
     )
     entering, leaving = np.where(gains, up, down), np.where(gains, down, up)
-    both = 0.5 * (1.0 / entering + 1.0 / leaving)
-    for _ in range(STRETCHES):
-        tight = lasts + EPSILON < np.abs(change) / lasts * both
-        if not tight.any():
-            break
-        lasts = np.where(tight, lasts * STRETCH, lasts)
-    slope = change / lasts
-    return np.stack(
-        [start, slope, np.abs(slope) / entering, np.abs(slope) / leaving, lasts], axis=1
-    )
+    most = np.where(gains, limits.max_acceleration, limits.max_deceleration)
+    lasts = np.maximum(duration, shortest(change, most, entering, leaving))
+    top = plateau(change, lasts, entering, leaving)
+    return np.stack([start, top, np.abs(top) * entering, np.abs(top) * leaving, lasts], axis=1)
 
 
 def speeds(profile: FloatArray, past: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Speeds (n,), m/s, at times since the profiles (n, 5) began (n,), s, and where these have ended (n,)."""
-    start, slope, entering, leaving, lasts = profile.T
-    held = (
-        lasts - 0.5 * (entering - leaving) - leaving
-    )  # from the end of the first corner to the beginning of the last
+    start, top, entering, leaving, lasts = profile.T
+    held = lasts - entering - leaving
     into, after = within(past, 0.0, entering), within(past - entering - held, 0.0, leaving)
     between = within(past - entering, 0.0, held)
     risen = np.divide(into * into, 2.0 * entering, out=np.zeros_like(into), where=entering > 0.0)
     fallen = after - np.divide(
         after * after, 2.0 * leaving, out=np.zeros_like(after), where=leaving > 0.0
     )
-    return start + slope * (risen + between + fallen), past + EPSILON >= entering + held + leaving
+    return start + top * (risen + between + fallen), past + EPSILON >= lasts
 
 
 _OPERATORS: dict[type, Callable[..., Any]] = {

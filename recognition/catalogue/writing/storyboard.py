@@ -219,9 +219,12 @@ def _sped(parameters: Mapping[str, str], over_time: Dynamics) -> Any:
     """The change to the end speed."""
     if JERK not in parameters:
         return maneuvers.speed(parameters["end_speed"], over_time)
-    return maneuvers.speed_profile(
-        [(parameters["end_speed"], over_time.value)], "follow", parameters[JERK]
+    end, start, duration, jerk = (
+        parameters[role] for role in ("end_speed", "start_speed", "duration", JERK)
     )
+    # so long that the acceleration between its building up and its end is that of the change over the duration
+    time = f"${{{duration} + abs({end} - {start}) / ({duration} * {jerk})}}"
+    return maneuvers.speed_profile([(end, time)], "follow", jerk)
 
 
 def changed(change: str, after: str) -> TriggerCondition:

@@ -6,8 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar
 
 from runner.engine.compile.element import LONGITUDINAL, PrivateAction
 from runner.engine.compile.registry import action
@@ -20,6 +19,7 @@ from runner.engine.motion.dynamics import (
     read_constraints,
     tighter,
 )
+from runner.engine.motion.speed_plans import ProfileEntry, ProfilePiece, plan
 from runner.engine.participants.declaration import Performance
 from runner.engine.participants.entity import Entity
 from xosc.document.node import Node
@@ -202,16 +202,7 @@ class _Tracking(Running):
 
 
 _UNLIMITED = Performance()
-STRETCH, STRETCHES = 1.25, 100
-"""Factor and number of the attempts to give a segment the time that its jerk limits need."""
 _EPSILON = 1e-9
-
-
-class ProfileEntry(NamedTuple):
-    """A speed (m/s) to be reached `time` (s) after the entry before; None: as soon as the limits allow."""
-
-    time: float | None
-    speed: float
 
 
 @action("SpeedProfileAction")
@@ -219,11 +210,10 @@ class ProfileEntry(NamedTuple):
 class SpeedProfileAction(PrivateAction):
     """Runs through speed targets, absolute or relative to another entity's speed at any time.
 
-    followingMode `position` interpolates linearly. `follow` rounds the corners of that profile with
-    the jerk limits,
-    from no acceleration at the start to none at the end. Limits are those of DynamicConstraints and, where these say
-    nothing and the mode is `follow`, the entity's Performance; what they forbid takes longer than
-    the entries say.
+    followingMode `position` interpolates linearly. `follow` goes from no acceleration at the start
+    to none at the end within the jerk limits (`speed_plans`). Limits are those of
+    DynamicConstraints and, where these say nothing and the mode is `follow`, the entity's
+    Performance; what they forbid takes longer than the entries say.
     """
 
     domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
@@ -270,130 +260,6 @@ def _read_entry(node: Node) -> ProfileEntry:
     if time is not None and time < 0.0:
         raise node.invalid(f"time={time:g} must not be negative")
     return ProfileEntry(time, node.finite("speed"))
-
-
-class ProfilePiece(NamedTuple):
-    """A stretch of the profile with constant jerk: from `time` (s) on, speed (m/s), acceleration (m/s²), jerk (m/s³)."""
-
-    time: float
-    speed: float
-    acceleration: float
-    jerk: float
-
-    def at(self, time: float) -> float:
-        """Speed at a time (s) of the profile."""
-        past = time - self.time
-        return self.speed + past * (self.acceleration + 0.5 * self.jerk * past)
-
-
-class _Segment(NamedTuple):
-    """A straight line of the profile: duration (s), slope (m/s²), and the speed reached (m/s)."""
-
-    duration: float
-    slope: float
-    reached: float
-
-    def stretched(self, factor: float) -> _Segment:
-        """The same change of speed in more time."""
-        return _Segment(self.duration * factor, self.slope / factor, self.reached)
-
-
-def plan(
-    speed: float, entries: Iterable[ProfileEntry], limits: Performance, smooth: bool
-) -> list[ProfilePiece]:
-    """The profile as pieces of constant jerk, the last of which has no end.
-
-    Args:
-        speed: at the start, m/s.
-        entries: the targets.
-        limits: infinite where there are none.
-        smooth: whether corners are rounded with the jerk limits, with no acceleration at the start
-            and the end.
-    """
-    segments = _segments(speed, entries, limits)
-    if (
-        smooth
-        and limits.max_acceleration_rate < math.inf
-        and limits.max_deceleration_rate < math.inf
-    ):
-        return _rounded(speed, segments, limits)
-    pieces, time = [ProfilePiece(0.0, speed, 0.0, 0.0)], 0.0
-    for segment in segments:
-        pieces.append(ProfilePiece(time, speed, segment.slope, 0.0))
-        time, speed = time + segment.duration, segment.reached
-        pieces.append(ProfilePiece(time, speed, 0.0, 0.0))
-    return pieces
-
-
-def _segments(speed: float, entries: Iterable[ProfileEntry], limits: Performance) -> list[_Segment]:
-    """The ways between the targets within the limits of speed and acceleration; a last one may have no end."""
-    segments: list[_Segment] = []
-    for entry in entries:
-        target = min(max(entry.speed, -limits.max_speed), limits.max_speed)
-        change = target - speed
-        limit = limits.max_acceleration if abs(target) > abs(speed) else limits.max_deceleration
-        if change and limit == 0.0:
-            return [*segments, _Segment(math.inf, 0.0, speed)]
-        duration = max(entry.time or 0.0, abs(change) / limit if change else 0.0)
-        segments.append(_Segment(duration, change / duration if duration > 0.0 else 0.0, target))
-        speed = target
-    return segments
-
-
-def _rounded(speed: float, segments: list[_Segment], limits: Performance) -> list[ProfilePiece]:
-    """The linear profile with each corner replaced by a stretch of constant jerk, centred on the corner.
-
-    The first one can't begin before the profile does, so the first line comes half of it late; it
-    is left where it meets the second line, or shifts all that follows where it doesn't.
-    """
-    segments = [s for s in segments if s.duration > 0.0]
-    for _ in range(STRETCHES):
-        tight = _tight(segments, limits)
-        if not tight:
-            break
-        segments = [s.stretched(STRETCH) if i in tight else s for i, s in enumerate(segments)]
-    slopes = [0.0, *(segment.slope for segment in segments), 0.0]
-    corners = _corners(segments, _blend(slopes[0], slopes[1], limits) / 2.0)
-    pieces = [ProfilePiece(0.0, speed, 0.0, 0.0)]
-    for corner, before, after in zip(corners, slopes, slopes[1:], strict=False):
-        blend = _blend(before, after, limits)
-        begin = corner - blend / 2.0
-        if blend > 0.0:
-            pieces.append(
-                ProfilePiece(begin, pieces[-1].at(begin), before, (after - before) / blend)
-            )
-        pieces.append(ProfilePiece(begin + blend, pieces[-1].at(begin + blend), after, 0.0))
-    return pieces
-
-
-def _blend(before: float, after: float, limits: Performance) -> float:
-    """Time (s) that the change from one acceleration to another takes."""
-    rate = limits.max_acceleration_rate if after > before else limits.max_deceleration_rate
-    return abs(after - before) / rate if rate > 0.0 else 0.0
-
-
-def _corners(segments: list[_Segment], late: float) -> list[float]:
-    corners, time = [late], 0.0
-    for index, segment in enumerate(segments):
-        time += segment.duration
-        shift = late
-        if index == 0 and len(segments) > 1 and segment.slope != segments[1].slope:
-            meeting = late * segment.slope / (segment.slope - segments[1].slope)
-            if -segment.duration < meeting < segments[1].duration:
-                shift, late = meeting, 0.0
-        corners.append(time + shift)
-    return corners
-
-
-def _tight(segments: list[_Segment], limits: Performance) -> set[int]:
-    """Segments shorter than the halves of the blends at their ends."""
-    slopes = [0.0, *(segment.slope for segment in segments), 0.0]
-    blends = [_blend(before, after, limits) for before, after in pairwise(slopes)]
-    return {
-        index
-        for index, segment in enumerate(segments)
-        if segment.duration + _EPSILON < (blends[index] + blends[index + 1]) / 2.0
-    }
 
 
 class _Profile(Running):
