@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from schemas.common.packages import public
+from schemas.common.packages import offer, public
 
 if TYPE_CHECKING:
     from runner.judging.execution import Prepared as Prepared
@@ -31,5 +31,14 @@ else:
             "run": "runner.judging.execution",
         },
     )
+
+# Results write and show themselves by rooms above theirs.
+offer(
+    {
+        "write a run": "runner.batch.outputs.folder:write_run",
+        "write a replay": "runner.view.replay.player:write_replay",
+        "show a run": "runner.view.replay.notebook:run_html",
+    }
+)
 
 __all__ = ["Prepared", "RunResult", "RunSettings", "Session", "prepare", "run"]

@@ -47,9 +47,9 @@ app = new_app()
 
 def _print_rules(requested: bool) -> None:
     if requested:
+        from schemas.checks.osi import all_osi_rules
         from schemas.checks.registry import all_rules
         from schemas.checks.report import listing
-        from schemas.osi.rules import all_osi_rules
 
         print(listing([*all_rules(), *all_osi_rules()]), end="")
         raise typer.Exit

@@ -297,7 +297,8 @@ def _speed_limit(scenario: Path, run: RunSettings) -> float:
     from xosc.document import load
     from xosc.resolve import resolve
 
-    network, _ = load_roads(resolve(load(scenario), catalog_path=run.catalog_path), run)
+    resolved = resolve(load(scenario), catalog_path=run.catalog_path)
+    network, _ = load_roads(resolved, run.road, run.road_path, run.strict)
     limits = (
         [record.speed for road in network.roads.values() for record in road.types if record.speed]
         if network

@@ -36,7 +36,6 @@ from runner.judging.measures.relations import (
     in_ego_frame,
     seen_by,
 )
-from runner.judging.measures.rss import RssParameters, longitudinal_distance, parameter_set
 from runner.judging.settings import RunSettings
 from runner.systems import System, load_system
 from runner.systems.encounters import AheadParticipant, encounter
@@ -50,6 +49,7 @@ from runner.systems.kinds.reference import (
     Regulation157,
     SafeDistance,
 )
+from runner.systems.rss import RssParameters, longitudinal_distance, parameter_set
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import Unsupported
 

@@ -70,7 +70,7 @@ def compile_file(
         strict=settings.strict,
         catalog_path=settings.catalog_path,
     )
-    network, assumed = load_roads(document, settings)
+    network, assumed = load_roads(document, settings.road, settings.road_path, settings.strict)
     document = replace(document, remarks=(*document.remarks, *assumed))
     return Compiled(
         compile_scenario(document, network, strict=settings.strict), dict(parameters or {})

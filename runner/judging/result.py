@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from runner.judging.criteria.criterion import CriterionResult
 from runner.recording import LogEntry
 from schemas.common.errors import UsageError
+from schemas.common.packages import offered
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -160,13 +160,13 @@ class RunResult:
         """
         path = Path(folder)
         path.absolute().parent.mkdir(parents=True, exist_ok=True)
-        _higher("runner.batch.outputs.folder").write_run(self, path.absolute())
+        offered("write a run")(self, path.absolute())
         return path
 
     def replay(self, path: str | PathLike[str] | None = None) -> Path:
         """Write a page that plays the run, and give its path: by default the run's name with `.html`."""
         page = Path(path or f"{self.name}.html")
-        _higher("runner.view.replay.player").write_replay([self], page)
+        offered("write a replay")([self], page)
         return page
 
     def __repr__(self) -> str:
@@ -175,10 +175,5 @@ class RunResult:
 
     def _repr_html_(self) -> str:
         """Table and replay, as notebooks show them."""
-        page: str = _higher("runner.view.replay.notebook").run_html(self)
+        page: str = offered("show a run")(self)
         return page
-
-
-def _higher(module: str) -> Any:
-    """A module that is made of results, and is imported only where it is used."""
-    return import_module(module)

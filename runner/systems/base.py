@@ -19,6 +19,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from runner.engine.participants.declaration import BoundingBox, Performance
+from runner.engine.storyboard.driver import Pose as Pose
 from schemas.common.errors import UsageError
 
 if TYPE_CHECKING:
@@ -150,33 +151,6 @@ class Control:
 
     acceleration: float | None = None
     steering: float | None = None
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """Pose that a system under test with a vehicle model of its own gives the ego at the end of this step.
-
-    The ego is put there as it is: no limit of its `Performance` is applied. A pose that no vehicle
-    can reach makes the run inconclusive (cause `performance`). Height, pitch and roll are those of
-    the road.
-
-    Args:
-        x, y: position of the reference point (vehicles: rear axle centre) in the world frame, m.
-        h: heading, mathematical, rad.
-        speed: along the heading, signed, m/s; None for that of the displacement.
-        reason: why, for the event log, where the system intervenes.
-
-    Example:
-        >>> import xosc_toolchain as xt
-        >>> xt.Pose(x=10.0, y=0.0, h=0.0, speed=12.0).speed
-        12.0
-    """
-
-    x: float
-    y: float
-    h: float
-    speed: float | None = None
     reason: str = ""
 
 

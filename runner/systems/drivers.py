@@ -23,14 +23,14 @@ allow. Scripted lateral motion is followed unless the system steers.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from runner.engine.actions.controller import AssignControllerAction
 from runner.engine.compile.element import LATERAL, LONGITUDINAL, PrivateAction
 from runner.engine.participants.scenario_objects import EXTERNAL, module_of
+from runner.engine.storyboard.driver import Decision, EgoDriver
 from runner.engine.worlds.base import DriverRequest
 from runner.engine.worlds.signals_ahead import stop_line
 from runner.systems import System, system_name
@@ -136,52 +136,6 @@ _OFF = 1.0
 """Distance (m), beside that of 1 g in a step, of a pose from where the ego would be at its speed: farther no vehicle comes"""
 _UNLIKE = 1.0
 """Difference (m/s) of a pose's speed and that of the displacement above which they contradict each other"""
-
-
-class Decision(NamedTuple):
-    """Decision of a driver on the coming step.
-
-    Args:
-        speed: at its end, m/s.
-        steering: angle of the front wheels, rad; None to go on along lane or path.
-        pose: where it is at its end; None to move there by speed and steering.
-    """
-
-    speed: float
-    steering: float | None = None
-    pose: Pose | None = None
-
-
-class EgoDriver(ABC):
-    """Driver of the ego in its control domains.
-
-    Args:
-        handed_over: whether it drives from the beginning.
-    """
-
-    scripted = True
-    """whether the scenario says how fast the ego is; if not, it keeps its speed when the world's own driver lets go of it"""
-
-    def __init__(self, handed_over: bool) -> None:
-        self.longitudinal = handed_over
-        self.lateral = handed_over
-
-    def hand_over(self, domains: Mapping[str, bool]) -> None:
-        """Let it drive, or no longer drive, in control domains (ActivateControllerAction)."""
-        self.longitudinal = domains.get("longitudinal", self.longitudinal)
-        self.lateral = domains.get("lateral", self.lateral)
-
-    def request(self, ego: Entity) -> DriverRequest | None:
-        """Return the request to the world's own driver; None if it does not drive the ego."""
-        return None
-
-    def answer(self, driven: bool) -> None:
-        """Whether the world's own driver has the ego, as requested."""
-        return
-
-    @abstractmethod
-    def decide(self, ego: Entity, run: Run) -> Decision:
-        """Return the ego's motion in the coming step, unless the world's own driver has it."""
 
 
 class WorldDriver(EgoDriver):

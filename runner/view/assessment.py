@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from runner.batch import inputs
-from runner.batch.outputs.folder import RESULT, TRAJECTORIES
+from runner.batch.outputs.folder import RESULT, TRAJECTORIES, load_run
 from runner.judging.assessment.profiles import profile
 from runner.judging.assessment.protocol import (
     KMH,
@@ -144,6 +144,7 @@ def _row(run: Mapping[str, Any], protocol: AssessmentProfile, out: Path) -> RunR
         _values(Path(run["scenario"]), tuple(sorted(given.items()))),
         _contact(run, out),
         out / run["name"],
+        load_run,
     )
     if test is None:
         return RunRow(

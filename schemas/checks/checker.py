@@ -10,11 +10,11 @@ from pathlib import Path
 from schemas.catalogs import Folders
 from schemas.checks import Problem
 from schemas.checks.document import CheckedDocument
+from schemas.checks.osi import check_trace
 from schemas.checks.registry import all_rules
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError, describe
 from schemas.common.policy import LimitReached, limited
 from schemas.common.xml import parse, rule_of
-from schemas.osi.rules import check_trace
 from schemas.osi.traces import SUFFIXES
 
 LIMITS = "xosc.toolchain:xosc:1.0.0:limits"

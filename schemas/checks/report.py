@@ -12,10 +12,10 @@ from urllib.parse import quote
 from lxml import etree
 
 from schemas.checks import LEVELS, Problem
+from schemas.checks.osi import OsiRule, all_osi_rules
 from schemas.checks.registry import RegisteredRule, all_rules
 from schemas.common.packages import version
 from schemas.common.terminal.text import one_line, sarif_text, xml_text
-from schemas.osi.rules import OsiRule, all_osi_rules
 from schemas.osi.traces import SUFFIXES
 
 TOOL = "xosc-check"

@@ -215,6 +215,33 @@ def _constant(module: str, constant: str) -> ast.expr | None:
     return None
 
 
+# functions of higher floors ------------------------------------------------------------------
+
+_OFFERED: dict[str, str] = {}
+
+
+def offer(homes: Mapping[str, str]) -> None:
+    """Name functions that modules below may call without knowing where they are.
+
+    A package that stands above both sides calls this when it is imported.
+
+    Args:
+        homes: `module:function` by the name that the caller uses.
+    """
+    _OFFERED.update(homes)
+
+
+def offered(name: str) -> Callable[..., Any]:
+    """The function that was offered under a name; its module is imported now.
+
+    Raises:
+        KeyError: no package offers it.
+    """
+    module, _, function = _OFFERED[name].partition(":")
+    found: Callable[..., Any] = getattr(import_module(module), function)
+    return found
+
+
 # the working folder ---------------------------------------------------------------------------
 
 _MACHINERY = ("importlib", "_frozen_importlib")

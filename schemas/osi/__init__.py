@@ -1,1 +1,1 @@
-"""OSI traces: reading them, and the rules that they are checked by."""
+"""OSI traces: reading them. `schemas.checks.osi` has the rules that they are checked by."""

@@ -11,7 +11,7 @@ import runner
 import xosc
 from runner.exchange.exports import osi
 from schemas import check, xosc_check
-from schemas.osi.rules import MOST, READABLE, all_osi_rules
+from schemas.checks.osi import MOST, READABLE, all_osi_rules
 from tests.runner.exchange.test_traces import mcap, truths, write
 
 pytest.importorskip("osi3", reason="the extra `osi` is not installed")

@@ -20,7 +20,6 @@ from xosc.resolve import resolve
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from runner.judging.settings import RunSettings
     from xodr.builders.roads_and_ramps import RoadUse
     from xodr.graph.network import RoadNetwork
     from xosc.document.node import Node
@@ -32,27 +31,31 @@ _LANE_WIDTH = 3.5
 
 
 def load_roads(
-    document: Resolved, settings: RunSettings
+    document: Resolved, road: str | None, road_path: Sequence[str] = (), strict: bool = False
 ) -> tuple[RoadNetwork | None, tuple[Remark, ...]]:
     """The road network of a resolved scenario, None where it has none, and what was assumed to find it.
+
+    Args:
+        road: an OpenDRIVE file, or `auto` for straight roads, where the network is missing; None
+            for a plane without roads.
+        road_path: folders in which it is looked for too.
+        strict: refuse a network that breaks its standard.
 
     Raises:
         InvalidFile: its file is nowhere, or no road network.
     """
     logic = logic_file(document.node)
-    found = _own(logic, settings.road, settings.road_path)
-    if found is None and settings.road is not None:
+    found = _own(logic, road, road_path)
+    if found is None and road is not None:
         found = (
-            _made(document.node, logic)
-            if settings.road == "auto"
-            else _given(document.node, logic, settings.road)
+            _made(document.node, logic) if road == "auto" else _given(document.node, logic, road)
         )
     if found is None and logic is not None:
         lacks = f"the road network {logic.get('filepath')!r} does not exist, and no position names a road"
         return None, (logic.remark(RULE, f"{lacks}; a plane without roads is assumed"),)
     if found is None:
         return None, ()
-    network = xodr.load(found.path, strict=settings.strict)
+    network = xodr.load(found.path, strict=strict)
     return network, () if found.remark is None else (found.remark,)
 
 

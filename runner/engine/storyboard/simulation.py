@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from runner.engine.compile.run import Running, Transition
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.entity import Entities, Entity
+    from runner.engine.storyboard.driver import EgoDriver
     from runner.engine.storyboard.story_elements import Element, Process, StoryboardRun
     from runner.engine.worlds.base import World
-    from runner.systems.drivers import EgoDriver
 
 _STATE = (
     "x",

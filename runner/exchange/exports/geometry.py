@@ -67,7 +67,9 @@ class RunnerGeometry:
             document, enforce_constraints=enforce, catalog_path=settings.catalog_path
         )
         self._settings = replace(settings, sut="none", world="kinematic", max_time=0.0)
-        self._network, _ = load_roads(self._resolved, self._settings)
+        self._network, _ = load_roads(
+            self._resolved, settings.road, settings.road_path, settings.strict
+        )
         self._context = ScenarioContext(self._resolved, self._network)
         read_entities(self._resolved.node.need("Entities"), self._context)
         self._numbers = {element: number for number, element in enumerate(_storyboard(document))}

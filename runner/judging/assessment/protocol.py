@@ -7,7 +7,7 @@ points: its test has the criterion `Unassessed`, or no points.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import prod
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -51,11 +51,13 @@ class AssessedRun:
         values: values of its parameters, those that the scenario declares included.
         contact: the first contact of the ego; None without one.
         folder: with the results of the run.
+        load: reads the run in such a folder.
     """
 
     values: Mapping[str, float | str]
     contact: FirstContact | None
     folder: Path
+    load: Callable[[Path], RunResult]
 
     def number(self, name: str) -> float | None:
         """A parameter's value, where it is a number."""
@@ -68,9 +70,7 @@ class AssessedRun:
         Raises:
             InvalidFile: its results are damaged.
         """
-        from runner.batch.outputs.folder import load_run
-
-        return load_run(self.folder)
+        return self.load(self.folder)
 
 
 class Judgement(NamedTuple):

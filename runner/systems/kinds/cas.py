@@ -15,14 +15,14 @@ from runner.engine.participants.boxes import (
     spans,
     vertical_gap,
 )
-from runner.judging.measures.rss import (
+from runner.systems.base import Control, Observation, Participant
+from runner.systems.encounters import choose
+from runner.systems.rss import (
     RssParameters,
     lateral_distance,
     longitudinal_distance,
     parameter_set,
 )
-from runner.systems.base import Control, Observation, Participant
-from runner.systems.encounters import choose
 
 _NOTHING = Control()
 _ROUNDING = 1e-6

@@ -12,12 +12,6 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
-from runner.judging.measures.rss import (
-    RssParameters,
-    lateral_distance,
-    longitudinal_distance,
-    parameter_set,
-)
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import (
     AheadParticipant,
@@ -27,6 +21,12 @@ from runner.systems.encounters import (
     least,
     ratio,
     stop_line,
+)
+from runner.systems.rss import (
+    RssParameters,
+    lateral_distance,
+    longitudinal_distance,
+    parameter_set,
 )
 
 SYSTEMS = {

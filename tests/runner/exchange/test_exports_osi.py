@@ -19,8 +19,8 @@ import xosc
 from runner import xosc_run
 from runner.exchange.exports import osi
 from runner.exchange.exports.moments import box_centre
+from schemas.checks.osi import breaches
 from schemas.common.errors import UsageError
-from schemas.osi.rules import breaches
 from schemas.osi.traces import TraceMessage
 from tests.runner.files import car, place, scenario, speed_action, story
 from xosc.exports.draft import Folder

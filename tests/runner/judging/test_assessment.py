@@ -11,7 +11,7 @@ import pytest
 import runner
 from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
-from runner.batch.outputs.folder import write_run
+from runner.batch.outputs.folder import load_run, write_run
 from runner.judging.assessment.profiles import profile, profiles
 from runner.judging.assessment.protocol import (
     AssessedRun,
@@ -34,7 +34,7 @@ SETTINGS = RunSettings(sut=None, world="kinematic")
 
 def drive(speed: float, own: float | None, relative: float = 0.0) -> AssessedRun:
     contact = None if own is None else FirstContact("Target", 3.0, relative, own)
-    return AssessedRun({SPEED: speed}, contact, Path())
+    return AssessedRun({SPEED: speed}, contact, Path(), load_run)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,9 @@ def test_colours_of_2026_are_by_the_relative_speed_at_contact(
 def test_a_run_is_a_test_point_only_at_the_speed_of_the_target_that_belongs_to_it() -> None:
     test = next(each for each in profile("euro-ncap-2026").tests if each.name == "CCRm")
     runs = [
-        AssessedRun({SPEED: 100.0, "Overlap": 75.0, "GVT_init_speed_kph": target}, None, Path())
+        AssessedRun(
+            {SPEED: 100.0, "Overlap": 75.0, "GVT_init_speed_kph": target}, None, Path(), load_run
+        )
         for target in (20.0, 40.0)
     ]
     assert [test.point(run) for run in runs] == [None, (100.0, 75.0)]
@@ -157,7 +159,7 @@ def test_a_contact_after_a_late_cut_in_is_no_failure(tmp_path: Path) -> None:
         contact = FirstContact(
             run.criticality.impact.other, run.criticality.impact.time, 50.0, 90.0
         )
-        found = CutIn().judge(AssessedRun({}, contact, folder))
+        found = CutIn().judge(AssessedRun({}, contact, folder, load_run))
         assert (found.result, "limit 1.50 s" in found.reason) == (result, True), found
 
 

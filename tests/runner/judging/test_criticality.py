@@ -12,7 +12,6 @@ from shapely.geometry import Polygon
 
 from runner.engine.participants.boxes import box_corners
 from runner.engine.participants.declaration import BoundingBox
-from runner.judging.measures import rss
 from runner.judging.measures.contacts import post_encroachment_time
 from runner.judging.measures.criticality import (
     criticality,
@@ -30,6 +29,7 @@ from runner.judging.measures.relations import (
     boxes_overlap,
     relations,
 )
+from runner.systems import rss
 
 CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)
 

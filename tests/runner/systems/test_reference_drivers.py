@@ -10,7 +10,6 @@ import pytest
 import runner
 from runner.engine.participants.declaration import BoundingBox
 from runner.engine.worlds.surroundings import Environment
-from runner.judging.measures.rss import PARAMETERS, longitudinal_distance
 from runner.systems import Control, Observation, Participant, SystemUnderTest, load_system
 from runner.systems.encounters import encounters
 from runner.systems.kinds.aeb import EmergencyBraking
@@ -21,6 +20,7 @@ from runner.systems.kinds.reference import (
     Regulation157,
     SafeDistance,
 )
+from runner.systems.rss import PARAMETERS, longitudinal_distance
 
 CAR = BoundingBox(0.0, 0.0, 0.75, 4.0, 2.0, 1.5)
 CUT_IN = Path(__file__).parents[3] / "xosc" / "library" / "r157_cut_in.xosc"

@@ -17,7 +17,6 @@ from runner.engine.participants.boxes import gap as gap_between
 from runner.engine.participants.boxes import outlook
 from runner.engine.participants.declaration import BoundingBox
 from runner.engine.worlds.surroundings import Environment
-from runner.judging.measures.rss import PARAMETERS, lateral_distance, longitudinal_distance
 from runner.systems import (
     Control,
     Observation,
@@ -30,6 +29,7 @@ from runner.systems import (
 from runner.systems.base import seen
 from runner.systems.kinds.cas import CollisionAvoidance
 from runner.systems.kinds.commanded import Scripted
+from runner.systems.rss import PARAMETERS, lateral_distance, longitudinal_distance
 from schemas.common.errors import ToolchainError, UsageError
 from tests.conformance.support import at, events, track
 from tests.runner.files import car, place, scenario

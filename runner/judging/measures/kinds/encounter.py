@@ -19,7 +19,7 @@ from runner.judging.measures.measure import (
     measure,
     register,
 )
-from runner.judging.measures.rss import PARAMETERS
+from runner.systems.rss import PARAMETERS
 
 if TYPE_CHECKING:
     from runner.judging.measures.criticality import Criticality
@@ -153,7 +153,7 @@ class RssRisk(RunMeasure):
     """R_risk: share of the time in which the longitudinal and the lateral safe distance to anyone are violated.
 
     Args:
-        parameters: name of a parameter set of `runner.judging.measures.rss`.
+        parameters: name of a parameter set of `runner.systems.rss`.
     """
 
     critical = "high"

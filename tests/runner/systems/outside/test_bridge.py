@@ -20,8 +20,8 @@ import runner
 from runner.systems import Control, Pose
 from runner.systems.kinds.bridge import Bridge, answer_of
 from runner.systems.kinds.commanded import Scripted
+from schemas.checks.osi import breaches
 from schemas.common.errors import ToolchainError, UsageError
-from schemas.osi.rules import breaches
 from schemas.osi.traces import TraceMessage
 from tests.commands import Command
 from tests.conformance.support import at, track

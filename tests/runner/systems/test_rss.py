@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runner.judging.measures.rss import (
+from runner.systems.rss import (
     PARAMETERS,
     lateral_distance,
     longitudinal_distance,
