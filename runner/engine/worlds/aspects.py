@@ -39,7 +39,7 @@ SEMANTICS = {
 }  # fmt: skip
 """Aspect by the semantics of a phase."""
 STOPS = frozenset({Aspect.RED, Aspect.RED_YELLOW})
-"""Aspects at which nobody may pass; at yellow only those may who cannot stop any more."""
+"""Aspects at which no vehicle may pass; at yellow those may that cannot stop any more."""
 
 _COLOURS = re.compile("red|yellow|amber|orange|green")
 _LAMPS = {3: ("red", "yellow", "green"), 2: ("red", "green")}
