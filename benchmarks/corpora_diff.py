@@ -58,7 +58,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Played:
-    """What a version made of a file: exit code, printed text and runs by their parameters."""
+    """Result of a version for a file: exit code, printed text and runs by their parameters."""
 
     code: int | str
     text: str

@@ -19,7 +19,7 @@ from recognition.catalogue.recordings import CatalogueSettings
 from recognition.labels.classes import Rules
 from schemas.common.terminal.command_line import progress_bar
 from tests.recognition import motorway
-from tests.recognition.scenes import Driver, recording
+from tests.recognition.built_scenes import Driver, recording
 from tests.runner.chromium import Browser
 
 

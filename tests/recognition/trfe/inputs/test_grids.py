@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from recognition.trfe.inputs.grids import Grid, covered, rasterise
 from schemas.common.errors import UsageError
-from tests.recognition.scenes import STEP, Driver, recording
+from tests.recognition.built_scenes import STEP, Driver, recording
 from xodr.builders import straight_highway
 from xodr.reader import load
 

@@ -10,7 +10,7 @@ import pytest
 from recognition.trfe.inputs.grids import Grid
 from recognition.trfe.training.windows import Windows, store, windows_of
 from schemas.common.errors import InvalidFile, UsageError
-from tests.recognition.scenes import Driver, recording
+from tests.recognition.built_scenes import Driver, recording
 
 GRID = Grid(40.0, 20.0, 1.0, 1.0, channels=("others", "ego"))
 
