@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache, lru_cache
 from importlib import import_module
@@ -16,7 +16,7 @@ from typing import Any
 import xosc
 from runner.batch.jobs import Job
 from runner.judging.settings import RunSettings
-from runner.systems import find_system, system_name
+from runner.systems import code_of, find_system, system_name
 from runner.systems.base import parameters_of, split
 from schemas.catalogs import locate
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError
@@ -191,6 +191,11 @@ def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
 
 def plugged_in(run: RunSettings) -> str:
     """Digest of the code of a system under test that is none of ours: of all modules of its package, or of the files it names."""
+    if (
+        isinstance(run.sut, str)
+        and (origin := code_of(run.sut, run.sut_in_process, run.sut_timeout)) is not None
+    ):
+        return _digest_of(_files(origin.origin, origin.folders))
     made = find_system(run.sut) if isinstance(run.sut, str | None) else type(run.sut)
     factory = getattr(made, "func", made)
     package = str(getattr(factory, "__module__", "")).partition(".")[0]
@@ -206,28 +211,28 @@ def plugged_in(run: RunSettings) -> str:
 
 def _content(package: str) -> str:
     """Digest of all files of a package, or of a module."""
-    return digest(
-        b"\0".join(str(path.name).encode() + path.read_bytes() for path in _files(package))
-    )
-
-
-def _files(package: str) -> Iterator[Path]:
-    """Its Python files, those of packages inside it included."""
     spec = import_module(
         package
     ).__spec__  # it is imported already, perhaps from the working folder
-    folders = (
-        [Path(each) for each in (spec.submodule_search_locations or [])] if spec is not None else []
+    return (
+        _digest_of(_files(spec.origin or "", spec.submodule_search_locations or ()))
+        if spec is not None
+        else _digest_of(())
     )
-    if folders:
-        yield from sorted(
-            path
-            for folder in folders
-            for path in folder.rglob("*")
-            if path.suffix in _DECIDING and path.is_file()
-        )
-    elif spec is not None and spec.origin:
-        yield Path(spec.origin)
+
+
+def _digest_of(files: Iterable[Path]) -> str:
+    return digest(b"\0".join(str(path.name).encode() + path.read_bytes() for path in files))
+
+
+def _files(origin: str, folders: Iterable[str]) -> Iterator[Path]:
+    """The files of a package, those of packages inside it included, or that of a module."""
+    found = [Path(each) for each in folders]
+    if found:
+        inside = (path for folder in found for path in folder.rglob("*"))
+        yield from sorted(path for path in inside if path.suffix in _DECIDING and path.is_file())
+    elif os.path.isfile(origin):
+        yield Path(origin)
 
 
 _DECIDING = (

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.judging.result import FAILED, INCONCLUSIVE, PASSED
+from runner.systems.base import SystemUnderTestError
 from schemas.common.errors import (
     ExitCode,
     InvalidFile,
@@ -62,6 +63,9 @@ class Job:
 FLEETING = {"memory": "a shortage of memory", "died": "the death of their process"}
 """Statuses of runs that something else than their inputs has ended, so that they are repeated where a batch goes on"""
 
+SYSTEM = "system"
+"""Status of a run that an error of the system under test has ended"""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -73,7 +77,7 @@ class Outcome:
         exit_code: what the command line would answer for this run alone.
         message: reasons of a failed or inconclusive verdict, or the error.
         status, end_time, measures: of the run, where there was one (measures only with an output
-            folder); of an error the status is one of `FLEETING`, or empty.
+            folder); of an error the status is one of `FLEETING`, `SYSTEM`, or empty.
         trace: traceback of an error.
         impact: of a failed run in which the ego touches another participant: `speed`, `delta_v`
             (m/s), `risk` (of a death), `time` (s), `other`, `side`, `point` (m) and `strikes`; see
@@ -272,4 +276,5 @@ def failure(job: Job, error: Exception) -> Outcome:
         error.path = str(job.scenario)
     message, code = describe(error)
     status = "memory" if isinstance(error, MemoryError) else ""
+    status = SYSTEM if isinstance(error, SystemUnderTestError) else status
     return Outcome(job, "error", code, message, status, trace=traceback.format_exc())

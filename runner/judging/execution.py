@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -26,11 +27,11 @@ from runner.judging.verdict import (
     red_light_remarks,
     untested_remarks,
 )
-from runner.systems import load_system, system_name
-from runner.systems.base import Control, Observation, Pose, parameters_of
-from runner.systems.drivers import cruise_speed, driver_of, find_ego, is_finite, observe
+from runner.systems import System, open_system, system_name
+from runner.systems.base import RAISED, Control, Observation, Pose, is_finite, parameters_of
+from runner.systems.drivers import cruise_speed, driver_of, failed, find_ego, observe
 from runner.systems.kinds.commanded import Commanded
-from schemas.common.errors import UsageError
+from schemas.common.errors import ToolchainError, UsageError
 
 if TYPE_CHECKING:
     from runner.engine.participants.entity import Entity
@@ -129,7 +130,6 @@ class Session:
         else:
             self._compiled = compile_file(scenario, parameters, chosen)
         compiled = self._compiled.scenario
-        self._system = load_system(chosen.sut)
         if chosen.enforce_constraints and compiled.violations:
             raise compiled.violations[0]
         self._ego = ego = self._compiled.ego(chosen.ego)
@@ -143,14 +143,17 @@ class Session:
         self._steps = math.floor(chosen.max_time / chosen.timestep + 1e-6)
         self._status, self._seen = "timeout", 0
         self._ends_after_collision = chosen.ends_after_collision
+        self._system: System | None = None
         try:
+            self._system = open_system(chosen.sut, chosen.sut_in_process, chosen.sut_timeout)
             if ego is not None and self._system is not None:
                 sim.drive_ego(
                     ego, driver_of(compiled, ego, self._system, chosen.timestep, chosen.seed)
                 )
             sim.begin()
         except BaseException:
-            self.close()
+            with suppress(ToolchainError):  # what has failed first is told
+                self.close()
             raise
 
     # stepping -------------------------------------------------------------------------------
@@ -214,8 +217,11 @@ class Session:
                 self._advance()
                 if progress is not None:
                     progress(self.time)
-        finally:
-            self.close()
+        except BaseException:
+            with suppress(ToolchainError):  # what has failed first is told
+                self.close()
+            raise
+        self.close()
         return self.result()
 
     def _check(self, control: Control | Pose) -> None:
@@ -306,11 +312,18 @@ class Session:
         return result
 
     def close(self) -> None:
-        """Free the simulator, and what the system under test holds; the results stay."""
+        """Free the simulator, and what the system under test holds; the results stay.
+
+        Raises:
+            ToolchainError: the system under test fails while it ends.
+        """
         self._sim.world.close()
         end = getattr(self._system, "close", None)
-        if end is not None:
-            end()
+        if end is not None and self._system is not None:
+            try:
+                end()
+            except RAISED as error:
+                raise failed(self._system, error, self.time) from error
 
     def __enter__(self) -> Self:
         return self

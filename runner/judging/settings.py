@@ -37,7 +37,11 @@ class RunSettings:
     Args:
         timestep: s.
         sut: the system under test that drives the ego: a name of the entry-point group `xosc.sut`,
-            `module:Class`, an instance, or None (as `none`) for what the scenario scripts alone.
+            `module:Class`, `FILE.py:Class`, an instance, or None (as `none`) for what the scenario
+            scripts alone. A class that is given by name and none of the toolchain's runs in a
+            process of its own.
+        sut_timeout: time that such a process has for each answer, s; its start has 60 s at least.
+        sut_in_process: keep such a class in this process.
         ego: name of the ego entity; found by `runner.systems.drivers.find_ego` where it is None.
         seed: of everything random in a run.
         max_time: limit of simulated time, s: scenarios without a StopTrigger have no end of their
@@ -77,6 +81,16 @@ class RunSettings:
         type=str,
         section=_systems,
         metavar="NAME[:PARAMETER=VALUE,...]",
+    )
+    sut_timeout: float = option(
+        60.0,
+        "Time that a class of yours has for each answer, its start included.",
+        metavar="SECONDS",
+    )
+    sut_in_process: bool = option(
+        False,
+        "Run a class of yours in this process: faster, but its end is the command's.",
+        "--sut-in-process",
     )
     ego: str | None = option(None, "The ego, where it is not found by itself.", metavar="NAME")
     seed: int = option(0, "Seed of everything random.")
@@ -132,10 +146,14 @@ class RunSettings:
         if self.road not in (None, MADE) and not os.path.isfile(self.road):
             raise UsageError(f"the road {self.road!r} is neither a file nor {MADE}")
         _ = self.limits  # parsed once, or refused here
+        if not 0.0 < self.sut_timeout <= _LONGEST:
+            raise UsageError(
+                f"--sut-timeout must be above 0 s, at most {_LONGEST:g} s, not {self.sut_timeout}"
+            )
         if isinstance(self.sut, str):
-            from runner.systems import find_system
+            from runner.systems import check_system
 
-            find_system(self.sut)
+            check_system(self.sut, self.sut_in_process, self.sut_timeout)
 
     @property
     def ends_after_collision(self) -> bool:

@@ -1,14 +1,26 @@
-"""Systems under test by name: this folder's modules, the entry-point group `xosc.sut`, `module:Class`; parameters of each."""
+"""Systems under test by name: this folder's modules, the entry-point group `xosc.sut`,
+`module:Class`, `FILE.py:Class`; parameters of each.
+
+Runs drive the toolchain's own systems, and objects that a program hands over, in their own process.
+A class of the user that is given by name runs in a process of its own
+(`runner.systems.kinds.boundary`).
+"""
 
 from __future__ import annotations
 
+import os
 import re
+import sys
 from collections.abc import Callable
-from contextlib import nullcontext
-from functools import cache, partial
+from contextlib import ExitStack
+from functools import cache, lru_cache, partial, reduce
+from importlib import import_module
 from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from runner.systems.base import (
+    RAISED,
     Control,
     Observation,
     Participant,
@@ -19,7 +31,7 @@ from runner.systems.base import (
     split,
 )
 from schemas.common.errors import ToolchainError, UsageError, blame
-from schemas.common.packages import described, from_working_folder, installed, missing
+from schemas.common.packages import described, from_working_folder, import_file, installed, missing
 from schemas.common.policy import current
 
 __all__ = [
@@ -37,6 +49,17 @@ __all__ = [
 ]
 
 GROUP = "xosc.sut"
+_OURS = (
+    "schemas",
+    "xosc",
+    "xodr",
+    "runner",
+    "recognition",
+    "generation",
+    "studies",
+    "xosc_toolchain",
+)
+"""Packages whose classes run in the process of the run"""
 
 
 System = SystemUnderTest | WorldDriven
@@ -63,7 +86,7 @@ def load_system(name: str | System | None) -> System | None:
         system = factory()
     except ToolchainError:
         raise
-    except Exception as error:
+    except RAISED as error:
         raise UsageError(
             f"the system under test {name!r} can't be built: {blame(error, _module(factory))}"
         ) from error
@@ -76,11 +99,141 @@ def load_system(name: str | System | None) -> System | None:
     return system
 
 
+def open_system(sut: str | System | None, in_process: bool, limit: float) -> System | None:
+    """The system under test of a run: as of `load_system`, but a class of the user by name is in a process of its own.
+
+    Args:
+        in_process: keep it in this process.
+        limit: time (s) that such a process has for each answer.
+
+    Raises:
+        UsageError: as of `load_system`.
+    """
+    if not isinstance(sut, str) or in_process or not is_foreign(sut):
+        return load_system(sut)
+    from runner.systems.kinds.boundary import isolated
+
+    return isolated(split(sut, _own())[0], sut, limit)
+
+
+def check_system(sut: str, in_process: bool, limit: float) -> None:
+    """Refuse a name that is no system under test; arguments and errors as of `open_system`."""
+    if in_process or not is_foreign(sut):
+        find_system(sut)
+    else:
+        _described(sut, limit)
+
+
+def code_of(sut: str, in_process: bool, limit: float) -> ClassOrigin | None:
+    """Origin of the code of a system under test; None for one of the toolchain's own. Arguments as of `open_system`."""
+    if not is_foreign(sut):
+        return None
+    return class_origin(sut) if in_process else _described(sut, limit)
+
+
+class ClassOrigin(NamedTuple):
+    """Origin of a class of the user.
+
+    Args:
+        package: its top-level package, or module.
+        origin: file of that; empty where there is none.
+        folders: of a package, with all of its modules.
+    """
+
+    package: str
+    origin: str
+    folders: tuple[str, ...]
+
+
+def class_origin(sut: str) -> ClassOrigin:
+    """Origin of a class, which is imported in this process; errors as of `find_system`."""
+    factory = find_system(sut)
+    assert factory is not None
+    package = _module(factory).partition(".")[0]
+    spec = getattr(sys.modules.get(package), "__spec__", None)
+    folders = tuple(map(str, getattr(spec, "submodule_search_locations", None) or ()))
+    return ClassOrigin(package, getattr(spec, "origin", None) or "", folders)
+
+
+def _described(sut: str, limit: float) -> ClassOrigin:
+    """Origin of a class, which is imported in a process of its own."""
+    return _described_in(sut, limit, os.getcwd(), tuple(sys.path))
+
+
+@lru_cache(maxsize=64)
+def _described_in(sut: str, limit: float, _folder: str, _path: tuple[str, ...]) -> ClassOrigin:
+    from runner.systems.kinds.boundary import facts
+
+    package, origin, folders = facts(split(sut, _own())[0], sut, limit)
+    return ClassOrigin(package, origin, tuple(folders))
+
+
+def is_foreign(sut: str) -> bool:
+    """Whether a name stands for a class of the user; names that stand for nothing are refused.
+
+    A class of the main program is none: no other process could import it.
+
+    Raises:
+        UsageError: no such system can be; or --untrusted, which loads no code of others.
+    """
+    entry = _entry(split(sut, _own())[0])
+    return entry is not None and entry.module.partition(".")[0] not in (*_OURS, "__main__")
+
+
 def system_name(system: str | System | None) -> str:
     """Return the name of a system under test for results and messages."""
     if isinstance(system, str | None):
         return system or "none"
-    return f"{type(system).__module__}:{type(system).__qualname__}"
+    named: str | None = getattr(system, "remote_name", None)
+    return named or f"{type(system).__module__}:{type(system).__qualname__}"
+
+
+class _Entry(NamedTuple):
+    """Reference to a class.
+
+    Args:
+        module: its module. attribute: its name there.
+        file: of the module, where the user names it. is_installed: whether an installed package or
+            the toolchain names it.
+    """
+
+    module: str
+    attribute: str
+    file: str = ""
+    is_installed: bool = False
+
+    def load(self) -> Any:
+        """Import the class."""
+        with ExitStack() as around:
+            if self.file:
+                import_file(self.file)
+            elif not self.is_installed:
+                around.enter_context(from_working_folder(self.module))
+            return reduce(getattr, self.attribute.split("."), import_module(self.module))
+
+
+def _entry(name: str) -> _Entry | None:
+    """The class that a name without parameters stands for, which is not imported; None for `none`.
+
+    Raises:
+        UsageError: no such system can be; or --untrusted, which loads no code of others.
+    """
+    if name == "none":
+        return None
+    if name not in _own():
+        current().admit_code(f"the system under test {name!r}")
+    known = _own().get(name) or _installed().get(name)
+    if known is not None:
+        return _Entry(known.module, known.attr, is_installed=True)
+    if match := re.fullmatch(r"(.+\.py):([\w.]+)", name, re.DOTALL):
+        file, attribute = match.groups()
+        return _Entry(Path(file).stem, attribute, file)
+    if match := re.fullmatch(r"([\w.]+):([\w.]+)", name):
+        return _Entry(match[1], match[2])
+    there = ", ".join(sorted({*_own(), *_installed(), "none"}))
+    hint = "; arguments follow a second colon: module:Class:NAME=VALUE" if ":" in name else ""
+    told = f"no system under test is called {name!r}; there are {there}, and module:Class or FILE.py:Class{hint}"
+    raise UsageError(told)
 
 
 def find_system(name: str | None) -> Callable[[], System] | None:
@@ -91,29 +244,22 @@ def find_system(name: str | None) -> Callable[[], System] | None:
             such parameter.
         ToolchainError: a file that a system of this folder is made of (its `check`) is wrong.
     """
-    if name is None or name == "none":
+    if name is None:
         return None
     name, given = split(name, _own())
-    if name not in _own():
-        current().admit_code(f"the system under test {name!r}")
-    entry = _own().get(name) or _installed().get(name)
-    if entry is None and not re.fullmatch(r"[\w.]+:[\w.]+", name):
-        there = ", ".join(sorted({*_own(), *_installed(), "none"}))
-        hint = "; arguments follow a second colon: module:Class:NAME=VALUE" if ":" in name else ""
+    entry = _entry(name)
+    if entry is None:
+        return None
+    try:
+        factory = entry.load()
+    except ToolchainError:
+        raise
+    except RAISED as error:  # a plug-in's own code runs here
+        if absent := missing(error):
+            raise absent from None
         raise UsageError(
-            f"no system under test is called {name!r}; there are {there}, and module:Class{hint}"
-        )
-    chosen = nullcontext() if entry else from_working_folder(name.partition(":")[0])
-    entry = entry or EntryPoint(name, name, GROUP)
-    with chosen:
-        try:
-            factory = entry.load()
-        except Exception as error:  # a plug-in's own code runs here
-            if absent := missing(error):
-                raise absent from None
-            raise UsageError(
-                f"the system under test {name!r} can't be imported: {blame(error, entry.module)}"
-            ) from error
+            f"the system under test {name!r} can't be imported: {blame(error, entry.module)}"
+        ) from error
     if not callable(factory):
         raise UsageError(f"the system under test {name!r} is not a class")
     values = arguments(factory, given, name)
@@ -156,7 +302,8 @@ def systems() -> dict[str, str]:
     }
     found = {**others, **ours, "none": "no system: the scripted motion"}
     return dict(sorted(found.items())) | {
-        "module:Class": "a class of yours, installed or in the working folder"
+        "module:Class": "a class of yours, installed or in the working folder",
+        "FILE.py:Class": "a class of yours in a file",
     }
 
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from runner.engine.participants.declaration import BoundingBox, Performance
 from runner.engine.storyboard.driver import Pose as Pose
-from schemas.common.errors import UsageError
+from schemas.common.errors import ToolchainError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -154,6 +154,60 @@ class Control:
     reason: str = ""
 
 
+def plain(answer: object) -> Control | Pose:
+    """The answer of a system under test with Python's own floats, whatever kind of numbers it holds.
+
+    Raises:
+        TypeError: it is neither a Control nor a Pose, or holds something else than numbers and a
+            text.
+        ValueError: its numbers are not finite.
+    """
+    if not isinstance(answer, Control | Pose):
+        raise TypeError(
+            f"control() returned {answer!r}, a runner.systems.Control or Pose is expected"
+        )
+    if not is_finite(answer):
+        raise ValueError(f"control() returned {answer}, finite numbers are expected")
+    if not isinstance(answer.reason, str):
+        raise TypeError(f"control() returned {answer}, a text is expected as reason")
+    if isinstance(answer, Pose):
+        return Pose(
+            float(answer.x), float(answer.y), float(answer.h), _float(answer.speed), answer.reason
+        )
+    if type(answer.acceleration) in _PLAIN and type(answer.steering) in _PLAIN:
+        return answer
+    return Control(_float(answer.acceleration), _float(answer.steering), answer.reason)
+
+
+_PLAIN = (float, type(None))
+
+
+def _float(value: float | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def is_finite(answer: Control | Pose) -> bool:
+    """Whether all numbers of a system's answer are finite."""
+    values: tuple[float | None, ...]
+    if isinstance(answer, Pose):
+        values = (answer.x, answer.y, answer.h, answer.speed)
+    else:
+        values = (answer.acceleration, answer.steering)
+    return all(value is None or math.isfinite(value) for value in values)
+
+
+RAISED = (Exception, SystemExit)
+"""Errors that a class of the user raises in this process; interruptions and limits of time pass through"""
+
+
+class SystemUnderTestError(ToolchainError):
+    """Failure of a system under test, which is named: no verdict on it, and no defect of the toolchain."""
+
+
+class SystemFailure(Exception):
+    """Failure of a system under test that runs in a process of its own, told in one line."""
+
+
 class SystemUnderTest(Protocol):
     """A driver or driver assistance system: `control` is called once a step.
 
@@ -253,9 +307,23 @@ def arguments(factory: Callable[..., Any], given: dict[str, str], name: str) -> 
 
 
 def parameters_of(system: Any) -> dict[str, Value]:
-    """Return the parameters of a system with their values; only numbers and texts."""
-    found = {name: getattr(system, name, None) for name in _declared(type(system))}
+    """Return the parameters of a system with their values; only numbers and texts.
+
+    One that stands for a system in another process knows them as `remote_parameters`.
+    """
+    remote: dict[str, Value] | None = getattr(system, "remote_parameters", None)
+    if remote is not None:
+        return remote
+    found = {name: _attribute(system, name) for name in _declared(type(system))}
     return {name: value for name, value in found.items() if isinstance(value, Value)}
+
+
+def _attribute(system: Any, name: str) -> Any:
+    """An attribute; None where there is none, as where a property of the class raises an error."""
+    try:
+        return getattr(system, name, None)
+    except RAISED:
+        return None
 
 
 def _declared(factory: Callable[..., Any]) -> dict[str, inspect.Parameter]:

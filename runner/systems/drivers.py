@@ -36,11 +36,15 @@ from runner.engine.worlds.signals_ahead import stop_line
 from runner.systems import System, system_name
 from runner.systems.base import (
     PEDAL,
+    RAISED,
     Control,
     Observation,
     Pose,
+    SystemFailure,
     SystemUnderTest,
+    SystemUnderTestError,
     WorldDriven,
+    plain,
     seen,
 )
 from schemas.common.errors import ToolchainError, UsageError, blame
@@ -94,7 +98,7 @@ def driver_of(
     """Return the ego's driver for a system under test, which is reset; timestep in s."""
     try:
         system.reset(seen(ego), timestep, seed)
-    except Exception as error:
+    except RAISED as error:
         raise failed(system, error, 0.0) from error
     handed_over = ego.name not in scenario.activated
     if isinstance(system, WorldDriven):
@@ -248,19 +252,13 @@ class SystemDriver(EgoDriver):
     def _ask(self, ego: Entity, target: float, run: Run) -> Control | Pose:
         """The system's answer, checked."""
         try:
-            answer = self.system.control(observe(run, ego, target), run.dt)
-            if not isinstance(answer, Control | Pose):
-                raise TypeError(
-                    f"control() returned {answer!r}, a runner.systems.Control or Pose is expected"
-                )
-            if not is_finite(answer):
-                raise ValueError(f"control() returned {answer}, finite numbers are expected")
+            answer = plain(self.system.control(observe(run, ego, target), run.dt))
             if isinstance(answer, Pose) and not (self.longitudinal and self.lateral):
                 domain = "longitudinal" if self.longitudinal else "lateral"
                 raise ValueError(
                     f"control() returned a Pose, which needs both domains; the scenario hands over the {domain} one"
                 )
-        except Exception as error:
+        except RAISED as error:
             raise failed(self.system, error, run.time) from error
         return answer
 
@@ -338,23 +336,12 @@ def _signals(run: Run, ego: Entity) -> Sequence[SignalAhead]:
     return run.signals.ahead(point, along == (ego.speed >= 0.0), ego.controls.route)
 
 
-def is_finite(answer: Control | Pose) -> bool:
-    """Whether all numbers of a system's answer are finite."""
-    values: tuple[float | None, ...]
-    values = (
-        (answer.x, answer.y, answer.h, answer.speed)
-        if isinstance(answer, Pose)
-        else (answer.acceleration, answer.steering)
-    )
-    return all(value is None or math.isfinite(value) for value in values)
-
-
-def failed(system: System, error: Exception, time: float) -> ToolchainError:
+def failed(system: System, error: BaseException, time: float) -> ToolchainError:
     """An error of a system under test, which is named, at a simulation time (s)."""
     if isinstance(error, ToolchainError):
-        return error
-    told = blame(error, type(system).__module__)
-    return ToolchainError(
+        return SystemUnderTestError(error.message) if type(error) is ToolchainError else error
+    told = str(error) if isinstance(error, SystemFailure) else blame(error, type(system).__module__)
+    return SystemUnderTestError(
         f"the system under test {system_name(system)} failed at {time:.2f} s: {told}"
     )
 

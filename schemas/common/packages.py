@@ -44,7 +44,7 @@ from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder
-from importlib.util import find_spec
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from pkgutil import iter_modules
 from types import FrameType, ModuleType
@@ -289,6 +289,10 @@ class _WorkingFolder:
             self._found.add(fullname)
         return found
 
+    def take(self, module: str) -> None:
+        """Find what a module that was read from the folder imports from there."""
+        self._found.add(module.partition(".")[0])
+
 
 def _importer(frame: FrameType | None) -> str:
     """The top-level package of the code that an import is in."""
@@ -309,24 +313,52 @@ def from_working_folder(module: str) -> Iterator[None]:
     Args:
         module: its full name.
     """
-    folder = os.path.realpath(os.curdir)
-    finder = next(
-        (
-            each
-            for each in sys.meta_path
-            if isinstance(each, _WorkingFolder) and each.folder == folder
-        ),
-        None,
-    )
-    if finder is None:
-        finder = _WorkingFolder(folder)
-        sys.meta_path.append(finder)
+    finder = _finder(os.path.realpath(os.curdir))
     PathFinder.invalidate_caches()
     before, finder.wanted = finder.wanted, module.partition(".")[0]
     try:
         yield
     finally:
         finder.wanted = before
+
+
+def _finder(folder: str) -> _WorkingFolder:
+    """The finder of a folder, which is put in place."""
+    known = (
+        each for each in sys.meta_path if isinstance(each, _WorkingFolder) and each.folder == folder
+    )
+    finder = next(known, None)
+    if finder is None:
+        finder = _WorkingFolder(folder)
+        sys.meta_path.append(finder)
+    return finder
+
+
+def import_file(file: str) -> ModuleType:
+    """The module in a file that the user has named, imported under the file's name; its imports from its folder are found too.
+
+    Raises:
+        UsageError: there is no such file, or another module of that name is loaded.
+    """
+    path = os.path.realpath(file)
+    name = Path(path).stem
+    if not os.path.isfile(path):
+        raise UsageError("there is no such file", path=file)
+    loaded = sys.modules.get(name)
+    if loaded is not None:
+        if os.path.realpath(getattr(loaded, "__file__", None) or "") == path:
+            return loaded
+        raise UsageError(f"another module is called {name}; give the file another name", path=file)
+    spec = spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = sys.modules[name] = module_from_spec(spec)
+    _finder(os.path.dirname(path)).take(name)
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
 
 
 # entry points --------------------------------------------------------------------------------

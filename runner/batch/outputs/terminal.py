@@ -48,6 +48,12 @@ _ENDS = {
     "collision": "",
     "compiled": "not run (--dry-run)",
 }
+_ERROR_STATUSES = {
+    "system": "the system under test failed",
+    "died": "its process died",
+    "memory": "too little memory",
+}
+"""Ends of runs with an error by their status (`runner.batch.jobs.Outcome.status`); others by their exit code"""
 _ERRORS = {2: "wrong usage", 3: "invalid file", 4: "not supported", 5: "internal error"}
 _LOCATION = re.compile(r"^.*?:\d+: ")
 """Start of a remark: the file and its line"""
@@ -132,11 +138,10 @@ class OutcomeTable:
         if self._terminal and len(name) > width:
             name = name[: width // 2 - 1] + "…" + name[-(width - width // 2) :]
         end = f"{outcome.end_time:7.2f} s" if outcome.end_time is not None else ""
-        how = (
-            _ERRORS[outcome.exit_code]
-            if outcome.state == "error"
-            else _ENDS.get(outcome.status, "")
-        )
+        if outcome.state == "error":
+            how = _ERROR_STATUSES.get(outcome.status) or _ERRORS[outcome.exit_code]
+        else:
+            how = _ENDS.get(outcome.status, "")
         if outcome.message and outcome.state != "error":
             how = ": ".join(filter(None, (how, outcome.message)))
         if outcome.remarks:

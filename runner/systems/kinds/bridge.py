@@ -1,7 +1,5 @@
-"""The system under test `bridge`: another process drives the ego over a socket; docs/ego-from-outside.md has the messages.
-
-A frame is 4 bytes with the length (unsigned, the highest first), then so many bytes; each is sent
-and received in a limited time.
+"""The system under test `bridge`: another process drives the ego over a socket; docs/ego-from-outside.md has the messages,
+`runner.systems.kinds.frames` the frames that hold them.
 """
 
 from __future__ import annotations
@@ -13,96 +11,21 @@ import os
 import secrets
 import selectors
 import socket
-import struct
 import sys
 import time
 from dataclasses import dataclass, field
 from typing import Any
 
 from runner.systems.base import Control, Observation, Participant, Pose
+from runner.systems.kinds.frames import LENGTH, FrameConnection
 from runner.systems.outside.osmp import Truth
 from schemas.common.errors import ToolchainError, UsageError
 
-_LENGTH = struct.Struct(">I")
-LONGEST = 65_536
-"""Bytes that a frame of a client may have"""
+_PEER = "the client of the bridge"
 _LONGEST_HELLO = 1024
 """Bytes that the frame with the token may have"""
 _OPEN = 16
 """Connections that may be open until one of them has sent the token"""
-
-
-class FrameConnection:
-    """A connection with one client.
-
-    Args:
-        connection: the socket, which is owned by this object.
-        limit: time (s) in which a frame has to be sent or received as a whole.
-    """
-
-    def __init__(self, connection: socket.socket, limit: float) -> None:
-        self._connection, self._limit = connection, limit
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-
-    def send(self, body: bytes) -> None:
-        """Send a frame.
-
-        Raises:
-            ToolchainError: the client does not read, or has gone.
-        """
-        self._connection.settimeout(self._limit)
-        try:
-            self._connection.sendall(_LENGTH.pack(len(body)) + body)
-        except TimeoutError:
-            raise ToolchainError(
-                f"the client of the bridge has read nothing for {self._limit:g} s"
-            ) from None
-        except OSError as error:
-            raise _gone(error) from None
-
-    def receive(self) -> bytes:
-        """The next frame.
-
-        Raises:
-            ToolchainError: none comes in time, it is too long, or the client has gone.
-        """
-        end = time.monotonic() + self._limit
-        (length,) = _LENGTH.unpack(self._exactly(_LENGTH.size, end))
-        if length > LONGEST:
-            raise ToolchainError(
-                f"the client of the bridge sends a frame of {length} bytes, at most {LONGEST} are expected"
-            )
-        return self._exactly(length, end)
-
-    def _exactly(self, count: int, end: float) -> bytes:
-        """So many bytes, by a time of the monotonic clock (s)."""
-        data = b""
-        while len(data) < count:
-            left = end - time.monotonic()
-            try:
-                if left <= 0.0:
-                    raise TimeoutError
-                self._connection.settimeout(left)
-                more = self._connection.recv(count - len(data))
-            except TimeoutError:
-                raise ToolchainError(
-                    f"the client of the bridge has not answered within {self._limit:g} s"
-                ) from None
-            except OSError as error:
-                raise _gone(error) from None
-            if not more:
-                raise _gone()
-            data += more
-        return data
-
-    def close(self) -> None:
-        """End the connection."""
-        self._connection.close()
-
-
-def _gone(error: OSError | None = None) -> ToolchainError:
-    why = f": {error.strerror}" if error is not None and error.strerror else ""
-    return ToolchainError(f"the client of the bridge has closed the connection{why}")
 
 
 def accept(host: str, port: int, wait: float, limit: float, token: str) -> FrameConnection:
@@ -145,7 +68,7 @@ def accept(host: str, port: int, wait: float, limit: float, token: str) -> Frame
                         selector.unregister(connection)
                         del waiting[connection]
                         if known:
-                            return FrameConnection(connection, limit)
+                            return FrameConnection(connection, limit, _PEER)
                         connection.close()
                         turned_away += 1
         finally:
@@ -185,12 +108,12 @@ def _hear(
     connection: socket.socket, waiting: dict[socket.socket, bytes], token: str
 ) -> bool | None:
     """Whether a connection has sent the token; None while its frame is not complete."""
-    missing = _LENGTH.size - len(waiting[connection])
+    missing = LENGTH.size - len(waiting[connection])
     if missing <= 0:
-        (length,) = _LENGTH.unpack(waiting[connection][: _LENGTH.size])
+        (length,) = LENGTH.unpack(waiting[connection][: LENGTH.size])
         if length > _LONGEST_HELLO:
             return False
-        missing = length + _LENGTH.size - len(waiting[connection])
+        missing = length + LENGTH.size - len(waiting[connection])
     try:
         more = connection.recv(missing) if missing > 0 else b""
     except BlockingIOError:
@@ -201,12 +124,12 @@ def _hear(
         return False
     waiting[connection] += more
     data = waiting[connection]
-    if len(data) < _LENGTH.size:
+    if len(data) < LENGTH.size:
         return None
-    (length,) = _LENGTH.unpack(data[: _LENGTH.size])
+    (length,) = LENGTH.unpack(data[: LENGTH.size])
     if length > _LONGEST_HELLO:
         return False
-    return None if len(data) < _LENGTH.size + length else _knows(data[_LENGTH.size :], token)
+    return None if len(data) < LENGTH.size + length else _knows(data[LENGTH.size :], token)
 
 
 def _knows(body: bytes, token: str) -> bool:

@@ -1,0 +1,171 @@
+"""The process of a system under test: it builds the class, and answers the messages of runs until their side closes.
+
+Standard output leads to standard error, so that what a class prints mixes with no result.
+`sys.argv` holds the name alone. When the process that started it has ended, it ends too, with all
+that it has started.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import xodr
+from runner.systems import System, class_origin, load_system, system_name
+from runner.systems.base import WorldDriven, parameters_of, plain
+from runner.systems.kinds.frames import FrameConnection, PeerGone
+from runner.systems.kinds.messages import (
+    BUILD,
+    CLOSE,
+    DESCRIBE,
+    ERROR,
+    FAILURE,
+    RESET,
+    STEP,
+    ObservationReader,
+    participant_of,
+    write_answer,
+)
+from schemas.common.errors import ToolchainError, blame
+from xodr.graph.network import RoadNetwork
+
+_WATCH = 1.0
+"""Time (s) between looks whether the process that started this one still runs"""
+_LONGEST = 1 << 31
+"""Bytes of a message from the run"""
+_TOLD = 10_000
+"""Characters of an error, and the last ones of its traceback, that are sent"""
+
+
+def serve(handle: int | str) -> None:
+    """Answer messages until the other side closes.
+
+    Args:
+        handle: number of the socket that was inherited.
+    """
+    _watch()
+    connection = FrameConnection(socket.socket(fileno=int(handle)), None, "the run", _LONGEST)
+    server, process = _Server(), os.getpid()
+    while True:
+        with suppress(Exception):
+            sys.stdout.flush()
+        try:
+            request = connection.receive()
+        except PeerGone:
+            return
+        connection.send(server.answer(request))
+        if os.getpid() != process:
+            os._exit(1)  # a copy that the system has forked
+
+
+def _watch() -> None:
+    """End this process, and its group, soon after the one that started it."""
+    if not hasattr(os, "killpg"):
+        return
+    parent = os.getppid()
+
+    def look() -> None:
+        while os.getppid() == parent:
+            time.sleep(_WATCH)
+        time.sleep(_WATCH)
+        os.killpg(0, signal.SIGKILL)
+
+    threading.Thread(target=look, daemon=True).start()
+
+
+class _Server:
+    """Holds the system of one run at a time."""
+
+    def __init__(self) -> None:
+        self._process = os.getpid()
+        self._system: System | None = None
+        self._reader = ObservationReader(_RoadsOnDemand)
+        self._actions: dict[bytes, Callable[[Any], Any]] = {
+            DESCRIBE: lambda request: class_origin(request["system"]),
+            BUILD: self._build,
+            RESET: self._reset,
+            CLOSE: self._close,
+        }
+
+    def answer(self, request: bytes) -> bytes:
+        """The answer to a message; whatever a class raises becomes one."""
+        kind = request[:1]
+        try:
+            if kind == STEP:
+                found = write_answer(plain(self._system.control(*self._reader.read(request))))  # type: ignore[union-attr]
+            else:
+                found = json.dumps(self._actions[kind](json.loads(request[1:] or b"{}"))).encode()
+        except ToolchainError as error:
+            if kind in (DESCRIBE, BUILD):
+                found = (
+                    ERROR + json.dumps([type(error).__name__, error.message, error.path]).encode()
+                )
+            else:
+                found = self._failure(error, str(error))
+        except BaseException as error:
+            module = type(self._system).__module__ if self._system is not None else ""
+            told = blame(error, module)
+            if isinstance(error, MemoryError):
+                told += ": this takes more memory than there is, or than the process may have"
+            found = self._failure(error, told)
+        if os.getpid() != self._process:
+            told = "a copy of its process, which it has forked, does not end: os._exit() ends one"
+            found = self._failure(RuntimeError(told), told)
+        return found
+
+    def _failure(self, error: BaseException, told: str) -> bytes:
+        is_fatal = (
+            not isinstance(error, Exception)
+            or isinstance(error, MemoryError)
+            or os.getpid() != self._process
+        )
+        trace = "".join(traceback.format_exception(error))
+        return (
+            FAILURE
+            + json.dumps(
+                {"told": told[:_TOLD], "fatal": is_fatal, "trace": trace[-_TOLD:]}
+            ).encode()
+        )
+
+    def _build(self, request: dict[str, Any]) -> dict[str, Any]:
+        self._system = None
+        gc.collect()  # what the system of the last run holds, as memory of a device, is free before the next one is built
+        self._system = system = load_system(request["system"])
+        return {"name": system_name(system), "world_driven": isinstance(system, WorldDriven)}
+
+    def _reset(self, request: dict[str, Any]) -> dict[str, Any]:
+        self._reader = ObservationReader(_RoadsOnDemand)
+        assert self._system is not None
+        self._system.reset(participant_of(request["ego"]), request["timestep"], request["seed"])
+        return parameters_of(self._system)
+
+    def _close(self, request: dict[str, Any]) -> dict[str, Any]:
+        end = getattr(self._system, "close", None)
+        if end is not None:
+            end()
+        return parameters_of(self._system)
+
+
+class _RoadsOnDemand(RoadNetwork):
+    """The road network of a file, which is read when a system asks for something of it."""
+
+    def __init__(self, path: str, file: str) -> None:
+        self.__dict__.update(_where=(path, file))
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        path, file = self.__dict__["_where"]
+        self.__dict__.update(vars(xodr.load(file)), path=Path(path))
+        return getattr(self, name)

@@ -1,0 +1,198 @@
+"""Messages between a run and a system under test in a process of its own: observations and answers as bytes, both ways exact.
+
+Numbers are doubles as they are in memory. What rarely changes (declarations, lights, weather,
+roads) is sent as JSON when it changes. A message begins with a byte that says what it is:
+
+| from the run | | from the system | |
+|---|---|---|---|
+| `D` | describe a class | `{` | done, a JSON object |
+| `B` | build an instance | `A` | answer to `S` |
+| `R` | reset | `E` | error of ours, in JSON: there is no such class or parameter |
+| `S` | step: an observation | `F` | failure of the system, in JSON |
+| `C` | the run is over | | |
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import struct
+from collections.abc import Callable
+from datetime import datetime
+from types import MappingProxyType
+from typing import Any
+
+from runner.engine.participants.declaration import BoundingBox, Performance
+from runner.engine.worlds.surroundings import Environment, StopLine
+from runner.systems.base import Control, Observation, Participant, Pose
+from xodr.graph.network import RoadNetwork
+
+DESCRIBE, BUILD, RESET, STEP, CLOSE = b"D", b"B", b"R", b"S", b"C"
+DONE, ANSWER, ERROR, FAILURE = b"{", b"A", b"E", b"F"
+_HEAD = struct.Struct("=cddddI")
+"""`S`, time, dt, target speed, distance of the stop line (NaN without one), bytes of news"""
+_MOVING = struct.Struct("=H13d")
+"""Number of a participant, and what changes at each step: the fields of `Participant` from x to odometer"""
+_pack, _participant = _MOVING.pack, tuple.__new__
+_FIRST, _LAST = Participant._fields.index("x"), Participant._fields.index("odometer") + 1
+_ANSWER = struct.Struct("=c?4d")
+_MOST = 65_535
+"""Participants that have a number of their own; further ones start the numbering anew"""
+
+
+_Declared = tuple[tuple[Any, ...], tuple[Any, ...]]
+"""Fields of a `Participant` that hardly ever change: those before, and those after the moving ones"""
+
+
+class ObservationWriter:
+    """Writes the observations of one run."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, tuple[int, tuple[Any, ...], tuple[Any, ...]]] = {}
+        self._network: RoadNetwork | None = None
+        self._environment: Environment | None = None
+        self._signal = ""
+
+    def write(self, observation: Observation, dt: float) -> bytes:
+        """The message of a step."""
+        news: dict[str, Any] = {}
+        if len(self._known) > _MOST - len(observation.others) - 1:
+            self._known.clear()
+        moving = [self._participant(observation.ego, news)]
+        moving += [self._participant(each, news) for each in observation.others]
+        if observation.network is not self._network:
+            self._network = observation.network
+            path = None if self._network is None else str(self._network.path)
+            news["network"] = path and [path, os.path.abspath(path)]
+        if observation.environment is not self._environment:
+            self._environment = observation.environment
+            news["environment"] = _environment_json(self._environment)
+        stop = observation.stop_line
+        if stop is not None and stop.signal != self._signal:
+            news["signal"] = self._signal = stop.signal
+        told = json.dumps(news).encode() if news else b""
+        distance = math.nan if stop is None else stop.distance
+        head = _HEAD.pack(STEP, observation.time, dt, observation.target_speed, distance, len(told))
+        return b"".join((head, told, *moving))
+
+    def _participant(self, each: Participant, news: dict[str, Any]) -> bytes:
+        before, after = each[:_FIRST], each[_LAST:]
+        known = self._known.get(each[0])
+        if known is None or known[1] != before or known[2] != after:
+            number = known[0] if known is not None else len(self._known)
+            news.setdefault("declared", []).append([number, declared_json(each)])
+            # dicts that an action changes in place are compared by the values that they had
+            kept = (*after[:-2], dict(each.lights), dict(each.overrides))
+            self._known[each.name] = known = number, before, kept
+        return _pack(known[0], *each[_FIRST:_LAST])
+
+
+class ObservationReader:
+    """Reads the observations of one run.
+
+    Args:
+        load: gives the road network of a path.
+    """
+
+    def __init__(self, load: Callable[[str, str], RoadNetwork]) -> None:
+        self._load = load
+        self._declared: dict[int, _Declared] = {}
+        self._network: RoadNetwork | None = None
+        self._environment = Environment()
+        self._signal = ""
+
+    def read(self, body: bytes) -> tuple[Observation, float]:
+        """The observation of a step, and its length (s)."""
+        _, time, dt, target, distance, length = _HEAD.unpack_from(body)
+        if length:
+            self._take(json.loads(body[_HEAD.size : _HEAD.size + length]))
+        ego, *others = map(
+            self._participant, _MOVING.iter_unpack(memoryview(body)[_HEAD.size + length :])
+        )
+        stop = None if math.isnan(distance) else StopLine(self._signal, distance)
+        return Observation(time, ego, others, target, self._network, self._environment, stop), dt
+
+    def _participant(self, values: tuple[Any, ...]) -> Participant:
+        before, after = self._declared[values[0]]
+        return _participant(Participant, before + values[1:] + after)
+
+    def _take(self, news: dict[str, Any]) -> None:
+        for number, values in news.get("declared", ()):
+            each = participant_of(values)
+            self._declared[number] = each[:_FIRST], each[_LAST:]
+        if "network" in news:
+            self._network = self._load(*news["network"]) if news["network"] else None
+        if "environment" in news:
+            self._environment = _environment_of(news["environment"])
+        self._signal = news.get("signal", self._signal)
+
+
+# JSON ------------------------------------------------------------------------------------------
+
+
+def declared_json(each: Participant) -> dict[str, Any]:
+    """All fields of a participant by name, as JSON has them."""
+    return each._asdict() | {"lights": dict(each.lights), "overrides": dict(each.overrides)}
+
+
+def participant_of(values: dict[str, Any]) -> Participant:
+    """The participant of `declared_json`."""
+    return Participant(
+        **values
+        | {
+            "box": BoundingBox(*values["box"]),
+            "performance": Performance(*values["performance"]),
+            "lights": MappingProxyType(values["lights"]),
+            "overrides": MappingProxyType(values["overrides"]),
+        }
+    )
+
+
+def _environment_json(environment: Environment) -> dict[str, Any]:
+    day = environment.day
+    return {
+        "name": environment.name,
+        "friction": environment.friction,
+        "weather": dict(environment.weather),
+        "day": None if day is None else day.isoformat(),
+        "set_at": environment.set_at,
+        "running": environment.running,
+    }
+
+
+def _environment_of(values: dict[str, Any]) -> Environment:
+    day = values["day"]
+    return Environment(
+        **values
+        | {
+            "weather": MappingProxyType(values["weather"]),
+            "day": None if day is None else datetime.fromisoformat(day),
+        }
+    )
+
+
+# answers ---------------------------------------------------------------------------------------
+
+
+def write_answer(answer: Control | Pose) -> bytes:
+    """The message with a checked answer (`runner.systems.base.plain`)."""
+    numbers: tuple[float | None, ...]
+    if isinstance(answer, Pose):
+        numbers = answer.x, answer.y, answer.h, answer.speed
+    else:
+        numbers = answer.acceleration, answer.steering, None, None
+    doubles = [math.nan if value is None else value for value in numbers]
+    told = answer.reason.encode("utf-8", "surrogatepass")
+    return _ANSWER.pack(ANSWER, isinstance(answer, Pose), *doubles) + told
+
+
+def read_answer(body: bytes) -> Control | Pose:
+    """The answer of a message."""
+    _, is_pose, *doubles = _ANSWER.unpack_from(body)
+    reason = body[_ANSWER.size :].decode("utf-8", "surrogatepass")
+    first, second, third, fourth = (None if math.isnan(value) else value for value in doubles)
+    if not is_pose:
+        return Control(first, second, reason)
+    assert first is not None and second is not None and third is not None
+    return Pose(first, second, third, fourth, reason)
