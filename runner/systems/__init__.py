@@ -12,7 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache, lru_cache, partial, reduce
 from importlib import import_module
 from importlib.metadata import EntryPoint
@@ -202,14 +202,14 @@ class _Entry(NamedTuple):
     file: str = ""
     is_installed: bool = False
 
+    def importing(self) -> AbstractContextManager[None]:
+        """Around the import of the class, and around telling an error of that."""
+        return nullcontext() if self.file or self.is_installed else from_working_folder(self.module)
+
     def load(self) -> Any:
         """Import the class."""
-        with ExitStack() as around:
-            if self.file:
-                import_file(self.file)
-            elif not self.is_installed:
-                around.enter_context(from_working_folder(self.module))
-            return reduce(getattr, self.attribute.split("."), import_module(self.module))
+        module = import_file(self.file) if self.file else import_module(self.module)
+        return reduce(getattr, self.attribute.split("."), module)
 
 
 def _entry(name: str) -> _Entry | None:
@@ -250,16 +250,16 @@ def find_system(name: str | None) -> Callable[[], System] | None:
     entry = _entry(name)
     if entry is None:
         return None
-    try:
-        factory = entry.load()
-    except ToolchainError:
-        raise
-    except RAISED as error:  # a plug-in's own code runs here
-        if absent := missing(error):
-            raise absent from None
-        raise UsageError(
-            f"the system under test {name!r} can't be imported: {blame(error, entry.module)}"
-        ) from error
+    with entry.importing():
+        try:
+            factory = entry.load()
+        except ToolchainError:
+            raise
+        except RAISED as error:  # a plug-in's own code runs here
+            if absent := missing(error):
+                raise absent from None
+            told = blame(error, entry.module)
+            raise UsageError(f"the system under test {name!r} can't be imported: {told}") from error
     if not callable(factory):
         raise UsageError(f"the system under test {name!r} is not a class")
     values = arguments(factory, given, name)

@@ -226,7 +226,7 @@ _idle: list[tuple[_Key, _SystemProcess]] = []
 
 
 def _key(name: str) -> _Key:
-    """What decides the code that a name stands for."""
+    """Name, and all that decides the code that it stands for."""
     return name, os.getcwd(), tuple(sys.path)
 
 
@@ -294,7 +294,7 @@ def facts(name: str, text: str, limit: float) -> Any:
 
 
 class _Isolated:
-    """What a run knows of a system in another process."""
+    """Stand-in for a system in another process."""
 
     def __init__(self, name: str, process: _SystemProcess, limit: float, shown: str) -> None:
         self.remote_name = shown

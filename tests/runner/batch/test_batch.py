@@ -575,9 +575,8 @@ def test_a_run_that_kills_its_process_is_named_and_the_others_complete(
     first = 60 - 20 * culprit  # so that the lead is 30 m ahead in the culprit's place
     path = distribution(tmp_path, "variation", {"Gap": (first, first + 100, 20)})
     out = tmp_path / "out"
-    outcomes = batch(
-        [path], RunSettings(sut="deadly:Deadly", world="kinematic"), processes=2, out=out
-    )
+    settings = RunSettings(sut="deadly:Deadly", sut_in_process=True, world="kinematic")
+    outcomes = batch([path], settings, processes=2, out=out)
     assert [o.state for o in outcomes] == ["error" if n == culprit else "passed" for n in range(6)]
     assert outcomes[culprit].exit_code == 5
     assert "died" in outcomes[culprit].message
