@@ -17,7 +17,8 @@ from time import perf_counter
 
 from runner.judging.execution import Prepared, prepare
 from runner.judging.settings import RunSettings
-from runner.systems.kinds.boundary import release
+from runner.systems.boundary import release
+from runner.systems.kinds.idm import IntelligentDriver
 from tests.runner.files import car, place, scenario
 
 COUNTS = (2, 6, 20)
@@ -25,16 +26,8 @@ TIMESTEP = 0.05
 SYSTEM = "benchmarks.boundary:Follower"
 
 
-def _follower() -> type:
-    from runner.systems.kinds.idm import IntelligentDriver
-
-    class Foreign(IntelligentDriver):
-        """The package's driver as a class of another package."""
-
-    return Foreign
-
-
-Follower = _follower()
+class Follower(IntelligentDriver):
+    """The package's driver as a class of another package."""
 
 
 def main() -> None:
@@ -45,7 +38,6 @@ def main() -> None:
     options = arguments.parse_args()
     print(f"{'participants':14}{'in process':>14}{'boundary':>14}{'ratio':>8}{'more':>12}")
     with tempfile.TemporaryDirectory() as folder:
-        begun = perf_counter()
         for count in COUNTS:
             prepared = _scenario(Path(folder), count, options.steps)
             inside, outside = _times(prepared, options.steps, options.rounds)
@@ -55,7 +47,6 @@ def main() -> None:
             )
         prepared = _scenario(Path(folder), 2, 1)
         starts = [_start(prepared) for _ in range(options.rounds)]
-        del begun
     print(f"start of a process, once for each worker: {min(starts) * 1e3:.0f} ms")
     release()
 

@@ -3,17 +3,16 @@
 
 Runs drive the toolchain's own systems, and objects that a program hands over, in their own process.
 A class of the user that is given by name runs in a process of its own
-(`runner.systems.kinds.boundary`).
+(`runner.systems.boundary`).
 """
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from functools import cache, lru_cache, partial, reduce
+from functools import cache, partial, reduce
 from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -111,7 +110,7 @@ def open_system(sut: str | System | None, in_process: bool, limit: float) -> Sys
     """
     if not isinstance(sut, str) or in_process or not is_foreign(sut):
         return load_system(sut)
-    from runner.systems.kinds.boundary import isolated
+    from runner.systems.boundary import isolated
 
     return isolated(split(sut, _own())[0], sut, limit)
 
@@ -157,12 +156,7 @@ def class_origin(sut: str) -> ClassOrigin:
 
 def _described(sut: str, limit: float) -> ClassOrigin:
     """Origin of a class, which is imported in a process of its own."""
-    return _described_in(sut, limit, os.getcwd(), tuple(sys.path))
-
-
-@lru_cache(maxsize=64)
-def _described_in(sut: str, limit: float, _folder: str, _path: tuple[str, ...]) -> ClassOrigin:
-    from runner.systems.kinds.boundary import facts
+    from runner.systems.boundary import facts
 
     package, origin, folders = facts(split(sut, _own())[0], sut, limit)
     return ClassOrigin(package, origin, tuple(folders))

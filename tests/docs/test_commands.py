@@ -137,8 +137,9 @@ def do(tmp_path: Path, command: Command) -> Do:
 
 
 @pytest.fixture
-def execute(capsys: pytest.CaptureFixture[str]) -> Do:
-    """Runs programs in this process."""
+def execute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Do:
+    """Runs programs in this process, which finds modules beside them as Python does."""
+    monkeypatch.syspath_prepend("")
 
     def execute(program: str) -> tuple[int, str]:
         exec(compile(program, "a program of the page", "exec"), {"__name__": "__main__"})

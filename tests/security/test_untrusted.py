@@ -362,6 +362,7 @@ def test_a_run_that_takes_too_long_ends_and_the_others_go_on(
         "kinematic",
         "--sut",
         "slow_one:Slow",
+        "--sut-in-process",
         "--max-seconds",
         "1",
     ]

@@ -112,7 +112,9 @@ def test_an_episode_that_kills_its_process_does_not_end_the_search(
     (tmp_path / "deadly_system.py").write_text(DEADLY)
     monkeypatch.syspath_prepend(str(tmp_path))
     with Evaluator(
-        CUT_IN, SPACE, run=RunSettings(timestep=0.1, sut="deadly_system:Deadly")
+        CUT_IN,
+        SPACE,
+        run=RunSettings(timestep=0.1, sut="deadly_system:Deadly", sut_in_process=True),
     ) as evaluator:
         found = evaluator(np.array([MILD, HARD, MILD]))
         assert found.executed.tolist() == [True, False, True]

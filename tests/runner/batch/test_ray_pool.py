@@ -56,7 +56,7 @@ def variation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def batch(path: Path, sut: str = "none", **settings: object) -> list[Outcome]:
-    options = RunSettings(sut=sut, world="kinematic")
+    options = RunSettings(sut=sut, sut_in_process=True, world="kinematic")
     return list(run_batch(jobs_of([path], {}, True), options, **settings))  # type: ignore[arg-type]
 
 
@@ -81,7 +81,7 @@ def test_a_killed_worker_is_replaced_and_its_run_repeated(variation: Path) -> No
     outcomes: list[Outcome] = []
     running = run_batch(
         jobs_of([variation], {}, True),
-        RunSettings(sut="ray_systems:Slow", world="kinematic"),
+        RunSettings(sut="ray_systems:Slow", sut_in_process=True, world="kinematic"),
         out=Path("out"),
         ray="auto",
     )
@@ -106,7 +106,7 @@ def test_a_run_that_kills_every_worker_is_named_and_the_others_complete(variatio
 
 
 def test_an_interrupted_batch_goes_on_where_it_was(variation: Path) -> None:
-    options = RunSettings(sut="ray_systems:Slow", world="kinematic")
+    options = RunSettings(sut="ray_systems:Slow", sut_in_process=True, world="kinematic")
     running = run_batch(jobs_of([variation], {}, True), options, out=Path("out"), ray="auto")
     first = list(islice(running, 2))
     running.close()

@@ -28,8 +28,8 @@ from runner.systems.base import (
     Value,
     WorldDriven,
 )
-from runner.systems.kinds.frames import FrameConnection, PeerGone, PeerSilent
-from runner.systems.kinds.messages import (
+from runner.systems.frames import FrameConnection, PeerGone, PeerSilent
+from runner.systems.messages import (
     BUILD,
     CLOSE,
     DESCRIBE,
@@ -41,10 +41,11 @@ from runner.systems.kinds.messages import (
     read_answer,
 )
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
+from schemas.common.storage import Stamp, stamp
 
 _BOOT = (
     "import json, sys; sys.path[:] = json.loads(sys.argv.pop(1)); handle = sys.argv.pop(1); "
-    "sys.argv[:] = sys.argv[1:]; from runner.systems.kinds.child import serve; serve(handle)"
+    "sys.argv[:] = sys.argv[1:]; from runner.systems.child import serve; serve(handle)"
 )
 """Program of the process; its arguments are the path of imports, the socket and the name of the system"""
 _LOOK = 1.0
@@ -99,6 +100,20 @@ class _SystemProcess:
                     f"no process can be started for the system under test {name!r}: {reason}"
                 ) from None
         self._connection = FrameConnection(own, None, "the system under test", _LONGEST)
+
+        self.facts: dict[str, Any] = {}
+        """Answers about classes, by their names with parameters"""
+        self._files: dict[str, Stamp] = {}
+
+    def keep(self, files: list[str]) -> None:
+        """Take note of the files of the user that the process has imported."""
+        for file in files:
+            self._files.setdefault(file, stamp(file))
+
+    @property
+    def is_current(self) -> bool:
+        """Whether these files are as they were."""
+        return all(stamp(file) == known for file, known in self._files.items())
 
     def ask(self, message: bytes, limit: float) -> bytes:
         """Send a message, and return its answer.
@@ -236,7 +251,7 @@ def _take(name: str) -> _SystemProcess:
     for place, (known, process) in enumerate(_idle):
         if known == key:
             del _idle[place]
-            if process.is_usable:
+            if process.is_usable and process.is_current:
                 return process
             process.end()
             break
@@ -283,14 +298,15 @@ def facts(name: str, text: str, limit: float) -> Any:
     """
     process = _take(name)
     try:
-        answer = process.ask(
-            DESCRIBE + json.dumps({"system": text}).encode(), max(limit, _STARTING)
-        )
+        if text not in process.facts:
+            request = DESCRIBE + json.dumps({"system": text}).encode()
+            process.facts[text], files = json.loads(process.ask(request, max(limit, _STARTING)))
+            process.keep(files)
     except SystemFailure as error:
         raise UsageError(f"the system under test {name!r} can't be imported: {error}") from error
     finally:
         _give_back(name, process)
-    return json.loads(answer)
+    return process.facts[text]
 
 
 class _Isolated:
@@ -367,5 +383,6 @@ def isolated(name: str, text: str, limit: float) -> IsolatedSystem | IsolatedDri
     except BaseException:
         _give_back(name, process)
         raise
+    process.keep(answer["files"])
     kind = IsolatedDriver if answer["world_driven"] else IsolatedSystem
     return kind(name, process, limit, answer["name"])

@@ -24,14 +24,16 @@ from types import MappingProxyType
 from typing import Any
 
 from runner.engine.participants.declaration import BoundingBox, Performance
-from runner.engine.worlds.surroundings import Environment, StopLine
+from runner.engine.worlds.aspects import Aspect
+from runner.engine.worlds.signals_ahead import SignalAhead, StopLine
+from runner.engine.worlds.surroundings import Environment
 from runner.systems.base import Control, Observation, Participant, Pose
 from xodr.graph.network import RoadNetwork
 
 DESCRIBE, BUILD, RESET, STEP, CLOSE = b"D", b"B", b"R", b"S", b"C"
 DONE, ANSWER, ERROR, FAILURE = b"{", b"A", b"E", b"F"
-_HEAD = struct.Struct("=cddddI")
-"""`S`, time, dt, target speed, distance of the stop line (NaN without one), bytes of news"""
+_HEAD = struct.Struct("=cddddHI")
+"""`S`, time, dt, target speed, distance of the stop line (NaN without one); signals, bytes of news"""
 _MOVING = struct.Struct("=H13d")
 """Number of a participant, and what changes at each step: the fields of `Participant` from x to odometer"""
 _pack, _participant = _MOVING.pack, tuple.__new__
@@ -53,6 +55,7 @@ class ObservationWriter:
         self._network: RoadNetwork | None = None
         self._environment: Environment | None = None
         self._signal = ""
+        self._signals: list[tuple[str, str, str | None, Aspect | None]] = []
 
     def write(self, observation: Observation, dt: float) -> bytes:
         """The message of a step."""
@@ -71,10 +74,18 @@ class ObservationWriter:
         stop = observation.stop_line
         if stop is not None and stop.signal != self._signal:
             news["signal"] = self._signal = stop.signal
+        signals = observation.signals
+        if signals or self._signals:
+            named = [(each.signal, each.kind, each.state, each.aspect) for each in signals]
+            if named != self._signals:
+                news["signals"] = self._signals = named
         told = json.dumps(news).encode() if news else b""
         distance = math.nan if stop is None else stop.distance
-        head = _HEAD.pack(STEP, observation.time, dt, observation.target_speed, distance, len(told))
-        return b"".join((head, told, *moving))
+        head = _HEAD.pack(
+            STEP, observation.time, dt, observation.target_speed, distance, len(signals), len(told)
+        )
+        lines = struct.pack(f"={len(signals)}d", *(each.distance for each in signals))
+        return b"".join((head, told, lines, *moving))
 
     def _participant(self, each: Participant, news: dict[str, Any]) -> bytes:
         before, after = each[:_FIRST], each[_LAST:]
@@ -101,17 +112,28 @@ class ObservationReader:
         self._network: RoadNetwork | None = None
         self._environment = Environment()
         self._signal = ""
+        self._signals: list[list[Any]] = []
 
     def read(self, body: bytes) -> tuple[Observation, float]:
         """The observation of a step, and its length (s)."""
-        _, time, dt, target, distance, length = _HEAD.unpack_from(body)
+        _, time, dt, target, distance, lights, length = _HEAD.unpack_from(body)
+        begin = _HEAD.size + length
         if length:
-            self._take(json.loads(body[_HEAD.size : _HEAD.size + length]))
-        ego, *others = map(
-            self._participant, _MOVING.iter_unpack(memoryview(body)[_HEAD.size + length :])
-        )
+            self._take(json.loads(body[_HEAD.size : begin]))
+        signals = []
+        for named, away in zip(
+            self._signals, struct.unpack_from(f"={lights}d", body, begin), strict=True
+        ):
+            signal, kind, state, aspect = named
+            meaning = None if aspect is None else Aspect(aspect)
+            signals.append(SignalAhead(signal, kind, away, state, meaning))
+        begin += 8 * lights
+        ego, *others = map(self._participant, _MOVING.iter_unpack(memoryview(body)[begin:]))
         stop = None if math.isnan(distance) else StopLine(self._signal, distance)
-        return Observation(time, ego, others, target, self._network, self._environment, stop), dt
+        observation = Observation(
+            time, ego, others, target, self._network, self._environment, stop, tuple(signals)
+        )
+        return observation, dt
 
     def _participant(self, values: tuple[Any, ...]) -> Participant:
         before, after = self._declared[values[0]]
@@ -126,6 +148,7 @@ class ObservationReader:
         if "environment" in news:
             self._environment = _environment_of(news["environment"])
         self._signal = news.get("signal", self._signal)
+        self._signals = news.get("signals", self._signals)
 
 
 # JSON ------------------------------------------------------------------------------------------
