@@ -17,7 +17,7 @@ from time import perf_counter
 
 from runner.judging.execution import Prepared, prepare
 from runner.judging.settings import RunSettings
-from runner.systems.boundary import release
+from runner.systems.isolation.boundary import release
 from runner.systems.kinds.idm import IntelligentDriver
 from tests.runner.files import car, place, scenario
 

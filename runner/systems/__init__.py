@@ -3,7 +3,7 @@
 
 Runs drive the toolchain's own systems, and objects that a program hands over, in their own process.
 A class of the user that is given by name runs in a process of its own
-(`runner.systems.boundary`).
+(`runner.systems.isolation.boundary`).
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def open_system(sut: str | System | None, in_process: bool, limit: float) -> Sys
     """
     if not isinstance(sut, str) or in_process or not is_foreign(sut):
         return load_system(sut)
-    from runner.systems.boundary import isolated
+    from runner.systems.isolation.boundary import isolated
 
     return isolated(split(sut, _own())[0], sut, limit)
 
@@ -156,7 +156,7 @@ def class_origin(sut: str) -> ClassOrigin:
 
 def _described(sut: str, limit: float) -> ClassOrigin:
     """Origin of a class, which is imported in a process of its own."""
-    from runner.systems.boundary import facts
+    from runner.systems.isolation.boundary import facts
 
     package, origin, folders = facts(split(sut, _own())[0], sut, limit)
     return ClassOrigin(package, origin, tuple(folders))

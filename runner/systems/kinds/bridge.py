@@ -1,5 +1,5 @@
 """The system under test `bridge`: another process drives the ego over a socket; docs/ego-from-outside.md has the messages,
-`runner.systems.frames` the frames that hold them.
+`runner.systems.isolation.frames` the frames that hold them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from runner.systems.base import Control, Observation, Participant, Pose
-from runner.systems.frames import LENGTH, FrameConnection
+from runner.systems.isolation.frames import LENGTH, FrameConnection
 from runner.systems.outside.osmp import Truth
 from schemas.common.errors import ToolchainError, UsageError
 

@@ -14,8 +14,9 @@ from runner.batch.batch import run_batch
 from runner.batch.jobs import jobs_of
 from runner.batch.outputs.tables import write_parquet
 from runner.judging.settings import RunSettings
-from runner.systems import boundary, open_system
+from runner.systems import open_system
 from runner.systems.base import SystemUnderTestError, parameters_of
+from runner.systems.isolation import boundary
 from schemas.common.errors import UsageError
 from tests.commands import Command
 from tests.mutation import REPOSITORY

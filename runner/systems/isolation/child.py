@@ -24,8 +24,8 @@ from typing import Any
 import xodr
 from runner.systems import System, class_origin, load_system, system_name
 from runner.systems.base import WorldDriven, parameters_of, plain
-from runner.systems.frames import FrameConnection, PeerGone
-from runner.systems.messages import (
+from runner.systems.isolation.frames import FrameConnection, PeerGone
+from runner.systems.isolation.messages import (
     BUILD,
     CLOSE,
     DESCRIBE,

@@ -28,8 +28,8 @@ from runner.systems.base import (
     Value,
     WorldDriven,
 )
-from runner.systems.frames import FrameConnection, PeerGone, PeerSilent
-from runner.systems.messages import (
+from runner.systems.isolation.frames import FrameConnection, PeerGone, PeerSilent
+from runner.systems.isolation.messages import (
     BUILD,
     CLOSE,
     DESCRIBE,
@@ -45,7 +45,7 @@ from schemas.common.storage import Stamp, stamp
 
 _BOOT = (
     "import json, sys; sys.path[:] = json.loads(sys.argv.pop(1)); handle = sys.argv.pop(1); "
-    "sys.argv[:] = sys.argv[1:]; from runner.systems.child import serve; serve(handle)"
+    "sys.argv[:] = sys.argv[1:]; from runner.systems.isolation.child import serve; serve(handle)"
 )
 """Program of the process; its arguments are the path of imports, the socket and the name of the system"""
 _LOOK = 1.0
