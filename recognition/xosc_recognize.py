@@ -316,9 +316,63 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
         )
     for name in summary.edited:
         say(f"{NAME}: {name} was edited since it was written, it is left as it is", to=sys.stderr)
+    for name, reason in summary.repaired.items() if not quiet else ():
+        say(f"{NAME}: {name} was repaired: {reason}", to=sys.stderr)
+    if summary.skipped and not quiet:
+        from recognition.recordings.source import named
+
+        say(
+            f"{NAME}: {len(summary.skipped)} files are of no known format: {named(summary.skipped)}",
+            to=sys.stderr,
+        )
     for error in summary.failures.values():
         say(f"{NAME}: {error}", to=sys.stderr)
     return max((error.exit_code for error in summary.failures.values()), default=0)
+
+
+@protected("max_runs")
+def inspect(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RECORDING...", help="Recordings: files, or folders with all below them."
+        ),
+    ],
+    road: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The OpenDRIVE file of all recordings.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print a JSON object for each recording, one a line.")
+    ] = False,
+    _verbose: Verbose = False,
+    quiet: Quiet = False,
+    _version: Version = False,
+) -> None:
+    """Check whether recordings are possible: a verdict for each (fit, repaired, refused), a quality from 0 to 1, and reasons.
+
+    Checked are the step of the clock against speeds and places, speeds by category, overlaps of
+    vehicles, missing frames, ids used twice, sizes, headings, and the map: the share of places on
+    lanes and against the traffic. `catalogue` checks the same and refuses what is refused here
+    (exit code 3).
+    """
+    from recognition.catalogue.recordings import forget, inspected, listed, opened
+    from recognition.recordings.source import REFUSED, named
+
+    forget()
+    code = 0
+    for source in opened(tuple(paths), road):
+        found = inspected(source)
+        code = 3 if found.verdict == REFUSED else code
+        if as_json:
+            say(found.as_json())
+        else:
+            say(f"{found.verdict:8}  {found.quality:.3f}  {found.name} ({found.format})")
+            for reason in () if quiet else found.reasons:
+                say(f"          {reason}")
+    skipped = [file for each in listed(tuple(paths)) for file in each.skipped]
+    if skipped and not quiet:
+        say(f"{NAME}: {len(skipped)} files are of no known format: {named(skipped)}", to=sys.stderr)
+    raise typer.Exit(code)
 
 
 # recordings of our own, and the application -----------------------------------------------------
@@ -399,10 +453,11 @@ app = new_app(NAME, _CatalogueByDefault)
 
 @app.callback(epilog=_EPILOG)
 def xosc_recognize(_version: Version = False) -> None:
-    """Make catalogues or replays of recordings, label runs, record traffic, train models; each command has --help."""
+    """Inspect recordings, make catalogues or replays of them, label runs, record traffic, train models; each has --help."""
 
 
 app.command(_DEFAULT, help=_CATALOGUE)(catalogue)
+app.command("inspect")(inspect)
 app.command("label")(label)
 app.command("record")(record)
 app.command("replay")(replay)

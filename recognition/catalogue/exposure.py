@@ -15,21 +15,37 @@ from runner.recording import Recording
 EVERYWHERE = "all"
 """Site and class of totals"""
 COLUMNS: dict[str, type] = {
-    "site": str, "class": str, "events": int, "vehicles": int, "vehicle_hours": float, "vehicle_km": float,
+    "site": str, "class": str, "events": int, "vehicles": int, "vehicle_hours": float, "vehicle_km": float, "quality": float,
     "per_hour": float, "per_hour_low": float, "per_hour_high": float,
     "per_1000_km": float, "per_1000_km_low": float, "per_1000_km_high": float,
 }  # fmt: skip
-"""Columns of the table beside the index: events, the exposure they are counted in, rates with their 95 % intervals"""
+"""Columns of the table beside the index: events, exposure with its quality from 0 to 1, rates with their 95 % intervals"""
 _LEVEL = 0.95
 _HOUR, _KM = 3600.0, 1000.0
 
 
 class Mileage(NamedTuple):
-    """Motor vehicles that were not parked: their number, the sum of their times (s) and of their distances (m)."""
+    """Motor vehicles that were not parked: their number, the sum of their times (s) and of their distances (m).
+
+    quality: of the recording, from 0 to 1.
+    """
 
     vehicles: int
     time: float
     distance: float
+    quality: float = 1.0
+
+    def __add__(self, other: Mileage) -> Mileage:  # type: ignore[override]
+        """Both together; the quality is the mean by time."""
+        time = self.time + other.time
+        quality = (
+            (self.quality * self.time + other.quality * other.time) / time
+            if time > 0.0
+            else other.quality
+        )
+        return Mileage(
+            self.vehicles + other.vehicles, time, self.distance + other.distance, quality
+        )
 
 
 def exposure_of(recording: Recording, rules: Rules) -> Mileage:
@@ -67,13 +83,7 @@ def rates(
     total: dict[str, Mileage] = {}
     for site, one in sites:
         for name in (site, EVERYWHERE):
-            before = total.get(name, Mileage(0, 0.0, 0.0))
-            vehicles, time, distance = (
-                before.vehicles + one.vehicles,
-                before.time + one.time,
-                before.distance + one.distance,
-            )
-            total[name] = Mileage(vehicles, time, distance)
+            total[name] = total.get(name, Mileage(0, 0.0, 0.0)) + one
     for (_, title), count in list(events.items()):
         events[EVERYWHERE, title] += count
     for (site, _), count in list(events.items()):
@@ -89,7 +99,11 @@ def rates(
 def _row(site: str, title: str, count: int, seen: Mileage) -> dict[str, Any]:
     hours, km = seen.time / _HOUR, seen.distance / _KM
     row = {"site": site, "class": title, "events": count, "vehicles": seen.vehicles}
-    row |= {"vehicle_hours": round(hours, 4), "vehicle_km": round(km, 3)}
+    row |= {
+        "vehicle_hours": round(hours, 4),
+        "vehicle_km": round(km, 3),
+        "quality": round(seen.quality, 4),
+    }
     for name, amount in (("per_hour", hours), ("per_1000_km", km / 1000.0)):
         values = (
             [each / amount for each in (count, *interval(count))] if amount > 0.0 else [None] * 3

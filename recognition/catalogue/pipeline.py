@@ -32,8 +32,9 @@ from recognition.catalogue.writing.index import Catalogue, recordings_of
 from recognition.catalogue.writing.store import digests, write_unless_edited
 from recognition.catalogue.writing.write import AUTHOR
 from recognition.labels import LabelledEvent
-from recognition.recordings import Source
+from recognition.recordings import Report, Source
 from recognition.recordings.formats import runs
+from recognition.recordings.source import REPAIRED
 from recognition.scenes import Site
 from runner.batch.pool import executor
 from runner.recording import Recording
@@ -182,7 +183,8 @@ class Summary(NamedTuple):
     exclusions: vehicles without a scene. colliding: scenarios in which the ego touches another one
     from the start, as recorded. edited: files that a person has edited, left alone. removed: files
     of earlier runs that are no longer part of the catalogue. failures: recordings that could not be
-    read, and why.
+    read, and why. skipped: files of an unknown format. repaired: recordings that were repaired, and
+    why.
     """
 
     classes: Counter[str]
@@ -192,6 +194,8 @@ class Summary(NamedTuple):
     edited: list[str]
     removed: list[str]
     failures: dict[str, ToolchainError]
+    skipped: list[Path]
+    repaired: dict[str, str]
 
 
 _EPISODES = 25
@@ -250,7 +254,7 @@ def build(
         work = _Work(out, settings, recogniser(), workers)
         work.take(sources, found, bar)
     work.write([source for source in sources if source.name in work.seen], bar)
-    return work.close()
+    return work.close([file for found in recordings.listed(tuple(paths)) for file in found.skipped])
 
 
 def _refuse_twins(sources: Sequence[Source]) -> None:
@@ -324,13 +328,12 @@ class _Work:
                     self._failures[block.ground.place.name] = one.error
                 advance(len(block.episodes))
 
-    def close(self) -> Summary:
-        """Finish the catalogue."""
+    def close(self, skipped: list[Path]) -> Summary:
+        """Finish the catalogue; `skipped` are the files that no format claims."""
         catalogue = self._catalogue
         rows = catalogue.rows
-        removed = catalogue.close(
-            failures={name: str(error) for name, error in self._failures.items()}
-        )
+        failures = {name: str(error) for name, error in self._failures.items()}
+        removed = catalogue.close(failures=failures, skipped=[file.name for file in skipped])
         self._shelf.clear()
         return Summary(
             Counter(row["class"] for row in rows),
@@ -340,6 +343,12 @@ class _Work:
             catalogue.store.edited,
             removed,
             self._failures,
+            skipped,
+            {
+                name: _repairs(seen.report)
+                for name, seen in self.seen.items()
+                if seen.report.verdict == REPAIRED
+            },
         )
 
     def _blocks(self, source: Source) -> Iterator[Block]:
@@ -350,6 +359,10 @@ class _Work:
         episodes = recordings.episodes(self._settings, seen, self._recogniser.moments(source.name))
         for start in range(0, len(episodes), _EPISODES):
             yield Block(seen.ground, road, episodes[start : start + _EPISODES])
+
+
+def _repairs(report: Report) -> str:
+    return "; ".join(check.reason for check in report.checks if check.verdict == REPAIRED)
 
 
 def _part(advance: Advance, share: float) -> Advance:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import json
 import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -33,7 +34,8 @@ from recognition.catalogue.writing.write import (
     PendingCatalog,
 )
 from recognition.labels import LabelledEvent, Rules, label
-from recognition.recordings import Cut, Exclusion, Gap, Report, Source, cache_roads
+from recognition.recordings import Check, Cut, Exclusion, Gap, Report, Source, cache_roads
+from recognition.recordings.source import REFUSED
 from recognition.scenes import Roles, Site, site_of
 from recognition.scenes.cut import Scope
 from runner.engine.participants.declaration import BoundingBox
@@ -165,13 +167,10 @@ def _report(values: dict[str, Any]) -> Report:
         [Gap(*one) for one in values.pop("gaps")],
         [Cut(*one) for one in values.pop("cuts")],
     )
+    checks = [Check(*one) for one in values.pop("checks")]
+    exclusions = [Exclusion(*one) for one in values.pop("exclusions")]
     return Report(
-        **values
-        | {
-            "gaps": gaps,
-            "cuts": cuts,
-            "exclusions": [Exclusion(*one) for one in values.pop("exclusions")],
-        }
+        **values | {"checks": checks, "gaps": gaps, "cuts": cuts, "exclusions": exclusions}
     )
 
 
@@ -219,11 +218,12 @@ class RecordingRef(NamedTuple):
 
 
 class PlacedRecording(NamedTuple):
-    """A recording that has been read, and what it is on."""
+    """A recording that has been read, what it is on, and its quality from 0 to 1."""
 
     place: RecordingRef
     road: Path
     roles: Roles
+    quality: float = 1.0
 
     @property
     def site(self) -> Site:
@@ -267,7 +267,13 @@ def opened(paths: tuple[Path, ...], road: Path | None = None) -> list[Source]:
     Args:
         road: the OpenDRIVE file of all of them, instead of those that they have.
     """
-    return [replace(source, given=road) for path in paths for source in datasets.open(path).sources]
+    return [replace(source, given=road) for found in listed(paths) for source in found.sources]
+
+
+@lru_cache(maxsize=1)
+def listed(paths: tuple[Path, ...]) -> list[datasets.DataSet]:
+    """The data sets in files and folders, listed once in each process."""
+    return [datasets.open(path) for path in paths]
 
 
 @limited()
@@ -280,6 +286,41 @@ def looked(source: Source, rules: Rules) -> tuple[Recording, Site, list[Labelled
     recording = source.load()
     site = site_of(source, recording, cache_roads())
     return recording, site, label(recording, site, source.name, rules)
+
+
+class Inspection(NamedTuple):
+    """Outcome of the intake of a recording: verdict, quality in [0, 1], and a reason for each check that found something."""
+
+    name: str
+    format: str
+    verdict: str
+    quality: float
+    reasons: list[str]
+
+    def as_json(self) -> str:
+        """As one line of JSON."""
+        return json.dumps(self._asdict(), ensure_ascii=False)
+
+
+def inspected(source: Source) -> Inspection:
+    """Read a recording and check it, on its map where it has one."""
+    reasons: list[str] = []
+    try:
+        with limited():
+            recording = source.examine()
+            try:
+                site_of(source, recording, cache_roads())
+            except UsageError as error:  # without a map the rest stands
+                reasons.append(error.message)
+    except (InvalidFile, Unsupported) as error:
+        if source.report is None or source.report.verdict != REFUSED:
+            return Inspection(source.name, source.format, REFUSED, 0.0, [error.message])
+    assert source.report is not None, "the recording has been read"
+    checks = [*dict.fromkeys(source.report.checks)]
+    verdict, quality = source.report.verdict, source.report.quality
+    refused = verdict == REFUSED
+    reasons = [*(check.reason for check in checks), *reasons]
+    return Inspection(source.name, source.format, verdict, 0.0 if refused else quality, reasons)
 
 
 def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording | ToolchainError:
@@ -302,7 +343,7 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
                 detect.vehicles(recording, site.network, needs) if needs is not None else ([], [])
             )
             ground, exposure = (
-                PlacedRecording(place, site.path, site.roles),
+                PlacedRecording(place, site.path, site.roles, report.quality),
                 exposure_of(recording, settings.rules),
             )
     except NotWritten:
@@ -347,7 +388,7 @@ def recorded(place: RecordingRef) -> Recording:
 def _material(ground: PlacedRecording, scope: Scope) -> Material:
     """Return the used part of a recording, cached for its other blocks."""
     recording = recorded(ground.place)
-    material = Material(ground.place.source, recording, ground.site, scope)
+    material = Material(ground.place.source, recording, ground.site, scope, ground.quality)
     if len(recording.tracks) >= _LONG:
         gc.unfreeze()
         gc.collect()
@@ -358,6 +399,7 @@ def _material(ground: PlacedRecording, scope: Scope) -> Material:
 def forget() -> None:
     """Keep nothing of what was opened: other files may have the same names."""
     opened.cache_clear()
+    listed.cache_clear()
     recorded.cache_clear()
     _material.cache_clear()
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from schemas.common.packages import public
 
 if TYPE_CHECKING:
+    from recognition.recordings.source import Check as Check
     from recognition.recordings.source import Cut as Cut
     from recognition.recordings.source import DataSet as DataSet
     from recognition.recordings.source import Exclusion as Exclusion
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from recognition.recordings.source import open as open
 
 __all__ = [
+    "Check",
     "Cut",
     "DataSet",
     "Exclusion",
@@ -37,7 +39,7 @@ __all__ = [
 ]
 
 _SOURCE = dict.fromkeys(
-    ("Cut", "DataSet", "Exclusion", "Gap", "LightStates", "Report", "SiteRoad", "Source"),
+    ("Check", "Cut", "DataSet", "Exclusion", "Gap", "LightStates", "Report", "SiteRoad", "Source"),
     "recognition.recordings.source",
 )
 __getattr__, __dir__ = public(

@@ -337,16 +337,6 @@ def facing(heading: FloatArray, vx: FloatArray, vy: FloatArray) -> bool:
     return bool((np.cos(heading) * vx + np.sin(heading) * vy).sum() >= _FACING * speed.sum())
 
 
-def crowded(time: FloatArray, x: FloatArray, y: FloatArray) -> int:
-    """Return the number of rows that share time and 2 m square with another row.
-
-    Next to none in a recording; many where a table holds vehicles that were not there together.
-    """
-    places = np.stack([np.round(time * 1000.0), np.round(0.5 * x), np.round(0.5 * y)])
-    counts = np.unique(places, axis=1, return_counts=True)[1]
-    return int(counts[counts > 1].sum())
-
-
 # values of a whole track, and companion tables of highD and inD ---------------------------------
 
 
@@ -432,17 +422,28 @@ def matched(table: Table, rows: Rows, meta: Table, key: str) -> IntArray:
 
 
 def other_sizes(
-    table: Table, rows: Rows, meta: Table, index: IntArray, sides: Sequence[str]
+    table: Table,
+    rows: Rows,
+    meta: Table,
+    index: IntArray,
+    sides: Sequence[str],
+    *,
+    first_counts: bool = False,
 ) -> list[str]:
-    """A remark where first rows of tracks have other sizes than tracksMeta, which count; `index` is its row of each track."""
+    """A remark where first rows of tracks have other sizes than tracksMeta; `index` is its row of each track.
+
+    Args:
+        first_counts: whether those of the first rows count, not those of tracksMeta.
+    """
     differ = np.any(
         [np.abs(table[side][rows.heads] - meta[side][index]) > _ROUNDED for side in sides], axis=0
     )
     if not differ.any():
         return []
     first = rows.keys[int(differ.argmax())]
+    counts = "that of the tracks counts" if first_counts else "that one counts"
     return [
-        f"{differ.sum()} tracks ({first} first) have another size in {meta.path.name}: that one counts"
+        f"{differ.sum()} tracks ({first} first) have another size in {meta.path.name}: {counts}"
     ]
 
 

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.recordings import motion_models
+from recognition.recordings.intake import MOVED, check_ratio, ratio_of_speeds
 from recognition.recordings.observations import Bounds, Noise, Observations, deviation
 from recognition.recordings.rows import Columns, Parted, Rows, parted
-from recognition.recordings.source import Cut, Exclusion, Report, TrackParticipant
+from recognition.recordings.source import Check, Cut, Exclusion, Report, TrackParticipant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import InvalidFile
 
@@ -181,10 +182,6 @@ class Smoothed(NamedTuple):
     columns: Columns
 
 
-_MOVED, _UNITS = 3.0, 2.0
-"""Way in a second (m) by which speeds are compared with it, and the greatest ratio of both; in mph they are 2.24 times as high"""
-
-
 def smoothed(
     rows: Rows,
     who: Sequence[TrackParticipant],
@@ -192,7 +189,7 @@ def smoothed(
     report: Report,
     noise: Noise | None = None,
 ) -> Smoothed:
-    """Cut tracks where they jump, and smooth them.
+    """Cut tracks where they jump, and smooth them; those whose places move at other speeds than stated stay as they are.
 
     Args:
         who: participant of each track.
@@ -201,10 +198,12 @@ def smoothed(
         noise: of the recording.
 
     Raises:
-        InvalidFile: nothing is left of any track, their motion can't be computed, or their speeds
-            are not in m/s.
+        InvalidFile: nothing is left of any track, or their motion can't be computed.
     """
-    _require_units(rows, columns)
+    wrong_step = _check_step(rows, columns)
+    if wrong_step is not None:  # what moves at two speeds has no smooth motion
+        report.checks.append(wrong_step)
+        return Smoothed(rows, list(who), columns | {f"raw_{name}": columns[name] for name in RAW})
     broken = breaks(rows, *centres(rows, who, columns))
     rest = parted(rows, broken.heads, _LEAST)
     if not len(rest.rows):
@@ -230,20 +229,17 @@ def smoothed(
     return Smoothed(rows, who, columns)
 
 
-def _require_units(rows: Rows, columns: Columns) -> None:
-    """Refuse speeds of more than `_UNITS` times those at which the places move."""
+def _check_step(rows: Rows, columns: Columns) -> Check | None:
+    """Compare the speeds stated with those at which the places move."""
     ahead, here = max(round(1.0 / rows.step), 1), np.arange(len(rows))
     there = np.minimum(here + ahead, rows.last)
-    moved = np.hypot(columns["x"][there] - columns["x"], columns["y"][there] - columns["y"])
-    chosen = (there - here == ahead) & (moved >= _MOVED)
-    if chosen.any():
-        ratio = float(
-            np.median(np.abs(columns["speed"][chosen]) * ahead * rows.step / moved[chosen])
-        )
-        if ratio > _UNITS:
-            raise InvalidFile(
-                f"the speeds are {ratio:.2f} times those at which the places move: they are not in m/s"
-            )
+    way = np.hypot(columns["x"][there] - columns["x"], columns["y"][there] - columns["y"])
+    here = np.flatnonzero((there - here == ahead) & (way >= MOVED))
+    there = there[here]
+    ratio = ratio_of_speeds(
+        np.abs(columns["speed"]), here, there, rows.time[there] - rows.time[here], way[here]
+    )
+    return check_ratio(ratio, rows.step)
 
 
 def centres(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -68,6 +70,23 @@ class Exclusion(NamedTuple):
     reason: str
 
 
+FIT, REPAIRED, REFUSED = "fit", "repaired", "refused"
+"""Verdicts on a recording"""
+
+
+class Check(NamedTuple):
+    """Outcome of a check of a recording that found something.
+
+    name: what was checked. verdict: `REFUSED`, `REPAIRED`, or None where it only lowers the
+    quality. share: of rows or tracks that fail, in [0, 1]. reason: one sentence.
+    """
+
+    name: str
+    verdict: str | None
+    share: float
+    reason: str
+
+
 @dataclass
 class Report:
     """Report on reading a source.
@@ -78,6 +97,7 @@ class Report:
         cuts: where tracks were cut, because they jump or are not recorded for long.
         exclusions: what was left out.
         remarks: what was assumed, derived or corrected, one sentence each.
+        checks: what the intake found (`recognition.recordings.intake`).
     """
 
     rows: int = 0
@@ -86,6 +106,7 @@ class Report:
     cuts: list[Cut] = field(default_factory=list)
     exclusions: list[Exclusion] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    checks: list[Check] = field(default_factory=list)
 
     def add(self, other: Report) -> None:
         """Take in what was found in another file of the same recording."""
@@ -94,7 +115,19 @@ class Report:
         self.gaps += other.gaps
         self.cuts += other.cuts
         self.exclusions += other.exclusions
+        self.checks += other.checks
         self.remarks += (remark for remark in other.remarks if remark not in self.remarks)
+
+    @property
+    def quality(self) -> float:
+        """Quality in [0, 1]: the product of the shares that no check complains of."""
+        return round(math.prod(1.0 - min(max(check.share, 0.0), 1.0) for check in self.checks), 4)
+
+    @property
+    def verdict(self) -> str:
+        """`fit`, `repaired` or `refused`, whichever of the checks' is the worst."""
+        verdicts = {check.verdict for check in self.checks}
+        return REFUSED if REFUSED in verdicts else REPAIRED if REPAIRED in verdicts else FIT
 
     @property
     def missing(self) -> int:
@@ -151,43 +184,6 @@ def _no_lights() -> None:
     """Return no states: the recording has none of traffic lights."""
 
 
-_MOMENTS, _ONE_PLACE, _TOO_MANY = 25, 1.0, 0.02
-"""Moments that are looked at; reference points nearer than this (m) are of one vehicle, or of no scene; greatest share
-of vehicles of which this is true in a scene"""
-
-
-def _overlaps(tracks: Sequence[Track]) -> list[str]:
-    """Return a remark if vehicles are inside each other: their tracks are of different times, or one vehicle has several."""
-    import numpy as np
-
-    vehicles = [
-        track.columns for track in tracks if track.kind == "vehicle" and len(track.columns["time"])
-    ]
-    if len(vehicles) < 2:
-        return []
-    start, end = (
-        min(float(each["time"][0]) for each in vehicles),
-        max(float(each["time"][-1]) for each in vehicles),
-    )
-    inside = there = 0
-    for time in np.linspace(start, end, _MOMENTS).tolist():
-        present = [each for each in vehicles if each["time"][0] <= time <= each["time"][-1]]
-        x, y = (
-            np.array([np.interp(time, each["time"], each[axis]) for each in present])
-            for axis in "xy"
-        )
-        apart = np.hypot(x[:, None] - x, y[:, None] - y)
-        np.fill_diagonal(apart, np.inf)
-        inside += int((apart.min(axis=1, initial=np.inf) < _ONE_PLACE).sum())
-        there += len(present)
-    if inside <= _TOO_MANY * there:
-        return []
-    share = f"{inside / there:.0%} of the vehicles are inside another one"
-    return [
-        f"at {_MOMENTS} moments {share}: the tracks can hardly be of one time, or vehicles were tracked twice"
-    ]
-
-
 @dataclass(eq=False)
 class Source:
     """One recording of a data set, not read yet.
@@ -209,6 +205,7 @@ class Source:
             none.
         lights: recorded states of traffic lights, asked for after it was read; None where it has
             none.
+        simulated: whether it is a run, in which what happened did happen: nothing is refused.
     """
 
     name: str
@@ -222,23 +219,53 @@ class Source:
     given: Path | None = None
     ego: Callable[[], str | None] = field(default=_no_ego, repr=False)
     lights: Callable[[], LightStates | None] = field(default=_no_lights, repr=False)
+    simulated: bool = False
     report: Report | None = field(default=None, init=False, repr=False)
     """what the last reading found; None before"""
 
     def load(self) -> Recording:
-        """Read the recording, afresh each time, and renew `report`.
+        """Read and examine the recording, afresh each time, and renew `report`.
+
+        Raises:
+            InvalidFile: a file is malformed, or the recording is impossible; names file, line and
+                column, or all reasons.
+            Unsupported: it holds something that is not supported.
+        """
+        recording = self.examine()
+        self.require()
+        return recording
+
+    def examine(self) -> Recording:
+        """Read the recording and check whether it is possible; `report` has the outcome.
 
         Raises:
             InvalidFile: a file is malformed; names file, line and column.
             Unsupported: it holds something that is not supported.
         """
+        from recognition.recordings.intake import examine
+
         try:
             recording, self.report = self.read()
         except InvalidFile as error:
             error.path = error.path or str(self.path)
             raise
-        self.report.remarks += _overlaps([*recording.tracks.values()])
+        if not self.simulated:
+            recording = examine(recording, self.report)
+        self.report.remarks += [
+            check.reason for check in self.report.checks if check.verdict != REFUSED
+        ]
         return recording
+
+    def require(self) -> None:
+        """Refuse the recording if a check failed.
+
+        Raises:
+            InvalidFile: with the reasons.
+        """
+        assert self.report is not None, "the recording has been read"
+        reasons = [check.reason for check in self.report.checks if check.verdict == REFUSED]
+        if reasons:
+            raise InvalidFile("; ".join(reasons), path=self.path)
 
 
 @dataclass(eq=False)
@@ -246,9 +273,18 @@ class DataSet:
     """A folder or file with recordings; `sources` lists them without reading their tracks."""
 
     path: Path
-    find: Callable[[], list[Source]] = field(repr=False)
+    find: Callable[[], tuple[list[Source], list[Path]]] = field(repr=False)
 
     @cached_property
+    def _found(self) -> tuple[list[Source], list[Path]]:
+        return self.find()
+
+    @property
+    def skipped(self) -> list[Path]:
+        """Files that no format claims, and that belong to no recording: of an unknown format."""
+        return self._found[1]
+
+    @property
     def sources(self) -> list[Source]:
         """The recordings, in the order of their files.
 
@@ -257,7 +293,7 @@ class DataSet:
                 printed. A table or index that can't be read, so that it may be a recording or not,
                 is a source that says so when it is loaded.
         """
-        return self.find()
+        return self._found[0]
 
 
 REAR_AXLE = 0.3
@@ -346,26 +382,62 @@ def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) ->
     return DataSet(path, partial(_find, path, Path(roads) if roads is not None else cache_roads()))
 
 
-def _find(path: Path, roads: Path) -> list[Source]:
+def _find(path: Path, roads: Path) -> tuple[list[Source], list[Path]]:
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
     by_content = packages.described(FORMATS, "BY_CONTENT")
     formats = [
         import_module(f"{FORMATS}.{name}")
         for name in sorted(by_content, key=lambda name: by_content[name])
     ]
-    found = _told_apart(
-        [source for file in files for source in _sources(file, formats, roads)], path
-    )
+    by_file = {file: _sources(file, formats, roads) for file in files}
+    found = _told_apart([source for sources in by_file.values() for source in sources], path)
+    skipped = [
+        file for file, sources in by_file.items() if not sources and not _belongs(file, found)
+    ]
     if not found:
         known = ", ".join(packages.described(FORMATS, "TITLE").values())
-        raise InvalidFile(f"no recording of a known format is here ({known})", path=path)
+        others = f"; skipped: {named(skipped)}" if path.is_dir() and skipped else ""
+        raise InvalidFile(f"no recording of a known format is here ({known}){others}", path=path)
     for source in found:
         if not source.name.isprintable():
             raise InvalidFile(
                 f"the name of recording {source.name!r} has characters that can't be printed",
                 path=source.path,
             )
-    return found
+    return found, skipped
+
+
+_BESIDE = re.compile(
+    r".*(_tracksMeta|_recordingMeta|meta_data)\.csv|pedestrian_tracks_\d+\.csv|log_map_archive.*|.*(?<!_tracks)\.(xodr|osm|md|rst|pdf|html|"
+    r"docx?|png|jpe?g|svg|gif|mp4|avi|py|ipynb|toml|ya?ml|lock|log|sha256|md5|xosc|jsonl|sumocfg)|.*\.roles\.json|LICEN[CS]E.*|"
+    r"README.*|CITATION.*|NOTICE.*|\..*",
+    re.IGNORECASE,
+)
+"""Names of files that accompany recordings: maps, meta data, pictures, documents, hidden files"""
+_OF_FOLDER = ("nuScenes", "Argoverse 2", "run")
+"""Formats whose recordings are folders: files in them, and beside them, are theirs"""
+
+
+def _belongs(file: Path, found: Sequence[Source]) -> bool:
+    """Whether a file without a recording of its own is part of another recording, or no data at all."""
+    if _BESIDE.fullmatch(file.name):
+        return True
+    folders = [source.path.parent for source in found if source.format in _OF_FOLDER]
+    return any(folder in file.parents or file.parent == folder.parent for folder in folders)
+
+
+_NAMED = 3
+
+
+def named(files: Sequence[Path]) -> str:
+    """Names of some files and the number of all by ending."""
+    counts = Counter(file.suffix or "no ending" for file in files)
+    listed = ", ".join(file.name for file in files[:_NAMED]) + (
+        ", …" if len(files) > _NAMED else ""
+    )
+    return (
+        f"{listed} ({', '.join(f'{count} {ending}' for ending, count in sorted(counts.items()))})"
+    )
 
 
 def _sources(file: Path, formats: Sequence[ModuleType], roads: Path) -> list[Source]:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.recordings import SiteRoad, Source
+from recognition.recordings import Check, SiteRoad, Source
+from recognition.recordings.source import REFUSED
 from recognition.scenes.lanes import LaneGraph, Strip, graph
 from recognition.scenes.roles import (
     LaneRole,
@@ -55,6 +56,8 @@ def map_of(source: Source, recording: Recording, folder: Path) -> SiteRoad:
 
 _LEAST_ON_ROAD = 1.0 / 3.0
 """Least share of the vehicles' places that are on a road: on its own map it is 65 % in the worst of the real recordings."""
+_MOST_ON_ROAD = 0.98
+"""Share from which nothing is said"""
 _MOST_ASTRAY = 1.0 / 3.0
 """Greatest share of places where vehicles go astray: on its own map it is 3 % in the worst of the real recordings, on that of
 another junction, or turned or mirrored, mostly 45 % and more where five move. Of four, two may have
@@ -67,21 +70,35 @@ _SAMPLED = 500
 """Rows of a recording that are looked at."""
 
 
-def require_fit(recording: Recording, network: RoadNetwork, name: str, path: Path) -> None:
-    """Refuse a map that can't be that of a recording.
-
-    Raises:
-        InvalidFile: few vehicles are on its roads, or many go across its lanes or against their
-            traffic; says so of the map's `name`, and of the recording's `path`.
-    """
+def fit(recording: Recording, network: RoadNetwork, name: str) -> list[Check]:
+    """Compare a map, by its `name`, with a recording: it may be that of another place, or lack lanes."""
     on_road, astray = share_on_road(recording, network), share_astray(recording, network)
+    needed = "a map of this place is needed, in the same coordinates"
+    found = []
     if on_road < _LEAST_ON_ROAD:
-        found = f"only {on_road:.0%} of the vehicles' places are on a road of {name}"
-    elif astray > _MOST_ASTRAY:
-        found = f"at {astray:.0%} of their places vehicles go across the lanes of {name} or against the traffic there"
-    else:
-        return
-    raise InvalidFile(f"{found}: a map of this place is needed, in the same coordinates", path=path)
+        found.append(
+            Check(
+                "map",
+                REFUSED,
+                1.0 - on_road,
+                f"only {on_road:.0%} of the vehicles' places are on a road of {name}: {needed}",
+            )
+        )
+    elif on_road < _MOST_ON_ROAD:
+        found.append(
+            Check(
+                "map",
+                None,
+                1.0 - on_road,
+                f"{on_road:.0%} of the vehicles' places are on a road of {name}",
+            )
+        )
+    across = f"at {astray:.0%} of their places vehicles go across the lanes of {name} or against the traffic there"
+    if astray > _MOST_ASTRAY:
+        found.append(Check("flow", REFUSED, astray, f"{across}: {needed}"))
+    elif astray > 0.0:
+        found.append(Check("flow", None, astray, across))
+    return found
 
 
 def share_on_road(recording: Recording, network: RoadNetwork) -> float:
@@ -365,7 +382,12 @@ def site_of(source: Source, recording: Recording, roads: Path) -> Site:
     lights = frozenset(network.roads) if road.signalised else road.lights
     site = site_at(road.path, network, lights, roads, _driven(recording))
     if brought is None:
-        require_fit(recording, site.network, (source.map or road.path).name, source.path)
+        checks = fit(recording, site.network, (source.map or road.path).name)
+        if source.report is not None:
+            source.report.checks += checks
+        refused = [check.reason for check in checks if check.verdict == REFUSED]
+        if refused:
+            raise InvalidFile("; ".join(refused), path=source.path)
     return site
 
 

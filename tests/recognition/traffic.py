@@ -246,11 +246,11 @@ def write_parquet(path: Path, rows: Sequence[Mapping[str, object]]) -> Path:
 
 
 def read(path: Path) -> tuple[Recording, datasets.Report]:
-    """The recording of the only source in a file or folder, and what reading it found; roads go beside it."""
+    """The recording of the only source in a file or folder, and what reading it found, possible or not; roads go beside it."""
     (source,) = datasets.open(
         path, roads=(path if path.is_dir() else path.parent) / "roads"
     ).sources
-    recording = source.load()
+    recording = source.examine()
     assert source.report is not None
     return recording, source.report
 

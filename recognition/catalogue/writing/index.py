@@ -61,6 +61,7 @@ COLUMNS: dict[str, type] = {
     "recording": str,
     "vehicle": str,
     "partner": str,
+    "quality": float,
     "time": float,
     "start": float,
     "end": float,
@@ -78,7 +79,8 @@ part. road_kind, limit (m/s): of the ego's lane at the event's time. light: reco
 the traffic light that the ego passes, in the words of the data set. Speeds and closing speed (m/s)
 and gap along the road (m) of ego and partner at that time. Least THW and TTC (s) and greatest DRAC
 (m/s²) of the pair within the event's time, blank where their boxes touch (pair_touches), DRAC also
-above 20 m/s². Where from, with times in s. Measures of the ego against all others of the scene."""
+above 20 m/s². Where from, with the quality of the recording from 0 to 1, and times in s. Measures
+of the ego against all others of the scene."""
 
 Row = Mapping[str, Any]
 
@@ -177,7 +179,7 @@ class Catalogue:
         self, source: Source, report: Report, seen: Mileage, exclusions: Iterable[Exclusion]
     ) -> None:
         """Enter a recording into the index, with its exposure, what reading it found, and which vehicles are no egos."""
-        self._exposures.append((source.site, seen))
+        self._exposures.append((source.site, seen._replace(quality=report.quality)))
         found: dict[str, float] = {
             "rows": report.rows,
             "tracks": report.tracks,
@@ -187,9 +189,17 @@ class Catalogue:
             "vehicle_hours": round(seen.time / 3600.0, 4),
             "vehicle_km": round(seen.distance / 1000.0, 3),
         }
+        found |= {"quality": report.quality}
         excluded = [exclusion._asdict() for exclusion in report.exclusions]
         recording = {"name": source.name, "data_set": source.format, "site": source.site, **found}
-        self._recordings.append({**recording, "excluded_rows": excluded, "remarks": report.remarks})
+        self._recordings.append(
+            {
+                **recording,
+                "verdict": report.verdict,
+                "excluded_rows": excluded,
+                "remarks": report.remarks,
+            }
+        )
         self.exclusions += (
             {"recording": source.name, **exclusion._asdict()} for exclusion in exclusions
         )

@@ -212,10 +212,13 @@ class Material:
         scenes: cuts scenes.
         maneuvers: measures manoeuvres.
         lights: recorded states of traffic lights, if any.
+        quality: of the recording, from 0 to 1.
     """
 
-    def __init__(self, source: Source, recording: Recording, site: Site, scope: Scope) -> None:
-        self.source, self.site = source, site
+    def __init__(
+        self, source: Source, recording: Recording, site: Site, scope: Scope, quality: float = 1.0
+    ) -> None:
+        self.source, self.site, self.quality = source, site, quality
         self.scenes, self.maneuvers, self.lights = (
             SceneCutter(recording, scope),
             Maneuvers(recording, site),
@@ -436,6 +439,7 @@ def _facts(context: _Context, sorted_by: str) -> dict[str, Any]:
         "data_set": source.format,
         "site": source.site,
         "recording": source.name,
+        "quality": context.material.quality,
         "vehicle": episode.ego,
         "partner": moment.partner if moment is not None else None,
         "time": round(moment.time, 3) if moment is not None else None,

@@ -47,14 +47,17 @@ class Exposure:
         hours: of driving, summed over vehicles.
         kilometres: likewise.
         counts: units by kind, those whose parameters can't be estimated among them.
+        quality: of the recording, from 0 to 1 (`recognition.recordings.intake`); of several the
+            mean by hours.
     """
 
     hours: float
     kilometres: float
     counts: Mapping[str, int]
+    quality: float = 1.0
 
     @classmethod
-    def of(cls, motion: LaneCoordinates, units: Iterable[Unit]) -> Exposure:
+    def of(cls, motion: LaneCoordinates, units: Iterable[Unit], quality: float = 1.0) -> Exposure:
         """Return the exposure of one recording."""
         scene = motion.scene
         steps = np.where(
@@ -63,22 +66,17 @@ class Exposure:
         steps[~scene.egos[scene.track[:-1]]] = 0.0
         ways = steps * np.abs(scene.speed[:-1])
         hours, kilometres = float(steps.sum()) / _HOUR, float(ways.sum()) / _KILOMETRE
-        return cls(
-            round(hours, _DIGITS),
-            round(kilometres, _DIGITS),
-            dict(Counter(unit.kind for unit in units)),
-        )
+        counts = dict(Counter(unit.kind for unit in units))
+        return cls(round(hours, _DIGITS), round(kilometres, _DIGITS), counts, quality)
 
     @classmethod
     def total(cls, parts: Iterable[Exposure]) -> Exposure:
         """Return the sum over recordings."""
         listed = list(parts)
         counts = sum((Counter(each.counts) for each in listed), Counter[str]())
-        return cls(
-            sum(each.hours for each in listed),
-            sum(each.kilometres for each in listed),
-            dict(counts),
-        )
+        hours = sum(each.hours for each in listed)
+        quality = sum(each.quality * each.hours for each in listed) / hours if hours > 0.0 else 1.0
+        return cls(hours, sum(each.kilometres for each in listed), dict(counts), quality)
 
 
 def to_bytes(exposure: Mapping[str, Exposure]) -> bytes:
@@ -100,6 +98,7 @@ def from_bytes(content: bytes) -> dict[str, Exposure]:
                 float(each["hours"]),
                 float(each["kilometres"]),
                 {kind: int(n) for kind, n in each["counts"].items()},
+                float(each.get("quality", 1.0)),
             )
             for name, each in json.loads(content).items()
         }
@@ -377,6 +376,7 @@ def extract(path: str | PathLike[str], roads: str | PathLike[str]) -> Samples:
 def extract_from(source: Source, roads: str | PathLike[str]) -> Samples:
     """The units of one recording; see `extract`."""
     recording = source.load()
+    assert source.report is not None, "the recording has been read"
     motion = lane_motion(prepare(recording, site_of(source, recording, Path(roads)), Rules()))
     every = segment(motion)
     found = [(unit, each) for unit in every if (each := estimate(motion, unit)) is not None]
@@ -395,5 +395,5 @@ def extract_from(source: Source, roads: str | PathLike[str]) -> Samples:
         errors=np.array(
             [errors(motion, unit, row) for unit, row in zip(units, theta, strict=True)]
         ).reshape(-1, 2),
-        exposure={source.name: Exposure.of(motion, every)},
+        exposure={source.name: Exposure.of(motion, every, source.report.quality)},
     )

@@ -20,6 +20,7 @@ import numpy as np
 from recognition.recordings.road_sources import converted
 from recognition.recordings.rows import (
     Clock,
+    Rows,
     beside,
     categories,
     changes,
@@ -35,9 +36,9 @@ from recognition.recordings.rows import (
 )
 from recognition.recordings.smoothing import smoothed
 from recognition.recordings.source import Report, Source, TrackParticipant, participant
-from recognition.recordings.table import Kind, Table, read_table
+from recognition.recordings.table import Kind, Table, column_names, read_table
 from runner.recording import Recording
-from schemas.common.array_types import FloatArray
+from schemas.common.array_types import FloatArray, IntArray
 from schemas.common.errors import InvalidFile
 from xodr.formats.lanelet2.osm import utm_zone
 
@@ -65,6 +66,8 @@ _CATEGORIES = {
     "motorcycle": "motorbike", "bicycle": "bicycle", "pedestrian": "pedestrian",
 }  # fmt: skip
 _UNSIZED = ("pedestrian", "bicycle")
+_EXID = {"latLaneCenterOffset", "laneChange"}
+"""Columns of exiD alone; its authors take sizes from the tracks, where the tables contradict each other"""
 _MAPS = ("maps", "lanelets", "lanelet2")
 _NEAR = 1.0
 """Origin and place of a recording are no farther apart, degrees of longitude."""
@@ -151,14 +154,16 @@ def _read(path: Path, rate: float) -> tuple[Recording, Report]:
     meta = _sized(read_table(beside(path, "tracksMeta"), _PARTICIPANTS))
     index = matched(table, rows, meta, "trackId")
     kinds = categories(meta, "class", _CATEGORIES)
+    table = _sized(table)
+    tracks_count = set(column_names(path)) >= _EXID
+    remarks = other_sizes(table, rows, meta, index, _SIZES, first_counts=tracks_count)
+    if tracks_count:
+        meta = _with_sizes(meta, index, table, rows)
     check_sizes(meta, _SIZES, np.isin(kinds, _UNSIZED))
     who = [_participant(meta, row, str(kinds[row])) for row in index.tolist()]
     names = [one.name for one in who]
     report = rows.report(names)
-    table = _sized(table)
-    report.remarks += changes(table, rows, names, _SIZES) + other_sizes(
-        table, rows, meta, index, _SIZES
-    )
+    report.remarks += changes(table, rows, names, _SIZES) + remarks
     x, y, vx, vy, ax, ay = (
         table[name][rows.order]
         for name in (
@@ -187,6 +192,16 @@ def _sized(table: Table) -> Table:
         columns=table.columns
         | {name: np.where(table[name] == 0.0, np.nan, table[name]) for name in _SIZES},
     )
+
+
+def _with_sizes(meta: Table, index: IntArray, table: Table, rows: Rows) -> Table:
+    """The same table, with sizes from the first rows of the tracks, where they have some."""
+    columns = dict(meta.columns)
+    for side in _SIZES:
+        own = table[side][rows.heads]
+        columns[side] = columns[side].copy()
+        columns[side][index] = np.where(np.isnan(own), columns[side][index], own)
+    return replace(meta, columns=columns)
 
 
 def _participant(meta: Table, row: int, category: str) -> TrackParticipant:

@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.intake import MOVED, one_factor
 from recognition.recordings.road_sources import converted
 from recognition.recordings.rows import (
     Clock,
@@ -40,7 +41,15 @@ from recognition.recordings.rows import (
     rate,
 )
 from recognition.recordings.smoothing import smoothed
-from recognition.recordings.source import Report, SiteRoad, Source, TrackParticipant, participant
+from recognition.recordings.source import (
+    REPAIRED,
+    Check,
+    Report,
+    SiteRoad,
+    Source,
+    TrackParticipant,
+    participant,
+)
 from recognition.recordings.table import Kind, Table, column_names, read_table
 from runner.recording import Recording, Track
 from schemas.common.array_types import BoolArray, FloatArray
@@ -49,7 +58,10 @@ FORMAT = "INTERACTION"
 TITLE = "INTERACTION"
 BY_CONTENT = True
 STEP = 0.1
-"""Time from frame to frame, s."""
+"""Usual time between rows, s"""
+_USUAL_STEP = 0.2
+"""Relative difference from the usual step up to which it is that one"""
+_MILLISECONDS = 1000.0
 
 _FIRST_LAYOUT = re.compile(r"(vehicle|pedestrian)_tracks_(\w+)\.csv")
 _SPLIT = re.compile(r"_(train|val|test)\w*$")
@@ -68,6 +80,10 @@ _FULL_TURN = 7.0
 """Headings beyond this are no angles from 0 to 2π or from −π to π, rad."""
 _LEVELS = 3
 """Number of parent folders of the tracks that are searched for maps."""
+
+
+_DOUBT = 0.05
+"""Share by which velocities that contradict the positions lower the quality"""
 
 
 def claims(path: Path) -> bool:
@@ -149,20 +165,33 @@ def _origin(path: Path, number: str) -> tuple[float, float] | None:
 
 
 def _read(path: Path) -> tuple[Recording, Report]:
-    tracks, report = _tracks(_table(path))
+    table = _table(path)
+    step = _step(table)
+    tracks, report = _tracks(table, step)
     pedestrians = path.with_name(path.name.replace("vehicle_", "pedestrian_"))
     if pedestrians != path and pedestrians.is_file():
         taken = frozenset(track.name for track in tracks)
-        more, other = _tracks(_table(pedestrians), taken)
+        more, other = _tracks(_table(pedestrians), step, taken)
         tracks += more
         report.add(other)
-    return Recording(tracks, STEP, None), report
+    return Recording(tracks, step, None), report
+
+
+def _step(table: Table) -> float:
+    """Time between rows of a track, s: the usual one unless most rows are otherwise apart."""
+    order = np.lexsort((table["timestamp_ms"], table["track_id"]))
+    same = table["track_id"][order][1:] == table["track_id"][order][:-1]
+    apart = np.diff(table["timestamp_ms"][order])[same]
+    step = float(np.median(apart[apart > 0])) / _MILLISECONDS if (apart > 0).any() else STEP
+    return STEP if abs(step / STEP - 1.0) < _USUAL_STEP else step
 
 
 def _read_case(path: Path, case: str) -> tuple[Recording, Report]:
     table = _cases(path, path.stat().st_mtime_ns)
-    tracks, report = _tracks(table.where(table["case_id"] == case))
-    return Recording(tracks, STEP, None), report
+    table = table.where(table["case_id"] == case)
+    step = _step(table)
+    tracks, report = _tracks(table, step)
+    return Recording(tracks, step, None), report
 
 
 @lru_cache(maxsize=1)
@@ -178,12 +207,14 @@ def _table(path: Path, more: dict[str, Kind] | None = None) -> Table:
     return read_table(path, (more or {}) | _COLUMNS | (_BOX if boxes else {}))
 
 
-def _tracks(table: Table, taken: frozenset[str] = frozenset()) -> tuple[list[Track], Report]:
+def _tracks(
+    table: Table, step: float, taken: frozenset[str] = frozenset()
+) -> tuple[list[Track], Report]:
     """Tracks of a table, with names unlike those `taken`."""
     each = [name.removesuffix(".0") for name in table["track_id"]]
     number = {name: index for index, name in enumerate(dict.fromkeys(each))}
     track = np.fromiter((number[name] for name in each), np.int64, len(table))
-    clock = Clock("timestamp_ms", table["timestamp_ms"], 1000.0, STEP)
+    clock = Clock("timestamp_ms", table["timestamp_ms"], _MILLISECONDS, step)
     rows = in_order(table, track, clock, names=list(number), repeats=True)
     names = [_free(name, taken, number) for name in number]
     kinds = categories(table, "agent_type", _CATEGORIES)
@@ -234,11 +265,10 @@ def _participant(table: Table, row: int, name: str, category: str) -> TrackParti
 
 def _columns(table: Table, rows: Rows, who: list[TrackParticipant], report: Report) -> Columns:
     x, y, vx, vy = (table[name][rows.order] for name in ("x", "y", "vx", "vy"))
-    credible = believable(x, y, vx, vy, rows)
+    credible = believable(x, y, vx, vy, rows) or _scaled(x, y, vx, vy, rows)
     if not credible:
-        report.remarks.append(
-            "the velocities contradict the positions: speeds are derived from the positions"
-        )
+        reason = "the velocities contradict the positions: speeds are derived from the positions"
+        report.checks.append(Check("velocities", REPAIRED, _DOUBT, reason))
         vx, vy = rate(x, rows), rate(y, rows)
     h = _headings(table, rows, who, vx, vy)
     if np.abs(h).max() > _FULL_TURN and not facing(h, vx, vy) and facing(np.radians(h), vx, vy):
@@ -254,6 +284,15 @@ def _columns(table: Table, rows: Rows, who: list[TrackParticipant], report: Repo
     speed = vx * np.cos(h) + vy * np.sin(h)
     report.remarks.append("accelerations are derived from the speeds")
     return columns_of(rows, who, x, y, h, speed, rate(speed, rows))
+
+
+def _scaled(x: FloatArray, y: FloatArray, vx: FloatArray, vy: FloatArray, rows: Rows) -> bool:
+    """Whether velocities are those of the positions but for one factor, as with a wrong step: the intake names it."""
+    dx, dy = rate(x, rows), rate(y, rows)
+    speed = np.hypot(dx, dy)
+    moving = (speed >= MOVED) & (dx * vx + dy * vy > 0.0)
+    mostly = moving.sum() > 0.5 * (speed >= MOVED).sum()
+    return bool(mostly and one_factor(speed[moving] / np.hypot(vx[moving], vy[moving])) is not None)
 
 
 def _headings(

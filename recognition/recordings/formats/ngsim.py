@@ -31,7 +31,6 @@ from recognition.recordings.rows import (
     changes,
     check_sizes,
     columns_of,
-    crowded,
     cut,
     heading_of_motion,
     in_order,
@@ -62,8 +61,6 @@ _MISTAKEN_FOOT = 0.3084
 _MILLISECONDS, _FRAMES = 1000.0, 10.0
 _PERIOD = 60_000
 """Clocks of two periods of recording differ by more than this, ms."""
-_CROWDED = 0.01
-"""Share of rows in each other's way from which a recording is suspected not to be one scene."""
 
 _PUBLIC: dict[str, Kind] = {
     "vehicle_id": "whole", "frame_id": "whole", "local_x": "number", "local_y": "number", "v_vel": "number",
@@ -313,10 +310,5 @@ def _finished(
     rows: Rows, who: list[TrackParticipant], columns: Columns, remarks: list[str]
 ) -> tuple[Recording, Report]:
     report = rows.report([one.name for one in who])
-    count = crowded(columns["time"], columns["x"], columns["y"])
-    if count > _CROWDED * len(rows):
-        remarks.append(
-            f"{count} rows are in each other's way: these vehicles may not have been there together"
-        )
     report.remarks += remarks
     return Recording(cut(*smoothed(rows, who, columns, report)), STEP, None), report

@@ -48,6 +48,7 @@ def sources(path: Path, roads: Path) -> list[Source]:
             FORMAT,
             path,
             partial(_read, path),
+            simulated=True,
             road=lambda recording, folder: SiteRoad(road(path)),
             ego=partial(ego, path),
         )

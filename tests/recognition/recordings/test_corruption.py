@@ -223,16 +223,3 @@ def test_damaged_recording_is_refused_or_read_without_losing_a_row(
     }
     assert len(there) == len(files)
     assert rows == sum(count(file.read_bytes()) for file, count in there.items())
-
-
-@pytest.mark.parametrize(("side", "told"), [(0.5, True), (3.5, False)])
-def test_vehicles_inside_each_other_are_told(side: float, told: bool, tmp_path: Path) -> None:
-    rows = interaction_rows(1, 0.0, 0.0, 10.0, 0.0, 0.0) + interaction_rows(
-        2, 0.0, side, 10.0, 0.0, 0.0
-    )
-    (source,) = datasets.open(write_csv(tmp_path / "site" / "vehicle_tracks_000.csv", rows)).sources
-    source.load()
-    assert source.report is not None
-    assert told == any(
-        "100% of the vehicles are inside another one" in remark for remark in source.report.remarks
-    )

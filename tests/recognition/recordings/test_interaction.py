@@ -154,11 +154,15 @@ def test_rows_of_the_same_time_are_excluded_and_counted(tmp_path: Path) -> None:
     assert (report.excluded, report.rows) == (1, 20)
 
 
-@pytest.mark.parametrize("factor", [-1.0, 0.5, 3.6])
+@pytest.mark.parametrize("factors", [(-1.0, -1.0), (0.3, 0.9)], ids=["backwards", "at random"])
 def test_velocities_that_contradict_the_positions_are_replaced(
-    tmp_path: Path, factor: float
+    tmp_path: Path, factors: tuple[float, float]
 ) -> None:
-    rows = [row | {"vx": 6.0 * factor, "vy": 8.0 * factor} for row in interaction_rows(*CAR)]
+    scale = np.random.default_rng(1).uniform(*factors, 20)
+    rows = [
+        row | {"vx": 6.0 * s, "vy": 8.0 * s}
+        for s, row in zip(scale, interaction_rows(*CAR), strict=True)
+    ]
     recording, report = read(write(tmp_path, rows))
     assert recording.tracks["1"].columns["speed"] == pytest.approx(10.0)
     assert (
@@ -194,7 +198,7 @@ def test_headings_folded_into_half_a_circle_are_taken_from_the_motion(tmp_path: 
 
 def test_good_headings_are_kept_where_velocities_are_wrong(tmp_path: Path) -> None:
     askew = math.atan2(8.0, 6.0) + 0.1
-    rows = [row | {"vx": 3.0, "vy": 4.0, "psi_rad": askew} for row in interaction_rows(*CAR)]
+    rows = [row | {"vx": -6.0, "vy": -8.0, "psi_rad": askew} for row in interaction_rows(*CAR)]
     assert read(write(tmp_path, rows))[0].tracks["1"].columns["raw_h"] == pytest.approx(askew)
 
 

@@ -140,16 +140,6 @@ def test_rows_may_be_in_any_order_and_repeated_ones_are_counted(
     assert report.rows + report.excluded == len(mixed)
 
 
-def test_rows_in_each_others_way_are_reported(tmp_path: Path) -> None:
-    _, report = read(
-        write_csv(tmp_path / "t.csv", ngsim_rows(1, 0.0, 0.0, 50.0) + ngsim_rows(2, 0.0, 0.0, 50.0))
-    )
-    assert (
-        "40 rows are in each other's way: these vehicles may not have been there together"
-        in report.remarks
-    )
-
-
 # metric layout ------------------------------------------------------------------------------
 
 
