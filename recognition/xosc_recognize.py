@@ -356,7 +356,8 @@ def inspect(
     (exit code 3).
     """
     from recognition.catalogue.recordings import forget, inspected, listed, opened
-    from recognition.recordings.source import REFUSED, named
+    from recognition.recordings.quality import REFUSED
+    from recognition.recordings.source import named
 
     forget()
     code = 0

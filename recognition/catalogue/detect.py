@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition.labels.classes import Label, LabelledEvent
-from recognition.recordings.source import Exclusion
+from recognition.recordings.quality import Exclusion
 from runner.recording import Recording, Track
 from xodr.graph.network import RoadNetwork
 from xodr.model import RoadPoint

@@ -34,7 +34,7 @@ from recognition.catalogue.writing.write import AUTHOR
 from recognition.labels import LabelledEvent
 from recognition.recordings import Report, Source
 from recognition.recordings.formats import runs
-from recognition.recordings.source import REPAIRED
+from recognition.recordings.quality import REPAIRED
 from recognition.scenes import Site
 from runner.batch.pool import executor
 from runner.recording import Recording

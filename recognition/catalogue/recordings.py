@@ -35,7 +35,7 @@ from recognition.catalogue.writing.write import (
 )
 from recognition.labels import LabelledEvent, Rules, label
 from recognition.recordings import Check, Cut, Exclusion, Gap, Report, Source, cache_roads
-from recognition.recordings.source import REFUSED
+from recognition.recordings.quality import REFUSED
 from recognition.scenes import Roles, Site, site_of
 from recognition.scenes.cut import Scope
 from runner.engine.participants.declaration import BoundingBox

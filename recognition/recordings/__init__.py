@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 from schemas.common.packages import public
 
 if TYPE_CHECKING:
-    from recognition.recordings.source import Check as Check
-    from recognition.recordings.source import Cut as Cut
+    from recognition.recordings.quality import Check as Check
+    from recognition.recordings.quality import Cut as Cut
+    from recognition.recordings.quality import Exclusion as Exclusion
+    from recognition.recordings.quality import Gap as Gap
+    from recognition.recordings.quality import Report as Report
     from recognition.recordings.source import DataSet as DataSet
-    from recognition.recordings.source import Exclusion as Exclusion
-    from recognition.recordings.source import Gap as Gap
     from recognition.recordings.source import LightStates as LightStates
-    from recognition.recordings.source import Report as Report
     from recognition.recordings.source import SiteRoad as SiteRoad
     from recognition.recordings.source import Source as Source
     from recognition.recordings.source import cache_roads as cache_roads
@@ -39,9 +39,10 @@ __all__ = [
 ]
 
 _SOURCE = dict.fromkeys(
-    ("Check", "Cut", "DataSet", "Exclusion", "Gap", "LightStates", "Report", "SiteRoad", "Source"),
+    ("DataSet", "LightStates", "SiteRoad", "Source", "cache_roads", "open"),
     "recognition.recordings.source",
 )
-__getattr__, __dir__ = public(
-    __name__, _SOURCE | dict.fromkeys(("cache_roads", "open"), "recognition.recordings.source")
+_REPORT = dict.fromkeys(
+    ("Check", "Cut", "Exclusion", "Gap", "Report"), "recognition.recordings.quality"
 )
+__getattr__, __dir__ = public(__name__, _SOURCE | _REPORT)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from recognition.recordings.source import REFUSED, REPAIRED, Check, Exclusion, Report
+from recognition.recordings.quality import REFUSED, REPAIRED, Check, Exclusion, Report
 from runner.recording import Recording, Track
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from recognition.recordings import motion_models
 from recognition.recordings.intake import MOVED, check_ratio, ratio_of_speeds
 from recognition.recordings.observations import Bounds, Noise, Observations, deviation
+from recognition.recordings.quality import Check, Cut, Exclusion, Report
 from recognition.recordings.rows import Columns, Parted, Rows, parted
-from recognition.recordings.source import Check, Cut, Exclusion, Report, TrackParticipant
+from recognition.recordings.source import TrackParticipant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import InvalidFile
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition.recordings import Check, SiteRoad, Source
-from recognition.recordings.source import REFUSED
+from recognition.recordings.quality import REFUSED
 from recognition.scenes.lanes import LaneGraph, Strip, graph
 from recognition.scenes.roles import (
     LaneRole,

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from recognition.recordings.quality import Exclusion, Report
 from recognition.recordings.road_sources import drawn
 from recognition.recordings.rows import (
     Clock,
@@ -33,14 +34,7 @@ from recognition.recordings.rows import (
     rate,
 )
 from recognition.recordings.smoothing import smoothed
-from recognition.recordings.source import (
-    Exclusion,
-    Report,
-    SiteRoad,
-    Source,
-    TrackParticipant,
-    participant,
-)
+from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
 from recognition.recordings.table import (
     PARQUET,
     WHOLE_TURN,

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.quality import Report
 from recognition.recordings.road_sources import Highway
 from recognition.recordings.rows import (
     Clock,
@@ -33,7 +34,7 @@ from recognition.recordings.rows import (
     recording_of,
 )
 from recognition.recordings.smoothing import smoothed
-from recognition.recordings.source import Report, Source, TrackParticipant, participant
+from recognition.recordings.source import Source, TrackParticipant, participant
 from recognition.recordings.table import GREATEST, Kind, Table, read_table
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray, IntArray

@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.quality import Report
 from recognition.recordings.road_sources import keep_road, straight_road
 from recognition.recordings.rows import (
     Clock,
@@ -37,7 +38,7 @@ from recognition.recordings.rows import (
     rate,
 )
 from recognition.recordings.smoothing import smoothed
-from recognition.recordings.source import Report, SiteRoad, Source, TrackParticipant, participant
+from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
 from recognition.recordings.table import (
     HEADLESS,
     PARQUET,

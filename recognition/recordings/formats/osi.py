@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from recognition.recordings.source import Exclusion, Gap, Report, SiteRoad, Source
+from recognition.recordings.quality import Exclusion, Gap, Report
+from recognition.recordings.source import SiteRoad, Source
 from runner.exchange.traces.maps import road_of
 from runner.exchange.traces.reading import TraceRecording
 from runner.exchange.traces.reading import read as read_trace

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.quality import Report
 from recognition.recordings.rows import Clock, cut, in_order
-from recognition.recordings.source import Report, SiteRoad, Source, TrackParticipant
+from recognition.recordings.source import SiteRoad, Source, TrackParticipant
 from recognition.recordings.table import Kind, read_table
 from runner.batch.outputs.folder import RESULT, TRAJECTORIES, read_setup
 from runner.recording import COLUMNS, Recording

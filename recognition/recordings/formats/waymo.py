@@ -20,13 +20,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from recognition.recordings.quality import Exclusion, Report
 from recognition.recordings.road_sources import drawn
 from recognition.recordings.rows import Clock, columns_of, cut, in_order, rate
 from recognition.recordings.smoothing import smoothed
 from recognition.recordings.source import (
-    Exclusion,
     LightStates,
-    Report,
     SiteRoad,
     Source,
     TrackParticipant,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import recognition.recordings as datasets
-from recognition.recordings.source import REFUSED, REPAIRED
+from recognition.recordings.quality import REFUSED, REPAIRED
 from schemas.common.errors import InvalidFile
 from tests.commands import Command
 from tests.recognition.traffic import ind_rows, interaction_rows, write_csv, write_ind

@@ -27,16 +27,10 @@ from recognition.recordings.formats.commonroad.lanelets import (
     road_of,
     unsupported,
 )
+from recognition.recordings.quality import Exclusion, Report
 from recognition.recordings.rows import Clock, columns_of, cut, in_order, rate
 from recognition.recordings.smoothing import smoothed
-from recognition.recordings.source import (
-    Exclusion,
-    Report,
-    SiteRoad,
-    Source,
-    TrackParticipant,
-    participant,
-)
+from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
 from recognition.recordings.table import Table
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile
