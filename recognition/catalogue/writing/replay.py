@@ -45,7 +45,7 @@ _LIMITS = {
     "bicycle": _Limits(20.0, 5.0, 8.0),
 }
 """No data set has these: usual values, `_CAR` for every other vehicle. They are a little more than the limits of smoothed motion
-(`recognition.recordings.observations`): runs that may not exceed those would be late."""
+(`recognition.recordings.motion.observations`): runs that may not exceed those would be late."""
 
 
 class Entry(NamedTuple):

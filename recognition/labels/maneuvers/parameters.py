@@ -50,7 +50,7 @@ DECLARED: Mapping[str, Parameter] = {
         "Jerk_mps3", 0.1, 15.0, "mps3", "rate at which the acceleration of the manoeuvre builds up"
     ),
 }
-"""All that scenarios may declare, by role; jerk up to what vehicles can do (`recognition.recordings.observations`)."""
+"""All that scenarios may declare, by role; jerk up to what vehicles can do (`recognition.recordings.motion.observations`)."""
 EGO_SPEED, OTHER_SPEED = "EgoSpeed_mps", "OtherSpeed_mps"
 """Parameter names, in scenarios of catalogues, of the other vehicle's speed, by that vehicle's role."""
 

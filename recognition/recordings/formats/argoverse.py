@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from recognition.recordings.motion.smoothing import smoothed
 from recognition.recordings.quality import Exclusion, Report
 from recognition.recordings.road_sources import drawn
 from recognition.recordings.rows import (
@@ -33,7 +34,6 @@ from recognition.recordings.rows import (
     in_order,
     rate,
 )
-from recognition.recordings.smoothing import smoothed
 from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
 from recognition.recordings.table import (
     PARQUET,

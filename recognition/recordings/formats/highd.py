@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.motion.smoothing import smoothed
 from recognition.recordings.quality import Report
 from recognition.recordings.road_sources import Highway
 from recognition.recordings.rows import (
@@ -33,7 +34,6 @@ from recognition.recordings.rows import (
     other_sizes,
     recording_of,
 )
-from recognition.recordings.smoothing import smoothed
 from recognition.recordings.source import Source, TrackParticipant, participant
 from recognition.recordings.table import GREATEST, Kind, Table, read_table
 from runner.recording import Recording

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.motion.smoothing import smoothed
 from recognition.recordings.quality import Report
 from recognition.recordings.road_sources import converted
 from recognition.recordings.rows import (
@@ -35,7 +36,6 @@ from recognition.recordings.rows import (
     other_sizes,
     recording_of,
 )
-from recognition.recordings.smoothing import smoothed
 from recognition.recordings.source import Source, TrackParticipant, participant
 from recognition.recordings.table import Kind, Table, column_names, read_table
 from runner.recording import Recording

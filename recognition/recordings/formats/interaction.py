@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from recognition.recordings.intake import MOVED, one_factor
+from recognition.recordings.motion.smoothing import smoothed
 from recognition.recordings.quality import REPAIRED, Check, Report
 from recognition.recordings.road_sources import converted
 from recognition.recordings.rows import (
@@ -41,7 +42,6 @@ from recognition.recordings.rows import (
     in_order,
     rate,
 )
-from recognition.recordings.smoothing import smoothed
 from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
 from recognition.recordings.table import Kind, Table, column_names, read_table
 from runner.recording import Recording, Track

@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from recognition.recordings.motion.smoothing import smoothed
 from recognition.recordings.quality import Report
 from recognition.recordings.road_sources import keep_road, straight_road
 from recognition.recordings.rows import (
@@ -37,7 +38,6 @@ from recognition.recordings.rows import (
     in_order,
     rate,
 )
-from recognition.recordings.smoothing import smoothed
 from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
 from recognition.recordings.table import (
     HEADLESS,

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition import recordings as datasets
-from recognition.recordings.observations import deviation
+from recognition.recordings.motion.observations import deviation
+from recognition.recordings.motion.smoothing import RAW, breaks, centres
 from recognition.recordings.rows import Columns, Rows, pieces
-from recognition.recordings.smoothing import RAW, breaks, centres
 from recognition.recordings.source import TrackParticipant
 from runner.recording import Track
 from schemas.common.array_types import BoolArray, FloatArray

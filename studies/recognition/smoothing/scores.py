@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.recordings.observations import Bounds, turned
+from recognition.recordings.motion.observations import Bounds, turned
 from schemas.common.array_types import BoolArray, FloatArray
 from studies.recognition.smoothing.cases import Case, States
 from studies.recognition.smoothing.ways import Way

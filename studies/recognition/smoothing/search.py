@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from recognition.recordings.observations import Noise
+from recognition.recordings.motion.observations import Noise
 from studies.recognition.smoothing import ways
 from studies.recognition.smoothing.cases import Case
 from studies.recognition.smoothing.scores import Score, score

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from recognition.recordings import motion_models
-from recognition.recordings.observations import Bounds, Noise, Observations
-from recognition.recordings.smoothing import centres, observed, states
+from recognition.recordings.motion import motion_models
+from recognition.recordings.motion.observations import Bounds, Noise, Observations
+from recognition.recordings.motion.smoothing import centres, observed, states
 from schemas.common.array_types import BoolArray, FloatArray
 from studies.recognition.smoothing.cases import Case, States
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recognition import recordings as datasets
-from recognition.recordings import motion_models
+from recognition.recordings.motion import motion_models
 from recognition.scenes import site_of
 from schemas.common.errors import InvalidFile, UsageError
 from tests.recognition.traffic import ind_rows, interaction_rows, read, write_csv, write_ind

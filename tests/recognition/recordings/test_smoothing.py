@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from recognition import recordings as datasets
-from recognition.recordings.observations import LIMITS
+from recognition.recordings.motion.observations import LIMITS
 from runner.recording import Recording
 from schemas.common.array_types import FloatArray
 from tests.recognition.traffic import interaction_rows, read, write_csv

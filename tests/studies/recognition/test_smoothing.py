@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recognition.recordings.observations import Noise
-from recognition.recordings.smoothing import centres
+from recognition.recordings.motion.observations import Noise
+from recognition.recordings.motion.smoothing import centres
 from schemas.common.errors import UsageError
 from studies.recognition.smoothing import ways
 from studies.recognition.smoothing.cases import Case, States, Tracks, drawn, hidden, noisy

@@ -27,9 +27,9 @@ from recognition.recordings.formats.commonroad.lanelets import (
     road_of,
     unsupported,
 )
+from recognition.recordings.motion.smoothing import smoothed
 from recognition.recordings.quality import Exclusion, Report
 from recognition.recordings.rows import Clock, columns_of, cut, in_order, rate
-from recognition.recordings.smoothing import smoothed
 from recognition.recordings.source import SiteRoad, Source, TrackParticipant, participant
 from recognition.recordings.table import Table
 from runner.recording import Recording

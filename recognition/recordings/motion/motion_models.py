@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-from recognition.recordings.observations import Observations, cost, headings, turned, weight
+from recognition.recordings.motion.observations import Observations, cost, headings, turned, weight
 from recognition.recordings.rows import Rows, rate
 from schemas.common.array_types import FloatArray, IntArray
 
