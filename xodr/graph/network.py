@@ -77,7 +77,7 @@ class RoadNetwork:
         sides = side_table(self.roads, self.junctions.values())
         self._traveller = Traveller(self.roads, self._links, sides)
         ways = Ways(self.roads, self._links, sides)
-        self._router = Router(ways, self._traveller.straightest)
+        self._router = Router(ways, self._links, self._traveller.straightest)
         self._relations = RoadRelations(ways, self._traveller)
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from heapq import heappop, heappush
@@ -9,6 +10,8 @@ from itertools import pairwise
 from random import Random
 from typing import NamedTuple
 
+from xodr.graph.lane_plan import Checkpoint, LanePlan, checkpoint
+from xodr.graph.links import LinkTable
 from xodr.graph.travel import Choose, Traveller
 from xodr.graph.ways import PRICES, Cost, Price, Step, Way, Ways, add
 from xodr.model import LaneLink, RoadPoint
@@ -48,10 +51,13 @@ class RoadPath:
     Attributes:
         legs: the roads in order. A road can occur more than once.
         length: length [m] in s.
+        lanes: the lanes to take; None where it is not a way of traffic.
     """
 
-    def __init__(self, legs: Sequence[Leg], otherwise: Choose) -> None:
-        self.legs = tuple(legs)
+    def __init__(
+        self, legs: Sequence[Leg], otherwise: Choose, lanes: LanePlan | None = None
+    ) -> None:
+        self.legs, self.lanes = tuple(legs), lanes
         self.length = self.legs[-1].before + self.legs[-1].length
         self._befores = [leg.before for leg in self.legs]
         self._on: dict[str, list[Leg]] = {}
@@ -89,21 +95,36 @@ class RoadPath:
 
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """The lane that goes on along the route, for `RoadNetwork.travel`; the straightest where the route does not help."""
-        for leg, following in pairwise(self.legs):
+        for index, leg in enumerate(self.legs[:-1]):
             if (leg.road_id, leg.forward) == (point.road_id, forward) and not leg.passes(
                 point, links
             ):
-                onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
-                if onwards:
-                    return onwards[0]
+                link = self.onward(index + 1, links)
+                if link is not None:
+                    return link
         return self._otherwise(point, forward, links)
+
+    def onward(self, index: int, links: Sequence[LaneLink]) -> LaneLink | None:
+        """The lane that leads onto a leg, of several the one from which the lanes to come need the fewest changes; None without one."""
+        following, lanes = self.legs[index], self.lanes
+        onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
+        if not onwards:
+            return None
+        leading = [link for link in onwards if link.lane_id in following.exit_lanes] or onwards
+        if lanes is None:
+            return leading[0]
+        return min([*leading, *onwards], key=lambda link: lanes.cost(index, link.lane_id))
+
+
+Stretch = tuple[Way, float, float]
+"""A way, and the s [m] where it is entered and left."""
 
 
 class Router:
     """Finds routes on one road network."""
 
-    def __init__(self, ways: Ways, otherwise: Choose) -> None:
-        self._ways, self._otherwise = ways, otherwise
+    def __init__(self, ways: Ways, links: LinkTable, otherwise: Choose) -> None:
+        self._ways, self._links, self._otherwise = ways, links, otherwise
 
     def route(
         self, waypoints: Sequence[RoadPoint], strategies: Sequence[str], rng: Random | None
@@ -114,29 +135,83 @@ class Router:
         (pedestrians).
         """
         for driven in (True, False):
-            legs = self._legs(waypoints, strategies, rng, driven)
-            if legs:
-                return RoadPath(legs, self._otherwise)
+            found = self._stretches(waypoints, strategies, rng, driven)
+            if found is None:
+                continue
+            stretches, checkpoints = found
+            if not driven:
+                return RoadPath(self._legs(stretches), self._otherwise)
+            plan = self._plan(stretches, checkpoints)
+            lane = waypoints[0].lane_id
+            if 0.0 < plan.cost(0, lane) < math.inf:
+                plan = self._through_junctions(stretches, checkpoints, lane, plan)
+            return RoadPath(self._legs(stretches), self._otherwise, plan)
         return None
 
-    def _legs(
+    def _plan(self, stretches: Sequence[Stretch], checkpoints: Sequence[Checkpoint]) -> LanePlan:
+        return LanePlan(self._ways, self._links, self._legs(stretches), checkpoints)
+
+    def _through_junctions(
+        self,
+        stretches: list[Stretch],
+        checkpoints: Sequence[Checkpoint],
+        lane: int,
+        plan: LanePlan,
+    ) -> LanePlan:
+        """Take the connecting roads that need the fewest lane changes, between the same roads; changes `stretches`."""
+        for index in reversed(range(1, len(stretches) - 1)):
+            kept = stretches[index]
+            for other in self._parallel(*stretches[index - 1 : index + 2]):
+                stretches[index] = other
+                tried = self._plan(stretches, checkpoints)
+                if tried.cost(0, lane) < plan.cost(0, lane):
+                    plan, kept = tried, other
+            stretches[index] = kept
+        return plan
+
+    def _parallel(self, before: Stretch, inside: Stretch, after: Stretch) -> list[Stretch]:
+        """Other roads through a junction from one road to another."""
+        roads, way = self._ways.roads, inside[0]
+        junction = roads[way.road_id].junction_id
+        if junction is None or roads[after[0].road_id].junction_id == junction:
+            return []
+        found: list[Stretch] = []
+        for step in self._ways.steps(before[0], driven=True):
+            road = roads[step.following.road_id]
+            leave = road.length if step.following.forward else 0.0
+            onto = Step(leave, after[0], after[1])
+            other = road.junction_id == junction and step.following != way
+            through = onto in self._ways.steps(step.following, driven=True)
+            if other and through and step.leave == before[2]:
+                found.append((step.following, step.enter, leave))
+        return found
+
+    def _stretches(
         self,
         waypoints: Sequence[RoadPoint],
         strategies: Sequence[str],
         rng: Random | None,
         driven: bool,
-    ) -> list[Leg]:
-        stretches: list[tuple[Way, float, float]] = []
+    ) -> tuple[list[Stretch], list[Checkpoint]] | None:
+        """The ways of a route with the s where each is entered and left, and its waypoints; None where no way leads there."""
+        stretches: list[Stretch] = []
+        checkpoints: list[Checkpoint] = []
         for (origin, target), strategy in zip(pairwise(waypoints), strategies, strict=True):
             price = PRICES[strategy] if strategy != "random" else _random_price(rng or Random(0))
             heading = stretches[-1][0].forward if stretches else None
             found = self._search(origin, target, heading, price, driven)
             if found is None:
-                return []
+                return None
             for way, enter, leave in found:
                 if stretches and stretches[-1][0] == way and stretches[-1][2] == enter:
                     enter = stretches.pop()[1]
                 stretches.append((way, enter, leave))
+            number, leg = len(checkpoints) + 1, len(stretches) - 1
+            road = self._ways.roads[target.road_id]
+            checkpoints.append(checkpoint(road, number, leg, target))
+        return stretches, checkpoints
+
+    def _legs(self, stretches: Sequence[Stretch]) -> list[Leg]:
         legs: list[Leg] = []
         before = 0.0
         for index, (way, enter, leave) in enumerate(stretches):

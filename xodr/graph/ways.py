@@ -104,7 +104,7 @@ class Ways:
             leave, following, self._end(following, entering=True) if link.s is None else link.s
         )
         _add(self._steps[False], way, step, lane_id)
-        if self._drives(way, lane_id, leave) and self._drives(following, link.lane_id, step.enter):
+        if self.drives(way, lane_id, leave) and self.drives(following, link.lane_id, step.enter):
             _add(self._steps[True], way, step, lane_id)
 
     def steps(self, way: Way, driven: bool) -> dict[Step, tuple[int, ...]]:
@@ -154,7 +154,7 @@ class Ways:
         """The s at which a way ends; with `entering` that at which it begins."""
         return self.roads[way.road_id].length if way.forward != entering else 0.0
 
-    def _drives(self, way: Way, lane_id: int, s: float) -> bool:
+    def drives(self, way: Way, lane_id: int, s: float) -> bool:
         """Whether the lane is one of traffic in the way's direction at s."""
         road = self.roads[way.road_id]
         lane = road.lane(s, lane_id)

@@ -89,12 +89,15 @@ class RoadMark(NamedTuple):
 
     type: as in the file: "none", "solid", "broken", "solid broken" (inside, outside), "curb", …
     color: "standard" is white. width [m]: None where the file does not say.
+    lane_change: directions of lane ids in which changes are allowed: "increase", "decrease", "both" or
+    "none"; empty where the file does not say.
     """
 
     s: float
     type: str
     color: str
     width: float | None
+    lane_change: str = ""
 
 
 class LaneAccess(NamedTuple):

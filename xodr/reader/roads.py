@@ -284,7 +284,7 @@ def _marks(element: etree._Element, start: float) -> tuple[RoadMark, ...]:
     marks = [
         RoadMark(
             start + number(record, "sOffset", 0.0), record.get("type") or "none", record.get("color") or "standard",
-            optional(record, "width"),
+            optional(record, "width"), record.get("laneChange", ""),
         )
         for record in element.iterfind("roadMark")
     ]  # fmt: skip

@@ -277,7 +277,7 @@ class LateralDistanceAction(PrivateAction):
             return running
         running.step(run.dt)
         actor.controls.motion.advance(actor, 0.0, run.dt)
-        run.roads.settle(actor)
+        run.roads.stay(actor)
         return running if self.continuous else None
 
 
@@ -362,4 +362,4 @@ class _Sidestep(Running):
 
     def stop(self) -> None:
         """The entity belongs to the lane that it is on."""
-        self._run.roads.settle(self._actor)
+        self._run.roads.stay(self._actor)

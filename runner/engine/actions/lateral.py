@@ -377,7 +377,7 @@ class _Transition(Running):
 
     def stop(self) -> None:
         """Have the entity keep to the lane that it is on, which may not be the one it was bound for or began in."""
-        self._roads.settle(self._actor)
+        self._roads.stay(self._actor)
 
 
 class _Kept(Running):

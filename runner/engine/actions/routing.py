@@ -14,7 +14,7 @@ from runner.engine.motion.routes import AssignedRoute, RandomRoute, Route
 from runner.engine.positions.lane import LAYERS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from runner.engine.compile.element import Position
     from runner.engine.compile.registry import Context
@@ -26,11 +26,17 @@ if TYPE_CHECKING:
     from xosc.document.node import Node
 
 _REACHED = 1e-6
+LANES_UID = "xosc.toolchain:xosc:1.0.0:routing.lanes_of_waypoints_are_reached"
 
 
 @registry.action("AssignRouteAction")
 class AssignRouteAction(PrivateAction):
-    """Gives the actor a route to follow at junctions; complete at once."""
+    """Gives the actor a route to follow; complete at once.
+
+    A waypoint asks for its lane as well. The actor takes the connecting roads that lead there, and
+    changes lanes where it has to and the road allows it, until an action moves it sideways. Waypoints
+    that it can't pass in their lanes are remarks.
+    """
 
     def __init__(self, route: Route) -> None:
         self.route = route
@@ -47,7 +53,33 @@ class AssignRouteAction(PrivateAction):
     def start(self, actor: Entity, run: Run) -> None:
         """Assign."""
         path = self.route.path(run, actor)
-        actor.controls.route = AssignedRoute(path, self.route.closed, self.route.network)
+        node, closed = self.route.node, self.route.closed
+        route = AssignedRoute(path, closed, self.route.network, _voice(node, actor, run))
+        actor.controls.route = route
+        nodes = [waypoint.node for waypoint in self.route.waypoints]
+        tell_missed(route, actor, run, [*nodes, nodes[0]])
+
+
+def _voice(node: Node, actor: Entity, run: Run) -> Callable[[str], object]:
+    """Function that remarks on a route of an actor, by a sentence without its subject."""
+    return lambda text: run.remarks.note(node.remark(LANES_UID, f"{actor.name} {text}"))
+
+
+def tell_missed(route: AssignedRoute, actor: Entity, run: Run, nodes: Sequence[Node]) -> None:
+    """Remark on waypoints that the actor can't pass in the lanes that they ask for.
+
+    Args:
+        nodes: elements of the waypoints in order, the first included.
+    """
+    here = run.roads.road_point(actor)
+    for each in route.missed(here) if here is not None else ():
+        road = route.path.legs[each.leg].road_id
+        text = (
+            f"no lane leads {actor.name} to lane {each.lane} of road {road} at s = {each.s:.1f} m"
+        )
+        run.remarks.note(
+            nodes[each.number].remark(LANES_UID, f"{text}; it passes there in another lane")
+        )
 
 
 @registry.action("RandomRouteAction")
@@ -89,7 +121,10 @@ class PreferredLaneLayerAction(PrivateAction):
 
 @registry.action("AcquirePositionAction")
 class AcquirePositionAction(PrivateAction):
-    """Leads the actor to a position by the shortest way; complete when it is there, or has got another route."""
+    """Leads the actor to a position by the shortest way; complete when it is there, or has got another route.
+
+    The lane is that of the position, as with the waypoints of a route.
+    """
 
     def __init__(self, node: Node, position: Position, network: RoadNetwork) -> None:
         self.node, self.position, self.network = node, position, network
@@ -118,8 +153,10 @@ class AcquirePositionAction(PrivateAction):
         path = self.network.route([here, there]) if here is not None else None
         if path is None:
             raise self._unreachable(actor)
-        route = actor.controls.route = AssignedRoute(path)
-        return _Acquiring(actor, run, route)
+        say = _voice(self.node, actor, run)
+        route = actor.controls.route = AssignedRoute(path, say=say)
+        tell_missed(route, actor, run, [self.node, self.node])
+        return _Acquiring(actor, run, route, say)
 
     def _point(self, place: Placement) -> RoadPoint:
         return place.point or self.network.locate(place.x, place.y, place.z)
@@ -131,8 +168,10 @@ class AcquirePositionAction(PrivateAction):
 class _Acquiring(Running):
     """On the way to a position."""
 
-    def __init__(self, actor: Entity, run: Run, route: AssignedRoute) -> None:
-        self.actor, self.run, self.route = actor, run, route
+    def __init__(
+        self, actor: Entity, run: Run, route: AssignedRoute, say: Callable[[str], object]
+    ) -> None:
+        self.actor, self.run, self.route, self._say = actor, run, route, say
         self.length = route.path.length
 
     def step(self, dt: float) -> bool:
@@ -141,7 +180,9 @@ class _Acquiring(Running):
             return True
         point = self.run.roads.road_point(self.actor)
         gone = self.route.path.position(point, self.length) if point is not None else None
-        return (
-            gone is not None
-            and gone + abs(self.actor.controls.target_speed) * dt >= self.length - _REACHED
-        )
+        step = abs(self.actor.controls.target_speed) * dt
+        arrives = gone is not None and gone + step >= self.length - _REACHED
+        asked = self.route.destination
+        if arrives and point is not None and asked is not None and point.lane_id != asked:
+            self._say(f"comes to the position in lane {point.lane_id}, not {asked}")
+        return arrives

@@ -14,6 +14,7 @@ import math
 from math import cos, sin
 from typing import TYPE_CHECKING
 
+from runner.engine.compile.element import LATERAL
 from runner.engine.motion.dynamics import Easing
 from runner.engine.motion.placement import Placement, in_world, lane_heading, pose_of, slant, wrap
 from runner.engine.participants.entity import STRAIGHT_AHEAD
@@ -59,6 +60,8 @@ class LaneMotion:
         assert road is not None and section is not None
         distance, turn, controls = speed * dt, 0.0, entity.controls
         steered = controls.target_offset is not None
+        if controls.route is not None and distance:
+            self._change(entity, controls.route, speed)
         if controls.easing is not None:
             self._ease(entity, controls.easing, abs(distance))
         if controls.target_offset is not None:
@@ -123,6 +126,20 @@ class LaneMotion:
         h = h + entity.heading_offset + turn
         entity.h = h + math.pi if direction < 0 else h
         return True
+
+    def _change(self, entity: Entity, route: Guide, speed: float) -> None:
+        """Begin to change to the lane of a route, unless something moves the entity sideways already."""
+        controls = entity.controls
+        lane = route.lane(entity, (entity.direction > 0) == (speed > 0.0))
+        busy = controls.target_offset is not None or controls.easing is not None
+        if lane == entity.kept_lane or busy or LATERAL in controls.owners or entity.section is None:
+            return
+        place, lanes = entity.kept_offset, entity.section.lanes
+        shift = lanes[lane].center(entity.s) - lanes[entity.kept_lane].center(entity.s)
+        entity.kept_lane = lane
+        entity.kept_offset -= shift
+        side = entity.direction
+        controls.easing = Easing(place * side, entity.kept_offset * side, 0.0, speed)
 
     def _ease(self, entity: Entity, easing: Easing, distance: float) -> None:
         """Ask for the next offset on the way back into the lane, unless something else has moved it, or is to."""
@@ -361,6 +378,12 @@ class Roads:
             point = self.network.moved(placement.point, layer or placement.point.layer)
             self.follow_lane(entity, point, placement.direction, placement.heading_offset)
             self.settle(entity)
+
+    def stay(self, entity: Entity) -> None:
+        """After lateral action, have an entity keep to the lane that it is on, and not to the lanes that its route wishes for."""
+        self.settle(entity)
+        if entity.controls.route is not None:
+            entity.controls.route.released = True
 
     def settle(self, entity: Entity) -> None:
         """Have an entity keep to the lane that it is on (or will be on after this step), its place unchanged."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Surroundings
     from runner.engine.participants.entity import Entity
+    from xodr.graph.lane_plan import Checkpoint, LaneCell
     from xodr.graph.network import RoadNetwork
     from xodr.graph.routes import Leg, RoadPath
     from xodr.model import LaneLink, RoadPoint
@@ -126,12 +127,26 @@ class AssignedRoute:
         closed: whether it starts again at its end.
         network: where ways to the route are looked for; without it an entity off its route takes
             the straightest way.
+        say: called with what can't be followed, a sentence without its subject.
+
+    Attributes:
+        released: whether an action has put the entity into a lane since: from then on it changes lanes
+            only where its own does not lead on.
     """
 
     def __init__(
-        self, path: RoadPath, closed: bool = False, network: RoadNetwork | None = None
+        self,
+        path: RoadPath,
+        closed: bool = False,
+        network: RoadNetwork | None = None,
+        say: Callable[[str], object] = lambda text: None,
     ) -> None:
         self.path, self.closed, self.network = path, closed, network
+        self.released = False
+        self._say, self._left = say, False
+        self._cell: LaneCell | None = None
+        self._known: tuple[str, bool, int, bool] | None = None
+        """road, direction, lane and release for which the present lane is known to be right up to the end of the cell"""
         self._leg = 0
         self._back: RoadPath | None = None
         self._through = False
@@ -144,10 +159,9 @@ class AssignedRoute:
             return links[0]
         if following is not None:
             self._back = None
-            onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
-            leading = [link for link in onwards if link.lane_id in following.exit_lanes]
-            if onwards:
-                return (leading or onwards)[0]
+            link = self.path.onward(following, links)
+            if link is not None:
+                return link
         self._through = self._through or (following is None and index == self._leg)
         way = self._way_back(point, forward) if following is None else None
         return (way or self.path).choose(point, forward, links)
@@ -180,15 +194,60 @@ class AssignedRoute:
         """Whether a lane reached is on the next leg."""
         index = self._find(road_id, forward)
         following = self._following(index) if index is not None else None
-        return following is not None and any(
-            (link.road_id, link.at_start) == following[:2] for link in links
-        )
+        return following is not None and self.path.onward(following, links) is not None
 
     def enter(self, road_id: str, forward: bool) -> None:
-        """Remember the leg."""
+        """Remember the leg, and say once where the route is left."""
         index = self._find(road_id, forward)
         if index is not None:
             self._leg = index
+        elif not (self._left or self._through):
+            self._left = True
+            self._say(f"leaves its route and comes to road {road_id}")
+
+    def lane(self, entity: Entity, forward: bool) -> int:
+        """The lane to be in; says where a waypoint was passed in another lane."""
+        road, s, lane, plan = entity.road, entity.s, entity.kept_lane, self.path.lanes
+        if plan is None or road is None:
+            return lane
+        now, cell = (road.id, forward, lane, self.released), self._cell
+        inside = cell is not None and (s < cell.end if forward else s > cell.end)
+        if now == self._known and inside:
+            return lane
+        index = self._find(road.id, forward)
+        found = plan.cell(index, s) if index is not None else None
+        if found is not cell:
+            self._pass(cell, entity, road.id)
+            self._cell = found
+        if index is None or found is None:
+            self._known = None
+            return lane
+        wanted = plan.lane(index, s, lane, self.released)
+        self._known = now if wanted == lane else None
+        return wanted
+
+    def _pass(self, cell: LaneCell | None, entity: Entity, road_id: str) -> None:
+        """Say that the waypoint at the end of a cell was passed in another lane."""
+        asked = cell.checkpoint if cell is not None else None
+        if asked is None or asked.lane is None or self.path.legs[asked.leg].road_id != road_id:
+            return
+        below, _ = entity.lane_below()
+        if below != asked.lane:
+            where = f"road {road_id} at s = {asked.s:.1f} m"
+            self._say(
+                f"passes waypoint {asked.number + 1} in lane {below}, not {asked.lane}, of {where}"
+            )
+
+    @property
+    def destination(self) -> int | None:
+        """The lane that the last waypoint asks for; None where it asks for none."""
+        return self.path.lanes.destination if self.path.lanes is not None else None
+
+    def missed(self, here: RoadPoint) -> Sequence[Checkpoint]:
+        """The waypoints that are passed in another lane than theirs, from a place on."""
+        legs, lanes = self.path.legs, self.path.lanes
+        index = next((index for index, leg in enumerate(legs) if leg.road_id == here.road_id), None)
+        return lanes.missed(index, here.s, here.lane_id) if lanes and index is not None else ()
 
     def distance(self, here: RoadPoint, there: RoadPoint) -> float | None:
         """Distance along the route."""
@@ -209,12 +268,12 @@ class AssignedRoute:
         ahead = (*range(self._leg, len(legs)), *range(self._leg))
         return next((index for index in ahead if legs[index][:2] == (road_id, forward)), None)
 
-    def _following(self, index: int) -> Leg | None:
-        legs = self.path.legs
-        if index + 1 < len(legs):
-            return legs[index + 1]
+    def _following(self, index: int) -> int | None:
+        """Index of the leg after another."""
+        if index + 1 < len(self.path.legs):
+            return index + 1
         # the last leg of a closed route ends where the first one began, on the same road
-        return legs[1] if self.closed and len(legs) > 1 else None
+        return 1 if self.closed and len(self.path.legs) > 1 else None
 
 
 class RandomRoute:
@@ -223,6 +282,8 @@ class RandomRoute:
     Args:
         rng: the run's source of random numbers.
     """
+
+    released = False
 
     def __init__(self, rng: Random) -> None:
         self.rng = rng
@@ -236,6 +297,10 @@ class RandomRoute:
     ) -> LaneLink | None:
         """Nothing: it is decided at the junction."""
         return None
+
+    def lane(self, entity: Entity, forward: bool) -> int:
+        """Its own."""
+        return entity.kept_lane
 
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
         """Any lane does."""

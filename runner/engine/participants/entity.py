@@ -47,7 +47,14 @@ class Motion(Protocol):
 
 
 class Guide(Protocol):
-    """Guide of an entity at junctions."""
+    """Guide of an entity at junctions, and to the lanes that lead there.
+
+    Attributes:
+        released: whether an action has put the entity into a lane: lanes that are only wished for no
+            longer count.
+    """
+
+    released: bool
 
     def choose(self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]) -> LaneLink | None:
         """The way on at the end of a road: one of the lanes reached; None to stop there."""
@@ -57,6 +64,10 @@ class Guide(Protocol):
         self, point: RoadPoint, forward: bool, links: Sequence[LaneLink]
     ) -> LaneLink | None:
         """The same without any effect, for a look ahead; None where it is not decided yet."""
+        ...
+
+    def lane(self, entity: Entity, forward: bool) -> int:
+        """The lane for an entity on the road to keep to: the one that it does, or one to change to."""
         ...
 
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:

@@ -130,7 +130,7 @@ def _inwards(section: LaneSection, lane: Lane) -> Lane:
 
 
 def _mark(lane: Lane) -> Paint:
-    return lane.marks[0][1:] if lane.marks else ("none", "standard", None)
+    return lane.marks[0][1:4] if lane.marks else ("none", "standard", None)
 
 
 def _ahead(network: RoadNetwork, key: Key) -> Iterator[Key]:

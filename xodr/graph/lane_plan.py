@@ -1,0 +1,236 @@
+"""Lanes along a route: which to be in, and where to change, so that waypoints are passed in their lanes with the fewest changes.
+
+A route is cut into cells, one for each lane section and up to each waypoint. The cost of a lane at
+the beginning of a cell is that of the cheapest way on: a lane change counts 1, a waypoint that is
+passed in another lane 1000, and a lane that does not lead on is no way at all. Lanes are those of
+traffic in the direction of travel. A change is possible outside junctions, between neighbours,
+where the road mark between them does not forbid it (`laneChange`; both directions where it is not
+given, as the standard says).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from xodr.graph.links import LinkTable, next_lane
+from xodr.graph.ways import Way, Ways
+from xodr.model import NO_WIDTH, LaneSection, RoadPoint
+from xodr.model.road import Road, lane_in
+
+if TYPE_CHECKING:
+    from xodr.graph.routes import Leg
+
+MISSED = 1000.0
+"""Cost of a waypoint that is passed in another lane, in lane changes."""
+_ON_BORDER = 1e-3
+"""Distance [m] from a lane's border within which a waypoint asks for no lane."""
+
+
+class Checkpoint(NamedTuple):
+    """A waypoint on a route: its number, the leg that it is on, its s, and the lane that it asks for, if it does."""
+
+    number: int
+    leg: int
+    s: float
+    lane: int | None
+
+
+class LaneCell(NamedTuple):
+    """A stretch of a leg within one lane section, from `begin` to `end` [m] in the direction of travel."""
+
+    leg: int
+    section: LaneSection
+    begin: float
+    end: float
+    checkpoint: Checkpoint | None
+    """waypoint at its end"""
+
+
+def checkpoint(road: Road, number: int, leg: int, point: RoadPoint) -> Checkpoint:
+    """A waypoint, with the lane below it; none where it lies on the border of lanes, or beside the road."""
+    s = min(max(point.s, 0.0), road.length)
+    below = road.lane_at(s, point.t)
+    inside = 0.5 * road.lane_width(s, below) - _ON_BORDER if below else 0.0
+    asked = below if below and abs(point.t - road.lane_t(s, below)) <= inside else None
+    return Checkpoint(number, leg, point.s, asked)
+
+
+class LanePlan:
+    """The lanes of one route.
+
+    Args:
+        ways, links: those of the road network.
+        legs: the route's, each left where the next begins.
+        checkpoints: its waypoints in order, without the first.
+    """
+
+    def __init__(
+        self, ways: Ways, links: LinkTable, legs: Sequence[Leg], checkpoints: Sequence[Checkpoint]
+    ) -> None:
+        self._ways, self._links, self._legs = ways, links, legs
+        self._cells = list(self._cut(checkpoints))
+        self._lanes = [self._drivable(cell) for cell in self._cells]
+        self._ends: list[Mapping[int, float]] = [{}] * len(self._cells)
+        """cost of each lane at the end of each cell, the waypoint there included"""
+        self._begins: list[Mapping[int, float]] = [{}] * len(self._cells)
+        for index in reversed(range(len(self._cells))):
+            self._ends[index] = {lane: self._after(index, lane) for lane in self._lanes[index]}
+            self._begins[index] = {lane: self._best(index, lane)[0] for lane in self._lanes[index]}
+        self._first: dict[int, int] = {}
+        """number of the first cell of each leg"""
+        for index, cell in enumerate(self._cells):
+            self._first.setdefault(cell.leg, index)
+
+    @property
+    def destination(self) -> int | None:
+        """The lane that the last waypoint asks for; None where it asks for none."""
+        last = self._cells[-1].checkpoint
+        return last.lane if last is not None else None
+
+    def cost(self, leg: int, lane: int) -> float:
+        """Cost of beginning a leg in a lane; infinite where that leads nowhere."""
+        index = self._first.get(leg)
+        return self._begins[index].get(lane, math.inf) if index is not None else math.inf
+
+    def cell(self, leg: int, s: float) -> LaneCell | None:
+        """The cell of a leg at an s; None beyond the end of the route."""
+        index = self._index(leg, s)
+        if index is None:
+            return None
+        beyond = (
+            s > self._cells[index].end if self._legs[leg].forward else s < self._cells[index].end
+        )
+        return None if beyond else self._cells[index]
+
+    def lane(self, leg: int, s: float, lane: int, only_on: bool = False) -> int:
+        """The lane to change to on a leg at an s; the present one where nothing is better, or the plan says nothing of it.
+
+        Args:
+            only_on: whether any lane will do that leads on along the route.
+        """
+        index = self._index(leg, s)
+        if index is None or lane not in self._lanes[index]:
+            return lane
+        if only_on and self._ends[index][lane] < math.inf:
+            return lane
+        return self._best(index, lane)[1]
+
+    def missed(self, leg: int, s: float, lane: int) -> list[Checkpoint]:
+        """The waypoints that nobody passes in their lanes who begins on a leg at an s in a lane."""
+        found: list[Checkpoint] = []
+        index = self._index(leg, s)
+        while index is not None and index < len(self._cells) and lane in self._lanes[index]:
+            lane = self._best(index, lane)[1]
+            asked = self._cells[index].checkpoint
+            if asked is not None and asked.lane not in (None, lane):
+                found.append(asked)
+            following = self._next(index, lane) if index + 1 < len(self._cells) else []
+            if not following:
+                break
+            index += 1
+            lane = min(following, key=lambda each: self._begins[index].get(each, math.inf))
+        return found
+
+    # cells ----------------------------------------------------------------------------------
+
+    def _cut(self, checkpoints: Sequence[Checkpoint]) -> Iterator[LaneCell]:
+        for number, leg in enumerate(self._legs):
+            road = self._ways.roads[leg.road_id]
+            low, high = sorted((leg.enter, leg.leave))
+            here = [each for each in checkpoints if each.leg == number]
+            borders = {section.s for section in road.sections if low < section.s < high}
+            stops = sorted({*borders, *(each.s for each in here if low < each.s < high), low, high})
+            if not leg.forward:
+                stops.reverse()
+            ends = stops[1:] or stops
+            for begin, end in zip(stops, ends, strict=False):
+                at = next((each for each in here if each.s == end), None)
+                yield LaneCell(number, road.section(0.5 * (begin + end)), begin, end, at)
+
+    def _drivable(self, cell: LaneCell) -> frozenset[int]:
+        leg = self._legs[cell.leg]
+        way, road = Way(leg.road_id, leg.forward), self._ways.roads[leg.road_id]
+        middle = 0.5 * (cell.begin + cell.end)
+        return frozenset(
+            lane
+            for lane in cell.section.lanes
+            if lane and road.lane_width(middle, lane) > NO_WIDTH
+            if self._ways.drives(way, lane, middle)
+        )
+
+    def _index(self, leg: int, s: float) -> int | None:
+        """Number of the cell of a leg at an s; the first or last one outside."""
+        index = self._first.get(leg)
+        if index is None:
+            return None
+        forward = self._legs[leg].forward
+        while index + 1 < len(self._cells) and self._cells[index + 1].leg == leg:
+            end = self._cells[index].end
+            if (s < end) if forward else (s > end):
+                break
+            index += 1
+        return index
+
+    # costs ----------------------------------------------------------------------------------
+
+    def _after(self, index: int, lane: int) -> float:
+        """Cost of a lane at the end of a cell."""
+        asked = self._cells[index].checkpoint
+        missed = MISSED if asked is not None and asked.lane not in (None, lane) else 0.0
+        if index + 1 == len(self._cells):
+            return missed
+        begins = self._begins[index + 1]
+        following = self._next(index, lane)
+        return missed + min((begins.get(each, math.inf) for each in following), default=math.inf)
+
+    def _best(self, index: int, lane: int) -> tuple[float, int]:
+        """Cost of a lane at the beginning of a cell, and the lane to change to; of equal ones that which needs no more changes later."""
+        ends, lanes = self._ends[index], self._lanes[index]
+        best = ends.get(lane, math.inf), lane
+        for step in (-1, 1):
+            reached, changes = lane, 0
+            while (beside := reached + step or step) in lanes and self._allows(
+                index, reached, beside
+            ):
+                reached, changes = beside, changes + 1
+                cost = ends.get(reached, math.inf) + changes
+                if cost < best[0] or (cost == best[0] < math.inf):
+                    best = cost, reached
+        return best
+
+    def _allows(self, index: int, lane: int, beside: int) -> bool:
+        """Whether the road lets one change from a lane to its neighbour somewhere in a cell."""
+        cell = self._cells[index]
+        road = self._ways.roads[self._legs[cell.leg].road_id]
+        if road.junction_id is not None or (lane > 0) != (beside > 0):
+            return False
+        inner = min(lane, beside, key=abs)
+        wanted = ("both", "increase" if beside > lane else "decrease")
+        marks = cell.section.lanes[inner].marks
+        low, high = sorted((cell.begin, cell.end))
+        until = [*(mark.s for mark in marks[1:]), math.inf]
+        there = [
+            mark for mark, end in zip(marks, until, strict=False) if end > low and mark.s < high
+        ]
+        return not there or any((mark.lane_change or "both") in wanted for mark in there)
+
+    def _next(self, index: int, lane: int) -> list[int]:
+        """Lanes at the beginning of the next cell that a lane leads to."""
+        cell, following = self._cells[index], self._cells[index + 1]
+        leg, to = self._legs[cell.leg], self._legs[following.leg]
+        road = self._ways.roads[leg.road_id]
+        if following.leg == cell.leg:
+            if following.section is cell.section:
+                return [lane]
+            linked = next_lane(cell.section.lanes[lane], following.section, leg.forward)
+            if linked is None:  # it ends beside another one
+                linked = lane_in(
+                    following.section, cell.end, cell.section.lanes[lane].center(cell.end)
+                )
+            return [linked]
+        if leg.leave not in (0.0, road.length) or (leg.leave == 0.0) == leg.forward:
+            return sorted(self._lanes[index + 1])  # left between its ends: at a virtual junction
+        links = self._links.get((leg.road_id, lane, leg.forward), ())
+        return [link.lane_id for link in links if (link.road_id, link.at_start) == to[:2]]
