@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from xodr.graph.links import LinkTable, next_lane
@@ -64,13 +65,25 @@ class LanePlan:
         ways, links: those of the road network.
         legs: the route's, each left where the next begins.
         checkpoints: its waypoints in order, without the first.
+        parallel: other roads through junctions that lead from the leg before to the leg after one, by
+            the number of that leg.
     """
 
     def __init__(
-        self, ways: Ways, links: LinkTable, legs: Sequence[Leg], checkpoints: Sequence[Checkpoint]
+        self,
+        ways: Ways,
+        links: LinkTable,
+        legs: Sequence[Leg],
+        checkpoints: Sequence[Checkpoint],
+        parallel: Mapping[Way, int],
     ) -> None:
         self._ways, self._links, self._legs = ways, links, legs
+        self.parallel = parallel
         self._cells = list(self._cut(checkpoints))
+        self._first: dict[int, int] = {}
+        """number of the first cell of each leg"""
+        for index, cell in enumerate(self._cells):
+            self._first.setdefault(cell.leg, index)
         self._lanes = [self._drivable(cell) for cell in self._cells]
         self._ends: list[Mapping[int, float]] = [{}] * len(self._cells)
         """cost of each lane at the end of each cell, the waypoint there included"""
@@ -78,10 +91,6 @@ class LanePlan:
         for index in reversed(range(len(self._cells))):
             self._ends[index] = {lane: self._after(index, lane) for lane in self._lanes[index]}
             self._begins[index] = {lane: self._best(index, lane)[0] for lane in self._lanes[index]}
-        self._first: dict[int, int] = {}
-        """number of the first cell of each leg"""
-        for index, cell in enumerate(self._cells):
-            self._first.setdefault(cell.leg, index)
 
     @property
     def destination(self) -> int | None:
@@ -89,8 +98,12 @@ class LanePlan:
         last = self._cells[-1].checkpoint
         return last.lane if last is not None else None
 
-    def cost(self, leg: int, lane: int) -> float:
-        """Cost of beginning a leg in a lane; infinite where that leads nowhere."""
+    def cost(self, leg: int, lane: int, way: Way | None = None) -> float:
+        """Cost of beginning a leg, or another way in its place, in a lane; infinite where that leads nowhere."""
+        if way is not None and way in self.parallel:
+            return min(
+                (self.cost(leg + 1, each) for each in self._through(way, lane)), default=math.inf
+            )
         index = self._first.get(leg)
         return self._begins[index].get(lane, math.inf) if index is not None else math.inf
 
@@ -126,11 +139,16 @@ class LanePlan:
             asked = self._cells[index].checkpoint
             if asked is not None and asked.lane not in (None, lane):
                 found.append(asked)
-            following = self._next(index, lane) if index + 1 < len(self._cells) else []
-            if not following:
+            if index + 1 == len(self._cells):
                 break
-            index += 1
-            lane = min(following, key=lambda each: self._begins[index].get(each, math.inf))
+            onwards = [(index + 1, each) for each in self._next(index, lane)]
+            for way, each, number in self._beside(index, lane):
+                onwards += [
+                    (self._first[number + 1], reached) for reached in self._through(way, each)
+                ]
+            if not onwards:
+                break
+            index, lane = min(onwards, key=lambda one: self._begins[one[0]].get(one[1], math.inf))
         return found
 
     # cells ----------------------------------------------------------------------------------
@@ -182,8 +200,32 @@ class LanePlan:
         if index + 1 == len(self._cells):
             return missed
         begins = self._begins[index + 1]
-        following = self._next(index, lane)
-        return missed + min((begins.get(each, math.inf) for each in following), default=math.inf)
+        costs = [begins.get(each, math.inf) for each in self._next(index, lane)]
+        costs += [self.cost(leg, each, way) for way, each, leg in self._beside(index, lane)]
+        return missed + min(costs, default=math.inf)
+
+    def _beside(self, index: int, lane: int) -> Iterator[tuple[Way, int, int]]:
+        """Ways in the place of the next leg that a lane leads to at the end of a cell, with the lanes there and that leg."""
+        cell = self._cells[index]
+        leg = self._legs[cell.leg]
+        if self._cells[index + 1].leg == cell.leg:
+            return
+        for link in self._links.get((leg.road_id, lane, leg.forward), ()):
+            way = Way(link.road_id, link.at_start)
+            if self.parallel.get(way) == cell.leg + 1:
+                yield way, link.lane_id, cell.leg + 1
+
+    def _through(self, way: Way, lane: int) -> list[int]:
+        """Lanes that a lane of a way in the place of a leg leads to, at the beginning of the leg after."""
+        road, following = self._ways.roads[way.road_id], self._legs[self.parallel[way] + 1]
+        sections = road.sections if way.forward else road.sections[::-1]
+        for section, after in pairwise(sections):
+            linked = next_lane(section.lanes[lane], after, way.forward)
+            if linked is None:
+                return []
+            lane = linked
+        links = self._links.get((way.road_id, lane, way.forward), ())
+        return [link.lane_id for link in links if (link.road_id, link.at_start) == following[:2]]
 
     def _best(self, index: int, lane: int) -> tuple[float, int]:
         """Cost of a lane at the beginning of a cell, and the lane to change to; of equal ones that which needs no more changes later."""

@@ -108,12 +108,18 @@ class RoadPath:
         """The lane that leads onto a leg, of several the one from which the lanes to come need the fewest changes; None without one."""
         following, lanes = self.legs[index], self.lanes
         onwards = [link for link in links if (link.road_id, link.at_start) == following[:2]]
+        if lanes is not None:
+            ways = [(link, Way(link.road_id, link.at_start)) for link in links]
+            onwards += [link for link, way in ways if lanes.parallel.get(way) == index]
         if not onwards:
             return None
         leading = [link for link in onwards if link.lane_id in following.exit_lanes] or onwards
         if lanes is None:
             return leading[0]
-        return min([*leading, *onwards], key=lambda link: lanes.cost(index, link.lane_id))
+        return min(
+            [*leading, *onwards],
+            key=lambda link: lanes.cost(index, link.lane_id, Way(link.road_id, link.at_start)),
+        )
 
 
 Stretch = tuple[Way, float, float]
@@ -149,7 +155,13 @@ class Router:
         return None
 
     def _plan(self, stretches: Sequence[Stretch], checkpoints: Sequence[Checkpoint]) -> LanePlan:
-        return LanePlan(self._ways, self._links, self._legs(stretches), checkpoints)
+        parallel: dict[Way, int] = {}
+        taken = {way for way, _, _ in stretches}
+        for index in range(1, len(stretches) - 1):
+            for way, _, _ in self._parallel(*stretches[index - 1 : index + 2]):
+                if way not in taken:
+                    parallel.setdefault(way, index)
+        return LanePlan(self._ways, self._links, self._legs(stretches), checkpoints, parallel)
 
     def _through_junctions(
         self,

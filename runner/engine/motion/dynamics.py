@@ -29,6 +29,8 @@ _SAMPLES = 1000
 """Intervals for the mean of a speed that changes its sign."""
 _GENTLE = 0.5
 """Lateral acceleration of the way back into a lane, m/s²: that of a lane offset that names none"""
+_BRISK = 2.0
+"""Greatest lateral acceleration (m/s²) of that way where a route leaves little room"""
 _SLANT = 6.0
 """Least length of that way, in widths that it goes aside"""
 
@@ -229,7 +231,9 @@ def _safe_closing(gap: float, brake: float, slope: float) -> float:
 
 
 class Easing:
-    """The way of an entity, whose lane has ended beside another, to its place in that one: a cubic, smooth at both ends.
+    """The way of an entity, whose lane has ended beside another or that changes lanes for its route, to its place in a lane.
+
+    It is a cubic, smooth at both ends.
 
     Lateral values are to the left of where the entity faces, m.
 
@@ -239,16 +243,21 @@ class Easing:
         slope: how far it goes to the left for each metre, against the new lane; kept where that
             leads to its place.
         speed: m/s.
+        within: distance (m) in which it is to be there, as far as 2 m/s² to the side allow.
     """
 
     __slots__ = ("_aside", "_length", "_way", "left", "place", "slope")
 
-    def __init__(self, place: float, left: float, slope: float, speed: float) -> None:
+    def __init__(
+        self, place: float, left: float, slope: float, speed: float, within: float = math.inf
+    ) -> None:
         self.place, self.left = place, left
         self._aside, self._way = left - place, 0.0
-        self._length = max(
-            abs(speed) * math.sqrt(6.0 * abs(self._aside) / _GENTLE), _SLANT * abs(self._aside)
+        gentle, brisk = (
+            abs(speed) * math.sqrt(6.0 * abs(self._aside) / lateral)
+            for lateral in (_GENTLE, _BRISK)
         )
+        self._length = max(brisk, min(gentle, within), _SLANT * abs(self._aside))
         steepest = -3.0 * self._aside / self._length  # beyond it the cubic would go past the place
         self.slope = max(min(slope, max(steepest, 0.0)), min(steepest, 0.0))
 

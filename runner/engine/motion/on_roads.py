@@ -128,18 +128,22 @@ class LaneMotion:
         return True
 
     def _change(self, entity: Entity, route: Guide, speed: float) -> None:
-        """Begin to change to the lane of a route, unless something moves the entity sideways already."""
+        """Begin to change to the lane of a route, unless something moves the entity sideways already.
+
+        A controller of the scenario that is activated and not run would steer: the lane is its own.
+        """
         controls = entity.controls
-        lane = route.lane(entity, (entity.direction > 0) == (speed > 0.0))
+        lane, room = route.lane(entity, (entity.direction > 0) == (speed > 0.0))
         busy = controls.target_offset is not None or controls.easing is not None
-        if lane == entity.kept_lane or busy or LATERAL in controls.owners or entity.section is None:
+        led = LATERAL in controls.owners or (controls.activated and controls.driver is None)
+        if lane == entity.kept_lane or busy or led or entity.section is None:
             return
         place, lanes = entity.kept_offset, entity.section.lanes
         shift = lanes[lane].center(entity.s) - lanes[entity.kept_lane].center(entity.s)
         entity.kept_lane = lane
         entity.kept_offset -= shift
         side = entity.direction
-        controls.easing = Easing(place * side, entity.kept_offset * side, 0.0, speed)
+        controls.easing = Easing(place * side, entity.kept_offset * side, 0.0, speed, room)
 
     def _ease(self, entity: Entity, easing: Easing, distance: float) -> None:
         """Ask for the next offset on the way back into the lane, unless something else has moved it, or is to."""

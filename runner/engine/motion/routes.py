@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from runner.engine.compile.element import Position
+from xodr.graph.ways import Way
 
 if TYPE_CHECKING:
     from random import Random
@@ -205,26 +207,26 @@ class AssignedRoute:
             self._left = True
             self._say(f"leaves its route and comes to road {road_id}")
 
-    def lane(self, entity: Entity, forward: bool) -> int:
-        """The lane to be in; says where a waypoint was passed in another lane."""
+    def lane(self, entity: Entity, forward: bool) -> tuple[int, float]:
+        """The lane to be in, and the way (m) that is left for a change; says where a waypoint was passed in another lane."""
         road, s, lane, plan = entity.road, entity.s, entity.kept_lane, self.path.lanes
         if plan is None or road is None:
-            return lane
+            return lane, math.inf
         now, cell = (road.id, forward, lane, self.released), self._cell
-        inside = cell is not None and (s < cell.end if forward else s > cell.end)
-        if now == self._known and inside:
-            return lane
+        if now == self._known and cell is not None and (s < cell.end if forward else s > cell.end):
+            return lane, math.inf
         index = self._find(road.id, forward)
-        found = plan.cell(index, s) if index is not None else None
+        on = index is not None and self.path.legs[index].road_id == road.id
+        found = plan.cell(index, s) if index is not None and on else None
         if found is not cell:
             self._pass(cell, entity, road.id)
             self._cell = found
         if index is None or found is None:
             self._known = None
-            return lane
+            return lane, math.inf
         wanted = plan.lane(index, s, lane, self.released)
         self._known = now if wanted == lane else None
-        return wanted
+        return wanted, abs(found.end - s)
 
     def _pass(self, cell: LaneCell | None, entity: Entity, road_id: str) -> None:
         """Say that the waypoint at the end of a cell was passed in another lane."""
@@ -263,8 +265,10 @@ class AssignedRoute:
         return self.path.at(position or 0.0)[2]
 
     def _find(self, road_id: str, forward: bool) -> int | None:
-        """Index of the leg on a road: the present one, the next one after it, or else one before."""
-        legs = self.path.legs
+        """Index of the leg on a road, or in whose place the road is taken: the present one, the next one after it, or else one before."""
+        legs, lanes = self.path.legs, self.path.lanes
+        if lanes is not None and (road_id, forward) in lanes.parallel:
+            return lanes.parallel[Way(road_id, forward)]
         ahead = (*range(self._leg, len(legs)), *range(self._leg))
         return next((index for index in ahead if legs[index][:2] == (road_id, forward)), None)
 
@@ -298,9 +302,9 @@ class RandomRoute:
         """Nothing: it is decided at the junction."""
         return None
 
-    def lane(self, entity: Entity, forward: bool) -> int:
+    def lane(self, entity: Entity, forward: bool) -> tuple[int, float]:
         """Its own."""
-        return entity.kept_lane
+        return entity.kept_lane, math.inf
 
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
         """Any lane does."""

@@ -66,8 +66,8 @@ class Guide(Protocol):
         """The same without any effect, for a look ahead; None where it is not decided yet."""
         ...
 
-    def lane(self, entity: Entity, forward: bool) -> int:
-        """The lane for an entity on the road to keep to: the one that it does, or one to change to."""
+    def lane(self, entity: Entity, forward: bool) -> tuple[int, float]:
+        """The lane for an entity on the road to keep to, its own or one to change to, and the way (m) left for the change."""
         ...
 
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
