@@ -13,20 +13,44 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from xodr.graph.links import LinkTable, next_lane
 from xodr.graph.ways import Way, Ways
-from xodr.model import NO_WIDTH, LaneSection, RoadPoint
+from xodr.model import NO_WIDTH, LaneLink, LaneSection, RoadPoint
 from xodr.model.road import Road, lane_in
-
-if TYPE_CHECKING:
-    from xodr.graph.routes import Leg
 
 MISSED = 1000.0
 """Cost of a waypoint that is passed in another lane, in lane changes."""
 _ON_BORDER = 1e-3
 """Distance [m] from a lane's border within which a waypoint asks for no lane."""
+
+
+class Leg(NamedTuple):
+    """One road of a route: from s = `enter` to s = `leave`; `before` is the route's length up to its beginning.
+
+    exit_lanes: the lanes at the road's end that lead on to the next leg; empty on the last leg.
+    """
+
+    road_id: str
+    forward: bool
+    enter: float
+    leave: float
+    before: float
+    exit_lanes: tuple[int, ...]
+
+    @property
+    def length(self) -> float:
+        """Length [m] in s."""
+        return abs(self.leave - self.enter)
+
+    def passes(self, point: RoadPoint, links: Sequence[LaneLink]) -> bool:
+        """Whether ways off the leg's road between its ends are offered, and the leg goes on past them."""
+        return (
+            bool(links)
+            and (links[0].road_id, links[0].s) == (point.road_id, point.s)
+            and self.leave != point.s
+        )
 
 
 class Checkpoint(NamedTuple):

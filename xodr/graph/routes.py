@@ -10,39 +10,12 @@ from itertools import pairwise
 from random import Random
 from typing import NamedTuple
 
-from xodr.graph.lane_plan import Checkpoint, LanePlan, checkpoint
+from xodr.graph.lane_plan import Checkpoint, LanePlan, Leg, checkpoint
 from xodr.graph.links import LinkTable
 from xodr.graph.travel import Choose, Traveller
 from xodr.graph.ways import PRICES, Cost, Price, Step, Way, Ways, add
 from xodr.model import LaneLink, RoadPoint
 from xodr.model.road import Road
-
-
-class Leg(NamedTuple):
-    """One road of a route: from s = `enter` to s = `leave`; `before` is the route's length up to its beginning.
-
-    exit_lanes: the lanes at the road's end that lead on to the next leg; empty on the last leg.
-    """
-
-    road_id: str
-    forward: bool
-    enter: float
-    leave: float
-    before: float
-    exit_lanes: tuple[int, ...]
-
-    @property
-    def length(self) -> float:
-        """Length [m] in s."""
-        return abs(self.leave - self.enter)
-
-    def passes(self, point: RoadPoint, links: Sequence[LaneLink]) -> bool:
-        """Whether ways off the leg's road between its ends are offered, and the leg goes on past them."""
-        return (
-            bool(links)
-            and (links[0].road_id, links[0].s) == (point.road_id, point.s)
-            and self.leave != point.s
-        )
 
 
 class RoadPath:

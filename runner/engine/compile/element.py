@@ -15,6 +15,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
+from runner.engine.participants.entity import LATERAL as LATERAL
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -231,7 +233,7 @@ class ByEntityCondition(Condition):
         )
 
 
-LONGITUDINAL, LATERAL, LIGHTING, ANIMATION = "longitudinal", "lateral", "lighting", "animation"
+LONGITUDINAL, LIGHTING, ANIMATION = "longitudinal", "lighting", "animation"
 """Control domains of an entity (OpenSCENARIO XML 1.3, 6.6.1): at most one action owns each at a time."""
 
 

@@ -14,10 +14,9 @@ import math
 from math import cos, sin
 from typing import TYPE_CHECKING
 
-from runner.engine.compile.element import LATERAL
 from runner.engine.motion.dynamics import Easing
 from runner.engine.motion.placement import Placement, in_world, lane_heading, pose_of, slant, wrap
-from runner.engine.participants.entity import STRAIGHT_AHEAD
+from runner.engine.participants.entity import LATERAL, STRAIGHT_AHEAD
 from xodr.model import RoadPoint
 from xodr.model.geometry import Line
 

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Surroundings
     from runner.engine.participants.entity import Entity
-    from xodr.graph.lane_plan import Checkpoint, LaneCell
+    from xodr.graph.lane_plan import Checkpoint, LaneCell, Leg
     from xodr.graph.network import RoadNetwork
-    from xodr.graph.routes import Leg, RoadPath
+    from xodr.graph.routes import RoadPath
     from xodr.model import LaneLink, RoadPoint
     from xosc.document.node import Node
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from runner.engine.motion.placement import Placement
     from xodr.model import LaneLink, RoadPoint
 
+LATERAL = "lateral"
+"""Control domain of motion to the side; `runner.engine.compile.element` has the others"""
 LONGEST = 1000.0
 """Growth (m) of `Displacement.total` when an entity appears or disappears: no conclusion reaches further."""
 _ROUNDING = 1e-6

@@ -9,7 +9,8 @@ import pytest
 
 from runner.engine.motion.on_roads import LaneMotion
 from runner.engine.motion.routes import AssignedRoute, RandomRoute, Route, Waypoint
-from xodr.graph.routes import Leg, RoadPath
+from xodr.graph.lane_plan import Leg
+from xodr.graph.routes import RoadPath
 from xodr.model import LaneLink, RoadPoint
 
 LINKS = [LaneLink("west", -1, True), LaneLink("east", -2, True), LaneLink("east", -1, True)]
