@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from numbers import Integral, Real
 from pathlib import Path
 from typing import cast
@@ -42,6 +42,8 @@ from xosc.resolve.parameters import (
 
 Argument = str | float | int | bool
 
+CLOCK = 1e6
+"""Time (s) beyond which a time of a trajectory is that of a clock, such as UNIX seconds: 11.6 days"""
 MAX_INLINED = 200_000
 """Most elements that catalogue entries may add to a document."""
 MAX_NESTING = 32
@@ -84,6 +86,14 @@ class Resolved(Document):
     scene_graph_file: Path | None
     violations: tuple[ToolchainError, ...] = ()
     for_carla: bool = False
+
+    @cached_property
+    def first_clock_time(self) -> float:
+        """Least time (s) beyond `CLOCK` that a trajectory of the scenario has; 0 where there is none."""
+        parts = self.node.iter("Vertex", "ControlPoint", "Clothoid", "ClothoidSplineSegment")
+        names = ("time", "startTime", "timeStart")
+        times = (part.finite(name) for part in parts for name in names if part.has(name))
+        return min((time for time in times if time > CLOCK), default=0.0)
 
 
 def resolve(

@@ -16,6 +16,7 @@ from runner.engine.motion.schedules import Schedule, delayed, paced, prescribed,
 from runner.engine.motion.trajectories import Rests, TimedPath, Trajectory
 from runner.engine.participants.declaration import Performance
 from runner.engine.participants.trailers import line_up
+from xosc.resolve import CLOCK
 from xosc.rules.positions import TIMING_UID
 
 if TYPE_CHECKING:
@@ -57,6 +58,25 @@ class Timing:
     def origin(self, start: float) -> float:
         """The simulation time (s) at which the trajectory's own time is 0, for an action that starts at a time (s)."""
         return (start if self.relative else 0.0) + self.offset
+
+
+def _read_clock(node: Node, trajectory: Trajectory, timing: Timing, context: Context) -> None:
+    """Count the times of a clock, such as UNIX seconds, from the first that the scenario has.
+
+    An offset that takes that clock back is worked into it, which keeps the digits of the times.
+    """
+    first = trajectory.base = context.document.first_clock_time
+    moved = timing.offset + timing.scale * first
+    if abs(moved) < CLOCK:
+        timing.offset = moved
+        return
+    timing.offset = timing.offset if abs(timing.offset) < CLOCK else 0.0
+    context.repair(
+        node,
+        TIMING_UID,
+        f"the times of the trajectory {trajectory.name!r} are those of a clock, and the scenario's begins at 0: "
+        f"they are counted from {first:.15g} s, the first of the scenario",
+    )
 
 
 @registry.action("FollowTrajectoryAction")
@@ -104,10 +124,13 @@ class FollowTrajectoryAction(PrivateAction):
                 TIMING_UID,
                 f"{motion.tag} at a place without a time, which Timing needs; it is left out",
             )
+        read = Timing(timing) if timing is not None else None
+        if read is not None and trajectory.clock:
+            _read_clock(node, trajectory, read, context)
         return cls(
             node,
             trajectory,
-            Timing(timing) if timing is not None else None,
+            read,
             node.need("TrajectoryFollowingMode").choice("followingMode", ("position", "follow"))
             == "follow",
         )

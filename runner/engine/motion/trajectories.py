@@ -21,6 +21,7 @@ from runner.engine.motion.placement import Placement
 from runner.engine.motion.schedules import VertexMotion
 from runner.engine.motion.standstill import steadied
 from xodr.model.geometry import Arc, Line, PlanElement, Spiral, Start
+from xosc.resolve import CLOCK
 from xosc.rules.positions import TIMING_UID
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ _JUMP = 1e-6
 _FASTEST = 1e4
 """Speed (m/s) beyond which times are taken for a mistake."""
 _LATEST = 1e9
-"""Time (s) beyond which, or before whose negative, times are taken for a mistake."""
+"""Time (s) beyond which, or before whose negative, times are taken for a mistake. Those of a clock are counted from its first."""
 _LONGEST = 1e7
 """Length (m) beyond which a trajectory is taken for a mistake."""
 
@@ -375,6 +376,8 @@ class Trajectory:
             round.
         timed: whether it says when it is where, from start to end.
         timeless: whether it has no times at all.
+        clock: whether its times are those of a clock, such as UNIX seconds.
+        base: time (s) that its times are counted from.
         moved: whether it prescribes speeds or accelerations.
         fixed: what it is throughout every run, where it is always the same.
     """
@@ -390,6 +393,8 @@ class Trajectory:
         self.node, self.shape, self.closed = node, shape, closed
         self.name: str = node.get("name", "")
         self.timed = shape.timed
+        self.base = 0.0
+        self.clock = any(time is not None and time > CLOCK for time in shape.times)
         self.moved = any(motion != VertexMotion() for motion in shape.motions)
         if self.moved and closed:
             raise node.unsupported(
@@ -433,7 +438,7 @@ class Trajectory:
             InvalidFile: the times do not describe a motion.
         """
         known = [
-            (time, station)
+            (time - self.base, station)
             for time, station in zip(track.times, track.stations, strict=True)
             if time is not None
         ]
