@@ -278,6 +278,7 @@ class Session:
                 if ego is None
                 else ()
             ),
+            *sim.rests,
             *self._departures.remarks,
             *standstill(recording.tracks.get(ego.name) if ego is not None else None, sut),
             *jolts(

@@ -314,7 +314,7 @@ class Pace:
         )
 
 
-class _Following:
+class _Following(Running):
     """One actor on a trajectory."""
 
     def __init__(

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 _DEFAULT_ACCELERATION = 0.5
 """Lateral acceleration (m/s²) of a lane offset whose file gives none; the standard names no default."""
+_REST = 0.05
+"""Lateral distance (m) from a goal that counts as none"""
 _SAME_PLACE = 1e-6
 """Difference (m) between two offsets that counts as none."""
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from runner.engine.compile.element import LONGITUDINAL, PrivateAction
 from runner.engine.compile.registry import action
-from runner.engine.compile.run import Running
+from runner.engine.compile.run import Rest, Running
 from runner.engine.motion.dynamics import (
     EPSILON,
     FOLLOWING_MODES,
@@ -80,13 +80,16 @@ class SpeedAction(PrivateAction):
         """The entity whose speed the target is relative to."""
         return (self.reference,) if self.reference is not None else ()
 
+    @property
+    def goal(self) -> float:
+        """Speed asked for now, m/s."""
+        if self.reference is None:
+            return self.value
+        return RELATIVE[self.relation](self.reference.speed, self.value)
+
     def target(self, actor: Entity) -> float:
-        """Target speed now, m/s."""
-        speed = (
-            self.value
-            if self.reference is None
-            else RELATIVE[self.relation](self.reference.speed, self.value)
-        )
+        """Target speed now, m/s: the goal as far as the Performance bounds it."""
+        speed = self.goal
         limit = math.inf if self.dynamics.strict else actor.declared.performance.max_speed
         return min(max(speed, -limit), limit)
 
@@ -100,7 +103,40 @@ class SpeedAction(PrivateAction):
             return _Tracking(self, actor, duration)
         if self.lasting and duration <= 0.0 and not run.initialising:
             return _Hold(actor, self.dynamics)
-        return _Transition(actor, target, duration, self.dynamics.shape) if duration > 0.0 else None
+        if duration <= 0.0:
+            if run.initialising or target == self.goal:
+                return None
+            return _AtOnce(actor, self.goal)
+        limits = actor.declared.performance
+        jerky = min(limits.max_acceleration_rate, limits.max_deceleration_rate) < math.inf
+        if jerky and not self.dynamics.strict and duration < math.inf:
+            pieces = plan(actor.speed, [ProfileEntry(duration, target)], limits, True)
+            return _Profile(actor, None, pieces, self.goal)
+        return _Transition(actor, target, duration, self.dynamics.shape, self.goal)
+
+
+def _reached(actor: Entity, goal: float) -> Rest:
+    """How a change of speed to a goal (m/s) has ended."""
+    return Rest(
+        f"{goal:.2f} m/s", f"{actor.speed:.2f} m/s", abs(goal - actor.speed), _SPEED_TOLERANCE
+    )
+
+
+class _AtOnce(Running):
+    """A change of speed that takes no time, and whose Performance does not allow its goal (m/s)."""
+
+    __slots__ = ("_actor", "_goal")
+
+    def __init__(self, actor: Entity, goal: float) -> None:
+        self._actor, self._goal = actor, goal
+
+    def step(self, dt: float) -> bool:
+        """It is done."""
+        return True
+
+    def rest(self) -> Rest:
+        """The goal, and the speed."""
+        return _reached(self._actor, self._goal)
 
 
 def set_speed(actor: Entity, speed: float, run: Run) -> None:
@@ -125,12 +161,22 @@ def demanded_speed(actor: Entity) -> float:
 class _Transition(Running):
     """On the way to a target speed along a shape."""
 
-    __slots__ = ("_actor", "_change", "_duration", "_elapsed", "_start", "_target", "_value")
+    __slots__ = (
+        "_actor",
+        "_change",
+        "_duration",
+        "_elapsed",
+        "_goal",
+        "_start",
+        "_target",
+        "_value",
+    )
 
     def __init__(
-        self, actor: Entity, target: float, duration: float, shape: TransitionShape
+        self, actor: Entity, target: float, duration: float, shape: TransitionShape, goal: float
     ) -> None:
         self._actor = actor
+        self._goal = goal
         self._start = actor.speed
         self._target = target
         self._change = target - actor.speed
@@ -147,6 +193,10 @@ class _Transition(Running):
             return True
         self._actor.controls.target_speed = self._start + self._change * self._value(progress)
         return False
+
+    def rest(self) -> Rest:
+        """The goal, and the speed."""
+        return _reached(self._actor, self._goal)
 
 
 class _Hold(Running):
@@ -203,6 +253,10 @@ class _Tracking(Running):
 
 _UNLIMITED = Performance()
 _EPSILON = 1e-9
+_LATE = 0.05
+"""Time (s) by which the last target of a profile may come late"""
+_SPEED_TOLERANCE = 0.1
+"""Difference (m/s) from the goal of a change of speed that counts as none"""
 
 
 @action("SpeedProfileAction")
@@ -252,7 +306,10 @@ class SpeedProfileAction(PrivateAction):
         speed = demanded_speed(actor) - (
             self.reference.speed if self.reference is not None else 0.0
         )
-        return _Profile(actor, self.reference, plan(speed, self.entries, limits, self.smooth))
+        pieces = plan(speed, self.entries, limits, self.smooth)
+        times = [entry.time for entry in self.entries if entry.time is not None]
+        asked = sum(times) if len(times) == len(self.entries) else math.inf
+        return _Profile(actor, self.reference, pieces, self.entries[-1].speed, asked)
 
 
 def _read_entry(node: Node) -> ProfileEntry:
@@ -265,9 +322,17 @@ def _read_entry(node: Node) -> ProfileEntry:
 class _Profile(Running):
     """The profile in execution."""
 
-    __slots__ = ("_actor", "_elapsed", "_pieces", "_reference", "_times")
+    __slots__ = ("_actor", "_asked", "_elapsed", "_goal", "_pieces", "_reference", "_times")
 
-    def __init__(self, actor: Entity, reference: Entity | None, pieces: list[ProfilePiece]) -> None:
+    def __init__(
+        self,
+        actor: Entity,
+        reference: Entity | None,
+        pieces: list[ProfilePiece],
+        goal: float,
+        asked: float = math.inf,
+    ) -> None:
+        self._goal, self._asked = goal, asked
         self._actor = actor
         self._reference = reference
         self._pieces = pieces
@@ -282,3 +347,16 @@ class _Profile(Running):
         base = self._reference.speed if self._reference is not None else 0.0
         self._actor.controls.target_speed = base + piece.at(self._elapsed)
         return time >= self._times[-1]
+
+    def rest(self) -> Rest:
+        """The last target and its time; where the speed is right, what is left is the time that it came late."""
+        base = self._reference.speed if self._reference is not None else 0.0
+        speed = _reached(self._actor, base + self._goal)
+        late = self._times[-1] - self._asked
+        if speed.left > speed.tolerance or late <= _LATE:
+            return speed
+        goal, reached = (
+            f"{speed.goal} in {self._asked:.2f} s",
+            f"{speed.reached} in {self._times[-1]:.2f} s",
+        )
+        return Rest(goal, reached, late, _LATE)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from runner.engine.actions.speed import RELATIVE
 from runner.engine.compile.element import LONGITUDINAL, PrivateAction, need_places
 from runner.engine.compile.registry import action
-from runner.engine.compile.run import Running
+from runner.engine.compile.run import Rest, Running
 from runner.engine.motion.placement import Placement
 from runner.engine.participants.entity import Entity
 from xosc.document.node import Node
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Run
 
+_STEP_TOLERANCE = 0.1
+"""Way (m) to a target that counts as none, beside that of a step"""
 _STILL = 1e-6
 """Speed (m/s) below which an entity is taken to stand."""
 
@@ -130,7 +132,7 @@ class SynchronizeAction(PrivateAction):
 class _Synchronisation(Running):
     """Under way to the target; while there is no way to one (an entity has left its road, say), the speed stays."""
 
-    __slots__ = ("_action", "_actor", "_master_target", "_run", "_target")
+    __slots__ = ("_action", "_actor", "_left", "_master_target", "_run", "_target")
 
     def __init__(
         self,
@@ -145,6 +147,20 @@ class _Synchronisation(Running):
         self._run = run
         self._master_target = master_target
         self._target = target
+        self._left = 0.0, 0.0
+
+    def rest(self) -> Rest:
+        """Both at their targets: what is left is the longer way (m) beyond a step of driving."""
+        own, other = (max(left, 0.0) for left in self._left)
+        reached = (
+            f"{own:.2f} m before its target, with {other:.2f} m left to {self._action.master.name}"
+        )
+        return Rest("both at their targets", reached, max(own, other), _STEP_TOLERANCE + self._way)
+
+    @property
+    def _way(self) -> float:
+        """Way (m) of the faster of the two in a step."""
+        return max(abs(self._actor.speed), abs(self._action.master.speed)) * self._run.dt
 
     def step(self, dt: float) -> bool:
         """Ask for the planned speed at the end of the step."""
@@ -154,6 +170,7 @@ class _Synchronisation(Running):
         if left is None or master_left is None or not master.active:
             return False
         left, master_left = left - action.tolerance, master_left - action.master_tolerance
+        self._left = left, master_left
         arrived = left <= 0.0 or master_left <= 0.0
         time = master_left / abs(master.speed) if abs(master.speed) > _STILL else math.inf
         if action.final is None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, MutableMapping, Sequence
 from enum import StrEnum
 from random import Random
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from runner.engine.motion.on_roads import Roads
@@ -167,10 +167,32 @@ class Run(Instant, Protocol):
         ...
 
 
+class Rest(NamedTuple):
+    """How an action has ended: its goal, what is reached of it, and what is left.
+
+    Attributes:
+        goal, reached: texts with units.
+        left: distance from the goal, in its unit; not negative.
+        tolerance: the greatest rest that counts as none.
+    """
+
+    goal: str
+    reached: str
+    left: float
+    tolerance: float
+
+    def __str__(self) -> str:
+        return f"its goal is {self.goal}, it has reached {self.reached}"
+
+
 class Running(Protocol):
     """An action in execution for one actor (or for none, if global)."""
 
     __slots__ = ()
+
+    def rest(self) -> Rest | None:
+        """Return how it has ended, by default nothing; called once, after the step that has led to its end."""
+        return None
 
     def step(self, dt: float) -> bool:
         """Act on the interval from now to now + dt (s); true when the action's goal is reached at its end."""

@@ -98,6 +98,9 @@ class Simulation:
         """Whether the initial actions and the events of time 0 are starting: what takes no time sets the initial state."""
         self.finished = False
         self.processes: list[Process] = []
+        self.ended: list[Process] = []
+        self.rests: list[str] = []
+        """sentences on actions that have ended short of their goals"""
         self.log: list[LogEntry] = []
         self.displacement = Displacement(self)
         self.contacts = Contacts(self)
@@ -171,12 +174,30 @@ class Simulation:
         self.world.step()
         for entity in driven:
             self._read(entity)
+        if self.ended:
+            self._look_back()
         self.contacts.update()
         for observe in self.observers:
             observe(self)
         self.recorder.record(self.time)
         self._evaluate()
         return True
+
+    def _look_back(self) -> None:
+        """Log how the actions of this step have ended; a rest above its tolerance is a remark, except where others drive."""
+        for process in self.ended:
+            rest, actor, element = process.running.rest(), process.actor, process.element
+            if rest is None or actor is None:
+                continue
+            text = f"{actor.name}: {rest}"
+            self.log.append(LogEntry(self.time, "goal", element.path, text))
+            driven = actor.controls.driver is not None or actor.controls.world_driven
+            if rest.left > rest.tolerance and not driven:
+                where = f"{element.node.where}: " if element.node is not None else ""
+                self.rests.append(
+                    f"{where}the action {element.name!r} of {actor.name} ends at {self.time:.2f} s: {rest}"
+                )
+        self.ended.clear()
 
     def drive_ego(self, ego: Entity, driver: EgoDriver) -> None:
         """Let a driver have the ego from now on."""

@@ -22,6 +22,11 @@ class StoryboardRun(Run, Protocol):
         """The actions in execution, for each actor."""
         ...
 
+    @property
+    def ended(self) -> list[Process]:
+        """The actions that end with the coming step, in which their entities still move."""
+        ...
+
     def enter(self, entity: Entity) -> None:
         """Bring an entity that has got its first place into the world, its trailers with it."""
         ...
@@ -251,6 +256,7 @@ class ActionElement(Element):
     def finished(self, run: StoryboardRun, process: Process) -> None:
         """One of the processes has reached its goal."""
         self._drop(run, process)
+        run.ended.append(process)
         if self.state is ElementState.RUNNING and not self._processes:
             self.end(run)
 

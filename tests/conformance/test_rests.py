@@ -1,0 +1,79 @@
+"""Each action that ends says what its goal was; what is left of it is a remark."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import runner
+from tests.conformance.support import events
+from tests.runner.files import car, place, scenario, speed_action, story
+
+
+def rests(result: runner.RunResult) -> list[str]:
+    return [remark for remark in result.remarks if "its goal is" in remark]
+
+
+def played(folder: Path, action: str, performance: str = "", **options: object) -> runner.RunResult:
+    entities = [car("Ego"), car("Lead", performance=performance)]
+    path = scenario(folder, entities=entities, stories=story("Lead", [(0.5, action)]), stop=8.0)
+    return runner.run(path, **{"sut": None, "timestep": 0.05, "world": "kinematic", **options})
+
+
+SLOW = 'maxSpeed="14" maxAcceleration="10" maxDeceleration="10"'
+FOLLOW = 'dynamicsShape="{}" dynamicsDimension="rate" value="5" followingMode="{}"'
+
+
+def test_a_speed_beyond_the_performance_is_a_rest(tmp_path: Path) -> None:
+    (remark,) = rests(played(tmp_path, speed_action(40, FOLLOW.format("linear", "follow")), SLOW))
+    assert "the action 'action0' of Lead ends at 1.3" in remark
+    assert "its goal is 40.00 m/s, it has reached 14.00 m/s" in remark
+    assert "scenario.xosc:" in remark
+
+
+def test_a_step_beyond_the_performance_is_a_rest(tmp_path: Path) -> None:
+    (remark,) = rests(played(tmp_path, speed_action(40, FOLLOW.format("step", "follow")), SLOW))
+    assert "its goal is 40.00 m/s, it has reached 14.00 m/s" in remark
+
+
+def test_a_goal_that_is_reached_is_in_the_log_alone(tmp_path: Path) -> None:
+    result = played(tmp_path, speed_action(12, FOLLOW.format("linear", "follow")), SLOW)
+    assert rests(result) == []
+    (entry,) = events(result, "goal")
+    assert entry.text == "Lead: its goal is 12.00 m/s, it has reached 12.00 m/s"
+
+
+def test_a_jerk_of_the_performance_shapes_a_change_of_speed_that_follows(tmp_path: Path) -> None:
+    limited = f'{SLOW} maxAccelerationRate="2" maxDecelerationRate="2"'
+    over_time = 'dynamicsShape="linear" dynamicsDimension="time" value="4" followingMode="follow"'
+    result = played(tmp_path, speed_action(13, over_time), limited)
+    speed = result.recording.tracks["Lead"].columns["speed"]
+    jerks = abs(speed[2:] - 2.0 * speed[1:-1] + speed[:-2]) / 0.05**2
+    assert jerks.max() <= 2.0 + 1e-6
+    assert (speed[89], speed[91]) == (pytest.approx(13.0, abs=0.01), 13.0)
+
+
+def test_a_synchronisation_whose_master_jumps_says_what_is_left(tmp_path: Path) -> None:
+    synchronise = (
+        '<PrivateAction><SynchronizeAction masterEntityRef="Ego" targetTolerance="0" targetToleranceMaster="0">'
+        '<TargetPositionMaster><LanePosition roadId="1" laneId="-1" s="140"/></TargetPositionMaster>'
+        '<TargetPosition><LanePosition roadId="1" laneId="-1" s="190"/></TargetPosition>'
+        "</SynchronizeAction></PrivateAction>"
+    )
+    jump = (
+        '<PrivateAction><TeleportAction><Position><LanePosition roadId="1" laneId="-1" s="145"/>'
+        "</Position></TeleportAction></PrivateAction>"
+    )
+    hurry = story("Lead", [(0.0, synchronise)]) + story("Ego", [(1.0, jump)]).replace(
+        'name="story"', 'name="other"'
+    )
+    init = place("Ego", 100, 20) + place("Lead", 150, 2)
+    result = runner.run(
+        scenario(tmp_path, init=init, stories=hurry, stop=4.0),
+        sut=None,
+        timestep=0.05,
+        world="kinematic",
+    )
+    (remark,) = rests(result)
+    assert "its goal is both at their targets" in remark
