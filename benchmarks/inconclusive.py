@@ -19,8 +19,8 @@ from playable import files
 
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
+from runner.judging.evidence import CAUSES
 from runner.judging.settings import DEFAULT_SYSTEM, WORLDS, RunSettings
-from runner.judging.verdict import CAUSES
 from xosc.distributions import Selection
 
 

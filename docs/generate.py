@@ -22,6 +22,7 @@ from typing import Any, ForwardRef
 import typer
 from typer.cli import get_docs_for_click
 
+from runner.engine.storyboard.evidence_rows import ROWS
 from runner.judging.measures.measure import measures
 from schemas.common import fates
 from xosc_toolchain.start import MODULES as COMMANDS
@@ -92,6 +93,7 @@ def pages() -> dict[Path, str]:
         "README": index_page(packages),
         "commands": commands_page(),
         "measures": measures_page(),
+        "evidence": evidence_page(),
     } | {name: python_page(name) for name in packages}
     return {REFERENCE / f"{name}.md": text for name, text in texts.items()}
 
@@ -125,7 +127,8 @@ def index_page(packages: Iterable[str]) -> str:
     ]
     commands = f"- [Commands](commands.md): {', '.join(f'`{name}`' for name, _ in apps())}"
     measured = "- [Measures](measures.md): criticality of a run, in results, tables, reports and `--fail-if`"
-    lines = [commands, measured, *lines]
+    proven = "- [Evidence](evidence.md): numbers without which a run is inconclusive, and `--least`"
+    lines = [commands, measured, proven, *lines]
     return (
         "\n".join(
             ["# Reference", "", _GENERATED.replace("this page is", "these pages are"), "", *lines]
@@ -190,6 +193,31 @@ def measures_page() -> str:
     table = [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
     return (
         f"# Measures\n\n{_GENERATED} [How to add one](../extending/measure.md).\n\n"
+        + "\n".join(table)
+        + "\n"
+    )
+
+
+# evidence -----------------------------------------------------------------------------------
+
+
+def evidence_page() -> str:
+    """All kinds of evidence of a run, from their table."""
+    head = ["name", "cause", "least", "counted", "a run is inconclusive where", "dry run"]
+    rows = [
+        [
+            f"`{name}`",
+            f"`{row.cause}`",
+            f"{row.least:g} {row.unit}",
+            row.meaning,
+            row.missing,
+            "yes" if row.early else "",
+        ]
+        for name, row in ROWS.items()
+    ]
+    table = [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
+    return (
+        f"# Evidence\n\n{_GENERATED} [How it is used](../batches.md#inconclusive-runs).\n\n"
         + "\n".join(table)
         + "\n"
     )

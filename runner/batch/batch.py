@@ -89,7 +89,8 @@ def _run(
     return Outcome(
         job, verdict.outcome, CODES[verdict.outcome], message, result.status, result.end_time, measures,
         impact=report.impact(result) if verdict.failures else None,
-        criteria=criteria, remarks=told, causes=[*dict.fromkeys(cause.name for cause in verdict.causes)], files=files,
+        criteria=criteria, remarks=told, causes=[*dict.fromkeys(cause.name for cause in verdict.causes)],
+        evidence=report.evidence(verdict), files=files,
     )  # fmt: skip
 
 

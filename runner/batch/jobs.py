@@ -84,7 +84,8 @@ class Outcome:
             `runner.judging.measures.contacts`.
         criteria: results of the scenario's criteria, as in `result.json`.
         remarks: what was assumed and what may not be meant, as in `result.json`, a line each.
-        causes: names of the causes for which the run tested nothing, see `runner.judging.verdict`.
+        causes: names of the causes for which the run tested nothing, see `runner.judging.evidence`.
+        evidence: of the run, as in `result.json`.
         inputs: digest of all that decided what the run gave (with an output folder).
         files: digests of the files in the folder of its results, by name.
     """
@@ -101,6 +102,7 @@ class Outcome:
     criteria: list[dict[str, Any]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     causes: list[str] = field(default_factory=list)
+    evidence: list[dict[str, Any]] = field(default_factory=list)
     inputs: str = ""
     files: dict[str, str] = field(default_factory=dict)
 

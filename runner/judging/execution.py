@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 from runner.engine.compile.compiler import Scenario, compile_scenario
 from runner.engine.participants.scenario_objects import controller_remarks
 from runner.engine.storyboard.departures import Departures, absences, egoless, jolts, standstill
+from runner.engine.storyboard.evidence_rows import Observed, not_driven
+from runner.engine.storyboard.progress import idleness, untested_remarks
 from runner.engine.storyboard.simulation import Simulation
+from runner.judging.evidence import collect, missing
 from runner.judging.result import RunResult
 from runner.judging.settings import RunSettings
 from runner.judging.verdict import (
     apply_limits,
-    at_beginning,
     criteria_remarks,
-    idleness,
     judge,
-    of_run,
     red_light_remarks,
-    untested_remarks,
+    results_of_criteria,
 )
 from runner.systems import System, open_system, system_name
 from runner.systems.base import RAISED, Control, Observation, Pose, is_finite, parameters_of
@@ -259,10 +259,9 @@ class Session:
         recording = sim.recorder.recording()
         driven = ego if system is not None else None
         asked = system_name(self.settings.sut)
-        causes = tuple(
-            dict.fromkeys(of_run(compiled, sim, recording, self._departures, ego, asked))
-        )
-        verdict = judge(compiled, sim.contacts, recording, ego, causes)
+        criteria = results_of_criteria(compiled, sim.contacts, recording, ego)
+        observed = Observed(compiled, sim, recording, self._departures, ego, asked, criteria)
+        verdict = judge(sim.contacts, ego, criteria, collect(observed, self.settings.least_values))
         sut = asked if ego is not None else "none"
         remarks = (
             *map(str, (*compiled.remarks, *sim.remarks.found)),
@@ -288,7 +287,8 @@ class Session:
             ),
             *idleness(compiled.storyboard, sim),
             *untested_remarks(sim),
-            *criteria_remarks(compiled.criteria, verdict),
+            *not_driven(observed),
+            *criteria_remarks(compiled.criteria),
             *red_light_remarks(compiled, recording, ego),
         )
         result = RunResult(
@@ -309,7 +309,7 @@ class Session:
             sut_parameters=parameters_of(system) if driven is not None else {},
             actors=compiled.storyboard.actors,
         )
-        apply_limits(result, self.settings.limits)
+        apply_limits(result, self.settings.limits, self.settings.least_values)
         return result
 
     def close(self) -> None:
@@ -427,7 +427,8 @@ class Prepared(Compiled):
         sim.begin()
         departures(sim)
         recording, system = sim.recorder.recording(), system_name(chosen.sut)
-        causes = tuple(at_beginning(self.scenario, sim, recording, departures, ego, system))
+        observed = Observed(self.scenario, sim, recording, departures, ego, system, ended=False)
+        causes = missing(collect(observed, chosen.least_values))
         return Rehearsed(tuple(map(str, (*self.scenario.remarks, *sim.remarks.found))), causes)
 
     def run(

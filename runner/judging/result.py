@@ -31,12 +31,37 @@ class Cause(NamedTuple):
     """Reason for which a run is inconclusive.
 
     Attributes:
-        name: one of `runner.judging.verdict.CAUSES`.
+        name: one of `runner.judging.evidence.CAUSES`.
         text: what was not tested, with file and line where there is one.
     """
 
     name: str
     text: str
+
+
+class RunEvidence(NamedTuple):
+    """Evidence of one kind that a run tested something.
+
+    Attributes:
+        name: one of `runner.judging.evidence.ROWS`.
+        value: number that was counted.
+        planned: number that there was to reach, for events, participants and criteria.
+        unit: `s`, `share` (0 to 1), `yes` (1 or 0), or the things that are counted.
+        least: value from which on it is enough.
+        texts: what is missing; empty where it is enough.
+    """
+
+    name: str
+    value: float
+    planned: int | None
+    unit: str
+    least: float
+    texts: tuple[str, ...] = ()
+
+    @property
+    def enough(self) -> bool:
+        """Whether the least value is reached."""
+        return self.value >= self.least
 
 
 @dataclass(frozen=True)
@@ -47,16 +72,21 @@ class Verdict:
         failures: contacts of the ego, failed criteria and limits.
         causes: why the run did not test what the file describes.
         criteria: results of the scenario's criteria, in its order.
+        evidence: that it tested something; a run without any has not passed.
     """
 
     failures: tuple[str, ...] = ()
     causes: tuple[Cause, ...] = ()
     criteria: tuple[CriterionResult, ...] = ()
+    evidence: tuple[RunEvidence, ...] = ()
 
     @property
     def outcome(self) -> str:
-        """`FAILED` with a failure, else `INCONCLUSIVE` with a cause, else `PASSED`."""
-        return FAILED if self.failures else INCONCLUSIVE if self.causes else PASSED
+        """`FAILED` with a failure, else `PASSED` with all evidence and no cause against it, else `INCONCLUSIVE`."""
+        if self.failures:
+            return FAILED
+        earned = bool(self.evidence) and all(each.enough for each in self.evidence)
+        return PASSED if earned and not self.causes else INCONCLUSIVE
 
     @property
     def passed(self) -> bool:

@@ -51,6 +51,8 @@ class RunSettings:
             a system under test.
         fail_if: limits by which a run fails besides collisions of the ego, as `min_ttc<1` or
             `off-road`; see `runner.judging.measures.measure`.
+        least: least values of evidence without which a run is inconclusive, as `ego_seconds=2`, in
+            the place of those of `runner.judging.evidence.ROWS`.
         enforce_constraints: refuse parameter values that violate their constraint groups, and leave
             such sets of a distribution out; otherwise violations are noted in the event log.
         strict: refuse files that break their standard, where they are otherwise repaired with a
@@ -103,6 +105,12 @@ class RunSettings:
         show_default=False,
     )
     fail_if: tuple[str, ...] = ()
+    least: tuple[str, ...] = option(
+        (),
+        "Least value of evidence without which a run is inconclusive, as ego_seconds=2 (see docs/batches.md).",
+        "--least",
+        metavar="NAME=VALUE",
+    )
     enforce_constraints: bool = option(
         True,
         "Refuse parameter values that violate constraint groups; leave such sets of a distribution out.",
@@ -145,7 +153,16 @@ class RunSettings:
             raise UsageError(f"the world {self.world!r} is not one of {', '.join(WORLDS)}")
         if self.road not in (None, MADE) and not os.path.isfile(self.road):
             raise UsageError(f"the road {self.road!r} is neither a file nor {MADE}")
-        _ = self.limits  # parsed once, or refused here
+        _ = self.limits, self.least_values  # parsed once, or refused here
+        for limit in self.limits:
+            if (
+                limit.name == "end_time"
+                and limit.comparison.startswith(">")
+                and limit.value > self.max_time
+            ):
+                raise UsageError(
+                    f"--fail-if {limit.text!r}: no run takes longer than --max-time {self.max_time:g}"
+                )
         if not 0.0 < self.sut_timeout <= _LONGEST:
             raise UsageError(
                 f"--sut-timeout must be above 0 s, at most {_LONGEST:g} s, not {self.sut_timeout}"
@@ -171,13 +188,23 @@ class RunSettings:
         """Limits of `fail_if`."""
         return tuple(map(Limit.parse, self.fail_if))
 
+    @cached_property
+    def least_values(self) -> dict[str, float]:
+        """Least values of `least` by name."""
+        if not self.least:
+            return {}
+        from runner.judging.evidence import least_values
+
+        return least_values(self.least)
+
     def as_json(self) -> dict[str, Any]:
         """The values by name, as JSON has them; a system under test by its name."""
         from runner.systems import system_name
 
         values = {each.name: getattr(self, each.name) for each in fields(self)}
         lists = {
-            name: list(getattr(self, name)) for name in ("fail_if", "road_path", "catalog_path")
+            name: list(getattr(self, name))
+            for name in ("fail_if", "least", "road_path", "catalog_path")
         }
         return (
             values

@@ -136,6 +136,7 @@ _RETURN = 3.5
 """Greatest acceleration with which the ego returns to its scripted speed after an intervention, m/s²"""
 _SAME = 1e-9
 _GRAVITY = 9.81
+_PEDALS = ("Throttle", "Brake", "ParkingBrake")
 _OFF = 1.0
 """Distance (m), beside that of 1 g in a step, of a pose from where the ego would be at its speed: farther no vehicle comes"""
 _UNLIKE = 1.0
@@ -188,6 +189,8 @@ class WorldDriver(EgoDriver):
         """Once the world has driven the ego, it has to return to the scripted speed."""
         self._returning = self._returning or driven
         self._refused = not driven
+        if driven:
+            self.count(self.longitudinal, self.lateral)
 
     def decide(self, ego: Entity, run: Run) -> Decision:
         """The scripted speed, or the way back to it."""
@@ -225,8 +228,10 @@ class SystemDriver(EgoDriver):
         target = self._target(ego)
         control = self._ask(ego, target, run) if self.longitudinal or self.lateral else Control()
         if isinstance(control, Pose):
+            self.count(True, True)
             return self._put(ego, control, run)
         steering = control.steering if self.lateral else None
+        self.count(self.longitudinal and not _held(ego), steering is not None)
         control = _overridden(control, ego) if self.longitudinal else Control()
         if control.acceleration is not None:
             return Decision(
@@ -354,11 +359,17 @@ def returning(ego: Entity, target: float, dt: float) -> float:
     return ego.speed + max(-most, min(most, change))
 
 
+def _held(ego: Entity) -> bool:
+    """Whether OverrideControllerValueAction holds a pedal of the ego."""
+    pedals = ego.controls.overrides
+    return bool(pedals) and not pedals.keys().isdisjoint(_PEDALS)
+
+
 def _overridden(control: Control, ego: Entity) -> Control:
     """The system's control with the pedals that OverrideControllerValueAction holds in place of its own."""
-    pedals = ego.controls.overrides
-    if not pedals or not pedals.keys() & {"Throttle", "Brake", "ParkingBrake"}:
+    if not _held(ego):
         return control
+    pedals = ego.controls.overrides
     limits, own = ego.declared.performance, control.acceleration or 0.0
     forwards, backwards = max(own, 0.0), max(-own, 0.0)
     if "Throttle" in pedals:

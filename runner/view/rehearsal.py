@@ -111,8 +111,8 @@ def _rehearsed(outcomes: Iterable[Outcome], sets: Counter[Path]) -> Outcome:
 
 
 def _compiled(job: Job, settings: RunSettings) -> Outcome:
+    from runner.engine.storyboard.evidence_rows import causes_of
     from runner.judging.execution import prepare
-    from runner.judging.verdict import of_remarks
 
     try:
         assumptions = assumed(job, settings.strict)
@@ -121,7 +121,7 @@ def _compiled(job: Job, settings: RunSettings) -> Outcome:
             begun = prepared.rehearse(settings)
     except Exception as error:  # a defect of ours is an outcome too, the other files go on
         return failure(job, error)
-    causes = tuple(dict.fromkeys((*of_remarks(assumptions), *begun.causes)))
+    causes = tuple(dict.fromkeys((*causes_of(assumptions), *begun.causes)))
     told = dict.fromkeys(cause.text for cause in causes)
     remarks = [
         one_line(remark)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from runner.batch.outputs import report, tables
 from runner.engine.participants.declaration import BoundingBox
 from runner.judging.criteria.criterion import CriterionResult
-from runner.judging.result import FAILED, Cause, RunResult, Verdict
+from runner.judging.result import FAILED, Cause, RunEvidence, RunResult, Verdict
 from runner.recording import COLUMNS, LogEntry, Recording, Track, arrow_type
 from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.policy import current
@@ -201,13 +201,28 @@ def _setup(values: Mapping[str, Any]) -> Setup:
 
 
 def _verdict(values: Mapping[str, Any]) -> Verdict:
-    """The verdict; runs of earlier versions have no causes."""
+    """The verdict; runs of earlier versions have no causes, and no evidence, which is none that they passed."""
     failures = tuple(map(str, values["reasons"])) if values["verdict"] == FAILED else ()
     causes = tuple(Cause(str(each["name"]), str(each["text"])) for each in values.get("causes", ()))
-    verdict = Verdict(failures, causes, _criteria(values))
-    if verdict.outcome != values["verdict"]:
+    verdict = Verdict(failures, causes, _criteria(values), _evidence(values))
+    if verdict.outcome != values["verdict"] and "evidence" in values:
         raise ValueError(f"the verdict {values['verdict']!r} does not follow from its reasons")
     return verdict
+
+
+def _evidence(values: Mapping[str, Any]) -> tuple[RunEvidence, ...]:
+    """Evidence of the run."""
+    return tuple(
+        RunEvidence(
+            str(each["name"]),
+            _number(each, "value"),
+            None if each["planned"] is None else int(_number(each, "planned", 0.0)),
+            str(each["unit"]),
+            _number(each, "least", 0.0),
+            tuple(map(str, each["texts"])),
+        )
+        for each in values.get("evidence", ())
+    )
 
 
 def _criteria(values: Mapping[str, Any]) -> tuple[CriterionResult, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,7 @@ def summary(result: RunResult) -> dict[str, Any]:
         "reasons": list(result.verdict.reasons),
         "causes": [cause._asdict() for cause in result.verdict.causes],
         "criteria": criteria(result.verdict),
+        "evidence": evidence(result.verdict),
         "remarks": list(result.remarks),
         "end_time": result.end_time,
         "ego": result.ego,
@@ -88,6 +89,21 @@ def criteria(verdict: Verdict) -> list[dict[str, Any]]:
     ]
 
 
+def evidence(verdict: Verdict) -> list[dict[str, Any]]:
+    """Evidence as JSON-able values: name, value, planned (null where nothing was), unit, least, texts on what is missing."""
+    return [{**each._asdict(), "texts": list(each.texts)} for each in verdict.evidence]
+
+
+def evidence_text(each: Mapping[str, Any]) -> str:
+    """The value of a kind of evidence, as `evidence` gives it, in words."""
+    value, unit = each["value"], each["unit"]
+    if each["planned"] is not None:
+        return f"{value * each['planned'] if unit == 'share' else value:g} of {each['planned']}"
+    if unit == "yes":
+        return "yes" if value else "no"
+    return f"{value:.1%}" if unit == "share" else f"{value:.2f} {unit}"
+
+
 def write_json(values: dict[str, Any], path: Path) -> None:
     """Write JSON that every reader takes: infinite numbers become null."""
     text = json.dumps(finite(values), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
@@ -119,18 +135,22 @@ def write_events(events: Iterable[LogEntry], path: Path) -> None:
 def write_junit(outcomes: Iterable[Outcome], path: Path, inconclusive: str = "skipped") -> None:
     """Write a JUnit file, whole or not at all: a test case a run; a failed verdict is a failure, a defect an error.
 
-    An inconclusive run is skipped, or an error, as `inconclusive` says. Results of criteria are
-    properties of their test case, remarks its standard output.
+    An inconclusive run is skipped, or an error, as `inconclusive` says, and so is what a dry run
+    has only loaded. The state, evidence and results of criteria are properties of a test case,
+    remarks its standard output.
     """
     suites = etree.Element("testsuites", name="xosc-run")
     groups: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
         groups.setdefault(str(outcome.job.source), []).append(outcome)
     for source, members in groups.items():
-        tags = [
-            {"failed": "failure", "error": "error", "inconclusive": inconclusive}.get(each.state)
-            for each in members
-        ]
+        kinds = {
+            "failed": "failure",
+            "error": "error",
+            "inconclusive": inconclusive,
+            "loaded": "skipped",
+        }
+        tags = [kinds.get(each.state) for each in members]
         suite = etree.SubElement(
             suites,
             "testsuite",
@@ -144,22 +164,27 @@ def write_junit(outcomes: Iterable[Outcome], path: Path, inconclusive: str = "sk
             case = etree.SubElement(suite, "testcase", classname=xml_text(Path(source).stem))
             case.set("name", xml_text(outcome.job.title))
             case.set("time", f"{outcome.end_time or 0.0:.3f}")
-            _add_criteria(case, outcome.criteria)
+            _add_properties(case, outcome)
             if tag is not None:
-                detail = etree.SubElement(case, tag, message=xml_text(outcome.message))
-                detail.text = xml_text(outcome.message)
+                loaded = f"loaded, not run (--dry-run){outcome.message and ': '}{outcome.message}"
+                message = xml_text(loaded if outcome.state == "loaded" else outcome.message)
+                detail = etree.SubElement(case, tag, message=message)
+                if outcome.state in ("inconclusive", "loaded"):
+                    detail.set("type", outcome.state)
+                detail.text = message
             if outcome.remarks:
                 etree.SubElement(case, "system-out").text = xml_text("\n".join(outcome.remarks))
     keep(etree.tostring(suites, pretty_print=True, xml_declaration=True, encoding="UTF-8"), path)
 
 
-def _add_criteria(case: etree._Element, results: list[dict[str, Any]]) -> None:
-    properties = etree.SubElement(case, "properties") if results else case
-    for result in results:
+def _add_properties(case: etree._Element, outcome: Outcome) -> None:
+    """State, evidence and results of criteria."""
+    properties = etree.SubElement(case, "properties")
+    found = {"state": outcome.state}
+    for each in outcome.evidence:
+        found[f"evidence_{each['name']}"] = evidence_text(each)
+    for result in outcome.criteria:
         name = " ".join(text for text in (f"criteria_{result['name']}", result["entity"]) if text)
-        etree.SubElement(
-            properties,
-            "property",
-            name=xml_text(name),
-            value=xml_text(f"{result['result']}: {result['reason']}"),
-        )
+        found[name] = f"{result['result']}: {result['reason']}"
+    for name, value in found.items():
+        etree.SubElement(properties, "property", name=xml_text(name), value=xml_text(value))

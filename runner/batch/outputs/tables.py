@@ -191,9 +191,10 @@ def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
     Columns: name, file (that the user named), scenario, parameters (a map of texts), seed (null
     unless runs were repeated), state (`passed`, `failed`, `inconclusive`, `error`), verdict (null
     where there was no run), exit_code, status, end_time (s), message, remarks, causes (names; why a
-    run is inconclusive), `CONTACT` of a failed run in which the ego touches another participant,
-    and the criticality measures: each extreme with `_time` (s) and `_other`, and the shares of RSS
-    violations; null where they are not defined. Units as in `runner.judging.measures.criticality`.
+    run is inconclusive), evidence (a map of names to values), `CONTACT` of a failed run in which
+    the ego touches another participant, and the criticality measures: each extreme with `_time` (s)
+    and `_other`, and the shares of RSS violations; null where they are not defined. Units as in
+    `runner.judging.measures.criticality`.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -220,6 +221,7 @@ def _row(outcome: Outcome) -> dict[str, Any]:
         "message": _text(outcome.message),
         "remarks": [_text(remark) for remark in outcome.remarks],
         "causes": outcome.causes,
+        "evidence": [(each["name"], each["value"]) for each in outcome.evidence],
         **_contact(outcome.impact),
     }
     for name, each in measures().items():
@@ -271,6 +273,7 @@ def schema() -> pa.Schema:
         "remarks": pa.list_(text),
     }
     fields["causes"] = pa.list_(text)
+    fields["evidence"] = pa.map_(text, number)
     fields |= dict(zip(CONTACT, (text, number, number, pa.bool_()), strict=True))
     for name, each in measures().items():
         fields |= (

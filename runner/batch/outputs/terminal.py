@@ -7,11 +7,12 @@ import re
 import shutil
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from runner.batch.outputs.report import evidence_text
 from schemas.common.remarks import told_quietly
 from schemas.common.terminal.text import many, one_line
 
@@ -84,7 +85,7 @@ class OutcomeTable:
         self._remarks: dict[str, list[str]] = {}
         self._told: set[str] = set()
         self._contacts: list[tuple[str, dict[str, Any]]] = []
-        self._last = ""
+        self._last = self._evidence = ""
 
     def show(self, outcome: Outcome) -> None:
         """Print one run's line."""
@@ -92,6 +93,7 @@ class OutcomeTable:
             self._print(f"{'verdict':{_WORD}}{'run':{self._width}}  {'end':>9}  ended by")
         self._counts[outcome.state] += 1
         self._last = outcome.job.name if outcome.state != "error" else ""
+        self._evidence = told_evidence(outcome.evidence)
         grave = outcome.state in _GRAVE
         if grave:
             self._groups.setdefault((outcome.state, _cause(outcome)), []).append(_title(outcome))
@@ -101,6 +103,8 @@ class OutcomeTable:
             self._remarks.setdefault(_LOCATION.sub("", remark), []).append(remark)
         if grave or not self._quiet:
             self._print(self._line(outcome))
+            if self._verbose and self._evidence:
+                self._print(f"{'':{_WORD}}{self._evidence}")
         if outcome.state == "error" and outcome.message not in self._told:
             self._told.add(outcome.message)
             trace = (
@@ -173,6 +177,8 @@ class OutcomeTable:
             text = f"{path}: {many(count, 'parameter set')} left out: the values violate the scenario's constraints"
             self._print(f"remark: {one_line(text)}")
         if runs < 2:
+            if self._evidence and not self._verbose:
+                self._print(f"evidence: {self._evidence}")
             return
         for (state, cause), names in sorted(
             self._groups.items(), key=lambda group: list(_WORDS).index(group[0][0])
@@ -236,6 +242,14 @@ class OutcomeTable:
             sys.stderr.write(_CLEAR)
             sys.stderr.flush()
         print(text, flush=True)
+
+
+def told_evidence(evidence: Sequence[Mapping[str, Any]]) -> str:
+    """Return the numbers of evidence, as `runner.batch.outputs.report.evidence` gives it, in one line."""
+    told = (each for each in evidence if each["unit"] != "yes")
+    return ", ".join(
+        f"{each['name'].removesuffix('_seconds')} {evidence_text(each)}" for each in told
+    )
 
 
 def _title(outcome: Outcome) -> str:

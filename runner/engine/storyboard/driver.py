@@ -70,6 +70,14 @@ class EgoDriver(ABC):
     def __init__(self, handed_over: bool) -> None:
         self.longitudinal = handed_over
         self.lateral = handed_over
+        self.commanded = {"any": 0, "longitudinal": 0, "lateral": 0}
+        """steps in which it was in command of the ego, by domain"""
+
+    def count(self, longitudinal: bool, lateral: bool) -> None:
+        """Count a step in which it was in command of these domains."""
+        self.commanded["any"] += longitudinal or lateral
+        self.commanded["longitudinal"] += longitudinal
+        self.commanded["lateral"] += lateral
 
     def hand_over(self, domains: Mapping[str, bool]) -> None:
         """Let it drive, or no longer drive, in control domains (ActivateControllerAction)."""

@@ -72,6 +72,10 @@ def _pick(series: Series, other: NDArray[np.object_], time: FloatArray, index: i
     return Extreme(float(series.value[row]), float(time[row]), str(other[row]))
 
 
+def _mean(holds: BoolArray) -> float:
+    return float(holds.mean()) if len(holds) else 0.0
+
+
 class RunMeasure(ABC):
     """A criticality measure of a run: one number about the ego.
 
@@ -89,6 +93,7 @@ class RunMeasure(ABC):
         tag: name of the tag in catalogues; empty for none.
         is_extreme: whether it has an instant and another participant (`Extreme`), or is a number
             over the whole run.
+        greatest: value that it can't exceed; none is below 0.
     """
 
     name: str
@@ -102,6 +107,14 @@ class RunMeasure(ABC):
     beyond: ClassVar[str] = ""
     tag: ClassVar[str] = ""
     is_extreme: ClassVar[bool] = True
+    greatest: ClassVar[float] = math.inf
+
+    def defined(self, run: Any) -> float:
+        """Share of the ego's time in which it was defined, or would have been had there been reason; see `validity`.
+
+        By default the share in which another participant was there.
+        """
+        return _mean(run.distance.valid)
 
     @abstractmethod
     def of(self, run: Any) -> Extreme | float | None:
@@ -225,7 +238,40 @@ class Limit:
             value = math.nan
         if not math.isfinite(value):
             raise UsageError(f"--fail-if {text!r}: {match[3]!r} is no number")
-        return cls(text.strip(), match[1], match[2] or "", value)
+        limit = cls(text.strip(), match[1], match[2] or "", value)
+        if match[2] and not limit.reachable:
+            raise UsageError(f"--fail-if {text!r}: no run can reach this limit: {limit.bounds}")
+        return limit
+
+    @property
+    def reachable(self) -> bool:
+        """Whether a measure can have a value beyond it."""
+        compare = _COMPARISONS[self.comparison]
+        return compare(0.0 if self.comparison.startswith("<") else self._greatest, self.value)
+
+    @property
+    def bounds(self) -> str:
+        """Bounds of its measure in words."""
+        above = f", nor above {self._greatest:g}" if self._greatest < math.inf else ""
+        return f"{self.name} is never below 0{above}"
+
+    @property
+    def _greatest(self) -> float:
+        return measures()[self.name].greatest if self.name in measures() else math.inf
+
+    def defined(self, criticality: Any) -> float:
+        """Share of the ego's time in which its measure was defined, or its event could happen.
+
+        Args:
+            criticality: `runner.judging.measures.criticality.Criticality` of the ego; None where it
+                never appeared, or there is none.
+        """
+        if not self.needs_ego:
+            return 1.0
+        if criticality is None:
+            return 0.0
+        name = _RSS if self.name == "rss" else self.name
+        return 1.0 if name in EVENTS else measures()[name].defined(criticality)
 
     def reason(self, facts: Facts) -> str:
         """Why a run fails by it; empty where it does not."""
@@ -260,3 +306,8 @@ class Limit:
     def needs_ego(self) -> bool:
         """Whether it says nothing about a run without an ego."""
         return self.name not in ("timeout", "end_time")
+
+    @property
+    def needs_road(self) -> bool:
+        """Whether it says nothing about a run without roads."""
+        return self.name in ("off-road", "road-end")

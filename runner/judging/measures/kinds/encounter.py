@@ -25,6 +25,11 @@ if TYPE_CHECKING:
     from runner.judging.measures.criticality import Criticality
 
 
+def _led(run: Criticality) -> float:
+    """Share of the ego's time with a lead; where the gap does not close, the measure has no value because nothing is critical."""
+    return float((run.lead != "").mean()) if len(run.lead) else 0.0
+
+
 @measure
 class MinTimeToCollision(RunMeasure):
     """Least time to collision with the lead."""
@@ -38,6 +43,9 @@ class MinTimeToCollision(RunMeasure):
     source = "Hayward (1972)"
     most = 10.0
     tag = "MinTimeToCollision"
+
+    def defined(self, run: Criticality) -> float:
+        return _led(run)
 
     def of(self, run: Criticality) -> Extreme | None:
         return least(run.ttc, run.lead, run.time)
@@ -57,6 +65,9 @@ class MinTimeHeadway(RunMeasure):
     most = 10.0
     tag = "MinTimeHeadway"
 
+    def defined(self, run: Criticality) -> float:
+        return _led(run)
+
     def of(self, run: Criticality) -> Extreme | None:
         return least(run.thw, run.lead, run.time)
 
@@ -75,6 +86,9 @@ class MaxDecelerationToAvoidCrash(RunMeasure):
     most = GREATEST_DECELERATION
     beyond = "unavoidable"
     tag = "MaxDecelerationToAvoidCrash"
+
+    def defined(self, run: Criticality) -> float:
+        return _led(run)
 
     def of(self, run: Criticality) -> Extreme | None:
         return greatest(run.drac, run.lead, run.time)
@@ -112,6 +126,9 @@ class PostEncroachmentTime(RunMeasure):
     most = LONGEST_PET
     tag = "PostEncroachmentTime"
 
+    def defined(self, run: Criticality) -> float:
+        return 1.0 if run.pet is not None else 0.0
+
     def of(self, run: Criticality) -> Extreme | None:
         return run.pet
 
@@ -127,6 +144,7 @@ class MaxCollisionProbability(RunMeasure):
     )
     critical = "high"
     validity = "another participant is there"
+    greatest = 1.0
     source = "see `runner.judging.measures.risk_field`"
 
     def of(self, run: Criticality) -> Extreme | None:
@@ -159,6 +177,7 @@ class RssRisk(RunMeasure):
     critical = "high"
     validity = "another participant is there, before any collision"
     source = "Shalev-Shwartz, Shammah, Shashua (2017)"
+    greatest = 1.0
     is_extreme = False
 
     def __init__(self, parameters: str) -> None:
@@ -169,6 +188,9 @@ class RssRisk(RunMeasure):
             f"share of time with gap < safe distance, along and across, set `{parameters}`"
         )
         self.most = 1.0 if parameters == "ad-rss" else None
+
+    def defined(self, run: Criticality) -> float:
+        return float(run.active.mean()) if len(run.active) else 0.0
 
     def of(self, run: Criticality) -> float | None:
         return run.risk(self.parameters)

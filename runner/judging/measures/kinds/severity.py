@@ -124,6 +124,7 @@ class FatalityRisk(_OfContact):
     label = "Fatality risk"
     formula = "occupants: (Δv / 71 mph)⁴; pedestrians and riders: 1 / (1 + exp(6.9 − 0.090 · impact speed in km/h)); the greater"
     source = "Joksch (1993); Rosén and Sander (2009)"
+    greatest = 1.0
     most = 1.0
 
     def value(self, ego: MotionRows, other: MotionRows, speed: float) -> float:
