@@ -37,7 +37,7 @@ _ASTRAY = 5.0
 """Distance (m) between reference point and bounding box beyond which they are not of one object"""
 
 
-class Contact(NamedTuple):
+class PredictedContact(NamedTuple):
     """A contact to come.
 
     Attributes:
@@ -57,7 +57,7 @@ class Contact(NamedTuple):
         return GREATEST_DECELERATION / needed if needed else math.inf
 
 
-_NEVER = Contact(math.inf, 0.0, "")
+_NEVER = PredictedContact(math.inf, 0.0, "")
 
 
 def beyond_performance(
@@ -181,7 +181,7 @@ def _jumps(track: Track) -> list[float]:
     return [float(time[row]) for row in np.flatnonzero(way > most)]
 
 
-def contact_at_end(recording: Recording, ego: Entity | None, end: float) -> Contact:
+def contact_at_end(recording: Recording, ego: Entity | None, end: float) -> PredictedContact:
     """The contact of the ego that comes first after the end of a run, at all velocities then.
 
     Its time is infinite where there is none.
@@ -192,7 +192,7 @@ def contact_at_end(recording: Recording, ego: Entity | None, end: float) -> Cont
     return min(found, default=_NEVER)
 
 
-def contact_after(own: Track, other: Track, time: float) -> Contact:
+def contact_after(own: Track, other: Track, time: float) -> PredictedContact:
     """The contact of two participants that keep their velocities from an instant (s) on.
 
     Participants that are not both there at the instant, or that touch already, have none.
@@ -208,7 +208,11 @@ def contact_after(own: Track, other: Track, time: float) -> Contact:
     vx, vy = vb * math.cos(b.h) - va * math.cos(a.h), vb * math.sin(b.h) - va * math.sin(a.h)
     c, s = math.cos(a.h), math.sin(a.h)
     after = entry(seen, a.box, b.box, vx * c + vy * s, vy * c - vx * s)
-    return Contact(after, math.hypot(vx, vy), other.name) if 0.0 < after < math.inf else _NEVER
+    return (
+        PredictedContact(after, math.hypot(vx, vy), other.name)
+        if 0.0 < after < math.inf
+        else _NEVER
+    )
 
 
 def _row(track: Track, time: float) -> tuple[Spot, float] | None:

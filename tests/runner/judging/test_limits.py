@@ -91,12 +91,28 @@ def test_a_run_fails_by_any_measure(tmp_path: Path) -> None:
     ]
 
 
-def test_a_limit_that_says_nothing_about_a_run_is_remarked(tmp_path: Path) -> None:
+def test_a_limit_that_says_nothing_about_a_run_leaves_it_inconclusive(tmp_path: Path) -> None:
     path = near(tmp_path)
+    assert runner.run(
+        path, QUICK, fail_if=("min_ttc<1", "end_time>100")
+    ).verdict.passed  # a lead is enough
+    path = scenario(tmp_path, init=place("Ego", 100, 20) + place("Lead", 400, 20), stop=2.0)
+    verdict = runner.run(path, QUICK, fail_if=("pet<1",)).verdict
+    assert [cause.name for cause in verdict.causes] == ["undefined-limit"]
+    assert "pet<1: the measure had a value in 0.0% of the time" in verdict.reasons[0]
+    assert runner.run(path, QUICK, fail_if=("pet<1",), least=("limits=0",)).verdict.passed
     path.write_text(path.read_text().replace('"Ego"', '"Other"'))
-    result = runner.run(path, QUICK, fail_if=("min_ttc<1", "end_time>100"))
-    assert result.verdict.passed
-    assert result.remarks == ("min_ttc<1: there is no ego to measure",)
+    assert runner.run(path, QUICK).verdict.passed
+    assert not runner.run(path, QUICK, fail_if=("min_ttc<1",)).verdict.passed
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["min_ttc<-1", "min_ttc<0", "rss_risk_r157>1", "max_collision_probability>2", "end_time>301"],
+)
+def test_a_limit_that_no_run_can_reach_is_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="no run"):
+        runner.RunSettings(fail_if=(text,))
 
 
 @pytest.fixture

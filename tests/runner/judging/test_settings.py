@@ -73,6 +73,7 @@ def test_a_command_has_an_option_for_each_setting_with_its_default(command: type
     told = {each.name for each in fields(RunSettings)} - {
         "end_after_collision",
         "fail_if",
+        "least",
         "road_path",
         "catalog_path",
     }

@@ -46,13 +46,24 @@ def join_doubled_elements(root: Node, version: tuple[int, int]) -> Iterator[Rema
                 or first.setdefault(child.tag, child).element is child.element
             ):
                 continue
+            cause = ""
             if child.tag in _LISTS:
                 first[child.tag].element.extend(child.element)
                 meaning = "what is in both is read"
             else:
                 meaning = f"that of line {first[child.tag].line} is read"
+                cause = "" if _alike(child, first[child.tag]) else ignored(child)
             node.element.remove(child.element)
-            yield child.remark(SCHEMA_UID, f"a second element {child.tag}; {meaning}")
+            yield child.remark(SCHEMA_UID, f"a second element {child.tag}; {meaning}", cause)
+
+
+def _alike(one: Node, other: Node) -> bool:
+    """Whether two elements have the same content: which of them is read does not matter."""
+    first, second = (
+        etree.canonicalize(etree.tostring(each.element, with_tail=False), strip_text=True)
+        for each in (one, other)
+    )
+    return bool(first == second)
 
 
 def keep_first_positions(root: Node, version: tuple[int, int]) -> Iterator[Remark]:
