@@ -319,6 +319,8 @@ def _episode(job: Job, settings: RunSettings, rss: str) -> Outcome:
             chosen.end_after_collision is None
         ):  # measures are of the whole encounter, with every driver
             chosen = replace(chosen, end_after_collision=False)
+        # an end shortly before a contact is an episode like any other: its measures say how near
+        chosen = replace(chosen, least=("reserve=0", *chosen.least))
         with limited():
             result = run(job.scenario, chosen, parameters=job.parameters)
             verdict = result.verdict

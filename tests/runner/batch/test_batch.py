@@ -250,7 +250,7 @@ def test_a_large_space_is_not_enumerated(tmp_path: Path) -> None:
     ],
 )
 def test_names_are_safe_as_folder_names(tmp_path: Path, stem: str, expected: str) -> None:
-    path = scenario(tmp_path, stop=0.05).rename(tmp_path / f"{stem}.xosc")
+    path = scenario(tmp_path, stop=0.2).rename(tmp_path / f"{stem}.xosc")
     out = tmp_path / "out"
     (outcome,) = batch([path], out=out)
     assert outcome.state == "passed", outcome.message

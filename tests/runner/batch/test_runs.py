@@ -26,7 +26,7 @@ def files(tmp_path: Path) -> list[Path]:
     broken = tmp_path / "broken.xosc"
     broken.write_text("<OpenSCENARIO>")
     return [
-        distribution(tmp_path, "variation", {"Gap": (20, 70, 10), "Lead_Speed": (5, 5, 1)}),
+        distribution(tmp_path, "variation", {"Gap": (20, 120, 20), "Lead_Speed": (5, 5, 1)}),
         broken,
     ]
 
@@ -104,4 +104,4 @@ def test_duckdb_reads_it(files: list[Path], tmp_path: Path) -> None:
     ).fetchall()
     assert [row[:2] for row in found] == [("failed", 1), ("passed", 5), (None, 1)]
     assert found[0][2] == 0.0 < found[1][2]
-    assert (found[0][3], found[1][3]) == (20.0, 70.0)
+    assert (found[0][3], found[1][3]) == (20.0, 120.0)

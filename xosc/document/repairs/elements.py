@@ -60,7 +60,9 @@ def join_doubled_elements(root: Node, version: tuple[int, int]) -> Iterator[Rema
 def _alike(one: Node, other: Node) -> bool:
     """Whether two elements have the same content: which of them is read does not matter."""
     first, second = (
-        etree.canonicalize(etree.tostring(each.element, with_tail=False), strip_text=True)
+        etree.canonicalize(
+            etree.tostring(each.element, with_tail=False, encoding="unicode"), strip_text=True
+        )
         for each in (one, other)
     )
     return bool(first == second)

@@ -120,7 +120,7 @@ def _never_started(group: Sequence[TimedCondition], wanted: Container[Element]) 
 
 
 def commands_only(sim: Simulation) -> Iterator[str]:
-    """A sentence on a storyboard whose events do nothing but give custom commands, which nobody here obeys."""
+    """A sentence on a storyboard whose events do nothing but give custom commands, without effect here."""
     events = [event for act in sim.storyboard.acts for event in act.events]
     named = [event for event in events if event.actions and _only_commands(event)]
     others = [event for event in events if not _acts_on_nothing(event)]

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from runner.engine.compile.run import Transition
-from runner.engine.storyboard.continuity import (
+from runner.engine.storyboard.departures import absence, egoless, standstill
+from runner.judging.continuity import (
     APPROACH,
     beyond_performance,
     contact_at_end,
     displaced,
     interrupted,
 )
-from runner.engine.storyboard.departures import absence, egoless, standstill
-from runner.engine.storyboard.progress import (
+from runner.judging.progress import (
     commands_only,
     end_of,
     ended_idle,
@@ -265,7 +265,9 @@ def _ego(run: Observed) -> Count:
     hitched = {
         each.name for each in run.scenario.entities.values() if "trailer" in each.declared.category
     }
-    contacts = [each for each in run.sim.contacts.history if hitched.isdisjoint(each[1:])]
+    contacts = [
+        each for each in run.sim.contacts.history if run.ended and hitched.isdisjoint(each[1:])
+    ]
     return _sound(egoless(run.sim.entities.values(), run.system, contacts))
 
 
