@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runner.engine.compile.run import Transition
 from runner.engine.storyboard.departures import absence, egoless, standstill
+from runner.engine.storyboard.driver import EgoDriver
 from runner.judging.continuity import (
     APPROACH,
     beyond_performance,
@@ -33,7 +34,7 @@ from runner.judging.progress import (
     unmet,
 )
 from runner.judging.result import Cause
-from runner.systems.drivers import EgoDriver, scripted_at_start
+from runner.systems.drivers import scripted_at_start
 
 if TYPE_CHECKING:
     from runner.engine.compile.compiler import Scenario
@@ -102,7 +103,7 @@ class Row(NamedTuple):
         meaning: how it is counted.
         missing: when a run is inconclusive by it.
         early: whether a dry run knows it.
-        within: name of the row whose lack explains that of this one, which then is not told; empty
+        within: name of the row whose lack explains that of this one, which is then left out; empty
             for none.
         of: function that counts it; None where it says nothing about a run.
     """
@@ -119,7 +120,7 @@ class Row(NamedTuple):
 
 
 ROWS: dict[str, Row] = {}
-"""All kinds of evidence by name, in the order in which what is missing is told"""
+"""All kinds of evidence by name, in the order in which causes are named"""
 
 
 def _row(
