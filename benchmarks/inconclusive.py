@@ -19,7 +19,7 @@ from playable import files
 
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Outcome, jobs_of
-from runner.judging.evidence import CAUSES
+from runner.judging.evidence.least import CAUSES
 from runner.judging.settings import DEFAULT_SYSTEM, WORLDS, RunSettings
 from xosc.distributions import Selection
 

@@ -22,7 +22,7 @@ from typing import Any, ForwardRef
 import typer
 from typer.cli import get_docs_for_click
 
-from runner.judging.evidence_rows import ROWS
+from runner.judging.evidence.rows import ROWS
 from runner.judging.measures.measure import measures
 from schemas.common import fates
 from xosc_toolchain.start import MODULES as COMMANDS

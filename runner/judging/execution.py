@@ -15,9 +15,9 @@ from runner.engine.compile.compiler import Scenario, compile_scenario
 from runner.engine.participants.scenario_objects import controller_remarks
 from runner.engine.storyboard.departures import Departures, absences, egoless, jolts, standstill
 from runner.engine.storyboard.simulation import Simulation
-from runner.judging.evidence import collect, missing
-from runner.judging.evidence_rows import Observed, not_driven
-from runner.judging.progress import idleness, untested_remarks
+from runner.judging.evidence.least import collect, missing
+from runner.judging.evidence.progress import idleness, untested_remarks
+from runner.judging.evidence.rows import Observed, not_driven
 from runner.judging.result import RunResult
 from runner.judging.settings import RunSettings
 from runner.judging.verdict import (

@@ -31,7 +31,7 @@ class Cause(NamedTuple):
     """Reason for which a run is inconclusive.
 
     Attributes:
-        name: one of `runner.judging.evidence.CAUSES`.
+        name: one of `runner.judging.evidence.least.CAUSES`.
         text: what was not tested, with file and line where there is one.
     """
 
@@ -43,7 +43,7 @@ class RunEvidence(NamedTuple):
     """Evidence of one kind that a run tested something.
 
     Attributes:
-        name: one of `runner.judging.evidence.ROWS`.
+        name: one of `runner.judging.evidence.least.ROWS`.
         value: number that was counted.
         planned: number that there was to reach, for events, participants and criteria.
         unit: `s`, `share` (0 to 1), `yes` (1 or 0), or the things that are counted.

@@ -52,7 +52,7 @@ class RunSettings:
         fail_if: limits by which a run fails besides collisions of the ego, as `min_ttc<1` or
             `off-road`; see `runner.judging.measures.measure`.
         least: least values of evidence without which a run is inconclusive, as `ego_seconds=2`, in
-            the place of those of `runner.judging.evidence.ROWS`.
+            the place of those of `runner.judging.evidence.least.ROWS`.
         enforce_constraints: refuse parameter values that violate their constraint groups, and leave
             such sets of a distribution out; otherwise violations are noted in the event log.
         strict: refuse files that break their standard, where they are otherwise repaired with a
@@ -193,7 +193,7 @@ class RunSettings:
         """Least values of `least` by name."""
         if not self.least:
             return {}
-        from runner.judging.evidence import least_values
+        from runner.judging.evidence.least import least_values
 
         return least_values(self.least)
 

@@ -13,7 +13,7 @@ from runner.judging.criteria.criterion import (
     kinds,
     light_states,
 )
-from runner.judging.evidence import limits_evidence, missing
+from runner.judging.evidence.least import limits_evidence, missing
 from runner.judging.measures.measure import Facts
 from runner.judging.result import RunEvidence, Verdict
 from runner.systems.drivers import is_called_ego

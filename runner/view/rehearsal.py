@@ -111,7 +111,7 @@ def _rehearsed(outcomes: Iterable[Outcome], sets: Counter[Path]) -> Outcome:
 
 
 def _compiled(job: Job, settings: RunSettings) -> Outcome:
-    from runner.judging.evidence_rows import causes_of
+    from runner.judging.evidence.rows import causes_of
     from runner.judging.execution import prepare
 
     try:

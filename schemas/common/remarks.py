@@ -32,7 +32,7 @@ class Remark:
         path: the file.
         line: 1-based line, where there is one.
         cause: name of the cause for which a run is inconclusive by this
-            (`runner.judging.evidence.CAUSES`); empty where it is none.
+            (`runner.judging.evidence.least.CAUSES`); empty where it is none.
         element: name of the element that it is about; empty where it is not known.
     """
 

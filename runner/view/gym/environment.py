@@ -58,7 +58,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
     and 1 the greatest. An episode terminates if the ego has a contact or leaves the road, and is
     truncated where the scenario or its time limit ends it. `info` has `time` (s), `touched`
     (names), `departed`, and at the end `inconclusive`: names of causes for which the episode tested
-    nothing (`runner.judging.evidence.CAUSES`).
+    nothing (`runner.judging.evidence.least.CAUSES`).
 
     Args:
         scenario: a scenario, or a variation file: each episode takes one of its parameter sets at

@@ -12,7 +12,7 @@ from lxml import etree
 
 import runner
 from runner.batch.outputs.folder import load_run
-from runner.judging.evidence_rows import ROWS
+from runner.judging.evidence.rows import ROWS
 from schemas.common.errors import InvalidFile
 from tests.commands import Command
 from tests.runner.files import at_time, car, place, scenario, speed_action, story

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from runner.judging.evidence_rows import ROWS, Observed
+from runner.judging.evidence.rows import ROWS, Observed
 from runner.judging.result import Cause, RunEvidence
 from schemas.common.errors import UsageError, nearest
 

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, NamedTuple
 from runner.engine.compile.run import Transition
 from runner.engine.storyboard.departures import absence, egoless, standstill
 from runner.engine.storyboard.driver import EgoDriver
-from runner.judging.continuity import (
+from runner.judging.evidence.continuity import (
     APPROACH,
     beyond_performance,
     contact_at_end,
     displaced,
     interrupted,
 )
-from runner.judging.progress import (
+from runner.judging.evidence.progress import (
     commands_only,
     end_of,
     ended_idle,
