@@ -52,8 +52,8 @@ class Sorting:
 
     labels: str = option(
         "auto",
-        "Who sorts: the model where it states good enough figures for sites not seen, else the rules, with its labels beside"
-        " theirs (auto); the model in any case; or the rules, without a model.",
+        "Who sorts: the rules, with a model only where --model, --discover or --keep-model asks for one (auto); the model in"
+        " any case; or the rules, without a model.",
         type=Literal["auto", "model", "rules"],
     )
     model: Path | None = option(
@@ -145,7 +145,7 @@ def catalogue(
 
     config, rules = CatalogueConfig(version=form.version), Rules(signalised=sorting.signalised)
     settings = CatalogueSettings(scenes, form.road, rules, config=config)
-    made, note = _recogniser(sorting, discover)
+    made, note = _recogniser(sorting, discover, keep_model is not None)
     if discover and made is ByRules:
         raise UsageError("--discover is for a model that labels; rules discover nothing")
     if keep_model and made is ByRules:
@@ -246,15 +246,18 @@ def label(
         say(f"{NAME}: {path} was edited since it was written, it is left as it is", to=sys.stderr)
 
 
-def _recogniser(sorting: Sorting, discover: bool = False) -> tuple[Callable[[], Recogniser], str]:
-    """Recogniser factory, and the reason if it is not the model by default."""
+def _recogniser(
+    sorting: Sorting, discover: bool = False, keep: bool = False
+) -> tuple[Callable[[], Recogniser], str]:
+    """Recogniser factory, and the reason if rules label beside a model that was asked for."""
     from recognition.catalogue.detect import MODEL, RULES
     from recognition.catalogue.pipeline import SHIPPED, ByRules
 
     if sorting.labels == "rules" and sorting.model is not None:
         raise UsageError("--model and --labels rules exclude each other")
     folder = sorting.model or SHIPPED
-    if sorting.labels == "rules":
+    asked = sorting.model is not None or discover or keep
+    if sorting.labels == "rules" or (sorting.labels == "auto" and not asked):
         return ByRules, ""
     if sorting.labels == "auto" and sorting.model is None and not folder.is_dir():
         return ByRules, "no model is shipped: the rules label alone"
@@ -266,7 +269,7 @@ def _recogniser(sorting: Sorting, discover: bool = False) -> tuple[Callable[[], 
     )
 
     why = objection(unseen_sites(folder))
-    sorts = sorting.labels == "model" or why is None
+    sorts = sorting.labels == "model" or (sorting.model is not None and why is None)
     return partial(
         _by_model, folder, sorts, discover
     ), f"scenarios are sorted by the {MODEL if sorts else RULES}: {why}" if why else ""

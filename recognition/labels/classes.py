@@ -130,7 +130,7 @@ class Rules:
         braking: acceleration below which a cut-out gets the tag `ego_brakes`.
         reaction: time after a cut-in or cut-out in which TTC or acceleration are looked at; before
             and after, ego does not change lane for so long.
-        urban_ttc: TTC below which an urban cut-in has to be.
+        urban_ttc: TTC below which an urban cut-in gets the tag `ttc_below_3s`.
         urban_speed_limit: greatest speed limit of an urban lane.
         ramp_length: way along the ramp.
         ramp_shift: least lateral shift between ramp and main lane.
@@ -206,7 +206,7 @@ CONDITIONS = {
     Label.LANE_CHANGE_RIGHT: "changes to the lane on the right and holds it",
     Label.RAMP_ENTERING: "changes from a ramp to a main lane",
     Label.RAMP_EXITING: "changes from a main lane to a ramp",
-    Label.URBAN_CUT_IN: "lane is kept, partner changes into it, becomes the lead within {cut_gap:g} m, TTC < {urban_ttc:g} s",
+    Label.URBAN_CUT_IN: "lane is kept, partner changes into it, becomes the lead within {cut_gap:g} m",
     Label.URBAN_CUT_OUT: "lane is kept, partner is the lead within {cut_gap:g} m and leaves it",
     Label.ROUNDABOUT_ENTERING: "passes from an entry lane to the ring",
     Label.ROUNDABOUT_EXITING: "passes from the ring to an exit lane",

@@ -235,18 +235,13 @@ _ROUNDING = 0.01
 
 
 def urban_cut_in(scene: Scene) -> Hits:
-    """9: another vehicle comes into ego's lane and becomes its lead, with 0 < TTC < `rules.urban_ttc` soon after."""
+    """9: another vehicle comes into ego's lane and becomes its lead; 0 < TTC < `rules.urban_ttc` soon after is a tag."""
     found = _on_urban(scene, cut_ins(scene))
     ttc = least_ttc(scene, found)
-    critical = (ttc > 0.0) & (ttc < scene.rules.urban_ttc)
-    found, ttc = found.where(critical), ttc[critical]
     near = lateral_gap(scene, found) < scene.rules.lateral_gap
-    return Hits(
-        Label.URBAN_CUT_IN,
-        found.ego,
-        found.other,
-        {"gap": found.gap, "ttc": ttc, "lateral_gap_below_2m": near},
-    )
+    tags = {"gap": found.gap, "ttc": ttc, "lateral_gap_below_2m": near}
+    tags["ttc_below_3s"] = (ttc > 0.0) & (ttc < scene.rules.urban_ttc)
+    return Hits(Label.URBAN_CUT_IN, found.ego, found.other, tags)
 
 
 def urban_cut_out(scene: Scene) -> Hits:

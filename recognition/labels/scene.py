@@ -27,6 +27,7 @@ from recognition.labels.changes import (
 )
 from recognition.labels.classes import CONDITIONS, Label, LabelledEvent, Rules
 from recognition.scenes import LaneRole, Site
+from recognition.scenes.flow import by_traffic
 from recognition.scenes.lanes import NOWHERE, LaneGraph, Poses, Strip, on_driving_lanes, place
 from recognition.scenes.roles import ROLES
 from runner.judging.measures.criticality import time_headway, time_to_collision
@@ -338,7 +339,7 @@ def prepare(recording: Recording, site: Site, rules: Rules) -> Scene:
         along=np.where(strip == NOWHERE, 0.0, lanes.along(strip, s)),
         offset=offset * left,
         aside=places.t * left,
-        role=site.roles.codes(lanes, strip, s),
+        role=by_traffic(lanes, track, strip, site.roles.codes(lanes, strip, s)),
         front=np.repeat([box.x + 0.5 * box.length for box in boxes], sizes),
         rear=np.repeat([box.x - 0.5 * box.length for box in boxes], sizes),
         width=np.repeat([box.width for box in boxes], sizes),
@@ -458,7 +459,11 @@ def events(scene: Scene, name: str, found: Iterable[Hits]) -> list[LabelledEvent
 def _event(scene: Scene, name: str, hits: Hits, index: int) -> LabelledEvent:
     row, partner = int(hits.row[index]), int(hits.partner[index])
     other = scene.names[scene.track[partner]] if partner != ABSENT else None
-    tags = {key: _plain(values[index]) for key, values in hits.tags.items()}
+    tags = {
+        key: _plain(values[index])
+        for key, values in hits.tags.items()
+        if np.isfinite(values[index])
+    }
     why = _why(scene, hits.label, row, partner, tags)
     return LabelledEvent(
         name,

@@ -69,10 +69,12 @@ def test_a_slower_car_that_comes_in_close_ahead_cuts_in(street: Site) -> None:
 
 
 @pytest.mark.parametrize(("speed", "ahead"), [(12.0, 20.0), (10.0, 35.0), (14.0, 12.0)])
-def test_without_a_short_time_to_collision_it_is_no_cut_in(
+def test_a_cut_in_is_one_whatever_its_time_to_collision(
     street: Site, speed: float, ahead: float
 ) -> None:
-    assert of(found(street, speed, ahead=ahead), "ego") == []
+    event = next(event for event in found(street, speed, ahead=ahead) if event.ego == "ego")
+    assert event.label == Label.URBAN_CUT_IN
+    assert event.tags["ttc_below_3s"] is False
 
 
 def test_a_lead_that_leaves_the_lane_cuts_out(street: Site) -> None:
