@@ -203,7 +203,9 @@ class Recorder:
                 written = rows[e] = _Rows()
             road = e.road if e.on_lane else None
             if road is not None:
-                lane, offset = e.lane_below()
+                lane, offset = e.kept_lane, e.kept_offset
+                if offset:  # on the centre of its lane, as nearly always, it is in that lane
+                    lane, offset = e.lane_below()
                 written.roads.append(road.id)
                 written.numbers += pack(
                     time,

@@ -179,8 +179,11 @@ class EntityState:
     def lane_below(self) -> tuple[int, float]:
         """Lane under the reference point and the offset (m, towards +t) from its centre; only while `on_lane`.
 
-        On the border of two lanes, the kept one is meant.
+        On the border of two lanes, the kept one is meant, and on the centre of the kept one, however
+        narrow, too.
         """
+        if not self.kept_offset:
+            return self.kept_lane, self.kept_offset
         assert self.road is not None and self.section is not None
         lane, offset = self.section.lanes[self.kept_lane], self.kept_offset
         width = lane.width.constant
