@@ -1,6 +1,18 @@
 """Labels: which of the 17 classes of scenarios happen when in a recording, by the rules of METHOD.md §2.
 
 No label comes from anything but the recorded motion and the roles of the lanes it is on.
+
+Modules:
+
+- `changes`: lane changes and passages of junctions
+- `classes`: classes of scenarios, their events, and the thresholds of the rules that find them
+- `maneuvers`: manoeuvres and their parameters: names and ranges
+- `rules`: rules of the 17 classes: lanes and other vehicles on roads
+- `scene`: scene of a recording as the rules read it; hits of the rules and their precedence
+
+Example::
+
+    label(recording, site, "name")  # events of the 17 classes
 """
 
 from __future__ import annotations

@@ -1,4 +1,16 @@
-"""Recordings of our own: SUMO's traffic on our maps, written as highD and INTERACTION recordings; see `record` and `SITES`."""
+"""Recordings of our own: SUMO's traffic on our maps, written as highD and INTERACTION recordings; see `record` and `SITES`.
+
+Modules:
+
+- `recorder`: records traffic, each recording a simulation of its own with its own seed
+- `simulation`: SUMO simulation of the recorder
+- `sites`: sites for recorded traffic with maps of their own
+- `traffic`: recorded traffic: the fleet's vehicles and drivers, and the demand on each route
+
+Example::
+
+    xosc-recognize record recordings
+"""
 
 from __future__ import annotations
 

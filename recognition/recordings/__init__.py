@@ -3,6 +3,21 @@
 `open(path)` finds the recordings of every known format in a folder or file; each `Source` reads its
 own when asked to. World frame: x, y, z in m, right-handed with z up, headings mathematical, SI
 units; poses are those of the reference point (see `recognition.recordings.source`).
+
+Modules:
+
+- `formats`: formats of data sets, one module or package each, found by being here
+- `intake`: intake of recordings: whether what was recorded is possible, with one verdict
+- `motion`: motion of recorded tracks: observations with noise
+- `quality`: report on reading a recording: gaps, cuts, exclusions
+- `road_sources`: roads of recordings without an OpenDRIVE file: highD's markings
+- `rows`: rows of recorded tracks: order, gaps, rates of change, and the tracks made of them
+- `source`: data sets of recordings: their sources, reports of what was repaired or left out
+- `table`: tables of data sets in CSV, Parquet and JSON
+
+Example::
+
+    recordings.open("highD").sources
 """
 
 from __future__ import annotations

@@ -1,4 +1,15 @@
-"""Sites: places of recordings with their roads, the fit of a map to a recording, and the role of each lane."""
+"""Sites: places of recordings with their roads, the fit of a map to a recording, and the role of each lane.
+
+Modules:
+
+- `cut`: scenes cut out of recordings: participants
+- `lanes`: the lanes of a road network as a graph in the direction of their traffic
+- `roles`: roles of lanes by their shapes
+
+Example::
+
+    site_of(source, recording, roads)  # roads, and the role of each lane
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,20 @@
 Runs drive the toolchain's own systems, and objects that a program hands over, in their own process.
 A class of the user that is given by name runs in a process of its own
 (`runner.systems.isolation.boundary`).
+
+Modules:
+
+- `base`: what they see, what they answer, and how they are found
+- `drivers`: the ego, from when on a system under test drives it, and its drivers
+- `encounters`: participants ahead as the ego sees them, along and across its heading
+- `isolation`: systems of users in processes of their own
+- `kinds`: systems that `--sut` names: cas, adas, aeb, idm, reference drivers, FMU, bridge
+- `outside`: systems under test that live outside: functional mock-up units, OSI messages
+- `rss`: Responsibility-Sensitive Safety: safe distances and their parameter sets
+
+Example::
+
+    runner.run("mine.xosc", sut="adas")
 """
 
 from __future__ import annotations

@@ -1,4 +1,20 @@
-"""Checking files: the document as rules see it, the registry of rules, problems and reports."""
+"""Checking files: the document as rules see it, the registry of rules, problems and reports.
+
+Modules:
+
+- `checker`: checking files: well-formed, valid against the official XSD
+- `document`: document of a check: indexed elements
+- `osi`: rules of ASAM OSI for ground-truth traces
+- `registry`: the registry of rules
+- `report`: reports of a check: text for people, JSON for scripts, JUnit for CI
+- `road_elements`: the elements of OpenDRIVE 1.4 to 1.9 that are read: their children
+- `road_references`: ids, lengths and lanes of road networks that references need
+- `structure`: files are well-formed, valid documents of their standard
+
+Example::
+
+    schemas.check("mine.xosc")  # every problem with its rule, file and line
+"""
 
 from __future__ import annotations
 

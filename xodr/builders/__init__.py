@@ -4,6 +4,16 @@
 `t_junction` and `roundabout`. Lengths in m, speeds in m/s, angles in rad; `rule` is RHT or LHT;
 descriptions and lane ids are those of right-hand traffic, the left-hand map is its mirror image
 with the signs of all lane ids changed. The same arguments give the same bytes.
+
+Modules:
+
+- `elements`: designs of roads: pieces of their reference lines, lanes by width
+- `intersections`: four-way intersection, T junction and roundabout
+- `roads_and_ramps`: single roads, motorway ramps, lane layouts
+
+Example::
+
+    roundabout().write("roundabout.xodr")
 """
 
 from xodr.builders.elements import RoadMap

@@ -3,6 +3,15 @@
 A road has permanent lanes all along, and may have temporary ones in places (OpenDRIVE 1.9).
 Temporary lanes take precedence for driving. A side of the road without temporary lanes keeps its
 permanent ones, but for those that temporary lanes cover.
+
+Modules:
+
+- `geometry`: plan-view geometry of the road reference line (OpenDRIVE "Geometry"): line, arc
+- `road`: one road: from (s, t) to the world, and its lanes at every s
+
+Example::
+
+    network.roads["1"].length
 """
 
 from __future__ import annotations

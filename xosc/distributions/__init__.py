@@ -1,4 +1,16 @@
-"""ParameterValueDistribution files: the variations of a scenario, and every distribution of the standard as a dataclass."""
+"""ParameterValueDistribution files: the variations of a scenario, and every distribution of the standard as a dataclass.
+
+Modules:
+
+- `deterministic`: deterministic distributions
+- `space`: the parameter space that a distribution file spans over its scenario: counted
+- `stochastic`: stochastic distributions: test runs drawn from probability distributions
+- `values`: shared parts of distributions: ranges, numbers as text, checks, elements
+
+Example::
+
+    for path, parameters in xosc.variations("variation.xosc"): ...
+"""
 
 from xosc.distributions.deterministic import (
     Deterministic,

@@ -1,4 +1,16 @@
-"""OpenSCENARIO files as documents: reading and writing them."""
+"""OpenSCENARIO files as documents: reading and writing them.
+
+Modules:
+
+- `carla`: differences between scenarios for CARLA's scenario_runner and the standard
+- `node`: typed, located access to the elements of a resolved OpenSCENARIO document
+- `repairs`: repairs of documents as they are loaded
+- `road_files`: location of a scenario's road network: the path of its LogicFile
+
+Example::
+
+    xosc.load("mine.xosc").node.need("Storyboard")
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,14 @@
-"""Contents of a scenario library: scenarios with tags, road, parameters and variations, and the catalogues."""
+"""Contents of a scenario library: scenarios with tags, road, parameters and variations, and the catalogues.
+
+Modules:
+
+- `questions`: questions to the index of a catalogue: conditions, order, near-duplicates
+- `xosc_list`: the command `xosc-list`
+
+Example::
+
+    xosc-list xosc/library
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""Resolving a document: every attribute a literal, every catalogue reference replaced by what it stands for."""
+"""Resolving a document: every attribute a literal, every catalogue reference replaced by what it stands for.
+
+Modules:
+
+- `parameters`: parameter declarations: their scopes, values and constraints
+
+Example::
+
+    xosc.resolve(xosc.load("mine.xosc"), {"speed": 20.0})
+"""
 
 from __future__ import annotations
 
