@@ -57,6 +57,14 @@ class Run:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """Exit code of a call (`timeout` where it was killed) and the printed text."""
+
+    code: int | str
+    text: str
+
+
+@dataclass(frozen=True)
 class Played:
     """Result of a version for a file: exit code, printed text and runs by their parameters."""
 
@@ -132,30 +140,46 @@ def play(
         options: of xosc-run.
         seconds: wall-clock limit for each file.
     """
-    out.mkdir(parents=True)
-    folders = [(str(path), str(out / str(number))) for number, path in enumerate(files)]
-    order = out / "order.json"
-    order.write_text(json.dumps({"files": folders, "options": [*options], "seconds": seconds}))
+    folders = {path: out / str(number) for number, path in enumerate(files)}
+    calls = [(str(path), "--out", str(folder), *options) for path, folder in folders.items()]
+    places = (str(version), str(out))
+    answers = call_each(version, calls, out, seconds)
+    return {
+        path: Played(answer.code, _without(answer.text, places), read_runs(folders[path], places))
+        for path, answer in zip(files, answers, strict=True)
+    }
+
+
+def call_each(
+    version: Path, calls: Sequence[Sequence[str]], scratch: Path, seconds: float
+) -> list[Answer]:
+    """Call xosc-run of a version for each list of arguments, in forks of one process.
+
+    Args:
+        version: folder of a checkout.
+        calls: arguments of each call.
+        scratch: new folder, the working folder of the process.
+        seconds: wall-clock limit for each call.
+
+    Raises:
+        SystemExit: the process ended early.
+    """
+    scratch.mkdir(parents=True)
+    order = scratch / "order.json"
+    order.write_text(json.dumps({"calls": [*calls], "seconds": seconds}))
     environment = {
         **os.environ,
         "PYTHONPATH": str(version),
         "PYTHONDONTWRITEBYTECODE": "1",
-        "XOSC_CACHE_DIR": str(out / "cache"),  # a road of the other version must not be reused
+        "XOSC_CACHE_DIR": str(scratch / "cache"),  # roads of another version are not reused
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
     }
     command = [sys.executable, "-P", str(PLAYER), str(order)]
-    answer = subprocess.run(command, env=environment, cwd=out, stdout=subprocess.PIPE, text=True)
-    if answer.returncode:
-        raise SystemExit(f"{version}: the player ended with exit code {answer.returncode}")
-    played: dict[Path, Played] = {}
-    for line, (path, folder) in zip(answer.stdout.splitlines(), folders, strict=True):
-        told = json.loads(line)
-        places = (str(version), str(out))
-        played[Path(path)] = Played(
-            told["code"], _without(told["text"], places), read_runs(Path(folder), places)
-        )
-    return played
+    told = subprocess.run(command, env=environment, cwd=scratch, stdout=subprocess.PIPE, text=True)
+    if told.returncode:
+        raise SystemExit(f"{version}: the player ended with exit code {told.returncode}")
+    return [Answer(**json.loads(line)) for line in told.stdout.splitlines()]
 
 
 def _without(text: str, places: Sequence[str]) -> str:

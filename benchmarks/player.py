@@ -1,10 +1,10 @@
-"""Child process of benchmarks/corpora_diff.py: call xosc-run for each file of a list.
+"""Child process of benchmarks/corpora_diff.py: call xosc-run with each of a list of arguments.
 
     PYTHONPATH=CHECKOUT python -P benchmarks/player.py LIST
 
-LIST is a JSON file with the keys `files` (pairs of a scenario and the folder of its results),
-`options` (of xosc-run) and `seconds` (wall-clock limit for each file). Each call runs in a fork of
-this process, whose imports it reuses. One JSON line a file: exit code and printed text.
+LIST is a JSON file with the keys `calls` (lists of arguments) and `seconds` (wall-clock limit for
+each). Each call runs in a fork of this process, whose imports it reuses. One JSON line a call: exit
+code and printed text.
 """
 
 from __future__ import annotations
@@ -37,10 +37,9 @@ def main() -> None:
     for name in ("runner", "runner.batch.batch", "pyarrow.parquet", "libsumo"):
         with suppress(ImportError):  # loaded once, not per file; modules move between versions
             import_module(name)
-    for scenario, out in order["files"]:
-        arguments = ["xosc-run", scenario, "--out", out, *order["options"]]
-        code, text = _forked(command, arguments, order["seconds"])
-        print(json.dumps({"file": scenario, "code": code, "text": text}), flush=True)
+    for arguments in order["calls"]:
+        code, text = _forked(command, ["xosc-run", *arguments], order["seconds"])
+        print(json.dumps({"code": code, "text": text}), flush=True)
 
 
 def _forked(command: object, arguments: list[str], seconds: float) -> tuple[int | str, str]:

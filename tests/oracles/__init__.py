@@ -1,0 +1,1 @@
+"""Oracles of verdicts: what must not pass, by construction."""
