@@ -96,7 +96,9 @@ def written(base: Base, folder: Path, mutations: tuple[str, ...], random: Random
             if element.get(name) and target.exists():
                 element.set(name, str(target.resolve()))
     draft = Draft(root, [*OPTIONS, "--max-time", LONGEST], base.partner)
-    if not all(MUTATIONS[name](draft, random) for name in mutations):
+    # Exchanged names come first: an ego far away that becomes the partner leaves a sound ego.
+    ordered = sorted(mutations, key=lambda name: name != "names_exchanged")
+    if not all(MUTATIONS[name](draft, random) for name in ordered):
         return None
     path = folder / f"{base.path.stem}.xosc"
     path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
