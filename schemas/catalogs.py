@@ -1,8 +1,9 @@
 """Catalogues: finding the entry that a CatalogReference names; the one look-up of checks and of runs.
 
 Source: OpenSCENARIO XML 1.3.1, sections 9.4 to 9.6: in the directories that CatalogLocations gives
-for the kind of element, every catalogue file counts; a catalogue is known by its name. Only where
-none has that name, the one whose file is called so is taken: some public libraries rely on it.
+for the kind of element, every catalogue file counts; a catalogue is known by its name. Several may
+have one name: an entry is looked for in all of them. Only where none has that name, the one whose
+file is called so is taken: some public libraries rely on it.
 Directories that are not there are looked for in folders that were asked for.
 """
 
@@ -207,9 +208,14 @@ class Catalogs:
             message = "; ".join([f"there is no catalogue {quoted(catalog)}{hint}", *found.problems])
             raise NoEntry(message, found.incomplete)
         entries = [entry for each in named for entry in each.entries if entry.kind in kinds]
-        matching = [entry for entry in entries if entry.name == name]
+        every = [entry for entry in entries if entry.name == name]
+        folder = os.path.dirname(every[0].path) if every else ""
+        matching = [entry for entry in every if os.path.dirname(entry.path) == folder]
         if len(matching) > 1:
             raise NoEntry(f"more than one entry is meant: {' and '.join(map(str, matching))}")
+        if len(every) > 1:
+            text = f"{every[0]} is taken; {' and '.join(map(str, every[1:]))} has the name, too"
+            self._remarks.add(Remark(ENTRIES, text, str(self._scenario)))
         if not matching:
             hint = nearest(name, [entry.name for entry in entries])
             message = f"the catalogue {quoted(catalog)} has no {' or '.join(kinds)} {quoted(name)}, {hint}"
@@ -222,9 +228,9 @@ class Catalogs:
             directory for name in names if (directory := self._location(name)) is not None
         ]
         problems = [] if directories else [f"CatalogLocations has no {' or '.join(names)}"]
-        files: dict[str, int] = {}
+        files: dict[str, None] = {}
         incomplete = False
-        for number, directory in enumerate(directories):
+        for directory in directories:
             try:
                 located = locate(directory.path, self._scenario, self._folders)
             except InvalidFile as error:  # it may not be looked at
@@ -235,22 +241,14 @@ class Catalogs:
                 place = f"{directory.file}:{directory.line}"
                 problems.append(missing(directory.path, f" ({place})"))
                 continue
-            files |= {file: number for file in located.files if file not in files}
+            files |= dict.fromkeys(located.files)
             if located.assumed:
                 self._remarks.add(
                     Remark(DIRECTORIES, located.assumed, str(directory.file), directory.line)
                 )
-        results = [
-            (_catalog(self._load, file, stamp(file)), number) for file, number in files.items()
-        ]
-        problems += [f"not readable: {result}" for result, _ in results if isinstance(result, str)]
-        found = [(result, number) for result, number in results if isinstance(result, _Catalog)]
-        first: dict[tuple[int, str], str] = {}
-        for catalog, number in found:
-            first.setdefault((number, catalog.name), os.path.dirname(catalog.path))
-        catalogs = [
-            each for each, number in found if first[number, each.name] == os.path.dirname(each.path)
-        ]
+        results = [_catalog(self._load, file, stamp(file)) for file in files]
+        problems += [f"not readable: {result}" for result in results if isinstance(result, str)]
+        catalogs = [result for result in results if isinstance(result, _Catalog)]
         return _Found(catalogs, problems, incomplete)
 
 

@@ -36,6 +36,13 @@ _HINTS_OF_THE_PARSER = re.compile(
 )
 
 
+_TAG = re.compile(rb"<[A-Za-z_/][^<>]*>")
+_PREFIX = re.compile(rb"(?:^</?|\s)([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=\s*=|[\s/>])")
+_PREFIX_DECLARED = re.compile(rb"\sxmlns:([A-Za-z_][\w.-]*)\s*=")
+_ROOT = re.compile(rb"<[A-Za-z_][\w.:-]*")
+_XSI = b"http://www.w3.org/2001/XMLSchema-instance"
+
+
 def parse(path: str | PathLike[str], remarks: list[Remark] | None = None) -> etree._ElementTree:
     """Parse an XML file that may come from anyone.
 
@@ -54,6 +61,10 @@ def parse(path: str | PathLike[str], remarks: list[Remark] | None = None) -> etr
     data = read_bytes(path)
     if not data.strip():
         raise InvalidFile("the file is empty", path=path, line=1)
+    if path.suffix.lower() == ".osc" and not data.lstrip().startswith(b"<"):
+        raise InvalidFile(
+            "this is OpenSCENARIO DSL, which is not read; OpenSCENARIO XML (.xosc) is", path=path
+        )
     _check_size(data, path)
     try:
         return parse_bytes(data, path)
@@ -219,7 +230,28 @@ def repaired(data: bytes, path: Path) -> tuple[bytes, list[Remark]]:
                 line,
             )
         )
-    return _in_utf8(_without_doubled_attributes(comments, note), note), remarks
+    single = _in_utf8(_without_doubled_attributes(comments, note), note)
+    return _with_prefixes(single, note), remarks
+
+
+def _with_prefixes(data: bytes, note: Callable[[int, str], None]) -> bytes:
+    """The content with its undeclared prefixes of XML namespaces declared in its root, every line where it was."""
+    if b"\0" in data[:4]:
+        return data
+    used: dict[bytes, int] = {}
+    for tag in _TAG.finditer(data):
+        for found in _PREFIX.finditer(tag[0]):
+            used.setdefault(found[1], tag.start())
+    declared = {b"xml", b"xmlns", *_PREFIX_DECLARED.findall(data)}
+    root = _ROOT.search(data)
+    for prefix, position in used.items():
+        if prefix in declared or root is None:
+            continue
+        name = prefix.decode(errors="replace")
+        note(position, f"the prefix {name!r} is not declared; it is read as if it was")
+        uri = _XSI if prefix == b"xsi" else b"urn:undeclared:" + prefix
+        data = data[: root.end()] + b" xmlns:" + prefix + b'="' + uri + b'"' + data[root.end() :]
+    return data
 
 
 def _in_utf8(data: bytes, note: Callable[[int, str], None]) -> bytes:

@@ -99,6 +99,15 @@ def meant(kind: str, text: str) -> str:
     return text
 
 
+_REFERENCE = re.compile(r"\$\w+")
+_ARITHMETIC = re.compile(r"(?=[^/*%+]*\d)[-+(\s]*[\d.][\d.eE\s()]*([-+*/%][\d.eE\s()]+)+")
+"""Text of arithmetic with numbers, which is one only in an expression"""
+
+
+def _is_arithmetic(text: str) -> bool:
+    return _ARITHMETIC.fullmatch(_REFERENCE.sub("0", text)) is not None
+
+
 @lru_cache(maxsize=4096)
 def number(text: str) -> float:
     """The number that a text is by the rules of XML Schema's double: `INF` is one, NaN is refused.
@@ -110,7 +119,8 @@ def number(text: str) -> float:
     if text in _INFINITY:
         return _INFINITY[text]
     if not _NUMBER.fullmatch(text):
-        raise ValueError(f"{quoted(text)} is not a number")
+        hint = f"; an expression is written ${{{text}}}" if _is_arithmetic(text) else ""
+        raise ValueError(f"{quoted(text)} is not a number{hint}")
     value = float(text)
     if math.isinf(value):
         raise ValueError(f"{quoted(text)} is too large for a double")

@@ -429,6 +429,37 @@ def _repair_roadside(root: etree._Element) -> Iterator[Repair]:
 _LINKED = "xosc.toolchain:xodr:1.4.0:road.linkage.linked_elements_exist"
 
 
+_WORDS = {
+    ("road", "rule"): {"right": "RHT", "left": "LHT"},
+    ("lane", "direction"): {
+        "forward": "standard",
+        "forwards": "standard",
+        "same": "standard",
+        "backward": "reversed",
+        "backwards": "reversed",
+        "reverse": "reversed",
+        "bidirectional": "both",
+    },
+}
+"""Values by other words, which say the same, by element and attribute"""
+_VALUES = {"rule": ("RHT", "LHT"), "direction": ("standard", "reversed", "both")}
+
+
+def _repair_words(root: etree._Element) -> Iterator[Repair]:
+    """Values of an enumeration in other words, or in another case."""
+    for (tag, name), words in _WORDS.items():
+        known = {value.lower(): value for value in _VALUES[name]}
+        for element in root.iter(tag):
+            text = element.get(name)
+            if not text or text in _VALUES[name]:
+                continue
+            value = (known | words).get(text.strip().lower())
+            if value is not None:
+                fault = _given(element, name, f"is not one of {', '.join(_VALUES[name])}")
+                element.set(name, value)
+                yield Repair(element, SCHEMA, fault, f"{value} is meant")
+
+
 def _repair_links(root: etree._Element) -> Iterator[Repair]:
     """Remove links and connections without a target; complete links without a contact point."""
     known = {
@@ -494,6 +525,7 @@ _REPAIRS: tuple[Callable[[etree._Element], Iterator[Repair]], ...] = (
     _repair_plan_view,
     _repair_lanes,
     _repair_roadside,
+    _repair_words,
     _repair_links,  # last: roads may have been left out
 )
 
