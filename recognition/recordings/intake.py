@@ -26,8 +26,10 @@ _CREDIBLE = 1.25
 give a few percent"""
 _SPREAD = 0.1
 """Quartiles of that ratio are within this share of its median where one factor (a wrong step or unit) explains it"""
-MOVED = 3.0
+MOVED = 1.0
 """Least way in a second (m) of motion that is compared"""
+_FACING = 3.0
+"""Least way in a second (m) whose direction is compared with headings"""
 _UNITS = {"km/h": 3.6, "mph": 2.23694, "ft/s": 3.28084, "knots": 1.94384}
 """Speeds in other units than m/s are so many times as high"""
 _ALIKE = 0.02
@@ -373,9 +375,9 @@ def _fits(track: Track) -> bool:
 
 def _headings(rows: _Rows, seconds: _Second, tracks: Sequence[Track]) -> Check | None:
     """Vehicles that go backwards all the time have headings of another convention."""
-    moving = (seconds.way >= MOVED) & np.array([track.kind == "vehicle" for track in tracks], bool)[
-        rows.track[seconds.here]
-    ]
+    moving = (seconds.way >= _FACING) & np.array(
+        [track.kind == "vehicle" for track in tracks], bool
+    )[rows.track[seconds.here]]
     here, there = seconds.here[moving], seconds.there[moving]
     if not len(here):
         return None
