@@ -3,6 +3,7 @@
 Modules:
 
 - `cut`: scenes cut out of recordings: participants
+- `flow`: where traffic of a recording goes
 - `lanes`: the lanes of a road network as a graph in the direction of their traffic
 - `roles`: roles of lanes by their shapes
 

@@ -4,6 +4,7 @@ Modules:
 
 - `assessment`: assessment of batches by published test protocols: `xosc-run --assess PROFILE`
 - `criteria`: criteria of a scenario: what its ego has to do, or must not do
+- `evidence`: what a run shows of its scenario, counted
 - `execution`: scenarios loaded and compiled, and runs of them: as a whole, or step by step
 - `measures`: criticality of encounters: measures, RSS, relations over time; plain numpy
 - `result`: result of a run
