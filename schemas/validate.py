@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from itertools import islice
 from typing import Any, NamedTuple
@@ -57,9 +58,10 @@ def find_violations(tree: etree._ElementTree, schema: Schema) -> Iterator[Violat
         return
     explained = False
     if compiled is None or _can_be_explained(tree):
-        for violation in _explained(tree, schema):
-            explained = True
-            yield violation
+        with suppress(LookupError, ValueError):  # xmlschema raises both, as for an unknown xsi:type
+            for violation in _explained(tree, schema):
+                explained = True
+                yield violation
     if compiled is not None and not explained:
         yield from _logged(tree, compiled)
 

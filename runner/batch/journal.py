@@ -261,10 +261,17 @@ def _outcome(entry: dict[str, Any]) -> Outcome | None:
     """The outcome of an entry; None where it is one of another version."""
     try:
         job = entry.pop("job")
+        if not _is_folder_name(job["name"]):
+            return None
         restored = Job(**{**job, "source": Path(job["source"]), "scenario": Path(job["scenario"])})
         return Outcome(restored, **entry)
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
+
+
+def _is_folder_name(name: str) -> bool:
+    """Whether the name of a job is that of one folder: results of an edited journal must not lie outside of its folder."""
+    return name not in ("", ".", "..") and not any(sign in name for sign in "/\\:\0")
 
 
 def settings(out: Path) -> dict[str, Any]:

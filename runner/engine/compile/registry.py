@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from schemas.common import packages
 from xosc.document.node import Node
+from xosc.document.repairs.attributes import is_standard, suggested
 
 if TYPE_CHECKING:
     from runner.engine.compile.element import Position
@@ -83,7 +84,8 @@ class Registry:
                 places.
 
         Raises:
-            Unsupported: the element is refused, with the reason, or unknown to this version.
+            Unsupported: the element is refused, with the reason, or unknown to the runner.
+            InvalidFile: no version of the standard has it.
         """
         self.load()
         for name in ([f"{parent}/{node.tag}"] if parent else []) + [node.tag]:
@@ -91,6 +93,10 @@ class Registry:
                 return self.classes[name]
             if name in self.refused:
                 raise node.unsupported(self.refused[name])
+        if not is_standard(node.tag):
+            known = [name.rpartition("/")[2] for name in (*self.classes, *self.refused)]
+            told = f"the element {node.tag} is in no version of the standard"
+            raise node.invalid(told + suggested(node.tag, known))
         raise node.unsupported(f"this {self.family} is not known to the runner")
 
 

@@ -23,6 +23,7 @@ from runner.systems.rss import (
     longitudinal_distance,
     parameter_set,
 )
+from schemas.common.errors import UsageError
 
 _NOTHING = Control()
 _ROUNDING = 1e-6
@@ -66,6 +67,10 @@ class CollisionAvoidance:
     _parameters: RssParameters = field(init=False)
 
     def __post_init__(self) -> None:
+        if not self.sensor_range >= 0.0:
+            raise UsageError(f"sensor_range of cas is 0 m or more, not {self.sensor_range:g}")
+        if not self.brake > 0.0:
+            raise UsageError(f"brake of cas is more than 0 m/s², not {self.brake:g}")
         self._parameters = parameter_set(self.rss)
 
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:

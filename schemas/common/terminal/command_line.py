@@ -400,7 +400,7 @@ def say(*lines: str, to: TextIO | None = None) -> None:
 
 
 def deliver(content: str, what: str, output: Path | None) -> None:
-    """Write a text to a file, or print it where none is given.
+    """Write a text to a file, whose folder is made, or print it where none is given.
 
     Raises:
         UsageError: it can't be written; the message says what.
@@ -408,6 +408,8 @@ def deliver(content: str, what: str, output: Path | None) -> None:
     if output is None:
         print(of_service(content), end="")
         return
+    with writing(what, output):
+        output.parent.mkdir(parents=True, exist_ok=True)
     with writing(what, output), drafted(output) as draft:
         draft.write_bytes(content.encode("utf-8", "backslashreplace"))
 

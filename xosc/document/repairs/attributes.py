@@ -130,6 +130,15 @@ def names(
     return found
 
 
+@cache
+def is_standard(tag: str) -> bool:
+    """Whether any version of the standard has an element of that name; so it is where no XSD is at hand."""
+    schemas = [each for each in available_schemas() if each.standard == OPENSCENARIO]
+    trees = [tree for each in schemas if (tree := _tree(each.version[:2])) is not None]
+    elements = (each for tree in trees for each in tree.iter("{*}element"))
+    return not trees or any(each.get("name") == tag for each in elements)
+
+
 def similar(name: str, known: Iterable[str]) -> str:
     """The name that differs in capitals or a letter only; "" where there is none."""
     return _similar(name, tuple(known))
@@ -287,9 +296,14 @@ def correct_attribute_names(root: Node, version: tuple[int, int]) -> Iterator[Re
     """Give attributes that no version of the standard has the name that is nearly theirs; leave out the others."""
     declared, known = attributes(version), names(attributes)
     for node in root.iter():
-        for name in [str(each) for each in node.element.attrib] if node.tag in known else []:
-            if name in known[node.tag] or name.startswith("{"):
-                continue
+        given = [str(each) for each in node.element.attrib] if node.tag in known else []
+        unknown = [name for name in given if not (name in known[node.tag] or name.startswith("{"))]
+        if (
+            len(unknown) > _MOST_CORRECTED
+        ):  # one by one would take a time that grows with the square
+            yield _left_out_together(node, unknown)
+            continue
+        for name in unknown:
             value = node.element.attrib.pop(name)
             free = [
                 each
@@ -310,6 +324,25 @@ def correct_attribute_names(root: Node, version: tuple[int, int]) -> Iterator[Re
                 yield node.remark(
                     SCHEMA_UID, text + suggested(name, declared.get(node.tag, ())), ignored(node)
                 )
+
+
+_MOST_CORRECTED = 100
+"""Unknown attributes of an element up to which each is corrected, or told, by itself"""
+_TOLD = 3
+
+
+def _left_out_together(node: Node, unknown: list[str]) -> Remark:
+    """Leave out many unknown attributes of an element; the remark names the first of them."""
+    absent = set(unknown)
+    kept = {name: value for name, value in node.element.attrib.items() if name not in absent}
+    node.element.attrib.clear()
+    node.element.attrib.update(kept)
+    named = ", ".join(map(repr, unknown[:_TOLD]))
+    text = (
+        f"{len(unknown)} attributes are in no version of the standard, as {named}; "
+        "they are left out, NOT executed"
+    )
+    return node.remark(SCHEMA_UID, text, ignored(node))
 
 
 _SHORTEST = 3

@@ -62,7 +62,8 @@ def correct_revision(root: Node, versions: tuple[Version, ...]) -> list[Remark]:
             if kept
             else f"it is read as version {name}"
         )
-        remark = Node(header, root.path).remark(rule, f"the header has {has}, {read}")
+        cause = "version" if said is not None and said > versions[-1] else ""
+        remark = Node(header, root.path).remark(rule, f"the header has {has}, {read}", cause)
     header.set("revMajor", str(version[0]))
     header.set("revMinor", str(version[1]))
     return [remark]
