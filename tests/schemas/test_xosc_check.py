@@ -119,7 +119,7 @@ def test_folder_without_scenarios_and_unwritable_report_are_usage_errors(
     (tmp_path / "empty").mkdir()
     for arguments in (
         (tmp_path / "empty",),
-        (project.folder, "--output", tmp_path / "none" / "report"),
+        (project.folder, "--output", tmp_path / "empty"),
     ):
         monkeypatch.setattr(sys, "argv", ["xosc-check", *map(str, arguments)])
         with pytest.raises(SystemExit) as caught:
