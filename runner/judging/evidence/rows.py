@@ -182,6 +182,19 @@ def _elements(run: Observed) -> Count:
 
 
 @_row(
+    "revision",
+    "version",
+    "yes",
+    1,
+    "the header names no version of the standard after the known ones",
+    "the header names a version of the standard that is later than the known ones",
+    early=True,
+)
+def _revision(run: Observed) -> Count:
+    return _sound(_remarked(run, "version"))
+
+
+@_row(
     "actors",
     "no-actor",
     "yes",
