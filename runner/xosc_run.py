@@ -179,8 +179,8 @@ def xosc_run(
     if by_new and against is None:
         raise UsageError(f"--fail-if {NEW_FAILURE} needs the earlier batch: --against BATCH")
     settings = replace(settings, fail_if=tuple(limit for limit in limits if limit != NEW_FAILURE))
-    earlier = BatchComparison.with_batch(against) if against is not None else None
     paths, times = runnable(files), None if dry_run else repeat
+    earlier = BatchComparison.with_batch(against, paths) if against is not None else None
     selection = selection_of(only, sample, settings.seed, paths)
     source = jobs_of(
         paths, parameters_of(param or []), settings.enforce_constraints, selection, times
@@ -213,6 +213,12 @@ def xosc_run(
             }
             outcomes = run_batch(chosen, settings, out=out, needs=_needed(replay), **how)
         code = _follow(outcomes, table, kept, allow_inconclusive, source.left_out, earlier, by_new)
+        if not dry_run and table.shown != source.made:
+            print(
+                f"xosc-run: internal error: {table.shown} outcomes of {source.made} runs",
+                file=sys.stderr,
+            )
+            code = ExitCode.INTERNAL
     report = None
     if replay and out is not None and not dry_run:
         from runner.view.report import write_report
@@ -339,7 +345,7 @@ def _follow(
                     only_new
                     and code == ExitCode.FINDING
                     and earlier is not None
-                    and earlier.failed(outcome)
+                    and earlier.known(outcome)
                 ):
                     codes.add(code)
                 table.show(outcome)

@@ -7,6 +7,7 @@ failures.
 from __future__ import annotations
 
 import errno
+import os
 import signal
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
@@ -14,6 +15,7 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from runner.batch import inputs, journal
@@ -271,20 +273,57 @@ def lost(job: Job, signal_number: int | None = None) -> Outcome:
 
 
 Identity = tuple[str, tuple[tuple[str, str], ...], int | None]
-"""Key that identifies a run in two batches: file name, parameters, seed"""
+"""Key that identifies a run in two batches: file, parameters, seed"""
 _FAILS = ("failed", "error")
 
 
 def identity(
-    file: Path, parameters: Mapping[str, object] | Iterable[tuple[str, str]], seed: int | None
+    file: str | Path,
+    parameters: Mapping[str, object] | Iterable[tuple[str, str]],
+    seed: int | None,
+    counterparts: Mapping[str, str] = MappingProxyType({}),
 ) -> Identity:
-    """Return the key of a run."""
+    """Return the key of a run.
+
+    Args:
+        counterparts: files of another batch by those of this one, see `counterparts_of`.
+    """
     pairs = parameters.items() if isinstance(parameters, Mapping) else parameters
-    return Path(file).stem, tuple(sorted((name, str(value)) for name, value in pairs)), seed
+    own = os.path.abspath(file)
+    values = tuple(sorted((name, str(value)) for name, value in pairs))
+    return counterparts.get(own, own), values, seed
 
 
-def _of(job: Job) -> Identity:
-    return identity(job.source, job.parameters, job.seed)
+def counterparts_of(now: Iterable[str | Path], before: Iterable[str | Path]) -> dict[str, str]:
+    """Files of an earlier batch by those of this one, as absolute paths.
+
+    A file is that of the same path; else that of the same path below the folder which all files of
+    its batch are in; else the only one of its name, where both batches have one only.
+    """
+    own, earlier = (
+        [os.path.abspath(file) for file in dict.fromkeys(each)] for each in (now, before)
+    )
+    found = {path: path for path in own if path in set(earlier)}
+    for key in (_below(own) | _below(earlier)).get, lambda path: Path(path).stem:
+        taken = set(found.values())
+        left = _unique([path for path in earlier if path not in taken], key)
+        mine = _unique([path for path in own if path not in found], key)
+        found |= {mine[name]: left[name] for name in mine.keys() & left.keys()}
+    return found
+
+
+def _below(paths: Sequence[str]) -> dict[str, str]:
+    """Paths below the folder that all are in."""
+    root = os.path.commonpath(list(map(os.path.dirname, paths))) if paths else ""
+    return {path: os.path.relpath(path, root) for path in paths}
+
+
+def _unique(paths: Iterable[str], key: Callable[[str], str | None]) -> dict[str | None, str]:
+    """Paths by a key that no other has."""
+    groups: dict[str | None, list[str]] = {}
+    for path in paths:
+        groups.setdefault(key(path), []).append(path)
+    return {name: group[0] for name, group in groups.items() if len(group) == 1}
 
 
 @dataclass
@@ -298,33 +337,50 @@ class BatchComparison:
 
     title: str
     before: dict[Identity, str]
+    counterparts: Mapping[str, str] = field(default_factory=dict)
     new: list[Outcome] = field(default_factory=list)
     fixed: list[Outcome] = field(default_factory=list)
     still: list[Outcome] = field(default_factory=list)
 
     @classmethod
-    def with_batch(cls, folder: Path) -> BatchComparison:
+    def with_batch(cls, folder: Path, files: Iterable[Path]) -> BatchComparison:
         """With the batch of an output folder.
+
+        Args:
+            files: of the batch that is compared.
 
         Raises:
             UsageError: the folder is not that of a batch.
         """
-        earlier = journal.finished(folder).outcomes.values()
-        return cls(folder.resolve().name, {_of(each.job): each.state for each in earlier})
+        earlier = [*journal.finished(folder).outcomes.values()]
+        states = {_key(each.job): each.state for each in earlier}
+        same = counterparts_of(files, [each.job.source for each in earlier])
+        return cls(folder.resolve().name, states, same)
 
     def add(self, outcome: Outcome) -> None:
         """Take a run of the batch in."""
         failed, fails = self.failed(outcome), outcome.state in _FAILS
         if failed or fails:
-            (self.still if failed and fails else self.new if fails else self.fixed).append(outcome)
+            new = fails and not self.known(outcome)
+            (self.new if new else self.still if fails else self.fixed).append(outcome)
 
     def failed(self, outcome: Outcome) -> bool:
         """Whether a run failed in the earlier batch."""
         return self.was(outcome) in _FAILS
 
+    def known(self, outcome: Outcome) -> bool:
+        """Whether a run failed likewise in the earlier batch: a failed verdict after an error is new."""
+        return self.failed(outcome) and not (
+            outcome.state == "failed" and self.was(outcome) == "error"
+        )
+
     def was(self, outcome: Outcome) -> str | None:
         """State of a run in the earlier batch; None where it was not in it."""
-        return self.before.get(_of(outcome.job))
+        return self.before.get(_key(outcome.job, self.counterparts))
+
+
+def _key(job: Job, counterparts: Mapping[str, str] = MappingProxyType({})) -> Identity:
+    return identity(job.source, job.parameters, job.seed, counterparts)
 
 
 def runnable(arguments: Iterable[str]) -> list[Path]:

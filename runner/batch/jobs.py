@@ -154,8 +154,14 @@ class Jobs:
         )
         self._spaces: dict[Path, ParameterSpace] = {}
         self.left_out: dict[Path, int] = {}
+        self.made = 0
 
     def __iter__(self) -> Iterator[Job | Outcome]:
+        for job in self._all():
+            self.made += 1
+            yield job
+
+    def _all(self) -> Iterator[Job | Outcome]:
         for name, path in self._files:
             try:
                 yield from self._of(path, name)

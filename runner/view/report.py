@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from runner.batch import journal
-from runner.batch.batch import Identity, identity
+from runner.batch.batch import Identity, counterparts_of, identity
 from runner.batch.outputs.folder import RESULT, load_run
 from runner.batch.outputs.tables import CONTACT, schema, write_runs
 from runner.judging.measures.contacts import sentence
@@ -106,11 +107,13 @@ def _measures() -> dict[str, dict[str, Any]]:
 def _with_earlier(values: dict[str, Any], out: Path, against: Path) -> dict[str, Any]:
     """The same with what an earlier batch had: each run's state and measures there, and the runs that are gone.
 
-    A run is that of before when its file has the same name, and it the same parameters and seed.
+    A run is that of before when its file is, see `counterparts_of`, with the same parameters and seed.
     """
     journal.settings(against)
-    earlier = {_identity(run): run for run in runs_of(against)}
-    now = [_identity(run) for run in runs_of(out)]
+    runs, before = runs_of(out), runs_of(against)
+    same = counterparts_of([run["file"] for run in runs], [run["file"] for run in before])
+    earlier = {_identity(run): run for run in before}
+    now = [_identity(run, same) for run in runs]
     address = quote(Path(os.path.relpath(against / REPORT, out)).as_posix())
     return values | {
         "runs": [
@@ -125,8 +128,8 @@ def _with_earlier(values: dict[str, Any], out: Path, against: Path) -> dict[str,
     }
 
 
-def _identity(run: dict[str, Any]) -> Identity:
-    return identity(Path(run["file"]), run["parameters"], run["seed"])
+def _identity(run: dict[str, Any], same: Mapping[str, str] = MappingProxyType({})) -> Identity:
+    return identity(run["file"], run["parameters"], run["seed"], same)
 
 
 def _before(run: dict[str, Any] | None) -> dict[str, Any] | None:
@@ -310,14 +313,16 @@ def history(batches: Sequence[Path], folder: Path) -> dict[str, Any]:
     """
     versions, rows = [], dict[Identity, dict[str, Any]]()
     titles = _titles(batches)
+    latest = [run["file"] for run in runs_of(batches[-1])]
     for column, batch in enumerate(batches):
         runs = runs_of(batch)
+        same = counterparts_of([run["file"] for run in runs], latest)
         counts = Counter(run["state"] for run in runs)
         versions.append(
             _version(batch, titles[column], folder) | {"counts": dict(sorted(counts.items()))}
         )
         for run in runs:
-            known = identity(Path(run["file"]), run["parameters"], run["seed"])
+            known = _identity(run, same)
             row = rows.setdefault(known, {"cells": [None] * len(batches)})
             row |= {
                 "name": run["name"],

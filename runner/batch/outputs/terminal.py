@@ -12,7 +12,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from runner.batch.outputs.report import evidence_text
 from schemas.common.remarks import told_quietly
 from schemas.common.terminal.text import many, one_line
 
@@ -116,6 +115,11 @@ class OutcomeTable:
         if self._progress:
             sys.stderr.write(f"{_CLEAR}{self._done()}")
             sys.stderr.flush()
+
+    @property
+    def shown(self) -> int:
+        """Number of outcomes so far."""
+        return sum(self._counts.values())
 
     @property
     def only(self) -> str | None:
@@ -246,6 +250,8 @@ class OutcomeTable:
 
 def told_evidence(evidence: Sequence[Mapping[str, Any]]) -> str:
     """Return the numbers of evidence, as `runner.batch.outputs.report.evidence` gives it, in one line."""
+    from runner.batch.outputs.report import evidence_text  # needs lxml
+
     told = (each for each in evidence if each["unit"] != "yes")
     return ", ".join(
         f"{each['name'].removesuffix('_seconds')} {evidence_text(each)}" for each in told

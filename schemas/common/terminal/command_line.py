@@ -486,6 +486,8 @@ def expand(arguments: Iterable[str]) -> list[Path]:
 
 
 def _expand(argument: str) -> list[Path]:
+    if not str(argument).strip():
+        raise UsageError("an empty name stands for no file; '.' is the working folder")
     path = Path(argument)
     try:
         is_glob = has_magic(argument) and not path.exists()

@@ -6,7 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from runner.batch.batch import BatchComparison, counterparts_of, identity
+from runner.batch.jobs import Job, Outcome
 from tests.commands import Command
+from tests.runner.files import place, scenario
 
 CUT_IN = Path(__file__).parents[3] / "xosc" / "library" / "simple_cut_in_variation.xosc"
 OPTIONS = ("--world", "kinematic", "--only")
@@ -104,3 +107,43 @@ def test_what_can_not_be_compared_is_refused(
 ) -> None:
     answer = command("xosc-run", CUT_IN, *options)
     assert answer.code == 2 and complaint in answer.err
+
+
+def test_a_file_of_one_name_in_another_folder_hides_no_new_failure(
+    command: Command, tmp_path: Path
+) -> None:
+    safe = place("Ego", 100, 10) + place("Lead", 200, 20)
+    bad, good = scenario(tmp_path / "b", "cut_in", stop=6.0), tmp_path / "a" / "cut_in.xosc"
+    scenario(tmp_path / "a", "cut_in", init=safe, stop=6.0)
+    options = ("--world", "kinematic", "--sut", "none")
+    assert command("xosc-run", bad, good, *options, "--out", tmp_path / "before").code == 1
+    against = ("--against", tmp_path / "before", "--fail-if", "new-failure")
+    assert command("xosc-run", bad, good, *options, *against).code == 0
+    scenario(tmp_path / "a", "cut_in", stop=6.0)
+    answer = command("xosc-run", bad, good, *options, *against)
+    assert answer.code == 1 and "1 new, 0 fixed, 1 still failing" in answer.out
+
+
+def test_files_of_batches_are_matched_by_path_below_their_root_then_by_a_single_name() -> None:
+    assert counterparts_of(["/n/a/x", "/n/b/x"], ["/o/b/x", "/o/a/x"]) == {
+        "/n/a/x": "/o/a/x",
+        "/n/b/x": "/o/b/x",
+    }
+    assert counterparts_of(["/n/a/x", "/n/b/x"], ["/n/b/x"]) == {"/n/b/x": "/n/b/x"}
+    assert counterparts_of(["/n/x.xosc", "/n/y.xosc"], ["/o/deep/x.xosc"]) == {
+        "/n/x.xosc": "/o/deep/x.xosc"
+    }
+
+
+def test_a_failure_after_an_error_is_new() -> None:
+    job = Job("x", Path("/n/x"), Path("/n/x"))
+    earlier = BatchComparison("before", {identity("/n/x", {}, None): "error"})
+    failed, broken = Outcome(job, "failed", 1), Outcome(job, "error", 3)
+    earlier.add(failed)
+    earlier.add(broken)
+    assert (earlier.new, earlier.still) == ([failed], [broken]) and not earlier.known(failed)
+
+
+def test_an_empty_name_is_wrong_usage(command: Command) -> None:
+    answer = command("xosc-run", "")
+    assert answer.code == 2 and "an empty name" in answer.err
