@@ -26,6 +26,7 @@ CACHES = {
     "generation.twin.motion._blank": VALUE,
     "recognition.catalogue.recordings._loaded": FILE,
     "recognition.catalogue.recordings._material": OBJECT,
+    "recognition.catalogue.recordings.listed": INPUTS,
     "recognition.catalogue.recordings.opened": INPUTS,
     "recognition.catalogue.recordings.recorded": INPUTS,
     "recognition.catalogue.writing.replay._entry": VALUE,
@@ -87,6 +88,7 @@ CACHES = {
     "xosc.document.repairs.attributes.attributes": PROGRAM,
     "xosc.document.repairs.attributes.children": PROGRAM,
     "xosc.document.repairs.attributes.content": PROGRAM,
+    "xosc.document.repairs.attributes.is_standard": PROGRAM,
     "xosc.document.repairs.attributes.names": PROGRAM,
 }
 """Kind of each cached function."""

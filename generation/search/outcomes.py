@@ -20,10 +20,10 @@ from generation.search.settings import Choice
 from generation.space.space import Space, apart, distinctive, diverse
 from runner.batch.jobs import CODES, Job, Outcome, failure
 from runner.batch.pool import Pool
+from runner.engine.motion.rss import parameter_set
 from runner.judging.result import INCONCLUSIVE
 from runner.judging.settings import RunSettings
 from runner.systems.base import Control, Observation, Participant
-from runner.systems.rss import parameter_set
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.policy import limited
 from schemas.common.terminal.text import one_line

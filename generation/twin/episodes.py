@@ -25,6 +25,7 @@ from generation.twin.motion import (
     read,
     value,
 )
+from runner.engine.motion.rss import RssParameters, longitudinal_distance, parameter_set
 from runner.engine.participants.boxes import Outlook, reach
 from runner.judging.measures.criticality import lateral_violation, longitudinal_violation
 from runner.judging.measures.relations import (
@@ -49,7 +50,6 @@ from runner.systems.kinds.reference import (
     Regulation157,
     SafeDistance,
 )
-from runner.systems.rss import RssParameters, longitudinal_distance, parameter_set
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import Unsupported
 

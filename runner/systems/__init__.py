@@ -13,7 +13,6 @@ Modules:
 - `isolation`: systems of users in processes of their own
 - `kinds`: systems that `--sut` names: cas, adas, aeb, idm, reference drivers, FMU, bridge
 - `outside`: systems under test that live outside: functional mock-up units, OSI messages
-- `rss`: Responsibility-Sensitive Safety: safe distances and their parameter sets
 
 Example::
 

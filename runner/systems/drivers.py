@@ -344,7 +344,11 @@ def _signals(run: Run, ego: Entity) -> Sequence[SignalAhead]:
 def failed(system: System, error: BaseException, time: float) -> ToolchainError:
     """An error of a system under test, which is named, at a simulation time (s)."""
     if isinstance(error, ToolchainError):
-        return SystemUnderTestError(error.message) if type(error) is ToolchainError else error
+        if type(error) is not ToolchainError:
+            return error
+        return SystemUnderTestError(
+            error.message, path=error.path, line=error.line, element=error.element
+        )
     told = str(error) if isinstance(error, SystemFailure) else blame(error, type(system).__module__)
     return SystemUnderTestError(
         f"the system under test {system_name(system)} failed at {time:.2f} s: {told}"

@@ -100,9 +100,9 @@ def test_a_value_can_be_given_by_the_name_of_its_parameter(tmp_path: Path) -> No
         Value="60",
     )
     assert results(result)["ActorBlockedTest"] == "not judged"
-    assert remarks(result) == (
-        "not judged: ActorBlockedTest of hero: the scenario gives no value for min_speed",
-    )
+    assert [cause.text for cause in result.verdict.causes] == [
+        "not judged: ActorBlockedTest of hero: the scenario gives no value for min_speed"
+    ]
 
 
 def test_an_empty_value_of_a_named_parameter_is_0() -> None:
@@ -111,14 +111,14 @@ def test_an_empty_value_of_a_named_parameter_is_0() -> None:
 
 def test_without_any_value_a_criterion_that_needs_one_is_not_judged(tmp_path: Path) -> None:
     result = run(changed(SCENARIO, tmp_path, ("distance_success", "")), Value="")
-    assert result.verdict.passed and results(result)["DrivenDistanceTest"] == "not judged"
-    assert "not judged: DrivenDistanceTest of hero" in remarks(result)[0]
+    assert not result.verdict.passed and results(result)["DrivenDistanceTest"] == "not judged"
+    assert "not judged: DrivenDistanceTest of hero" in result.verdict.causes[0].text
 
 
-def test_a_criterion_of_an_unknown_name_is_a_remark_and_no_silent_pass() -> None:
+def test_a_criterion_of_an_unknown_name_is_no_pass() -> None:
     result = run(Criterion="criteria_PolitenessTest")
-    assert result.verdict.passed and results(result)["PolitenessTest"] == "not judged"
-    assert remarks(result)[0].startswith(
+    assert not result.verdict.passed and results(result)["PolitenessTest"] == "not judged"
+    assert result.verdict.causes[0].text.startswith(
         "not judged: PolitenessTest: there is no criterion of this name; criteria: ActorBlockedTest,"
     )
 
@@ -159,7 +159,7 @@ def test_a_condition_that_is_called_like_a_criterion_and_is_none_stays_a_conditi
 def test_without_an_ego_criteria_are_not_judged(tmp_path: Path) -> None:
     result = run(changed(SCENARIO, tmp_path, ("ego_vehicle", "simulation")), Ego="somebody")
     assert {each.reason for each in result.verdict.criteria} == {"the scenario has no ego"}
-    assert len(remarks(result)) == 2
+    assert [cause.name for cause in result.verdict.causes].count("not-judged") == 2
 
 
 def test_results_are_in_the_files_of_a_run(tmp_path: Path) -> None:

@@ -23,9 +23,9 @@ ALL_PAGES, A_RESULT = 30_000, 1_500
 
 
 def words(page: Path) -> int:
-    text = re.sub(
-        r"(?<=[(\[{])\s+", "", page.read_text(encoding="utf-8")
-    )  # where code is broken is no matter
+    text = page.read_text(encoding="utf-8")
+    text = re.sub(r"<!-- (matrix of [^>]*) -->.*<!-- end of \1 -->", "", text, flags=re.DOTALL)
+    text = re.sub(r"(?<=[(\[{])\s+", "", text)  # where code is broken is no matter
     return len(re.findall(r"\S*\w\S*", text))
 
 

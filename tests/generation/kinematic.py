@@ -13,7 +13,7 @@ import numpy as np
 from generation.search.outcomes import Outcomes
 from generation.space.space import Space
 from recognition.labels.maneuvers.parameters import PARAMETERS
-from runner.systems.rss import lateral_distance, longitudinal_distance, parameter_set
+from runner.engine.motion.rss import lateral_distance, longitudinal_distance, parameter_set
 from schemas.common.array_types import FloatArray
 
 STEP, LENGTH, WIDTH, LANE, EGO, SENSOR, BRAKE = 0.1, 4.5, 1.8, 3.5, 30.0, 10.0, 8.0

@@ -88,7 +88,10 @@ def test_an_unknown_shell_is_refused(command: Command) -> None:
 
 @pytest.mark.parametrize(
     ("name", "words", "expected"),
-    [("xosc-run", "xosc-run --su", ["--sut"]), ("xosc", "xosc r", ["recognize", "replay", "run"])],
+    [
+        ("xosc-run", "xosc-run --su", ["--sut", "--sut-timeout", "--sut-in-process"]),
+        ("xosc", "xosc r", ["recognize", "replay", "run"]),
+    ],
 )
 def test_words_are_completed(name: str, words: str, expected: list[str]) -> None:
     variable = f"_{name}_COMPLETE".replace("-", "_").upper()

@@ -155,7 +155,7 @@ class LanePlan:
         return self._best(index, lane)[1]
 
     def missed(self, leg: int, s: float, lane: int) -> list[Checkpoint]:
-        """The waypoints that nobody passes in their lanes who begins on a leg at an s in a lane."""
+        """Waypoints that are not passed in their lanes from an s on a leg, in a lane."""
         found: list[Checkpoint] = []
         index = self._index(leg, s)
         while index is not None and index < len(self._cells) and lane in self._lanes[index]:

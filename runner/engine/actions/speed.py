@@ -116,7 +116,7 @@ class SpeedAction(PrivateAction):
 
 
 def _reached(actor: Entity, goal: float) -> Rest:
-    """How a change of speed to a goal (m/s) has ended."""
+    """Return the rest of an ended change of speed to a goal (m/s)."""
     return Rest(
         f"{goal:.2f} m/s", f"{actor.speed:.2f} m/s", abs(goal - actor.speed), _SPEED_TOLERANCE
     )

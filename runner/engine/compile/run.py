@@ -168,7 +168,7 @@ class Run(Instant, Protocol):
 
 
 class Rest(NamedTuple):
-    """How an action has ended: its goal, what is reached of it, and what is left.
+    """Rest of an ended action: its goal, what is reached of it, and what is left.
 
     Attributes:
         goal, reached: texts with units.

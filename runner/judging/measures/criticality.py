@@ -10,7 +10,7 @@ Gaps are those of the bounding boxes; how they are measured is said in
 Sources: time to collision, Hayward (1972); time headway and deceleration rate to avoid a crash as
 in Mahmud et al., "Application of proximal surrogate indicators for safety evaluation" (2017);
 post-encroachment time as in `runner.judging.measures.contacts`; RSS as in
-`runner.systems.rss`; the probabilistic risk field as in
+`runner.engine.motion.rss`; the probabilistic risk field as in
 `runner.judging.measures.risk_field`.
 """
 
@@ -24,11 +24,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runner.engine.motion import rss
 from runner.judging.measures.contacts import Impact, first_impact, post_encroachment_time
 from runner.judging.measures.measure import Extreme, Series, least, measures
 from runner.judging.measures.relations import MotionRows, View, blocks, relations
 from runner.judging.measures.risk_field import greatest
-from runner.systems import rss
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:

@@ -71,17 +71,16 @@ def serve(handle: int | str) -> None:
 
 def _watch() -> None:
     """End this process, and its group, soon after the one that started it."""
-    if not hasattr(os, "killpg"):
-        return
-    parent = os.getppid()
+    if os.name == "posix":
+        parent = os.getppid()
 
-    def look() -> None:
-        while os.getppid() == parent:
+        def look() -> None:
+            while os.getppid() == parent:
+                time.sleep(_WATCH)
             time.sleep(_WATCH)
-        time.sleep(_WATCH)
-        os.killpg(0, signal.SIGKILL)
+            os.killpg(0, signal.SIGKILL)
 
-    threading.Thread(target=look, daemon=True).start()
+        threading.Thread(target=look, daemon=True).start()
 
 
 class _Server:

@@ -6,6 +6,12 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from runner.engine.motion.rss import (
+    RssParameters,
+    lateral_distance,
+    longitudinal_distance,
+    parameter_set,
+)
 from runner.engine.participants.boxes import (
     Outlook,
     gap,
@@ -17,12 +23,6 @@ from runner.engine.participants.boxes import (
 )
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import choose
-from runner.systems.rss import (
-    RssParameters,
-    lateral_distance,
-    longitudinal_distance,
-    parameter_set,
-)
 from schemas.common.errors import UsageError
 
 _NOTHING = Control()

@@ -12,6 +12,12 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
+from runner.engine.motion.rss import (
+    RssParameters,
+    lateral_distance,
+    longitudinal_distance,
+    parameter_set,
+)
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import (
     AheadParticipant,
@@ -21,12 +27,6 @@ from runner.systems.encounters import (
     least,
     ratio,
     stop_line,
-)
-from runner.systems.rss import (
-    RssParameters,
-    lateral_distance,
-    longitudinal_distance,
-    parameter_set,
 )
 
 SYSTEMS = {

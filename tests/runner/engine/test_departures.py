@@ -160,10 +160,9 @@ def test_an_entity_that_no_action_places_is_a_remark_of_its_line(tmp_path: Path)
     path = scenario(tmp_path, entities=(car("Ego"), car("Absent")), init=place("Ego", 100, 10))
     result = runner.run(path, sut="none", world="kinematic")
     line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if '"Absent"' in text)
-    assert (
-        result.remarks[0].startswith(f"{path}:{line}: 'Absent' never appears")
-        and result.verdict.passed
-    )
+    assert result.remarks[0].startswith(f"{path}:{line}: 'Absent' never appears") and [
+        cause.name for cause in result.verdict.causes
+    ] == ["absent"]
 
 
 @pytest.mark.parametrize(

@@ -78,6 +78,7 @@ class Board:
     def __init__(self, group_maximum: int = 1) -> None:
         self.step = 0
         self.processes: list[Any] = []
+        self.ended: list[Any] = []
         self.log: list[tuple[int, str, str]] = []
         self.rearmed: list[str] = []
         self.board = Storyboard()

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
+from runner.engine.motion import rss
 from runner.engine.participants.boxes import box_corners
 from runner.engine.participants.declaration import BoundingBox
 from runner.judging.measures.contacts import post_encroachment_time
@@ -29,7 +30,6 @@ from runner.judging.measures.relations import (
     boxes_overlap,
     relations,
 )
-from runner.systems import rss
 
 CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)
 

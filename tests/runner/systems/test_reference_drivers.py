@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import runner
+from runner.engine.motion.rss import PARAMETERS, longitudinal_distance
 from runner.engine.participants.declaration import BoundingBox
 from runner.engine.worlds.surroundings import Environment
 from runner.systems import Control, Observation, Participant, SystemUnderTest, load_system
@@ -20,7 +21,6 @@ from runner.systems.kinds.reference import (
     Regulation157,
     SafeDistance,
 )
-from runner.systems.rss import PARAMETERS, longitudinal_distance
 
 CAR = BoundingBox(0.0, 0.0, 0.75, 4.0, 2.0, 1.5)
 CUT_IN = Path(__file__).parents[3] / "xosc" / "library" / "r157_cut_in.xosc"

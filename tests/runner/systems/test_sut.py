@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runner
+from runner.engine.motion.rss import PARAMETERS, lateral_distance, longitudinal_distance
 from runner.engine.participants.boxes import gap as gap_between
 from runner.engine.participants.boxes import outlook
 from runner.engine.participants.declaration import BoundingBox
@@ -29,7 +30,6 @@ from runner.systems import (
 from runner.systems.base import seen
 from runner.systems.kinds.cas import CollisionAvoidance
 from runner.systems.kinds.commanded import Scripted
-from runner.systems.rss import PARAMETERS, lateral_distance, longitudinal_distance
 from schemas.common.errors import ToolchainError, UsageError
 from tests.conformance.support import at, events, track
 from tests.runner.files import car, place, scenario

@@ -102,7 +102,7 @@ def test_far_away_positions_have_the_road_that_is_nearest(network: RoadNetwork) 
 def test_bridges_are_told_apart_by_height(corpora: Path) -> None:
     for path in sorted(corpora.rglob("*.xodr")):
         network = xodr.load(path)
-        if any(not road.flat for road in network.roads.values()):
+        if any(road.elevation.constant is None for road in network.roads.values()):
             assert len(differing(network, users(network, 60, 0.0, seed=3))) <= 1
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from runner.engine.motion.rss import PARAMETERS
 from runner.judging.measures.measure import (
     GREATEST_DECELERATION,
     LONGEST_PET,
@@ -19,7 +20,6 @@ from runner.judging.measures.measure import (
     measure,
     register,
 )
-from runner.systems.rss import PARAMETERS
 
 if TYPE_CHECKING:
     from runner.judging.measures.criticality import Criticality
@@ -171,7 +171,7 @@ class RssRisk(RunMeasure):
     """R_risk: share of the time in which the longitudinal and the lateral safe distance to anyone are violated.
 
     Args:
-        parameters: name of a parameter set of `runner.systems.rss`.
+        parameters: name of a parameter set of `runner.engine.motion.rss`.
     """
 
     critical = "high"

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runner.systems.rss import (
+from runner.engine.motion.rss import (
     PARAMETERS,
     lateral_distance,
     longitudinal_distance,
