@@ -12,10 +12,10 @@ import runner
 import xodr
 import xosc
 from runner.exchange.exports import commonroad
-from runner.exchange.exports.lanelets import lanelets
 from runner.exchange.exports.moments import box_centre
 from tests.readers.conftest import Read
 from tests.runner.files import ROADS, car, place, scenario
+from xodr.graph.lanelets import lanelets
 from xosc.exports.draft import Folder
 
 LIBRARY = Path(xosc.__file__).parent / "library"

@@ -240,10 +240,15 @@ class RoadDesign:
 
 @dataclass(frozen=True)
 class Geo:
-    """The projection of a map as a PROJ string, and the projected coordinates (easting, northing, m) of the map's origin."""
+    """The projection of a map as a PROJ string, and the projected coordinates (easting, northing, m) of the map's origin.
+
+    height: of the map's origin, m. heading: of the map's x axis in the projection, rad.
+    """
 
     projection: str
     origin: tuple[float, float] = (0.0, 0.0)
+    height: float = 0.0
+    heading: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -291,7 +296,8 @@ class RoadMap:
         )
         if self.geo:
             _add(header, "geoReference").text = etree.CDATA(self.geo.projection)
-            _add(header, "offset", x=self.geo.origin[0], y=self.geo.origin[1], z=0, hdg=0)
+            x, y = self.geo.origin
+            _add(header, "offset", x=x, y=y, z=self.geo.height, hdg=self.geo.heading)
         for road in self.roads:
             _road(root, road, self.rule)
         for controller in self.controllers:

@@ -21,7 +21,6 @@ import numpy as np
 from lxml import etree
 
 from runner.engine.worlds.sumo_translation import GREEN, OFF, RED, RED_YELLOW, YELLOW, YIELD
-from runner.exchange.exports.lanelets import ExportedLanelet, Key, lanelets
 from runner.exchange.exports.moments import (
     box_centre,
     date,
@@ -32,11 +31,13 @@ from runner.exchange.exports.moments import (
     unsupported,
     wrapped,
 )
-from runner.exchange.exports.osi_signals import VehicleLights
-from runner.exchange.exports.signals import SignalPlace, arrow, link_at, signal_places, speed_of
+from runner.exchange.exports.osi_signals import VehicleLights, link_at
 from runner.recording import signal_states
 from schemas.common.errors import ToolchainError
 from schemas.common.fates import changed, kept, lost
+from xodr.formats.commonroad import LANELET_TYPES, LINE_MARKINGS, ROAD_LANELETS
+from xodr.graph.lanelets import ExportedLanelet, Key, lanelets
+from xodr.graph.signals import SignalPlace, arrow, signal_places, speed_of
 from xodr.lookup.geo import GeoReference
 from xosc.writing.versions import with_recent
 
@@ -361,20 +362,6 @@ def _exact(state: etree._Element, values: dict[str, float]) -> None:
 
 # the map: lanelets, signs and lights -----------------------------------------------------------
 
-_LANES = {
-    "sidewalk": "sidewalk", "walking": "sidewalk", "biking": "bicycleLane", "shoulder": "shoulder", "stop": "shoulder",
-    "bus": "busLane", "exit": "exitRamp", "offRamp": "exitRamp", "entry": "accessRamp", "onRamp": "accessRamp",
-    "parking": "parking", "border": "border", "restricted": "restricted",
-}  # fmt: skip
-"""Lanelet types by OpenDRIVE lane type; other lanes have the type of their road."""
-_ROADS = {
-    "motorway": "interstate", "rural": "country", "town": "urban", "townExpressway": "urban", "lowSpeed": "urban",
-    "pedestrian": "sidewalk", "bicycle": "bicycleLane",
-}  # fmt: skip
-_MARKS = {
-    "none": "no_marking", "solid": "solid", "broken": "dashed", "solid solid": "solid_solid", "broken broken": "dashed_dashed",
-    "solid broken": "solid_dashed", "broken solid": "dashed_solid", "curb": "curb",
-}  # fmt: skip
 _SPEED_LIMIT = "274"
 """Number of the sign (German, and that of CommonRoad's land Zamunda)."""
 
@@ -459,7 +446,7 @@ def map_elements(
         ):
             bound = etree.SubElement(element, tag)
             bound.extend(point(place, heights) for place in points)
-            etree.SubElement(bound, "lineMarking").text = _MARKS.get(mark, "unknown")
+            etree.SubElement(bound, "lineMarking").text = LINE_MARKINGS.get(mark, "unknown")
         for tag, keys in (("predecessor", lanelet.predecessors), ("successor", lanelet.successors)):
             element.extend(etree.Element(tag, ref=ids[key]) for key in keys)
         for tag, beside in zip(("adjacentLeft", "adjacentRight"), lanelet.beside, strict=True):
@@ -523,7 +510,7 @@ def _light(number: str, place: SignalPlace, phases: Sequence[tuple[int, str]]) -
 
 
 def _types(lanelet: ExportedLanelet) -> list[str]:
-    own = _LANES.get(lanelet.lane_type) or _ROADS.get(lanelet.road_type, "unknown")
+    own = LANELET_TYPES.get(lanelet.lane_type) or ROAD_LANELETS.get(lanelet.road_type, "unknown")
     return [own, *(["intersection"] if lanelet.in_junction else [])]
 
 

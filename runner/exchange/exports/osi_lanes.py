@@ -21,8 +21,8 @@ import numpy as np
 from shapely import LineString, dwithin
 from shapely import Point as ShapelyPoint
 
-from runner.exchange.exports.lanelets import ExportedLanelet, Key, lanelets
 from runner.exchange.exports.moments import box_centre
+from xodr.graph.lanelets import ExportedLanelet, Key, lanelets
 from xodr.lookup.arrays import sample, stations
 
 if TYPE_CHECKING:

@@ -12,19 +12,29 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import itemgetter
 from typing import Any
 
-from runner.engine.worlds.sumo_translation import YIELD
-from runner.exchange.exports.lanelets import Key
-from runner.exchange.exports.signals import (
-    LIT,
-    SignalPlace,
-    arrow,
-    for_walkers,
-    lamps,
-    link_at,
-    signal_places,
+from runner.engine.worlds.sumo_translation import (
+    GREEN,
+    OFF,
+    RED,
+    RED_YELLOW,
+    YELLOW,
+    YIELD,
+    link_state,
 )
 from runner.recording import LogEntry, light_states, signal_states
 from xodr import RoadNetwork
+from xodr.graph.lanelets import Key
+from xodr.graph.signals import SignalPlace, arrow, for_walkers, lamps, signal_places
+
+LIT: Mapping[str, tuple[str, ...]] = {
+    RED: ("red",),
+    RED_YELLOW: ("red", "yellow"),
+    YELLOW: ("yellow",),
+    YIELD: ("yellow",),
+    GREEN: ("green",),
+    OFF: (),
+}
+"""Lit lamps by link state; the yellow one flashes in `YIELD`."""
 
 _SIGN_TYPES = {
     "101": "DANGER_SPOT", "102": "RIGHT_BEFORE_LEFT_NEXT_INTERSECTION", "123": "ROAD_WORKS", "131": "ATTENTION_TRAFFIC_LIGHT",
@@ -52,6 +62,12 @@ _ICONS = {
 _WALKER_ICONS = {"red": "ICON_DONT_WALK", "green": "ICON_WALK"}
 _LAMP = 0.3
 """Size (m) of a lamp whose light has no size"""
+
+
+def link_at(history: Sequence[tuple[float, str]], time: float) -> str | None:
+    """Link state of a light at a time (s), as in `LIT`; None where it has no state, or one that is not understood."""
+    index = bisect_right(history, time + 1e-9, key=itemgetter(0)) - 1
+    return link_state(history[index][1]) if index >= 0 else None
 
 
 class Signals:

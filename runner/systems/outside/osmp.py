@@ -13,13 +13,13 @@ import math
 from typing import Any
 
 from runner.engine.motion.placement import wrap
-from runner.exchange.exports.lanelets import lanelets
 from runner.exchange.exports.osi import Osi, fill_base, fill_frame, fill_type
 from runner.exchange.exports.osi_lanes import Lanes
 from runner.exchange.exports.osi_signals import fill_lights
 from runner.systems.base import Observation, Participant, Pose
 from schemas.common.errors import ToolchainError
 from schemas.common.packages import optional
+from xodr.graph.lanelets import lanelets
 from xodr.graph.network import RoadNetwork
 from xodr.model import RoadPoint
 

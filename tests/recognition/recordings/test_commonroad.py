@@ -11,7 +11,6 @@ import pytest
 
 from recognition import recordings as datasets
 from recognition.recordings.formats.commonroad import document
-from recognition.recordings.formats.commonroad.lanelets import lanelets
 from schemas.common.errors import InvalidFile, Unsupported
 from tests.recognition.traffic import (
     RECTANGLE,
@@ -22,6 +21,7 @@ from tests.recognition.traffic import (
     total_rows,
     write_archive,
 )
+from xodr.formats.commonroad import lanelets
 from xodr.formats.lanelet2 import LaneletNeighbour
 
 NORTH = math.pi / 2

@@ -10,12 +10,12 @@ import pytest
 import runner
 import xodr
 from recognition.recordings.formats import commonroad as reader
-from recognition.recordings.formats.commonroad.lanelets import lanelets as read_lanelets
 from runner.exchange.exports import commonroad
-from runner.exchange.exports.lanelets import lanelets
 from runner.exchange.exports.moments import box_centre
 from schemas.common.errors import Unsupported
 from tests.runner.files import ROADS, car, place, scenario, story
+from xodr.formats.commonroad import lanelets as read_lanelets
+from xodr.graph.lanelets import lanelets
 from xosc.exports.draft import Folder
 
 LIBRARY = Path(xodr.__file__).parent / "library"

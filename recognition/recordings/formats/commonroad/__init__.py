@@ -19,14 +19,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from lxml import etree
 
-from recognition.recordings.formats.commonroad.lanelets import (
-    child,
-    invalid,
-    measured,
-    number,
-    road_of,
-    unsupported,
-)
+from recognition.recordings.formats.commonroad.lanelets import road_of
 from recognition.recordings.motion.smoothing import smoothed
 from recognition.recordings.quality import Exclusion, Report
 from recognition.recordings.rows import Clock, columns_of, cut, in_order, rate
@@ -37,6 +30,7 @@ from schemas.common.errors import InvalidFile
 from schemas.common.policy import current
 from schemas.common.storage import MAX_BYTES
 from schemas.common.xml import parse, parse_bytes
+from xodr.formats.commonroad import child, invalid, measured, number, unsupported
 
 _CATEGORIES = {
     "car": "car", "taxi": "car", "priorityVehicle": "car", "parkedVehicle": "car", "truck": "truck", "bus": "bus",

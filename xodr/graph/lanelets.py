@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from schemas.common.array_types import FloatArray
-from xodr import RoadNetwork
 from xodr.graph.links import next_lane
+from xodr.graph.network import RoadNetwork
 from xodr.lookup.arrays import Points, sample, section_stations
 from xodr.model import NO_WIDTH, Lane, LaneSection
 from xodr.model.road import Road

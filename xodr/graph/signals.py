@@ -1,36 +1,15 @@
-"""Signals of the roads for exports: where they stand, what they mean, which lamps are lit, on which lanes they hold."""
+"""Signals of the roads: where they stand, what they mean, which lamps they have, on which lanes they hold."""
 
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from collections.abc import Mapping, Sequence
-from operator import itemgetter
 from typing import NamedTuple
 
-from runner.engine.worlds.sumo_translation import (
-    GREEN,
-    OFF,
-    RED,
-    RED_YELLOW,
-    YELLOW,
-    YIELD,
-    link_state,
-)
-from runner.exchange.exports.lanelets import Key
-from xodr import RoadNetwork
+from xodr.graph.lanelets import Key
+from xodr.graph.network import RoadNetwork
 from xodr.model import Signal, SignalReference
 from xodr.model.road import Road
 
-LIT: Mapping[str, tuple[str, ...]] = {
-    RED: ("red",),
-    RED_YELLOW: ("red", "yellow"),
-    YELLOW: ("yellow",),
-    YIELD: ("yellow",),
-    GREEN: ("green",),
-    OFF: (),
-}
-"""Lit lamps by link state; the yellow one flashes in `YIELD`."""
 _WALKERS = "1000002"
 _TWO_LAMPS = {_WALKERS, "1000007", "1000013"}
 """Types of country OpenDRIVE: lights without a yellow lamp."""
@@ -114,9 +93,3 @@ def speed_of(signal: Signal) -> float | None:
     """Value of a signal as a speed in m/s; None where it has none."""
     factor = _SPEEDS.get(signal.unit)
     return signal.value * factor if signal.value is not None and factor is not None else None
-
-
-def link_at(history: Sequence[tuple[float, str]], time: float) -> str | None:
-    """Link state of a light at a time (s), as in `LIT`; None where it has no state, or one that is not understood."""
-    index = bisect_right(history, time + 1e-9, key=itemgetter(0)) - 1
-    return link_state(history[index][1]) if index >= 0 else None

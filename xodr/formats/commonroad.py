@@ -1,0 +1,384 @@
+"""CommonRoad maps: lanelets of a file as lanes, and lanes as a file; values in CommonRoad's XML.
+
+Source: CommonRoad "XML Format" 2020a. Lanelets lead in the direction of their traffic; the signs of
+speed limits count in m/s.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from lxml import etree
+
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import InvalidFile, Unsupported
+from schemas.common.xml import line_of, parse
+from xodr.formats.lane_map import LaneMap, MapLane, MapSignal, resampled
+from xodr.formats.lanelet2 import LaneletNeighbour
+from xodr.formats.projecting import Projector
+
+_GREATEST = 1e9
+"""Magnitude of measured values"""
+_SPEED_LIMITS = ("274", "R2-1")
+"""Ids of signs for speed limits, in Europe and in the United States"""
+_SPEED = re.compile(r"([0-9]{1,3}(?:\.[0-9]*)?) *(kmh|mph|)")
+_UNITS = {"": 1.0, "kmh": 1.0 / 3.6, "mph": 0.44704}
+"""Factors to m/s, which values without a unit are in"""
+_LANE_TYPES = {
+    "sidewalk": "sidewalk", "crosswalk": "sidewalk", "bicycleLane": "biking", "busLane": "bus", "shoulder": "shoulder",
+    "accessRamp": "onRamp", "exitRamp": "offRamp", "border": "border",
+}  # fmt: skip
+
+
+def lane_type(types: tuple[str, ...]) -> str:
+    """OpenDRIVE's lane type of a lanelet's types."""
+    return next((_LANE_TYPES[one] for one in types if one in _LANE_TYPES), "driving")
+
+
+def child(parent: etree._Element, *path: str) -> etree._Element:
+    """The element at the end of a path of names.
+
+    Raises:
+        InvalidFile: it is not there.
+    """
+    for name in path:
+        found = next(parent.iterchildren(name), None)
+        if found is None:
+            raise invalid(parent, f"there is no {name}")
+        parent = found
+    return parent
+
+
+def number(parent: etree._Element, *path: str) -> float:
+    """The number in the element at the end of a path of names."""
+    element = child(parent, *path)
+    return measured(element.text or "", element)
+
+
+def measured(text: str, element: etree._Element) -> float:
+    """A finite number of the magnitude of a measured value.
+
+    Raises:
+        InvalidFile: it is none.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= _GREATEST:
+        raise invalid(element, f"{text.strip()!r} is no measured value")
+    return value
+
+
+def invalid(element: etree._Element, message: str) -> InvalidFile:
+    """The error for an element that is wrong."""
+    return InvalidFile(
+        message, path=_file(element), line=line_of(element), element=str(element.tag)
+    )
+
+
+def unsupported(element: etree._Element, message: str) -> Unsupported:
+    """The error for an element that is right, but asks for something that is not done here."""
+    return Unsupported(
+        message, path=_file(element), line=line_of(element), element=str(element.tag)
+    )
+
+
+def _file(element: etree._Element) -> str | None:
+    return element.getroottree().docinfo.URL
+
+
+class CommonRoadLanelet(NamedTuple):
+    """A piece of a lane, from its first to its last points.
+
+    left, right: its bounds, (n, 2), m. predecessors, successors: lanelets before and after it.
+    beside_left, beside_right: neighbours. types: as in `laneletType`, e.g. highway, onRamp.
+    limit: speed limit (m/s) of the traffic signs that it refers to, infinite without.
+    """
+
+    id: str
+    left: FloatArray
+    right: FloatArray
+    predecessors: tuple[str, ...]
+    successors: tuple[str, ...]
+    beside_left: LaneletNeighbour | None
+    beside_right: LaneletNeighbour | None
+    types: tuple[str, ...]
+    limit: float = math.inf
+
+
+def lanelets(root: etree._Element) -> list[CommonRoadLanelet]:
+    """The lanelets of a scenario (the root of a CommonRoad file).
+
+    Raises:
+        InvalidFile: a bound has fewer than two points, or the bounds have unequally many; names
+            line and element.
+    """
+    limits = _limits(root)
+    return [_lanelet(element, limits) for element in root.iterchildren("lanelet")]
+
+
+def _limits(root: etree._Element) -> dict[str, float]:
+    """Speed limits (m/s) by the ids of their traffic signs."""
+    return {
+        sign.get("id") or "": float(value[1]) * _UNITS[value[2]]
+        for sign in root.iterchildren("trafficSign")
+        for part in sign.iterchildren("trafficSignElement")
+        if part.findtext("trafficSignID", "").strip() in _SPEED_LIMITS
+        and (value := _SPEED.fullmatch(part.findtext("additionalValue", "").strip()))
+    }
+
+
+def _lanelet(element: etree._Element, limits: dict[str, float]) -> CommonRoadLanelet:
+    left, right = _bound(element, "leftBound"), _bound(element, "rightBound")
+    if len(left) != len(right):
+        raise invalid(element, f"the left bound has {len(left)} points, the right one {len(right)}")
+    types = tuple((kind.text or "").strip() for kind in element.iterchildren("laneletType"))
+    return CommonRoadLanelet(
+        element.get("id") or "", left, right, _refs(element, "predecessor"), _refs(element, "successor"),
+        _beside(element, "adjacentLeft"), _beside(element, "adjacentRight"), types,
+        min((limits[sign] for sign in _refs(element, "trafficSignRef") if sign in limits), default=math.inf),
+    )  # fmt: skip
+
+
+def _bound(element: etree._Element, name: str) -> FloatArray:
+    bound = child(element, name)
+    points = [(number(point, "x"), number(point, "y")) for point in bound.iterchildren("point")]
+    if len(points) < 2:
+        raise invalid(bound, "a bound has two points or more")
+    return np.array(points)
+
+
+def _refs(element: etree._Element, name: str) -> tuple[str, ...]:
+    return tuple(link.get("ref") or "" for link in element.iterchildren(name))
+
+
+def _beside(element: etree._Element, name: str) -> LaneletNeighbour | None:
+    link = element.find(name)
+    return (
+        LaneletNeighbour(link.get("ref") or "", link.get("drivingDir") == "same")
+        if link is not None
+        else None
+    )
+
+
+# maps --------------------------------------------------------------------------------------------
+
+LANELET_TYPES = {
+    "sidewalk": "sidewalk", "walking": "sidewalk", "biking": "bicycleLane", "shoulder": "shoulder", "stop": "shoulder",
+    "bus": "busLane", "exit": "exitRamp", "offRamp": "exitRamp", "entry": "accessRamp", "onRamp": "accessRamp",
+    "parking": "parking", "border": "border", "restricted": "restricted",
+}  # fmt: skip
+"""Lanelet types by OpenDRIVE lane type; other lanes have the type of their road."""
+ROAD_LANELETS = {
+    "motorway": "interstate", "rural": "country", "town": "urban", "townExpressway": "urban", "lowSpeed": "urban",
+    "pedestrian": "sidewalk", "bicycle": "bicycleLane",
+}  # fmt: skip
+"""Lanelet types by OpenDRIVE road type"""
+_ROAD_TYPES = {"interstate": "motorway", "highway": "motorway", "country": "rural", "urban": "town"}
+LINE_MARKINGS = {
+    "none": "no_marking", "solid": "solid", "broken": "dashed", "solid solid": "solid_solid", "broken broken": "dashed_dashed",
+    "solid broken": "solid_dashed", "broken solid": "dashed_solid", "curb": "curb",
+}  # fmt: skip
+"""Markings by OpenDRIVE road mark; others are unknown"""
+_MARKS_OF = {there: here for here, there in LINE_MARKINGS.items()}
+
+
+def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
+    """The content of a file without scenario, and what is changed."""
+    attributes = {
+        "timeStepSize": "0.1", "commonRoadVersion": "2020a", "author": "xosc-toolchain", "affiliation": "xosc-toolchain",
+        "source": lane_map.name, "benchmarkID": f"ZAM_{re.sub('[^A-Za-z0-9]', '', lane_map.name.title()) or 'Map'}-1",
+        "date": "2020-01-01",
+    }  # fmt: skip
+    root = etree.Element("commonRoad", attributes)
+    root.append(_location(lane_map))
+    etree.SubElement(etree.SubElement(root, "scenarioTags"), "simulated")
+    ids = {name: str(number) for number, name in enumerate(lane_map.lanes, 1)}
+    limits = sorted({lane.limit for lane in lane_map.lanes.values() if lane.limit is not None})
+    signs = {limit: str(len(ids) + number) for number, limit in enumerate(limits, 1)}
+    lights = [signal for signal in lane_map.signals if signal.kind == "light"]
+    numbers = {
+        id(signal): str(len(ids) + len(signs) + number) for number, signal in enumerate(lights, 1)
+    }
+    held: dict[str, list[str]] = {}
+    for signal in lights:
+        for name in signal.lanes:
+            held.setdefault(name, []).append(numbers[id(signal)])
+    for lane in lane_map.lanes.values():
+        root.append(_lanelet_element(lane, ids, signs, held.get(lane.id, [])))
+    for limit in limits:
+        first = next(lane for lane in lane_map.lanes.values() if lane.limit == limit)
+        root.append(_limit_sign(signs[limit], limit, first))
+    for signal in lights:
+        light = etree.SubElement(root, "trafficLight", id=numbers[id(signal)])
+        element = etree.SubElement(etree.SubElement(light, "cycle"), "cycleElement")
+        etree.SubElement(element, "duration").text = "1"
+        etree.SubElement(element, "color").text = "inactive"
+        etree.SubElement(light, "position").append(_point(signal.place, False))
+        etree.SubElement(light, "active").text = "false"
+    etree.indent(root)
+    left_out = sum(signal.kind == "sign" for signal in lane_map.signals)
+    notes = [f"{left_out} signs are left out, but for speed limits of lanes"] if left_out else []
+    notes += (
+        []
+        if lane_map.projection is not None
+        else ["the map has no projection: its place on Earth is unknown"]
+    )
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n", notes
+
+
+def _location(lane_map: LaneMap) -> etree._Element:
+    location, projector = etree.Element("location"), Projector.of(lane_map)
+    latitude, longitude = "999", "999"
+    if projector is not None:
+        east, north, _ = projector.to_geodetic(np.zeros((1, 3)))
+        latitude, longitude = f"{north[0]:.10f}", f"{east[0]:.10f}"
+    for tag, text in (
+        ("geoNameId", "-999"),
+        ("gpsLatitude", latitude),
+        ("gpsLongitude", longitude),
+    ):
+        etree.SubElement(location, tag).text = text
+    if lane_map.projection is not None:
+        transformation = etree.SubElement(location, "geoTransformation")
+        etree.SubElement(transformation, "geoReference").text = lane_map.projection
+        more = etree.SubElement(transformation, "additionalTransformation")
+        x, y, _, heading = lane_map.offset
+        for tag, value in (
+            ("xTranslation", x),
+            ("yTranslation", y),
+            ("zRotation", heading),
+            ("scaling", 1.0),
+        ):
+            etree.SubElement(more, tag).text = f"{value:.10f}"
+    return location
+
+
+def _lanelet_element(
+    lane: MapLane, ids: dict[str, str], signs: dict[float, str], lights: list[str]
+) -> etree._Element:
+    element = etree.Element("lanelet", id=ids[lane.id])
+    sides = lane.left, lane.right
+    if len(lane.left) != len(lane.right):
+        count = 2 * max(len(lane.left), len(lane.right))
+        sides = resampled(lane.left, count), resampled(lane.right, count)
+    heights = bool(np.any(lane.left[:, 2])) or bool(np.any(lane.right[:, 2]))
+    for tag, line, mark in zip(("leftBound", "rightBound"), sides, lane.marks, strict=True):
+        bound = etree.SubElement(element, tag)
+        bound.extend(_point(place, heights) for place in line.tolist())
+        etree.SubElement(bound, "lineMarking").text = LINE_MARKINGS.get(mark[0], "unknown")
+    element.extend(
+        etree.Element("successor", ref=ids[name]) for name in lane.successors if name in ids
+    )
+    for tag, beside in zip(("adjacentLeft", "adjacentRight"), lane.beside, strict=True):
+        if beside is not None and beside[0] in ids:
+            etree.SubElement(
+                element, tag, ref=ids[beside[0]], drivingDir="same" if beside[1] else "opposite"
+            )
+    kind = LANELET_TYPES.get(lane.type) or ROAD_LANELETS.get(lane.road_type, "unknown")
+    for text in (kind, *(["intersection"] if lane.in_junction else [])):
+        etree.SubElement(element, "laneletType").text = text
+    if lane.limit is not None:
+        etree.SubElement(element, "trafficSignRef", ref=signs[lane.limit])
+    element.extend(etree.Element("trafficLightRef", ref=ref) for ref in lights)
+    return element
+
+
+def _limit_sign(number: str, limit: float, lane: MapLane) -> etree._Element:
+    sign = etree.Element("trafficSign", id=number)
+    element = etree.SubElement(sign, "trafficSignElement")
+    etree.SubElement(element, "trafficSignID").text = "274"
+    etree.SubElement(element, "additionalValue").text = f"{limit:.6f}".rstrip("0").rstrip(".")
+    etree.SubElement(sign, "position").append(_point(lane.right[0].tolist(), False))
+    etree.SubElement(sign, "virtual").text = "true"
+    return sign
+
+
+def _point(place: Iterable[float], height: bool) -> etree._Element:
+    element = etree.Element("point")
+    for tag, value in zip("xyz" if height else "xy", place, strict=False):
+        etree.SubElement(element, tag).text = f"{value:.6f}".rstrip("0").rstrip(".")
+    return element
+
+
+def read(path: Path) -> LaneMap:
+    """The lanes of a file.
+
+    Raises:
+        InvalidFile: it is no CommonRoad file, has no lanelets, or malformed ones; names file and
+            line.
+    """
+    root = parse(path).getroot()
+    if root.tag != "commonRoad":
+        raise invalid(root, "the root element of a CommonRoad file is commonRoad")
+    found = lanelets(root)
+    if not found:
+        raise invalid(root, "there is no lanelet")
+    elements = {element.get("id") or "": element for element in root.iterchildren("lanelet")}
+    lanes = {one.id: _map_lane(one, elements[one.id]) for one in found}
+    for one in found:
+        for before in one.predecessors:
+            if before in lanes and one.id not in lanes[before].successors:
+                lanes[before].successors.append(one.id)
+    held: dict[str, list[str]] = {}
+    for name, element in elements.items():
+        for ref in element.iterchildren("trafficLightRef"):
+            held.setdefault(ref.get("ref") or "", []).append(name)
+    lights = []
+    for light in root.iterchildren("trafficLight"):
+        if light.get("id") in held:
+            place = [float(light.findtext(f"position/point/{axis}") or 0.0) for axis in "xy"]
+            what = ("1000001", "-1", "OpenDRIVE", None, "")
+            lights.append(
+                MapSignal(
+                    str(light.get("id")),
+                    "light",
+                    what,
+                    (*place, 0.0),
+                    0.0,
+                    tuple(held[str(light.get("id"))]),
+                )  # type: ignore[arg-type]
+            )
+    transformation = root.find("location/geoTransformation")
+    projection = transformation.findtext("geoReference") if transformation is not None else None
+    numbers = [0.0, 0.0, 0.0]
+    if transformation is not None and projection:
+        more = transformation.find("additionalTransformation")
+        if more is not None:
+            numbers = [number(more, tag) for tag in ("xTranslation", "yTranslation", "zRotation")]
+    offset = (numbers[0], numbers[1], 0.0, numbers[2])
+    notes = [] if projection else ["the map says nothing of its projection"]
+    return LaneMap(path.stem, lanes, lights, projection or None, offset, notes=notes)
+
+
+def _map_lane(one: CommonRoadLanelet, element: etree._Element) -> MapLane:
+    marks = []
+    for tag in ("leftBound", "rightBound"):
+        text = (element.findtext(f"{tag}/lineMarking") or "").strip()
+        marks.append((_MARKS_OF.get(text, "none"), "standard", None))
+    road_type = next((_ROAD_TYPES[kind] for kind in one.types if kind in _ROAD_TYPES), "unknown")
+    beside = [
+        (each.id, each.same_direction) if each is not None else None
+        for each in (one.beside_left, one.beside_right)
+    ]
+    left, right = (
+        _with_heights(line, element, tag)
+        for line, tag in ((one.left, "leftBound"), (one.right, "rightBound"))
+    )
+    return MapLane(
+        one.id, left, right, lane_type(one.types), road_type, None if math.isinf(one.limit) else one.limit,
+        (marks[0], marks[1]), "intersection" in one.types, list(one.successors), (beside[0], beside[1]),
+    )  # fmt: skip
+
+
+def _with_heights(line: FloatArray, element: etree._Element, tag: str) -> FloatArray:
+    heights = [
+        float(point.findtext("z") or 0.0) for point in child(element, tag).iterchildren("point")
+    ]
+    return np.column_stack([line, heights])

@@ -1,0 +1,187 @@
+"""Lanes of a map in any format: borders, meaning and links of each lane in the direction of its traffic.
+
+All formats are read into a `LaneMap` and written from one (OpenDRIVE is written by way of
+`xodr.formats.lanelet2.build`); differences between maps are differences between their lanes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from schemas.common.array_types import FloatArray
+from xodr.graph.lanelets import Key, Paint, lanelets
+from xodr.graph.network import RoadNetwork
+from xodr.lookup.arrays import Points
+
+UNPAINTED: Paint = ("none", "standard", None)
+"""A border without a mark."""
+
+
+@dataclass(eq=False)
+class MapLane:
+    """A lane between two borders, in the direction of its traffic.
+
+    Attributes:
+        id: its name in the map.
+        left, right: its borders, world coordinates (n, 3) and (m, 3), m.
+        type, road_type: as in OpenDRIVE.
+        limit: speed limit, m/s; None where there is none.
+        marks: type, colour and width (m) of the road mark on the left and on the right border.
+        in_junction: whether it leads through a junction.
+        successors: lanes that it leads to.
+        beside: the lane to the left and the one to the right, and whether it leads the same way;
+            None where none is.
+    """
+
+    id: str
+    left: Points
+    right: Points
+    type: str = "driving"
+    road_type: str = "unknown"
+    limit: float | None = None
+    marks: tuple[Paint, Paint] = (UNPAINTED, UNPAINTED)
+    in_junction: bool = False
+    successors: list[str] = field(default_factory=list)
+    beside: tuple[tuple[str, bool] | None, tuple[str, bool] | None] = (None, None)
+
+    @cached_property
+    def centre(self) -> Points:
+        """The line in the middle, (n, 3), m."""
+        if len(self.left) == len(self.right):
+            return 0.5 * (self.left + self.right)
+        return 0.5 * (resampled(self.left, _MIDDLE) + resampled(self.right, _MIDDLE))
+
+    @cached_property
+    def length(self) -> float:
+        """Length of the middle as seen from above, m."""
+        return float(np.hypot(*np.diff(self.centre[:, :2], axis=0).T).sum())
+
+
+_MIDDLE = 50
+"""Points of a middle between lines of unequally many points."""
+
+
+class MapSignal:
+    """A sign or light.
+
+    Args:
+        id: its name in the map.
+        kind: "light" or "sign".
+        type, subtype, country, value, unit: as in OpenDRIVE.
+        place: x, y, z of the middle of its face, m.
+        heading: direction in which the face looks, rad.
+        lanes: lanes on which it holds.
+    """
+
+    def __init__(
+        self, id: str, kind: str, what: tuple[str, str, str, float | None, str], place: tuple[float, float, float],
+        heading: float, lanes: tuple[str, ...],
+    ) -> None:  # fmt: skip
+        self.id, self.kind, self.place, self.heading, self.lanes = id, kind, place, heading, lanes
+        self.type, self.subtype, self.country, self.value, self.unit = what
+
+
+@dataclass(eq=False)
+class LaneMap:
+    """A map.
+
+    Attributes:
+        name: of the map.
+        lanes: by id.
+        signals: signs and lights.
+        projection: PROJ string or code of the projection; None where the map says nothing of it.
+        offset: x, y, z (m) and heading (rad) of the map's coordinates in the projection, as in
+            OpenDRIVE's header.
+        left_hand: whether traffic keeps to the left.
+        notes: what was assumed or left out when it was read, one sentence each.
+    """
+
+    name: str
+    lanes: dict[str, MapLane]
+    signals: list[MapSignal] = field(default_factory=list)
+    projection: str | None = None
+    offset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    left_hand: bool = False
+    notes: list[str] = field(default_factory=list)
+
+
+def name_of(key: Key) -> str:
+    """Name of a lane of an OpenDRIVE map: road/section/lane."""
+    return "/".join(map(str, key))
+
+
+def of_network(network: RoadNetwork) -> LaneMap:
+    """The lanes of an OpenDRIVE map."""
+    found = {
+        name_of(key): MapLane(
+            name_of(key), each.left, each.right, each.lane_type, each.road_type, each.limit, each.paint, each.in_junction,
+            [name_of(other) for other in each.successors],
+            (_named(each.beside[0]), _named(each.beside[1])),
+        )
+        for key, each in lanelets(network).items()
+    }  # fmt: skip
+    rules = [road.rule for road in network.roads.values()]
+    left_hand = rules.count("LHT") > len(rules) / 2
+    return LaneMap(
+        network.path.stem,
+        found,
+        _signals(network),
+        network.geo_reference,
+        network.header.offset,
+        left_hand,
+    )
+
+
+def _named(beside: tuple[Key, bool] | None) -> tuple[str, bool] | None:
+    return (name_of(beside[0]), beside[1]) if beside is not None else None
+
+
+def _signals(network: RoadNetwork) -> list[MapSignal]:
+    from xodr.graph.signals import signal_places
+
+    return [
+        MapSignal(
+            place.signal.id, "light" if place.signal.dynamic else "sign",
+            (place.signal.type, place.signal.subtype, place.signal.country, place.signal.value, place.signal.unit),
+            (place.x, place.y, place.z), place.h, tuple(name_of(key) for key in place.lanes),
+        )
+        for place in signal_places(network)
+    ]  # fmt: skip
+
+
+# lines -------------------------------------------------------------------------------------------
+
+
+def gone(line: FloatArray) -> FloatArray:
+    """Length of a line as seen from above up to each of its points, (n,), m."""
+    return np.append(0.0, np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T)))
+
+
+def resampled(line: FloatArray, count: int) -> FloatArray:
+    """`count` points at equal distances along a line, its ends included."""
+    return at_lengths(line, np.linspace(0.0, gone(line)[-1], count))
+
+
+def at_lengths(line: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Points at lengths (m) along a line."""
+    along = gone(line)
+    return np.column_stack(
+        [np.interp(lengths, along, line[:, axis]) for axis in range(line.shape[1])]
+    )
+
+
+def shifted(line: FloatArray, aside: FloatArray | float) -> FloatArray:
+    """A line so far (m) to the left of a line, with its heights; mitred at its corners."""
+    steps = np.diff(line[:, :2], axis=0)
+    lengths = np.maximum(np.hypot(*steps.T), 1e-9)
+    normals = np.column_stack([-steps[:, 1], steps[:, 0]]) / lengths[:, None]
+    before, after = np.vstack([normals[:1], normals]), np.vstack([normals, normals[-1:]])
+    mean = before + after
+    mean /= np.maximum(np.hypot(*mean.T), 1e-9)[:, None]
+    stretch = 1.0 / np.maximum(np.einsum("ij,ij->i", mean, after), 0.5)
+    moved = line.copy()
+    moved[:, :2] += mean * (stretch * aside)[:, None]
+    return moved

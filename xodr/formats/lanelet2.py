@@ -1,0 +1,369 @@
+"""Lanelet2 maps: lanes as lanelets that share nodes and ways, and lanelets as lanes.
+
+Source: Lanelet2 documentation, "LaneletPrimitives", "LaneletAndAreaTagging", "LinestringTagging",
+"RegulatoryElementTagging". Nodes have latitude and longitude (11 decimals, 1 µm), and the
+coordinates of the map as `local_x`, `local_y` and `ele`. The root element has the projection and
+the offset of these as the attributes `xosc_projection` and `xosc_offset`, which Lanelet2 does not
+read; without a projection latitudes and longitudes are those of metres about 0, 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import InvalidFile
+from schemas.common.xml import parse
+from xodr.formats.lane_map import LaneMap, MapLane, MapSignal
+from xodr.formats.lanelet2 import Lanelet
+from xodr.formats.lanelet2.borders import completed
+from xodr.formats.lanelet2.reader import read_lanelets
+from xodr.formats.projecting import Projector
+
+_NEAR = 0.02
+"""Points nearer to each other than this (m) are one node."""
+_GAP = 0.5
+"""Ends of linked lanes further apart than this (m) are not joined."""
+_NOWHERE = ("+proj=utm +zone=31 +datum=WGS84 +units=m +no_defs", (166021.4431793306, 0.0, 0.0, 0.0))
+"""Projection of maps without one, with its offset: about latitude 0, longitude 0."""
+_LINES = {
+    "solid": ("line_thin", "solid"), "broken": ("line_thin", "dashed"), "solid solid": ("line_thin", "solid_solid"),
+    "solid broken": ("line_thin", "solid_dashed"), "broken solid": ("line_thin", "dashed_solid"), "curb": ("curbstone", "high"),
+    "broken broken": ("line_thin", "dashed"),
+}  # fmt: skip
+"""Type and subtype of ways by road mark; others are virtual."""
+_SUBTYPES = {
+    "biking": ("bicycle_lane", "bicycle"), "sidewalk": ("walkway", "pedestrian"), "walking": ("walkway", "pedestrian"),
+    "bus": ("bus_lane", "vehicle:bus"), "shoulder": ("emergency_lane", "vehicle:emergency"),
+    "stop": ("emergency_lane", "vehicle:emergency"), "exit": ("exit", "vehicle"), "offRamp": ("exit", "vehicle"),
+    "rail": ("rail", "vehicle"), "tram": ("rail", "vehicle"),
+}  # fmt: skip
+"""Subtype of lanelets and their participant by lane type; others are roads or highways."""
+_LEFT_OUT = {"none", "border", "median", "curb", "restricted", "parking"}
+"""Lane types that are no lanelets"""
+_URBAN = {"motorway": "nonurban", "rural": "nonurban"}
+
+
+class _Writer:
+    """Nodes, ways and relations of a map."""
+
+    def __init__(self, lane_map: LaneMap) -> None:
+        self.root = etree.Element("osm", version="0.6", generator="xosc-toolchain", upload="false")
+        if lane_map.projection is not None:
+            self.root.set("xosc_projection", lane_map.projection)
+            self.root.set("xosc_offset", " ".join(repr(part) for part in lane_map.offset))
+        self.nodes: list[tuple[float, float, float]] = []
+        self._cells: dict[tuple[int, int], list[int]] = {}
+        self._ways: dict[tuple[int, ...], int] = {}
+        self._tags: dict[int, dict[str, str]] = {}
+        self._next = 0
+
+    def node(self, place: Iterable[float]) -> int:
+        """Number of the node at a place, made where there is none."""
+        x, y, z = place
+        cell = (math.floor(x / _NEAR), math.floor(y / _NEAR))
+        for i in (-1, 0, 1):
+            for j in (-1, 0, 1):
+                for number in self._cells.get((cell[0] + i, cell[1] + j), ()):
+                    if math.dist(self.nodes[number], (x, y, z)) < _NEAR:
+                        return number
+        self.nodes.append((x, y, z))
+        self._cells.setdefault(cell, []).append(len(self.nodes) - 1)
+        return len(self.nodes) - 1
+
+    def line(self, line: FloatArray) -> tuple[int, ...]:
+        """The nodes of a line, without repetitions."""
+        numbers = [self.node(place) for place in line.tolist()]
+        kept = [numbers[0], *(b for a, b in pairwise(numbers) if a != b)]
+        return tuple(kept)
+
+    def way(self, nodes: tuple[int, ...], tags: dict[str, str]) -> int:
+        """Number of the way through nodes, either way round; a mark counts more than none."""
+        found = self._ways.get(nodes, self._ways.get(nodes[::-1]))
+        if found is None:
+            found = self._ways[nodes] = len(self._ways)
+            self._tags[found] = tags
+        elif self._tags[found]["type"] == "virtual":
+            self._tags[found] = tags
+        return found
+
+    def ways(self) -> Iterable[tuple[int, tuple[int, ...], dict[str, str]]]:
+        """All ways with their numbers, nodes and tags."""
+        return ((number, nodes, self._tags[number]) for nodes, number in self._ways.items())
+
+
+def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
+    """The content of a file, and what is changed or left out, one sentence each."""
+    writer, notes = _Writer(lane_map), []
+    lanes = {name: lane for name, lane in lane_map.lanes.items() if lane.type not in _LEFT_OUT}
+    if len(lanes) < len(lane_map.lanes):
+        notes.append(
+            f"{len(lane_map.lanes) - len(lanes)} lanes of types that Lanelet2 has not are left out"
+        )
+    ends = _joined_ends(lanes, notes)
+    bounds = {}
+    for name, lane in lanes.items():
+        left, right = (
+            _with_ends(line, ends, (name, side))
+            for side, line in (("left", lane.left), ("right", lane.right))
+        )
+        numbers = [writer.line(line) for line in (left, right)]
+        if min(map(len, numbers)) < 2:
+            notes.append(f"lane {name} is left out: it is shorter than {_NEAR:g} m")
+            continue
+        marks = [_mark_tags(mark[0]) for mark in lane.marks]
+        bounds[name] = [writer.way(nodes, mark) for nodes, mark in zip(numbers, marks, strict=True)]
+    lights = [
+        signal
+        for signal in lane_map.signals
+        if signal.kind == "light" and any(name in bounds for name in signal.lanes)
+    ]
+    rules = _lights(writer, lights, lanes, bounds)
+    _write_nodes(writer, lane_map)
+    offset = len(writer.nodes) + 1
+    for number, nodes, tags in writer.ways():
+        way = etree.SubElement(
+            writer.root, "way", id=str(offset + number), visible="true", version="1"
+        )
+        for node in nodes:
+            etree.SubElement(way, "nd", ref=str(node + 1))
+        _add_tags(way, tags)
+    first = offset + len(writer._ways)
+    ids = {name: first + number for number, name in enumerate(bounds)}
+    rule_ids = {signal.id: first + len(ids) + number for number, signal in enumerate(lights)}
+    for name, (left_way, right_way) in bounds.items():
+        relation = etree.SubElement(
+            writer.root, "relation", id=str(ids[name]), visible="true", version="1"
+        )
+        for way_number, role in ((left_way, "left"), (right_way, "right")):
+            etree.SubElement(
+                relation, "member", type="way", ref=str(offset + way_number), role=role
+            )
+        for signal in lights:
+            if name in signal.lanes:
+                etree.SubElement(
+                    relation,
+                    "member",
+                    type="relation",
+                    ref=str(rule_ids[signal.id]),
+                    role="regulatory_element",
+                )
+        _add_tags(relation, _lane_tags(lanes[name], name))
+    for signal, (bulb, stop) in zip(lights, rules, strict=True):
+        relation = etree.SubElement(
+            writer.root, "relation", id=str(rule_ids[signal.id]), visible="true", version="1"
+        )
+        etree.SubElement(relation, "member", type="way", ref=str(offset + bulb), role="refers")
+        etree.SubElement(relation, "member", type="way", ref=str(offset + stop), role="ref_line")
+        _add_tags(
+            relation, {"type": "regulatory_element", "subtype": "traffic_light", "name": signal.id}
+        )
+    signs = sum(signal.kind == "sign" for signal in lane_map.signals)
+    if signs:
+        notes.append(f"{signs} signs are left out, but for speed limits of lanes")
+    if lane_map.projection is None:
+        notes.append(
+            "the map has no projection: latitudes and longitudes are those of its metres about 0, 0"
+        )
+    etree.indent(writer.root)
+    return etree.tostring(writer.root, xml_declaration=True, encoding="UTF-8") + b"\n", notes
+
+
+def _joined_ends(
+    lanes: dict[str, MapLane], notes: list[str]
+) -> dict[tuple[str, str, int], FloatArray]:
+    """Ends of borders that are moved to where the lane before or after them begins: Lanelet2 links by shared nodes."""
+    places: dict[tuple[str, str, int], FloatArray] = {}
+    parents: dict[tuple[str, str, int], tuple[str, str, int]] = {}
+
+    def root(key: tuple[str, str, int]) -> tuple[str, str, int]:
+        while parents.get(key, key) != key:
+            key = parents[key]
+        return key
+
+    apart = 0
+    for name, lane in lanes.items():
+        for following in lane.successors:
+            other = lanes.get(following)
+            if other is None:
+                continue
+            pairs = [((name, side, -1), (following, side, 0)) for side in ("left", "right")]
+            gaps = [
+                np.linalg.norm(getattr(lane, side)[-1] - getattr(other, side)[0])
+                for side in ("left", "right")
+            ]
+            if max(gaps) > _GAP:
+                apart += 1
+                continue
+            for one, two in pairs:
+                a, b = root(one), root(two)
+                if a != b:
+                    parents[max(a, b)] = min(a, b)
+    if apart:
+        notes.append(f"{apart} connections are lost: their lanes end more than {_GAP:g} m apart")
+    groups: dict[tuple[str, str, int], list[tuple[str, str, int]]] = {}
+    for key in [*parents, *parents.values()]:
+        groups.setdefault(root(key), [])
+        if key not in groups[root(key)]:
+            groups[root(key)].append(key)
+    for members in groups.values():
+        points = np.array([getattr(lanes[name], side)[at] for name, side, at in members])
+        for key in members:
+            places[key] = points.mean(axis=0)
+    return places
+
+
+def _with_ends(
+    line: FloatArray, ends: dict[tuple[str, str, int], FloatArray], key: tuple[str, str]
+) -> FloatArray:
+    moved = line.copy()
+    for at in (0, -1):
+        if (*key, at) in ends:
+            moved[at] = ends[*key, at]
+    return moved
+
+
+def _mark_tags(mark: str) -> dict[str, str]:
+    kind = _LINES.get(mark)
+    return {"type": kind[0], "subtype": kind[1]} if kind is not None else {"type": "virtual"}
+
+
+def _lane_tags(lane: MapLane, name: str) -> dict[str, str]:
+    subtype, participant = _SUBTYPES.get(
+        lane.type, ("highway" if lane.road_type == "motorway" else "road", "vehicle")
+    )
+    tags = {
+        "type": "lanelet", "subtype": subtype, "location": _URBAN.get(lane.road_type, "urban"), "one_way": "yes",
+        f"participant:{participant}": "yes", "lane_type": lane.type, "road_type": lane.road_type, "name": name,
+    }  # fmt: skip
+    if lane.limit is not None:
+        tags["speed_limit"] = f"{lane.limit * 3.6:.6f}".rstrip("0").rstrip(".") + " km/h"
+    if lane.in_junction:
+        tags["junction"] = "yes"
+    return tags
+
+
+def _lights(
+    writer: _Writer,
+    lights: list[MapSignal],
+    lanes: dict[str, MapLane],
+    bounds: dict[str, list[int]],
+) -> list[tuple[int, int]]:
+    """The ways of each light: its face, and the stop line across the lanes that it holds, at their end."""
+    made = []
+    for signal in lights:
+        x, y, z = signal.place
+        across = np.array([-math.sin(signal.heading), math.cos(signal.heading), 0.0])
+        face = np.array([x, y, z]) + np.outer([-0.2, 0.2], across)
+        bulb = writer.way(
+            writer.line(face), {"type": "traffic_light", "subtype": "red_yellow_green"}
+        )
+        held = [lanes[name] for name in signal.lanes if name in bounds]
+        ends = [(lane.left[-1], lane.right[-1]) for lane in held]
+        stop = np.array([ends[0][0], ends[0][1]])
+        made.append((bulb, writer.way(writer.line(stop), {"type": "stop_line"})))
+    return made
+
+
+def _write_nodes(writer: _Writer, lane_map: LaneMap) -> None:
+    projector = Projector(*_NOWHERE) if lane_map.projection is None else Projector.of(lane_map)
+    assert projector is not None
+    longitude, latitude, _ = projector.to_geodetic(np.array(writer.nodes).reshape(-1, 3))
+    for number, ((x, y, z), east, north) in enumerate(
+        zip(writer.nodes, longitude, latitude, strict=True), 1
+    ):
+        node = etree.SubElement(
+            writer.root,
+            "node",
+            id=str(number),
+            visible="true",
+            version="1",
+            lat=f"{north:.11f}",
+            lon=f"{east:.11f}",
+        )
+        _add_tags(node, {"local_x": f"{x:.4f}", "local_y": f"{y:.4f}", "ele": f"{z:.4f}"})
+
+
+def _add_tags(element: etree._Element, tags: dict[str, str]) -> None:
+    for key, value in tags.items():
+        etree.SubElement(element, "tag", k=key, v=value)
+
+
+# reading ----------------------------------------------------------------------------------------
+
+
+def read(path: Path, origin: tuple[float, float] | None = None) -> LaneMap:
+    """The lanes of a file; heights are left out.
+
+    Args:
+        origin: latitude and longitude (degrees) of the origin of its UTM coordinates; None for the
+            file's local coordinates, or the origin 0, 0 where it has none.
+
+    Raises:
+        InvalidFile: malformed, or without lanelets; names file, line and element.
+        UsageError: the origin is no place on Earth.
+    """
+    found = read_lanelets(path, origin)
+    lanes, added = completed(found.lanes)
+    made = {one.id: _map_lane(one) for one in lanes}
+    for one in lanes:
+        for before in one.predecessors:
+            if before in made and one.id not in made[before].successors:
+                made[before].successors.append(one.id)
+        for side, beside in ((0, one.beside_left), (1, one.beside_right)):
+            if beside is not None and beside.id in made:
+                _put_beside(made, one.id, beside.id, beside.same_direction, side)
+    lights: dict[str, list[str]] = {}
+    for one in lanes:
+        for light in one.lights:
+            lights.setdefault(light, []).append(one.id)
+    signals = []
+    for light, names in lights.items():
+        x, y = made[names[0]].right[-1, :2].tolist()
+        signals.append(
+            MapSignal(
+                light,
+                "light",
+                ("1000001", "-1", "OpenDRIVE", None, ""),
+                (x, y, 0.0),
+                0.0,
+                tuple(names),
+            )
+        )
+    projection, offset = _own_projection(path) if origin is None else (None, (0.0, 0.0, 0.0, 0.0))
+    if projection is None and found.geo is not None:
+        projection, offset = found.geo.projection, (*found.geo.origin, 0.0, 0.0)
+    return LaneMap(path.stem, made, signals, projection, offset, notes=[*found.notes, *added])
+
+
+def _own_projection(path: Path) -> tuple[str | None, tuple[float, float, float, float]]:
+    root = parse(path).getroot()
+    projection = root.get("xosc_projection")
+    numbers = [float(part) for part in root.get("xosc_offset", "0 0 0 0").split()]
+    if len(numbers) != 4:
+        raise InvalidFile("xosc_offset has x, y, z and heading", path=path, line=1, element="osm")
+    return projection, (numbers[0], numbers[1], numbers[2], numbers[3])
+
+
+def _map_lane(one: Lanelet) -> MapLane:
+    left, right = (np.column_stack([line, np.zeros(len(line))]) for line in (one.left, one.right))
+    return MapLane(
+        one.id, left, right, one.type, one.road_type, None if math.isinf(one.speed_limit) else one.speed_limit,
+        ((one.left_mark, "standard", None), (one.right_mark, "standard", None)), successors=list(one.successors),
+    )  # fmt: skip
+
+
+def _put_beside(lanes: dict[str, MapLane], name: str, other: str, same: bool, side: int) -> None:
+    sides = list(lanes[name].beside)
+    sides[side] = (other, same)
+    lanes[name].beside = (sides[0], sides[1])
+    if same:
+        back = list(lanes[other].beside)
+        back[1 - side] = (name, True)
+        lanes[other].beside = (back[0], back[1])
