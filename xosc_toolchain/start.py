@@ -22,6 +22,7 @@ MODULES = {
     "xosc-generate": "generation.xosc_generate",
     "xosc-loop": "generation.loop.xosc_loop",
     "xosc-export": "runner.exchange.xosc_export",
+    "xosc-road": "xodr.xosc_road",
 }
 """The module with the function `main` of each command"""
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -60,3 +61,4 @@ xosc_recognize = partial(start, "xosc-recognize")
 xosc_generate = partial(start, "xosc-generate")
 xosc_loop = partial(start, "xosc-loop")
 xosc_export = partial(start, "xosc-export")
+xosc_road = partial(start, "xosc-road")

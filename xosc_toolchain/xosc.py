@@ -22,6 +22,7 @@ COMMANDS = {
     "loop": "recognise, search, check and run a folder",
     "recognize": "turn recordings into catalogues of scenarios",
     "replay": "write pages, pictures and reports of results",
+    "road": "convert, compare, show, cut and check maps",
     "run": "run scenarios and variation files on SUMO",
 }
 """Line of help of each command; `xosc run` is `xosc-run`"""

@@ -140,7 +140,8 @@ def public(
 
     Args:
         package: the package's name.
-        homes: the module that each name is in, as `module:name` where it has another name there.
+        homes: the module that each name is in, as `module:name` where it has another name there, and `module:` where it is the
+            module itself.
     """
 
     def __getattr__(name: str) -> Any:
@@ -148,8 +149,9 @@ def public(
             return version()
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        module, _, own = homes[name].partition(":")
-        return getattr(optional(module), own or name)
+        module, mark, own = homes[name].partition(":")
+        found = optional(module)
+        return found if mark and not own else getattr(found, own or name)
 
     def __dir__() -> list[str]:
         names = vars(sys.modules[package])

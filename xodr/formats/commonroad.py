@@ -333,17 +333,17 @@ def read(path: Path) -> LaneMap:
     lights = []
     for light in root.iterchildren("trafficLight"):
         if light.get("id") in held:
-            place = [float(light.findtext(f"position/point/{axis}") or 0.0) for axis in "xy"]
+            x, y = (float(light.findtext(f"position/point/{axis}") or 0.0) for axis in "xy")
             what = ("1000001", "-1", "OpenDRIVE", None, "")
             lights.append(
                 MapSignal(
                     str(light.get("id")),
                     "light",
                     what,
-                    (*place, 0.0),
+                    (x, y, 0.0),
                     0.0,
                     tuple(held[str(light.get("id"))]),
-                )  # type: ignore[arg-type]
+                )
             )
     transformation = root.find("location/geoTransformation")
     projection = transformation.findtext("geoReference") if transformation is not None else None

@@ -10,6 +10,7 @@ difference.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from schemas.common.array_types import FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.formats.lane_map import LaneMap, MapLane, at_lengths, gone
 
 STEP = 1.0
@@ -29,6 +30,8 @@ _INSIDE = 2.0
 """Distance (m) from the ends of lanes at which connections are looked up."""
 _HOPS = 6
 """Lanes in a row that a connection of the other map may be cut into."""
+_CLOSE, _SAME_SPEED, _WORST = 0.05, 0.01, 20
+"""Distance (m) of close borders, difference (m/s) of equal limits, number of the worst places."""
 _NARROW = 0.15
 """Lanes narrower than this (m) are not compared there."""
 VEHICLES = {
@@ -137,46 +140,71 @@ def _places(lanes: Iterable[MapLane]) -> _Places:
     )
 
 
+class _Matches(NamedTuple):
+    """Lanes near places: number of the place, number of the lane, distance from its centre line (m)."""
+
+    place: IntArray
+    lane: IntArray
+    away: FloatArray
+
+    def nearest(self, count: int) -> tuple[IntArray, FloatArray]:
+        """The nearest lane of each of `count` places, -1 where there is none, and its distance."""
+        lane, away = np.full(count, -1), np.full(count, np.inf)
+        order = np.lexsort((self.lane, -self.away))  # the nearest comes last
+        lane[self.place[order]] = self.lane[order]
+        away[self.place[order]] = self.away[order]
+        return lane, away
+
+
 class _Index:
     """The lanes of a map, to be found by place."""
 
     def __init__(self, lanes: dict[str, MapLane]) -> None:
         self.names = list(lanes)
-        self.lanes = lanes
-        self._centres = [shapely.LineString(lane.centre[:, :2]) for lane in lanes.values()]
-        self._borders = [
-            shapely.MultiLineString([lane.left[:, :2], lane.right[:, :2]])
-            for lane in lanes.values()
-        ]
-        self._lines = np.array(self._borders, dtype=object)
+        self._centres = np.array(
+            [shapely.LineString(lane.centre) for lane in lanes.values()], object
+        )
+        self._borders = np.array(
+            [
+                shapely.MultiLineString([each.left[:, :2], each.right[:, :2]])
+                for each in lanes.values()
+            ],
+            object,
+        )
         self._tree = shapely.STRtree(self._centres)
 
-    def near(self, place: FloatArray, way: FloatArray, reach: float) -> list[tuple[float, int]]:
-        """Lanes that run the same way near a place, with their distances, nearest first."""
-        found = []
-        point = shapely.Point(place[0], place[1])
-        for number in self._tree.query(point, predicate="dwithin", distance=reach).tolist():
-            line = self._centres[number]
-            at = line.project(point)
-            a, b = (
-                line.interpolate(max(at - 0.2, 0.0)),
-                line.interpolate(min(at + 0.2, line.length)),
-            )
-            dx, dy = b.x - a.x, b.y - a.y
-            if dx * way[0] + dy * way[1] > _SAME_WAY * math.hypot(dx, dy):
-                found.append((line.distance(point), number))
-        return sorted(found)
+    def near(self, points: FloatArray, ways: FloatArray, reach: FloatArray) -> _Matches:
+        """Lanes that run the same way near places.
 
-    def border_distance(self, number: int, x: float, y: float) -> float:
-        """Distance of a place from the nearer border of a lane, m."""
-        return float(self._lines[number].distance(shapely.Point(x, y)))
+        Args:
+            points: (n, 2) or (n, 3), m.
+            ways: directions, (n, 2).
+            reach: greatest distances, (n,), m.
+        """
+        if not self.names or not len(points):
+            return _Matches(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+        places = shapely.points(points[:, :2])
+        place, lane = self._tree.query(places, predicate="dwithin", distance=reach)
+        lines = self._centres[lane]
+        at = shapely.line_locate_point(lines, places[place])
+        ends = [
+            shapely.get_coordinates(shapely.line_interpolate_point(lines, each))
+            for each in (np.maximum(at - 0.2, 0.0), np.minimum(at + 0.2, shapely.length(lines)))
+        ]
+        ahead = ends[1] - ends[0]
+        same = np.einsum("ij,ij->i", ahead, ways[place]) > _SAME_WAY * np.hypot(*ahead.T)
+        away = shapely.distance(lines, places[place])
+        return _Matches(place[same], lane[same], away[same])
 
-    def height(self, number: int, x: float, y: float) -> float:
-        """Height of the middle of a lane beside a place, m."""
-        line, point = self._centres[number], shapely.Point(x, y)
-        centre = self.lanes[self.names[number]].centre
-        along = gone(centre)
-        return float(np.interp(line.project(point), along, centre[:, 2]))
+    def border_distances(self, lanes: IntArray, points: FloatArray) -> FloatArray:
+        """Distances of places from the nearer border of a lane each, m."""
+        return np.asarray(shapely.distance(self._borders[lanes], shapely.points(points)))
+
+    def heights(self, lanes: IntArray, points: FloatArray) -> FloatArray:
+        """Heights of the middle of a lane each beside a place, m."""
+        lines = self._centres[lanes]
+        at = shapely.line_locate_point(lines, shapely.points(points[:, :2]))
+        return np.asarray(shapely.get_z(shapely.line_interpolate_point(lines, at)))
 
 
 def _chosen(lanes: dict[str, MapLane], types: frozenset[str] | None) -> dict[str, MapLane]:
@@ -196,55 +224,62 @@ def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -
         )
         types |= VEHICLES
     ours, theirs = _chosen(one.lanes, types), _chosen(other.lanes, types)
-    index = _Index(theirs)
-    places = _places(ours.values())
-    borders, centres, heights = [], [], []
-    names: list[str] = []
-    missing: dict[str, float] = {}
-    worst: list[tuple[float, float, float]] = []
-    pairs: dict[str, dict[str, int]] = {}
-    for number, point, way, width in zip(
-        places.lane.tolist(), places.point, places.way, places.width.tolist(), strict=True
-    ):
-        if width < _NARROW:
-            continue
-        name = places.names[number]
-        found = index.near(point, way, min(max(0.5 * width, _LEAST_REACH), _MOST_REACH))
-        if not found:
-            missing[name] = missing.get(name, 0.0) + STEP
-            continue
-        away, match = found[0]
-        half = 0.5 * width * np.array([-way[1], way[0]])
-        sides = [point[:2] + half, point[:2] - half]
-        off = max(index.border_distance(match, *side) for side in sides)
-        names.append(name)
-        borders.append(off)
-        centres.append(away)
-        heights.append(abs(index.height(match, *point[:2]) - point[2]))
-        worst.append((float(point[0]), float(point[1]), off))
-        counts = pairs.setdefault(name, {})
-        counts[index.names[match]] = counts.get(index.names[match], 0) + 1
-    extra = (
-        _extra(theirs, _Index(ours))
-        if ours
-        else {name: lane.length for name, lane in theirs.items()}
+    index, own = _Index(theirs), _Index(ours)
+    places = _wide(_places(ours.values()))
+    match, away = index.near(places.point, places.way, _reach(places)).nearest(len(places.lane))
+    found = match >= 0
+    missing = _lengths(places, ~found)
+    middle, way, half = places.point[found], places.way[found], 0.5 * places.width[found, None]
+    side = half * np.column_stack([-way[:, 1], way[:, 0]])
+    lanes = match[found]
+    borders = np.maximum(
+        index.border_distances(lanes, middle[:, :2] + side),
+        index.border_distances(lanes, middle[:, :2] - side),
     )
-    matched = {name: max(counts, key=counts.__getitem__) for name, counts in pairs.items()}
-    found_borders = np.array(borders)
+    heights = np.abs(index.heights(lanes, middle) - middle[:, 2])
+    names = [places.names[number] for number in places.lane[found].tolist()]
+    pairs: dict[str, Counter[str]] = {}
+    for name, other_lane in zip(names, lanes.tolist(), strict=True):
+        pairs.setdefault(name, Counter())[index.names[other_lane]] += 1
+    worst = np.argsort(-borders, kind="stable")[:_WORST]
+    matched = {name: counts.most_common(1)[0][0] for name, counts in pairs.items()}
     lost, total = _connections(ours, theirs, index)
-    gained, _ = _connections(theirs, ours, _Index(ours)) if ours else ([], 0)
+    gained, _ = _connections(theirs, ours, own)
+    compared = len(borders) + sum(missing.values()) / STEP
+    kinds = [(name, ours[name].type, theirs[there].type) for name, there in matched.items()]
+    limits = [(name, ours[name].limit, theirs[there].limit) for name, there in matched.items()]
     return Difference(
-        Distances.of(found_borders, names), Distances.of(np.array(centres), names), Distances.of(np.array(heights), names),
-        _longest_first(missing), _longest_first(extra), sum(lane.length for lane in ours.values()), total, lost, gained,
-        float((found_borders <= 0.05).sum() / max(len(found_borders) + sum(missing.values()) / STEP, 1.0)),
-        [(name, ours[name].type, theirs[match].type) for name, match in matched.items() if ours[name].type != theirs[match].type],
-        [
-            (name, ours[name].limit, theirs[match].limit)
-            for name, match in matched.items()
-            if abs((ours[name].limit or 0.0) - (theirs[match].limit or 0.0)) > 0.01
-        ],
-        sorted(worst, key=lambda each: -each[2])[:20],
-    )  # fmt: skip
+        Distances.of(borders, names),
+        Distances.of(away[found], names),
+        Distances.of(heights, names),
+        _longest_first(missing),
+        _longest_first(_extra(theirs, own)),
+        sum(lane.length for lane in ours.values()),
+        total,
+        lost,
+        gained,
+        float((borders <= _CLOSE).sum() / compared) if compared else 1.0,
+        [each for each in kinds if each[1] != each[2]],
+        [each for each in limits if abs((each[1] or 0.0) - (each[2] or 0.0)) > _SAME_SPEED],
+        [(*middle[at, :2].tolist(), float(borders[at])) for at in worst.tolist()],
+    )
+
+
+def _wide(places: _Places) -> _Places:
+    """The places at which lanes are wide enough to be compared."""
+    wide = places.width >= _NARROW
+    lane, point, way, width = places.lane, places.point, places.way, places.width
+    return _Places(places.names, lane[wide], point[wide], way[wide], width[wide])
+
+
+def _reach(places: _Places) -> FloatArray:
+    return np.clip(0.5 * places.width, _LEAST_REACH, _MOST_REACH)
+
+
+def _lengths(places: _Places, chosen: BoolArray) -> dict[str, float]:
+    """Length of the chosen places by lane, m."""
+    counts = Counter(places.lane[chosen].tolist())
+    return {places.names[number]: STEP * count for number, count in counts.items()}
 
 
 def _longest_first(lengths: dict[str, float]) -> dict[str, float]:
@@ -255,54 +290,40 @@ def _longest_first(lengths: dict[str, float]) -> dict[str, float]:
 
 def _extra(lanes: dict[str, MapLane], index: _Index) -> dict[str, float]:
     """Lengths of lanes for which the other map has none."""
-    places, found = _places(lanes.values()), dict[str, float]()
-    for number, point, way, width in zip(
-        places.lane.tolist(), places.point, places.way, places.width.tolist(), strict=True
-    ):
-        if width >= _NARROW and not index.near(
-            point, way, min(max(0.5 * width, _LEAST_REACH), _MOST_REACH)
-        ):
-            name = places.names[number]
-            found[name] = found.get(name, 0.0) + STEP
-    return found
+    places = _wide(_places(lanes.values()))
+    match, _ = index.near(places.point, places.way, _reach(places)).nearest(len(places.lane))
+    return _lengths(places, match < 0)
 
 
 def _connections(
     ours: dict[str, MapLane], theirs: dict[str, MapLane], index: _Index
 ) -> tuple[list[tuple[str, str]], int]:
     """Connections of some lanes that others lack, and the number of all."""
-    lost, total = [], 0
-    at: dict[tuple[str, bool], list[str]] = {}
-
-    def there(name: str, at_end: bool) -> list[str]:
-        key = (name, at_end)
-        if key not in at:
-            lane = ours[name]
-            inside = min(_INSIDE, 0.5 * lane.length)
-            s = np.array([lane.length - inside if at_end else inside])
-            place = at_lengths(lane.centre, s)[0]
-            ahead = (
-                at_lengths(lane.centre, np.minimum(s + 0.2, lane.length))[0]
-                - at_lengths(lane.centre, s - 0.2)[0]
-            )
-            way = ahead[:2] / max(float(np.hypot(*ahead[:2])), 1e-9)
-            at[key] = [index.names[number] for _, number in index.near(place, way, _LEAST_REACH)]
-        return at[key]
-
-    for name, lane in ours.items():
-        for following in lane.successors:
-            if following not in ours or lane.length < STEP or ours[following].length < STEP:
-                continue
-            total += 1
-            starts, ends = there(name, True), set(there(following, False))
-            if not _reaches(starts, ends, theirs):
-                lost.append((name, following))
-    return lost, total
+    pairs = [
+        (name, following)
+        for name, lane in ours.items()
+        for following in lane.successors
+        if following in ours and lane.length >= STEP and ours[following].length >= STEP
+    ]
+    ends = list(dict.fromkeys(each for a, b in pairs for each in ((a, True), (b, False))))
+    points, ways = np.zeros((len(ends), 2)), np.zeros((len(ends), 2))
+    for number, (name, at_end) in enumerate(ends):
+        lane = ours[name]
+        inside = min(_INSIDE, 0.5 * lane.length)
+        s = lane.length - inside if at_end else inside
+        behind, place, ahead = at_lengths(lane.centre, np.array([s - 0.2, s, s + 0.2]))[:, :2]
+        points[number], ways[number] = place, (ahead - behind) / max(math.dist(ahead, behind), 1e-9)
+    matches = index.near(points, ways, np.full(len(ends), _LEAST_REACH))
+    near: dict[tuple[str, bool], set[str]] = {each: set() for each in ends}
+    for at, lane_number in zip(matches.place.tolist(), matches.lane.tolist(), strict=True):
+        near[ends[at]].add(index.names[lane_number])
+    lost = [(a, b) for a, b in pairs if not _reaches(near[a, True], near[b, False], theirs)]
+    return lost, len(pairs)
 
 
-def _reaches(starts: list[str], ends: set[str], lanes: dict[str, MapLane]) -> bool:
+def _reaches(starts: set[str], ends: set[str], lanes: dict[str, MapLane]) -> bool:
     """Whether a lane of `starts` is one of `ends`, or leads to one in a few steps."""
-    current = set(starts)
+    current = starts
     for _ in range(_HOPS):
         if current & ends:
             return True

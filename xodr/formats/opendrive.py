@@ -18,6 +18,8 @@ from xodr.formats.lane_map import LaneMap, MapLane, resampled
 from xodr.formats.lanelet2 import Lanelet, LaneletNeighbour, build
 from xodr.formats.lanelet2.lanelet import joined
 
+_TOLERANCE = 0.02
+"""Largest distance (m) of borders from those of the lanes, but for the ends of roads."""
 _SHORTEST = 0.3
 """Lanes shorter than this (m) are ways without a length between others, which are linked directly."""
 _NARROWEST = 0.1
@@ -48,7 +50,7 @@ def write(lane_map: LaneMap) -> tuple[bytes, list[str]]:
     if lane_map.projection is not None:
         x, y, z, heading = lane_map.offset
         geo = Geo(lane_map.projection, (x, y), z, heading)
-    built = build(lanelets, lane_map.name, geo)
+    built = build(lanelets, lane_map.name, geo, tolerance=_TOLERANCE)
     signs = sum(signal.kind == "sign" for signal in lane_map.signals)
     if signs:
         notes.append(f"{signs} signs are left out, but for speed limits of lanes")

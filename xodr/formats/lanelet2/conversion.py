@@ -27,7 +27,7 @@ from xodr.formats.lanelet2.graph import Graph, Layout
 from xodr.formats.lanelet2.junctions import junction_ids, junctions, layout
 from xodr.formats.lanelet2.lanelet import Lanelet, Points, across, lengths, places, points_at
 from xodr.formats.lanelet2.reader import Crosswalk, read_lanelets
-from xodr.formats.lanelet2.shapes import Borders, RoadShape, mouths, shape
+from xodr.formats.lanelet2.shapes import BORDER_TOLERANCE, Borders, RoadShape, mouths, shape
 from xodr.graph.network import RoadNetwork
 from xodr.model import Controller, OutlineCorner, RoadLink, RoadObject, Signal
 from xodr.model.geometry import Cubic
@@ -104,6 +104,7 @@ def build(
     name: str,
     geo: Geo | None = None,
     priorities: Sequence[tuple[str, str]] = (),
+    tolerance: float = BORDER_TOLERANCE,
 ) -> Built:
     """The road map of some lanelets, in the same coordinates.
 
@@ -116,6 +117,7 @@ def build(
         geo: where it is on Earth.
         priorities: pairs of lanelets of which the first has the right of way over the second: those
             inside a junction, or those that lead into it.
+        tolerance: largest distance (m) of borders from the bounds of lanelets, but for their ends.
 
     Raises:
         UsageError: an id is used twice, or a lanelet refers to one that there is not.
@@ -124,7 +126,7 @@ def build(
     borders = Borders(graph, plan)
     ends = mouths(borders)
     shapes = [
-        shape(borders.extended(number), ends[number, False], ends[number, True])
+        shape(borders.extended(number), ends[number, False], ends[number, True], tolerance)
         for number in range(len(plan.bundles))
     ]
     return _Builder(graph, plan, shapes).build(name, geo, priorities)

@@ -371,8 +371,14 @@ class RoadShape(NamedTuple):
         return [float(value) for value in ds ** np.arange(4) @ self.t[-1]]
 
 
-def shape(lines: list[Points], start: Mouth, end: Mouth) -> RoadShape:
-    """The geometry of the road between two mouths whose borders (from left to right) are the given lines."""
+def shape(
+    lines: list[Points], start: Mouth, end: Mouth, tolerance: float = BORDER_TOLERANCE
+) -> RoadShape:
+    """The geometry of the road between two mouths whose borders (from left to right) are the given lines.
+
+    Args:
+        tolerance: largest distance (m) of the borders from those lines, but for their ends.
+    """
     line = _reference_line(
         between(lines[0], start.frame, end.frame),
         between(lines[-1], start.frame, end.frame),
@@ -389,7 +395,7 @@ def shape(lines: list[Points], start: Mouth, end: Mouth) -> RoadShape:
         samples, axis=1
     )  # borders that cross leave a lane without width
     slopes = np.array([[edge.slope for edge in mouth.edges] for mouth in (start, end)])
-    borders = _smooth(s, samples, ends, slopes)
+    borders = _smooth(s, samples, ends, slopes, tolerance)
     first = line(line.x[:1])[0]
     heading = math.atan2(*line(line.x[:1], 1)[0][::-1])
     return RoadShape(
@@ -479,13 +485,15 @@ def _offsets(line: PPoly, at: FloatArray, border: Points) -> FloatArray:
     return np.interp(at, at[found], t[found]) if found.any() else np.zeros(len(at))
 
 
-def _smooth(s: FloatArray, samples: FloatArray, ends: FloatArray, slopes: FloatArray) -> PPoly:
-    """The coarsest spline within tolerance of the samples, else the nearest one."""
+def _smooth(
+    s: FloatArray, samples: FloatArray, ends: FloatArray, slopes: FloatArray, tolerance: float
+) -> PPoly:
+    """The coarsest spline within tolerance (m) of the samples, else the nearest one."""
     candidates = []
     for intervals in _doubled(s[-1] / _SHORTEST_PIECE):
         spline = fit(s, samples, ends, slopes, intervals)
         away = float(np.abs(spline(s) - samples).max())
-        if away <= BORDER_TOLERANCE:
+        if away <= tolerance:
             return spline
         candidates.append((away, intervals, spline))
     return min(candidates, key=lambda candidate: candidate[:2])[2]

@@ -120,6 +120,51 @@ def netconvert(plain: PlainNetwork, folder: Path) -> etree._Element:
     return parse(target).getroot()
 
 
+def osm_network(osm: Path, folder: Path) -> Path:
+    """The SUMO network that netconvert makes of an OpenStreetMap file, written into a folder.
+
+    Raises:
+        NetconvertFailed: netconvert refuses or takes too long.
+    """
+    import subprocess
+
+    target = folder / "osm.net.xml"
+    types = sumo_home() / "data" / "typemap" / "osmNetconvert.typ.xml"
+    arguments = [
+        str(program()),
+        "--osm-files",
+        str(osm.resolve()),
+        "--output-file",
+        str(target),
+        *_OSM_OPTIONS,
+    ]
+    if types.is_file():
+        arguments += ["--type-files", str(types)]
+    try:
+        done = subprocess.run(
+            arguments, cwd=folder, env={**os.environ, "SUMO_HOME": str(sumo_home())}, stdin=subprocess.DEVNULL,
+            capture_output=True, timeout=TIMEOUT, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise NetconvertFailed(
+            f"SUMO's netconvert has not finished after {TIMEOUT:.0f} s"
+        ) from None
+    if done.returncode != 0 or not target.is_file():
+        lines = done.stderr.decode(errors="replace").splitlines()
+        reason = next(
+            (line for line in lines if line.startswith("Error")), f"exit code {done.returncode}"
+        )
+        raise NetconvertFailed(
+            f"SUMO's netconvert cannot read this map: {reason.removeprefix('Error: ')}", path=osm
+        )
+    return target
+
+
+_OSM_OPTIONS = (
+    "--geometry.remove", "--ramps.guess", "--junctions.join", "--tls.guess-signals", "--tls.discard-simple", "--no-turnarounds",
+    "--output.street-names", "--seed=42",
+)  # fmt: skip
+
 CACHE_FORMAT = 2
 """To be counted up when the same road network shall give another SUMO network or index."""
 

@@ -1,0 +1,264 @@
+"""Conversion of maps between formats, with the error that it makes: the result is read back and compared with the source."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from schemas.common.errors import InvalidFile, Unsupported, UsageError
+from schemas.common.fates import Fates, changed, kept, lost
+from schemas.common.storage import keep, writing
+from schemas.common.xml import parse
+from xodr.formats import commonroad, geojson, lane_map, opendrive, sumo
+from xodr.formats.comparing import Difference, compare
+from xodr.formats.lane_map import LaneMap
+from xodr.formats.lanelet2 import lanes as lanelet2
+from xodr.formats.sumo_net.building import osm_network
+from xodr.reader import load
+
+FORMATS = {
+    "opendrive": "ASAM OpenDRIVE, .xodr",
+    "lanelet2": "Lanelet2, .osm with lanelets",
+    "sumo": "SUMO network, .net.xml",
+    "commonroad": "CommonRoad map, .xml",
+    "geojson": "GeoJSON of lanes, borders and signals, .geojson",
+    "openstreetmap": "OpenStreetMap, .osm; read by SUMO's netconvert, roughly; not written",
+}
+"""Formats by name."""
+
+MAP_FIELDS = {
+    "lane borders": "",
+    "centre lines": "",
+    "heights": "elevation, superelevation, lane heights",
+    "lane types": "",
+    "road types": "",
+    "speed limits": "",
+    "road marks": "",
+    "lane links": "",
+    "neighbours": "",
+    "junctions": "",
+    "traffic lights": "",
+    "signs": "",
+    "objects": "",
+    "projection": "",
+    "offset": "with height and heading",
+    "rule of traffic": "right, left",
+    "names and ids": "of roads and lanes",
+    "lateral profiles": "reference lines, lane sections",
+}
+"""Fields of a map; `FATES` has the fate of each in every format that is written."""
+_TYPES = "types that the format has; others are left out or the nearest"
+FATES: Mapping[str, Fates] = {
+    "opendrive": {
+        "lane borders": kept("within 5 cm"), "centre lines": kept("within 5 cm"),
+        "heights": lost("roads made of lanes are flat"), "lane types": kept(), "road types": kept(),
+        "speed limits": kept(), "road marks": changed("types; not colours, widths"), "lane links": kept(),
+        "neighbours": changed("of lanes that lead the same way"), "junctions": kept(), "traffic lights": kept(),
+        "signs": lost("the way by lanes has none"), "objects": lost("the way by lanes has none"), "projection": kept(),
+        "offset": kept(), "rule of traffic": changed("roads are one-way, right-hand"),
+        "names and ids": changed("new ids; names of lanes are in the names of roads"),
+        "lateral profiles": changed("one road for each bundle of lanes"),
+    },
+    "lanelet2": {
+        "lane borders": kept("ways"), "centre lines": kept("between the ways"), "heights": kept("`ele`"),
+        "lane types": changed(_TYPES), "road types": changed("urban, nonurban, highway"), "speed limits": kept("`speed_limit`"),
+        "road marks": changed("thin lines; not colours, widths"), "lane links": kept("shared nodes"),
+        "neighbours": kept("shared ways"), "junctions": lost("Lanelet2 has none; lanelets cross"),
+        "traffic lights": kept("`traffic_light`"), "signs": lost("not written"), "objects": lost("not written"),
+        "projection": kept("latitudes, longitudes"), "offset": kept("`local_x`, `local_y`"),
+        "rule of traffic": lost("directions say it"), "names and ids": changed("tag `name`"),
+        "lateral profiles": lost("lanelets have none"),
+    },
+    "sumo": {
+        "lane borders": changed("one width for each piece of a lane: exact where widths are constant"),
+        "centre lines": kept("shapes"), "heights": kept("shapes"), "lane types": kept("`type`, `allow`"),
+        "road types": lost("no attribute"), "speed limits": kept("`speed`"), "road marks": lost("SUMO has none"),
+        "lane links": kept("connections"), "neighbours": changed("lanes of an edge"), "junctions": changed("netconvert's nodes"),
+        "traffic lights": changed("programs of netconvert; not the place of lights"), "signs": lost("SUMO has none"),
+        "objects": lost("not written"), "projection": kept("`projParameter`"),
+        "offset": changed("`netOffset`; not height and turn, which lose the projection"), "rule of traffic": kept("`lefthand`"),
+        "names and ids": kept("`origId`"), "lateral profiles": lost("networks have none"),
+    },
+    "commonroad": {
+        "lane borders": kept("bounds"), "centre lines": kept("between the bounds"), "heights": kept("z of points"),
+        "lane types": changed(_TYPES), "road types": changed("urban, country, interstate"), "speed limits": kept("sign 274"),
+        "road marks": changed("types; not colours, widths"), "lane links": kept("`successor`"),
+        "neighbours": kept("`adjacentLeft`, `adjacentRight`"), "junctions": changed("type intersection of lanelets"),
+        "traffic lights": changed("place and lanes; without phases"), "signs": lost("not written"), "objects": lost("not written"),
+        "projection": kept("`geoReference`"), "offset": changed("without height"), "rule of traffic": lost("directions say it"),
+        "names and ids": lost("numbers"), "lateral profiles": lost("lanelets have none"),
+    },
+    "geojson": {
+        "lane borders": kept("`border`"), "centre lines": kept("`centre`"), "heights": kept("third coordinate"),
+        "lane types": kept(), "road types": kept(), "speed limits": kept(), "road marks": kept(), "lane links": kept("`successors`"),
+        "neighbours": kept("`left`, `right`"), "junctions": changed("a property of lanes"), "traffic lights": kept("points"),
+        "signs": kept("points"), "objects": lost("not written"), "projection": kept("and WGS 84 coordinates"), "offset": kept(),
+        "rule of traffic": kept(), "names and ids": kept("`id`: road/section/lane"), "lateral profiles": lost("lanes only"),
+    },
+}  # fmt: skip
+
+
+@dataclass(eq=False)
+class MapConversion:
+    """A converted map.
+
+    Attributes:
+        path: the file that was written.
+        source_format, target_format: names in `FORMATS`.
+        notes: what was assumed, changed or left out, one sentence each.
+        difference: between source and result, which was read back.
+        source, result: the lanes of both.
+    """
+
+    path: Path
+    source_format: str
+    target_format: str
+    notes: list[str]
+    difference: Difference
+    source: LaneMap
+    result: LaneMap
+
+
+def format_of(path: Path) -> str:
+    """The format of a file: by its name, and where that leaves a choice by its content.
+
+    Raises:
+        UsageError: no format has such a name.
+        InvalidFile: it can't be read.
+    """
+    name = path.name.lower()
+    for ending, kind in (
+        (".xodr", "opendrive"),
+        (".net.xml", "sumo"),
+        (".geojson", "geojson"),
+        (".json", "geojson"),
+    ):
+        if name.endswith(ending):
+            return kind
+    if name.endswith(".osm"):
+        if not path.exists():
+            return "lanelet2"
+        root = parse(path).getroot()
+        lanelets = any(
+            tag.get("k") == "type" and tag.get("v") == "lanelet"
+            for tag in root.iterfind("relation/tag")
+        )
+        return "lanelet2" if lanelets else "openstreetmap"
+    if name.endswith(".xml"):
+        root_tag = parse(path).getroot().tag if path.exists() else "commonRoad"
+        found = {"commonRoad": "commonroad", "net": "sumo", "OpenDRIVE": "opendrive"}.get(
+            str(root_tag)
+        )
+        if found:
+            return found
+        raise InvalidFile(
+            f"the root element {root_tag!r} is of no map format that is known", path=path
+        )
+    raise UsageError(
+        f"the format of {path.name!r} is not known; names end in .xodr, .osm, .net.xml, .xml or .geojson"
+    )
+
+
+def read_map(
+    path: Path, origin: tuple[float, float] | None = None, format: str | None = None
+) -> LaneMap:
+    """The lanes of a map.
+
+    Args:
+        origin: latitude and longitude (degrees) of the origin of Lanelet2's UTM coordinates.
+        format: name in `FORMATS`; None: found by `format_of`.
+
+    Raises:
+        InvalidFile: the file is malformed; names file, line and element.
+        UsageError: there is no such format.
+    """
+    kind = format or format_of(path)
+    if origin is not None and kind != "lanelet2":
+        raise UsageError(f"an origin is for Lanelet2 maps; this is {kind}", path=path)
+    if kind == "opendrive":
+        return lane_map.of_network(load(path))
+    if kind == "lanelet2":
+        return lanelet2.read(path, origin)
+    if kind == "sumo":
+        return sumo.read(path)
+    if kind == "commonroad":
+        return commonroad.read(path)
+    if kind == "geojson":
+        return geojson.read(path)
+    if kind == "openstreetmap":
+        with TemporaryDirectory(prefix="xosc-osm-") as folder:
+            made = sumo.read(osm_network(path, Path(folder)))
+        made.name = path.stem
+        made.notes.insert(
+            0,
+            "OpenStreetMap has no lanes: netconvert guessed their number, width and ways through junctions",
+        )
+        return made
+    raise UsageError(f"there is no format {kind!r}, only {', '.join(FORMATS)}")
+
+
+def convert(
+    source: str | PathLike[str],
+    target: str | PathLike[str],
+    *,
+    origin: tuple[float, float] | None = None,
+    overwrite: bool = False,
+) -> MapConversion:
+    """Convert a map, read the result back, and measure what became of its lanes.
+
+    Args:
+        source: the map; its format is found by name and content.
+        target: the file to write; its name says the format.
+        origin: latitude and longitude (degrees) of the origin of Lanelet2's UTM coordinates; None for its local coordinates.
+        overwrite: replace a file that is there.
+
+    Raises:
+        InvalidFile: the source is malformed; names file, line and element.
+        Unsupported: the target can't have it.
+        UsageError: a format is not known, or the target is in the way or can't be written.
+
+    Example:
+        >>> import xosc_toolchain as xt
+        >>> made = xt.road.convert("xodr/library/sharp_curve.xodr", "out/sharp_curve.osm", overwrite=True)
+        >>> made.difference.borders.largest < 0.05, len(made.difference.connections_lost)
+        (True, 0)
+    """
+    there, here = Path(target), Path(source)
+    source_format, target_format = format_of(here), format_of(Path(there.name))
+    if source_format == target_format:
+        raise UsageError(f"source and target are both {source_format}", path=there)
+    if there.exists() and not overwrite:
+        raise UsageError("a file is in the way; --overwrite replaces it", path=there)
+    one = read_map(here, origin, source_format)
+    content, notes = _written(one, here, source_format, target_format)
+    with writing("the map", there):
+        keep(content, there)
+    result = read_map(there, None, target_format)
+    difference = compare(one, result)
+    return MapConversion(
+        there, source_format, target_format, [*one.notes, *notes], difference, one, result
+    )
+
+
+def _written(one: LaneMap, path: Path, source: str, target: str) -> tuple[bytes, list[str]]:
+    if target == "openstreetmap":
+        raise Unsupported("OpenStreetMap is not written")
+    if target == "opendrive":
+        return opendrive.write(one)
+    if target == "lanelet2":
+        return lanelet2.write(one)
+    if target == "commonroad":
+        return commonroad.write(one)
+    if target == "geojson":
+        return geojson.write(one)
+    if source == "opendrive":
+        return sumo.write(load(path))
+    with TemporaryDirectory(prefix="xosc-road-") as folder:
+        content, notes = opendrive.write(one)
+        between = Path(folder) / f"{one.name}.xodr"
+        between.write_bytes(content)
+        made, more = sumo.write(load(between))
+    return made, [*notes, *more]
