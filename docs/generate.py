@@ -11,7 +11,7 @@ import ast
 import enum
 import inspect
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
@@ -38,6 +38,7 @@ MODULES = (
     "xosc.listing.questions",
     "xosc.writing.tags",
     "xodr",
+    "xodr.maps",
     "xodr.builders",
     "xodr.formats.lanelet2",
     "xodr.formats.sumo_net",
@@ -101,22 +102,31 @@ def pages() -> dict[Path, str]:
 def matrices() -> dict[Path, str]:
     """Pages with tables of fields and formats between their text."""
     from runner.exchange.exports import RUN_FIELDS, TARGETS
+    from xodr.formats.converting import FATES, MAP_FIELDS
 
-    page = ROOT / "docs" / "exports.md"
-    tables = {
+    runs = {
         target.name: import_module(target.module).FATES
         for target in TARGETS.values()
         if target.of_run
     }
-    kept, all_of_them = fates.share_kept(tables)
-    lines = [
-        *fates.matrix(RUN_FIELDS, tables),
-        "",
-        f"Kept: {kept} of {all_of_them} ({kept / all_of_them:.0%}).",
-    ]
     return {
-        page: fates.replaced(page.read_text(encoding="utf-8"), "matrix of runs", ["", *lines, ""])
+        ROOT / "docs" / "exports.md": _with_matrix("exports", "matrix of runs", RUN_FIELDS, runs),
+        ROOT / "docs" / "roads.md": _with_matrix("roads", "matrix of maps", MAP_FIELDS, FATES),
     }
+
+
+def _with_matrix(
+    page: str, name: str, fields: Mapping[str, str], tables: Mapping[str, fates.Fates]
+) -> str:
+    kept, count = fates.share_kept(tables)
+    lines = [
+        "",
+        *fates.matrix(fields, tables),
+        "",
+        f"Kept: {kept} of {count} ({kept / count:.0%}).",
+    ]
+    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    return fates.replaced(text, name, [*lines, ""])
 
 
 def index_page(packages: Iterable[str]) -> str:

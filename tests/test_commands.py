@@ -97,6 +97,8 @@ ABSENT = [
     ["xosc-export", "absent.xosc", "--to", "esmini", "--out", "out"],
     ["xosc-export", "absent.xosc", "--to", "osi", "--out", "out"],
     ["xosc-replay", "absent"],
+    ["xosc-road", "info", "absent.xodr"],
+    ["xosc-road", "convert", "absent.xodr", "--out", "map.osm"],
     ["xosc-generate", "absent.xosc", "--out", "out"],
     ["xosc-loop", "absent", "--out", "out"],
     ["xosc-recognize", "absent", "--out", "out"],
@@ -170,6 +172,7 @@ def test_the_help_of_every_command_has_the_exit_codes(command: Command, name: st
 # standard streams that are closed, full, or no longer read --------------------------------------
 
 CUT_IN = str(LIBRARY / "simple_cut_in.xosc")
+ROADS = LIBRARY.parents[1] / "xodr" / "library"
 CALLS: dict[str, tuple[list[str], int]] = {
     "xosc": (["check", CUT_IN], 0),
     "xosc-list": ([CUT_IN], 0),
@@ -177,6 +180,7 @@ CALLS: dict[str, tuple[list[str], int]] = {
     "xosc-run": ([CUT_IN, "--world", "kinematic"], 0),
     "xosc-export": ([CUT_IN, "--to", "1.3", "--out", "exported"], 0),
     "xosc-replay": (["absent"], 3),
+    "xosc-road": (["info", str(ROADS / "sharp_curve.xodr")], 0),
     "xosc-recognize": (["--bogus"], 2),
     "xosc-generate": (["--bogus"], 2),
     "xosc-loop": (["--bogus"], 2),

@@ -16,17 +16,33 @@ import numpy as np
 from schemas.common.errors import UsageError
 from schemas.common.xml import parse
 from xodr.editing.cut import along, cut, within
-from xodr.formats.comparing import Difference, Distances
+from xodr.formats.comparing import Distances, MapDifference
 from xodr.formats.comparing import compare as compare_maps
 from xodr.formats.converting import FORMATS, MapConversion, convert, format_of, read_map
 from xodr.formats.lane_map import LaneMap, MapLane, MapSignal
 from xodr.formats.projecting import Projector
-from xodr.formats.sumo_net.driving import TestDrive, drive_connections
+from xodr.formats.sumo_net.driving import ConnectionDrive, drive_connections
 from xodr.reader import load
 
 __all__ = [
-    "FORMATS", "Difference", "Distances", "LaneMap", "MapConversion", "MapInfo", "MapLane", "MapSignal", "Repaired", "TestDrive",
-    "compare", "convert", "cut_roads", "drive_connections", "format_of", "info", "read_map", "repair",
+    "FORMATS",
+    "ConnectionDrive",
+    "Distances",
+    "LaneMap",
+    "MapConversion",
+    "MapDifference",
+    "MapInfo",
+    "MapLane",
+    "MapSignal",
+    "Repaired",
+    "compare",
+    "convert",
+    "cut_roads",
+    "drive_connections",
+    "format_of",
+    "info",
+    "read_map",
+    "repair",
 ]  # fmt: skip
 
 
@@ -124,7 +140,7 @@ def compare(
     other: str | PathLike[str],
     *,
     origin: tuple[float, float] | None = None,
-) -> Difference:
+) -> MapDifference:
     """Compare two maps of one place, of any formats: an old and a new version, a source and a conversion.
 
     Coordinates of both are taken as they are; where both have projections, those of the second are turned into the first's.

@@ -25,7 +25,7 @@ from schemas.common.terminal.command_line import (
 )
 
 if TYPE_CHECKING:
-    from xodr.formats.comparing import Difference
+    from xodr.formats.comparing import MapDifference
     from xodr.formats.lane_map import LaneMap
 
 NAME = "xosc-road"
@@ -246,12 +246,13 @@ def cut_command(
     """Cut whole roads out of an OpenDRIVE map; links to what is left out are closed."""
     from xodr.maps import cut_roads
 
-    area = None
+    area, four = None, None
     if polygon is not None:
-        area = [tuple(_numbers(corner, 2, "a corner is X,Y in m")) for corner in polygon.split()]
-    four = (
-        tuple(_numbers(box, 4, "a box is WEST,SOUTH,EAST,NORTH in m")) if box is not None else None
-    )
+        corners = [_numbers(corner, 2, "a corner is X,Y in m") for corner in polygon.split()]
+        area = [(x, y) for x, y in corners]
+    if box is not None:
+        west, south, east, north = _numbers(box, 4, "a box is WEST,SOUTH,EAST,NORTH in m")
+        four = (west, south, east, north)
     content, notes = cut_roads(
         path, box=four, polygon=area, roads=roads.split(",") if roads is not None else None
     )
@@ -309,7 +310,7 @@ def _keep(content: bytes, out: Path, overwrite: bool) -> None:
         keep(content, out)
 
 
-def _write_page(one: LaneMap, page: Path, other: LaneMap, difference: Difference) -> None:
+def _write_page(one: LaneMap, page: Path, other: LaneMap, difference: MapDifference) -> None:
     from schemas.common.storage import keep, writing
     from xodr.map_page import MapFinding, write_page
 
@@ -322,7 +323,7 @@ def _write_page(one: LaneMap, page: Path, other: LaneMap, difference: Difference
         keep(write_page(one, worst, other, list(_table(difference))), page)
 
 
-def _table(difference: Difference) -> Iterable[str]:
+def _table(difference: MapDifference) -> Iterable[str]:
     """Lines that say how two maps differ."""
     yield f"{'':14}{'median':>10}{'95 %':>10}{'largest':>10}  (m)"
     rows = (
@@ -356,7 +357,7 @@ def _speed(limit: float | None) -> str:
     return "none" if limit is None else f"{limit * 3.6:.0f} km/h"
 
 
-def _tell(difference: Difference, as_json: bool, head: list[str], notes: list[str]) -> None:
+def _tell(difference: MapDifference, as_json: bool, head: list[str], notes: list[str]) -> None:
     if as_json:
         from dataclasses import asdict
 
@@ -365,7 +366,7 @@ def _tell(difference: Difference, as_json: bool, head: list[str], notes: list[st
     say(*head, *_table(difference), *(f"remark: {note}" for note in notes))
 
 
-def _verdict(difference: Difference, within: float | None) -> int:
+def _verdict(difference: MapDifference, within: float | None) -> int:
     """The exit code by a limit (m); None for no limit."""
     if within is None:
         return ExitCode.PASSED

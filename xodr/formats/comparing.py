@@ -66,8 +66,8 @@ class Distances(NamedTuple):
 
 
 @dataclass
-class Difference:
-    """Difference between two maps.
+class MapDifference:
+    """MapDifference between two maps.
 
     Attributes:
         borders, centres, heights: distances, m.
@@ -211,7 +211,7 @@ def _chosen(lanes: dict[str, MapLane], types: frozenset[str] | None) -> dict[str
     return {name: lane for name, lane in lanes.items() if types is None or lane.type in types}
 
 
-def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -> Difference:
+def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -> MapDifference:
     """Compare two maps in the same coordinates.
 
     Args:
@@ -248,7 +248,7 @@ def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -
     compared = len(borders) + sum(missing.values()) / STEP
     kinds = [(name, ours[name].type, theirs[there].type) for name, there in matched.items()]
     limits = [(name, ours[name].limit, theirs[there].limit) for name, there in matched.items()]
-    return Difference(
+    return MapDifference(
         Distances.of(borders, names),
         Distances.of(away[found], names),
         Distances.of(heights, names),

@@ -13,7 +13,7 @@ from schemas.common.fates import Fates, changed, kept, lost
 from schemas.common.storage import keep, writing
 from schemas.common.xml import parse
 from xodr.formats import commonroad, geojson, lane_map, opendrive, sumo
-from xodr.formats.comparing import Difference, compare
+from xodr.formats.comparing import MapDifference, compare
 from xodr.formats.lane_map import LaneMap
 from xodr.formats.lanelet2 import lanes as lanelet2
 from xodr.formats.sumo_net.building import osm_network
@@ -50,6 +50,7 @@ MAP_FIELDS = {
     "lateral profiles": "reference lines, lane sections",
 }
 """Fields of a map; `FATES` has the fate of each in every format that is written."""
+_WALKS = "shared nodes; sidewalks are two-way, and are read without links"
 _TYPES = "types that the format has; others are left out or the nearest"
 FATES: Mapping[str, Fates] = {
     "opendrive": {
@@ -65,8 +66,8 @@ FATES: Mapping[str, Fates] = {
     "lanelet2": {
         "lane borders": kept("ways"), "centre lines": kept("between the ways"), "heights": kept("`ele`"),
         "lane types": changed(_TYPES), "road types": changed("urban, nonurban, highway"), "speed limits": kept("`speed_limit`"),
-        "road marks": changed("thin lines; not colours, widths"), "lane links": kept("shared nodes"),
-        "neighbours": kept("shared ways"), "junctions": lost("Lanelet2 has none; lanelets cross"),
+        "road marks": changed("thin lines; not colours, widths"), "lane links": changed(_WALKS),
+        "neighbours": changed("shared ways: not across a kerb"), "junctions": lost("Lanelet2 has none; lanelets cross"),
         "traffic lights": kept("`traffic_light`"), "signs": lost("not written"), "objects": lost("not written"),
         "projection": kept("latitudes, longitudes"), "offset": kept("`local_x`, `local_y`"),
         "rule of traffic": lost("directions say it"), "names and ids": changed("tag `name`"),
@@ -117,7 +118,7 @@ class MapConversion:
     source_format: str
     target_format: str
     notes: list[str]
-    difference: Difference
+    difference: MapDifference
     source: LaneMap
     result: LaneMap
 

@@ -25,7 +25,7 @@ _TIMEOUT = 600.0
 _CLASSES = ("passenger", "bus", "emergency", "tram", "rail", "bicycle", "pedestrian")
 
 
-class TestDrive(NamedTuple):
+class ConnectionDrive(NamedTuple):
     """A drive over a connection.
 
     Attributes:
@@ -33,14 +33,12 @@ class TestDrive(NamedTuple):
         problem: why it failed; empty where it arrived.
     """
 
-    __test__ = False
-
     source: str
     target: str
     problem: str
 
 
-def drive_connections(net: Path) -> list[TestDrive]:
+def drive_connections(net: Path) -> list[ConnectionDrive]:
     """Drive over each connection of a network for vehicles.
 
     Raises:
@@ -60,7 +58,7 @@ def drive_connections(net: Path) -> list[TestDrive]:
         return []
     arrived, warned = _run(net, wanted)
     return [
-        TestDrive(
+        ConnectionDrive(
             source, target, "" if number in arrived else warned.get(number, "it did not arrive")
         )
         for number, (source, target, _) in enumerate(wanted)
@@ -133,7 +131,7 @@ def _run(net: Path, wanted: list[tuple[str, str, str]]) -> tuple[set[int], dict[
         trips = Path(folder) / "trips.xml"
         ended = parse(trips).getroot().iter("tripinfo")
         arrived = {int(trip.get("id", "-1")) for trip in ended if not trip.get("vaporized")}
-    warned = {}
+    warned: dict[int, str] = {}
     for line in text.splitlines():
         for part in line.split("'")[1::2]:
             if part.isdecimal() and int(part) < len(wanted):

@@ -1,0 +1,254 @@
+"""Maps converted between formats: the error that is told is the one that is there, and kept fields are read back."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import xodr
+from schemas.common import fates
+from schemas.common.errors import InvalidFile, UsageError
+from tests.runner.matrix_case import road
+from xodr import maps
+from xodr.formats.comparing import compare
+from xodr.formats.converting import FATES, MAP_FIELDS
+from xodr.formats.lane_map import LaneMap, of_network
+from xodr.formats.projecting import Projector
+
+LIBRARY = Path(xodr.__file__).parent / "library"
+ENDINGS = {
+    "lanelet2": "map.osm", "sumo": "map.net.xml", "commonroad": "map.xml", "geojson": "map.geojson", "opendrive": "map.xodr",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two linked roads on a projection, with heights, kerbs, limits, a sign and a light."""
+    path = tmp_path_factory.mktemp("map") / "source.xodr"
+    path.write_text(road(), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("target", ["lanelet2", "commonroad", "geojson", "sumo"])
+@pytest.mark.parametrize("name", ["intersection_four_way", "roundabout", "sharp_curve"])
+def test_borders_and_connections_are_those_of_the_source(
+    name: str, target: str, tmp_path: Path
+) -> None:
+    made = maps.convert(LIBRARY / f"{name}.xodr", tmp_path / ENDINGS[target])
+    assert made.difference.borders.largest < 0.05
+    assert made.difference.within > 0.999
+    assert (made.difference.lost, made.difference.gained) == ({}, {})
+    assert made.difference.connections_lost == made.difference.connections_gained == []
+    assert made.difference.connections > 0 or name == "sharp_curve"
+
+
+@pytest.mark.parametrize("between", ["lanelet2", "sumo"])
+def test_the_way_there_and_back_keeps_borders_and_connections(between: str, tmp_path: Path) -> None:
+    path = LIBRARY / "roundabout.xodr"
+    there = maps.convert(path, tmp_path / ENDINGS[between])
+    back = maps.convert(there.path, tmp_path / "back.xodr")
+    difference = maps.compare(path, back.path)
+    assert difference.within > 0.95
+    assert difference.connections_kept == 1.0 and not difference.connections_gained
+
+
+def told(difference: maps.MapDifference) -> list[bool]:
+    return [bool(difference.lost), bool(difference.gained), bool(difference.connections_lost)]
+
+
+def test_what_differs_is_told() -> None:
+    one, other = (of_network(xodr.load(LIBRARY / "intersection_four_way.xodr")) for _ in range(2))
+    assert compare(one, other).borders.largest < 0.001
+    first = next(iter(other.lanes.values()))
+    first.left = first.left + np.array([0.0, 0.0, 1.5])
+    first.right = first.right + np.array([0.0, 0.0, 1.5])
+    first.__dict__.pop("centre", None)
+    assert compare(one, other).heights.largest == pytest.approx(1.5)
+    source, target = next((lane, name) for lane in other.lanes.values() for name in lane.successors)
+    source.successors.remove(target)
+    assert compare(one, other).connections_lost == [(source.id, target)]
+    assert compare(other, one).connections_gained == [(source.id, target)]
+    del other.lanes[target]
+    difference = compare(one, other)
+    assert list(difference.lost) == [target] and told(compare(other, one)) == [False, True, False]
+
+
+def test_a_border_that_is_moved_is_measured() -> None:
+    one, other = (of_network(xodr.load(LIBRARY / "highway_straight.xodr")) for _ in range(2))
+    for lane in other.lanes.values():
+        lane.right = lane.right + np.array([0.0, -0.2, 0.0])
+        lane.__dict__.pop("centre", None)
+    difference = compare(one, other)
+    assert difference.borders.largest == pytest.approx(0.2, abs=1e-6)
+    assert difference.within == 0.0
+
+
+# the matrix --------------------------------------------------------------------------------------
+
+
+def corner(made: LaneMap) -> list[float]:
+    projector = Projector.of(made)
+    assert projector is not None
+    longitude, latitude, _ = projector.to_geodetic(np.array([[10.0, 20.0, 0.0]]))
+    return [float(longitude[0]), float(latitude[0])]
+
+
+def kinds(made: LaneMap) -> list[str]:
+    return sorted(lane.type for lane in made.lanes.values())
+
+
+CHECKS: dict[str, Callable[[maps.MapConversion], bool]] = {
+    "lane borders": lambda made: made.difference.borders.largest < 0.05,
+    "centre lines": lambda made: made.difference.centres.largest < 0.05,
+    "heights": lambda made: made.difference.heights.largest < 0.05,
+    "lane types": lambda made: not made.difference.types,
+    "road types": lambda made: {each.road_type for each in made.result.lanes.values()}
+    == {each.road_type for each in made.source.lanes.values()},
+    "speed limits": lambda made: all(here is None for _, here, _ in made.difference.limits),
+    "road marks": lambda made: [each.marks for each in made.result.lanes.values()]
+    == [each.marks for each in made.source.lanes.values()],
+    "lane links": lambda made: made.difference.connections == 5
+    and not made.difference.connections_lost + made.difference.connections_gained,
+    "neighbours": lambda made: sum(each.beside[1] is not None for each in made.result.lanes.values())
+    >= 4,
+    "junctions": lambda made: True,
+    "traffic lights": lambda made: sum(each.kind == "light" for each in made.result.signals) == 1,
+    "signs": lambda made: [each.value for each in made.result.signals if each.kind == "sign"]
+    == [50.0],
+    "projection": lambda made: np.allclose(corner(made.result), corner(made.source), atol=1e-7, rtol=0.0),
+    "offset": lambda made: np.allclose(made.result.offset, made.source.offset),
+    "rule of traffic": lambda made: made.result.left_hand == made.source.left_hand,
+    "names and ids": lambda made: True,
+}  # fmt: skip
+"""What is true of a conversion that keeps a field"""
+
+
+@pytest.mark.parametrize("target", FATES)
+def test_each_format_declares_the_fate_of_each_field(target: str) -> None:
+    assert fates.undeclared(MAP_FIELDS, FATES[target]) == []
+
+
+@pytest.mark.parametrize("target", [name for name in FATES if name != "opendrive"])
+def test_kept_fields_are_read_back(target: str, source: Path, tmp_path: Path) -> None:
+    made = maps.convert(source, tmp_path / ENDINGS[target])
+    kept = [field for field, fate in FATES[target].items() if fate.outcome == fates.KEPT]
+    # heights of Lanelet2 are in the file, and its reader leaves them out, by name
+    unread = {"heights"} if target == "lanelet2" else set()
+    assert [field for field in kept if field not in unread and not CHECKS[field](made)] == []
+
+
+def test_opendrive_keeps_what_it_says_of_a_lane_map(source: Path, tmp_path: Path) -> None:
+    between = maps.convert(source, tmp_path / "map.geojson")
+    made = maps.convert(between.path, tmp_path / "map.xodr")
+    kept = [field for field, fate in FATES["opendrive"].items() if fate.outcome == fates.KEPT]
+    assert [field for field in kept if not CHECKS[field](made)] == []
+
+
+# files ------------------------------------------------------------------------------------------
+
+
+def test_a_format_that_is_not_known_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"names end in \.xodr"):
+        maps.convert(LIBRARY / "sharp_curve.xodr", tmp_path / "map.shp")
+    with pytest.raises(UsageError, match="both opendrive"):
+        maps.convert(LIBRARY / "sharp_curve.xodr", tmp_path / "map.xodr")
+
+
+def test_a_file_in_the_way_stays(tmp_path: Path) -> None:
+    (tmp_path / "map.osm").write_text("mine")
+    with pytest.raises(UsageError, match="--overwrite"):
+        maps.convert(LIBRARY / "sharp_curve.xodr", tmp_path / "map.osm")
+    assert (tmp_path / "map.osm").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        (
+            "a.net.xml",
+            "<net><edge id='e'><lane id='e_0' shape='0,0 x,1'/></edge></net>",
+            "is no point",
+        ),
+        ("a.net.xml", "<nets/>", "is net"),
+        ("a.xml", "<commonRoad/>", "no lanelet"),
+        ("a.xml", "<other/>", "of no map format"),
+        ("a.geojson", "{}", "no GeoJSON"),
+        ("a.osm", "<osm><relation id='1'><tag k='type' v='lanelet'/></relation></osm>", "left"),
+    ],
+)
+def test_bad_input_is_one_line_with_the_file(
+    name: str, text: str, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InvalidFile, match=said) as error:
+        maps.read_map(tmp_path / name)
+    assert str(tmp_path / name) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_the_same_map_gives_the_same_bytes(tmp_path: Path) -> None:
+    for ending in ENDINGS.values():
+        if ending != "map.xodr":
+            for folder in ("a", "b"):
+                maps.convert(LIBRARY / "roundabout.xodr", tmp_path / folder / ending)
+            assert (tmp_path / "a" / ending).read_bytes() == (tmp_path / "b" / ending).read_bytes()
+
+
+# parts, repairs, drives --------------------------------------------------------------------------
+
+
+def test_a_part_is_closed_and_can_be_loaded(tmp_path: Path) -> None:
+    content, notes = maps.cut_roads(LIBRARY / "roundabout.xodr", box=(-60.0, -60.0, 0.0, 60.0))
+    (tmp_path / "part.xodr").write_bytes(content)
+    part, whole = (
+        xodr.load(tmp_path / "part.xodr", strict=True),
+        xodr.load(LIBRARY / "roundabout.xodr"),
+    )
+    assert 0 < len(part.roads) < len(whole.roads)
+    assert any("roads are left out" in note for note in notes)
+    for path in ("sharp_curve", "roundabout"):
+        with pytest.raises(UsageError, match="no road"):
+            maps.cut_roads(LIBRARY / f"{path}.xodr", box=(9e5, 9e5, 9e5 + 1, 9e5 + 1))
+
+
+def test_faults_with_one_mend_are_mended_by_name(tmp_path: Path) -> None:
+    text = (LIBRARY / "sharp_curve.xodr").read_text()
+    broken = tmp_path / "broken.xodr"
+    broken.write_text(text.replace('elementType="road"', "").replace("<line/>", "<line/>"))
+    shutil.copy(LIBRARY / "sharp_curve.xodr", tmp_path / "sound.xodr")
+    assert maps.repair(tmp_path / "sound.xodr").remarks == []
+    start = text.index("<header")
+    broken.write_text(text[:start] + text[text.index(">", start) + 1 :])
+    made = maps.repair(broken)
+    assert made.remarks and "header" in made.remarks[0]
+    (tmp_path / "mended.xodr").write_bytes(made.content)
+    xodr.load(tmp_path / "mended.xodr", strict=True)
+
+
+def test_each_connection_is_driven_and_a_broken_one_is_named(tmp_path: Path) -> None:
+    net = maps.convert(LIBRARY / "intersection_four_way.xodr", tmp_path / "map.net.xml").path
+    drives = maps.drive_connections(net)
+    assert len(drives) == 12 and not [each for each in drives if each.problem]
+
+
+def test_the_page_and_the_picture_have_all_lanes(tmp_path: Path) -> None:
+    from xodr.map_page import MapFinding, write_page, write_picture
+
+    made = of_network(xodr.load(LIBRARY / "roundabout.xodr"))
+    page = write_page(made, [MapFinding(1.0, 2.0, "a <fault>")]).decode()
+    assert all(lane in page for lane in made.lanes)
+    assert "a &lt;fault&gt;" in page and "http" not in page
+    write_picture(made, str(tmp_path / "map.png"))
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+
+
+def test_info_says_what_is_there(source: Path) -> None:
+    about = maps.info(source)
+    assert (about.roads, about.junctions, about.lanes) == (2, 0, 10)
+    assert about.signals == {"light": 1, "sign": 1}
+    assert about.corner == pytest.approx((48.09, 11.55), abs=0.1)
+    assert sum(about.lengths.values()) == pytest.approx(sum(
+        lane.length for lane in of_network(xodr.load(source)).lanes.values()))  # fmt: skip
