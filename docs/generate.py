@@ -38,7 +38,7 @@ MODULES = (
     "xosc.listing.questions",
     "xosc.writing.tags",
     "xodr",
-    "xodr.maps",
+    "xodr.formats.maps",
     "xodr.builders",
     "xodr.formats.lanelet2",
     "xodr.formats.sumo_net",

@@ -13,7 +13,7 @@ import xodr
 from schemas.common import fates
 from schemas.common.errors import InvalidFile, UsageError
 from tests.runner.matrix_case import road
-from xodr import maps
+from xodr.formats import maps
 from xodr.formats.comparing import compare
 from xodr.formats.converting import FATES, MAP_FIELDS
 from xodr.formats.lane_map import LaneMap, of_network
@@ -235,7 +235,7 @@ def test_each_connection_is_driven_and_a_broken_one_is_named(tmp_path: Path) -> 
 
 
 def test_the_page_and_the_picture_have_all_lanes(tmp_path: Path) -> None:
-    from xodr.map_page import MapFinding, write_page, write_picture
+    from xodr.formats.map_page import MapFinding, write_page, write_picture
 
     made = of_network(xodr.load(LIBRARY / "roundabout.xodr"))
     page = write_page(made, [MapFinding(1.0, 2.0, "a <fault>")]).decode()

@@ -15,10 +15,10 @@ import numpy as np
 
 from schemas.common.errors import UsageError
 from schemas.common.xml import parse
-from xodr.editing.cut import along, cut, within
 from xodr.formats.comparing import Distances, MapDifference
 from xodr.formats.comparing import compare as compare_maps
 from xodr.formats.converting import FORMATS, MapConversion, convert, format_of, read_map
+from xodr.formats.cut import along, cut, within
 from xodr.formats.lane_map import LaneMap, MapLane, MapSignal
 from xodr.formats.projecting import Projector
 from xodr.formats.sumo_net.driving import ConnectionDrive, drive_connections
