@@ -38,7 +38,7 @@ MODULES = (
     "xosc.listing.questions",
     "xosc.writing.tags",
     "xodr",
-    "xodr.formats.maps",
+    "xodr.formats.maps.files",
     "xodr.builders",
     "xodr.formats.lanelet2",
     "xodr.formats.sumo_net",
@@ -102,7 +102,7 @@ def pages() -> dict[Path, str]:
 def matrices() -> dict[Path, str]:
     """Pages with tables of fields and formats between their text."""
     from runner.exchange.exports import RUN_FIELDS, TARGETS
-    from xodr.formats.converting import FATES, MAP_FIELDS
+    from xodr.formats.maps.converting import FATES, MAP_FIELDS
 
     runs = {
         target.name: import_module(target.module).FATES

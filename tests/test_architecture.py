@@ -50,10 +50,6 @@ KEPT_ARROWS = {
         "runner.engine.compile.compiler",
         "runner.judging.criteria.criterion",
     ): "criteria are declared in stop triggers",
-    (
-        "runner.systems.outside.osmp",
-        "runner.exchange.exports.lanelets",
-    ): "OSI messages of one moment",
     ("runner.systems.outside.osmp", "runner.exchange.exports.osi"): "OSI messages of one moment",
     (
         "runner.systems.outside.osmp",

@@ -47,7 +47,7 @@ CACHES = {
     "runner.batch.inputs.program": PROGRAM,
     "runner.batch.inputs._referred": FILE,
     "runner.judging.criteria.criterion.kinds": PROGRAM,
-    "xodr.graph.lanelets.lanelets": OBJECT,
+    "xodr.lookup.lanelets.lanelets": OBJECT,
     "runner.judging.measures.measure.measures": PROGRAM,
     "runner.judging.measures.relations.common": OBJECT,
     "runner.judging.measures.relations.joined": OBJECT,

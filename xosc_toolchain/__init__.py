@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from schemas.common.errors import ToolchainError as ToolchainError
     from xodr import RoadNetwork as RoadNetwork
     from xodr import load as load_road
-    from xodr.formats import maps as road
+    from xodr.formats.maps import files as road
     from xosc import Document as Document
     from xosc import convert as convert
     from xosc import load as load
@@ -78,7 +78,7 @@ else:
         "measures": "runner.judging.measures.measure",
         "prepare": "runner.judging.execution",
         "recognise": "recognition.catalogue.pipeline:build",
-        "road": "xodr.formats.maps:",
+        "road": "xodr.formats.maps.files:",
         "replay": "runner.view.replay.player:write_replay",
         "report": "runner.view.report:write_report",
         "resolve": "xosc",

@@ -22,7 +22,7 @@ MODULES = {
     "xosc-generate": "generation.xosc_generate",
     "xosc-loop": "generation.loop.xosc_loop",
     "xosc-export": "runner.exchange.xosc_export",
-    "xosc-road": "xodr.formats.xosc_road",
+    "xosc-road": "xodr.formats.maps.xosc_road",
 }
 """The module with the function `main` of each command"""
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")

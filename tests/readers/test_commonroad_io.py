@@ -15,7 +15,7 @@ from runner.exchange.exports import commonroad
 from runner.exchange.exports.moments import box_centre
 from tests.readers.conftest import Read
 from tests.runner.files import ROADS, car, place, scenario
-from xodr.graph.lanelets import lanelets
+from xodr.lookup.lanelets import lanelets
 from xosc.exports.draft import Folder
 
 LIBRARY = Path(xosc.__file__).parent / "library"

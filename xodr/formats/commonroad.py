@@ -18,9 +18,9 @@ from lxml import etree
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.xml import line_of, parse
-from xodr.formats.lane_map import LaneMap, MapLane, MapSignal, resampled
 from xodr.formats.lanelet2 import LaneletNeighbour
-from xodr.formats.projecting import Projector
+from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal, resampled
+from xodr.formats.maps.projecting import Projector
 
 _GREATEST = 1e9
 """Magnitude of measured values"""

@@ -17,8 +17,8 @@ import numpy as np
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile
 from schemas.common.storage import read_bytes
-from xodr.formats.lane_map import LaneMap, MapLane, MapSignal
-from xodr.formats.projecting import Projector
+from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal
+from xodr.formats.maps.projecting import Projector
 
 _DEGREES, _METRES = 10, 4
 """Decimals: 1e-10° are 10 µm."""

@@ -14,9 +14,9 @@ import numpy as np
 from shapely import LineString
 
 from xodr.builders.elements import Geo
-from xodr.formats.lane_map import LaneMap, MapLane, resampled
 from xodr.formats.lanelet2 import Lanelet, LaneletNeighbour, build
 from xodr.formats.lanelet2.lanelet import joined
+from xodr.formats.maps.lane_map import LaneMap, MapLane, resampled
 
 _TOLERANCE = 0.02
 """Largest distance (m) of borders from those of the lanes, but for the ends of roads."""

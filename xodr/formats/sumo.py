@@ -13,7 +13,7 @@ from lxml import etree
 
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.xml import line_of, parse
-from xodr.formats.lane_map import LaneMap, MapLane, MapSignal, shifted
+from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal, shifted
 from xodr.formats.sumo_net import DOCK, build, georeference, lift
 from xodr.graph.network import RoadNetwork
 

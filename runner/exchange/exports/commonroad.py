@@ -36,9 +36,9 @@ from runner.recording import signal_states
 from schemas.common.errors import ToolchainError
 from schemas.common.fates import changed, kept, lost
 from xodr.formats.commonroad import LANELET_TYPES, LINE_MARKINGS, ROAD_LANELETS
-from xodr.graph.lanelets import ExportedLanelet, Key, lanelets
-from xodr.graph.signals import SignalPlace, arrow, signal_places, speed_of
 from xodr.lookup.geo import GeoReference
+from xodr.lookup.lanelets import ExportedLanelet, Key, lanelets
+from xodr.lookup.signals import SignalPlace, arrow, signal_places, speed_of
 from xosc.writing.versions import with_recent
 
 if TYPE_CHECKING:

@@ -22,8 +22,8 @@ from shapely import LineString, dwithin
 from shapely import Point as ShapelyPoint
 
 from runner.exchange.exports.moments import box_centre
-from xodr.graph.lanelets import ExportedLanelet, Key, lanelets
 from xodr.lookup.arrays import sample, stations
+from xodr.lookup.lanelets import ExportedLanelet, Key, lanelets
 
 if TYPE_CHECKING:
     from runner.recording import Recording, Track

@@ -23,8 +23,8 @@ from runner.engine.worlds.sumo_translation import (
 )
 from runner.recording import LogEntry, light_states, signal_states
 from xodr import RoadNetwork
-from xodr.graph.lanelets import Key
-from xodr.graph.signals import SignalPlace, arrow, for_walkers, lamps, signal_places
+from xodr.lookup.lanelets import Key
+from xodr.lookup.signals import SignalPlace, arrow, for_walkers, lamps, signal_places
 
 LIT: Mapping[str, tuple[str, ...]] = {
     RED: ("red",),

@@ -19,8 +19,8 @@ from runner.exchange.exports.osi_signals import fill_lights
 from runner.systems.base import Observation, Participant, Pose
 from schemas.common.errors import ToolchainError
 from schemas.common.packages import optional
-from xodr.graph.lanelets import lanelets
 from xodr.graph.network import RoadNetwork
+from xodr.lookup.lanelets import lanelets
 from xodr.model import RoadPoint
 
 

@@ -15,7 +15,7 @@ from runner.exchange.exports.moments import box_centre
 from schemas.common.errors import Unsupported
 from tests.runner.files import ROADS, car, place, scenario, story
 from xodr.formats.commonroad import lanelets as read_lanelets
-from xodr.graph.lanelets import lanelets
+from xodr.lookup.lanelets import lanelets
 from xosc.exports.draft import Folder
 
 LIBRARY = Path(xodr.__file__).parent / "library"

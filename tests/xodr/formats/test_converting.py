@@ -13,11 +13,11 @@ import xodr
 from schemas.common import fates
 from schemas.common.errors import InvalidFile, UsageError
 from tests.runner.matrix_case import road
-from xodr.formats import maps
-from xodr.formats.comparing import compare
-from xodr.formats.converting import FATES, MAP_FIELDS
-from xodr.formats.lane_map import LaneMap, of_network
-from xodr.formats.projecting import Projector
+from xodr.formats.maps import files as maps
+from xodr.formats.maps.comparing import compare
+from xodr.formats.maps.converting import FATES, MAP_FIELDS
+from xodr.formats.maps.lane_map import LaneMap, of_network
+from xodr.formats.maps.projecting import Projector
 
 LIBRARY = Path(xodr.__file__).parent / "library"
 ENDINGS = {
@@ -235,7 +235,7 @@ def test_each_connection_is_driven_and_a_broken_one_is_named(tmp_path: Path) -> 
 
 
 def test_the_page_and_the_picture_have_all_lanes(tmp_path: Path) -> None:
-    from xodr.formats.map_page import MapFinding, write_page, write_picture
+    from xodr.formats.maps.page import MapFinding, write_page, write_picture
 
     made = of_network(xodr.load(LIBRARY / "roundabout.xodr"))
     page = write_page(made, [MapFinding(1.0, 2.0, "a <fault>")]).decode()

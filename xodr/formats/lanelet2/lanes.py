@@ -20,11 +20,11 @@ from lxml import etree
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import InvalidFile
 from schemas.common.xml import parse
-from xodr.formats.lane_map import LaneMap, MapLane, MapSignal
 from xodr.formats.lanelet2 import Lanelet
 from xodr.formats.lanelet2.borders import completed
 from xodr.formats.lanelet2.reader import read_lanelets
-from xodr.formats.projecting import Projector
+from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal
+from xodr.formats.maps.projecting import Projector
 
 _NEAR = 0.02
 """Points nearer to each other than this (m) are one node."""

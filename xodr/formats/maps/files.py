@@ -1,6 +1,6 @@
 """Maps as files of their own: converted, compared, described, cut, shown; `xosc_toolchain.road` and the command `xosc-road`.
 
-A map is read into lanes (`xodr.formats.lane_map.LaneMap`) whatever its format is.
+A map is read into lanes (`xodr.formats.maps.lane_map.LaneMap`) whatever its format is.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 
 from schemas.common.errors import UsageError
 from schemas.common.xml import parse
-from xodr.formats.comparing import Distances, MapDifference
-from xodr.formats.comparing import compare as compare_maps
-from xodr.formats.converting import FORMATS, MapConversion, convert, format_of, read_map
-from xodr.formats.cut import along, cut, within
-from xodr.formats.lane_map import LaneMap, MapLane, MapSignal
-from xodr.formats.projecting import Projector
+from xodr.formats.maps.comparing import Distances, MapDifference
+from xodr.formats.maps.comparing import compare as compare_maps
+from xodr.formats.maps.converting import FORMATS, MapConversion, convert, format_of, read_map
+from xodr.formats.maps.cut import along, cut, within
+from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal
+from xodr.formats.maps.projecting import Projector
 from xodr.formats.sumo_net.driving import ConnectionDrive, drive_connections
 from xodr.reader import load
 

@@ -14,7 +14,7 @@ import numpy as np
 from shapely import LineString
 
 from schemas.common.array_types import FloatArray
-from xodr.formats.lane_map import LaneMap, MapLane
+from xodr.formats.maps.lane_map import LaneMap, MapLane
 
 COLOURS = {
     "driving": "#b9c2cc", "bidirectional": "#b9c2cc", "entry": "#c9d4c0", "exit": "#d4cdc0", "onRamp": "#c9d4c0",

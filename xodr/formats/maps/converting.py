@@ -12,10 +12,11 @@ from schemas.common.errors import InvalidFile, Unsupported, UsageError
 from schemas.common.fates import Fates, changed, kept, lost
 from schemas.common.storage import keep, writing
 from schemas.common.xml import parse
-from xodr.formats import commonroad, geojson, lane_map, opendrive, sumo
-from xodr.formats.comparing import MapDifference, compare
-from xodr.formats.lane_map import LaneMap
+from xodr.formats import commonroad, geojson, opendrive, sumo
 from xodr.formats.lanelet2 import lanes as lanelet2
+from xodr.formats.maps import lane_map
+from xodr.formats.maps.comparing import MapDifference, compare
+from xodr.formats.maps.lane_map import LaneMap
 from xodr.formats.sumo_net.building import osm_network
 from xodr.reader import load
 

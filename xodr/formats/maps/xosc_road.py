@@ -25,8 +25,8 @@ from schemas.common.terminal.command_line import (
 )
 
 if TYPE_CHECKING:
-    from xodr.formats.comparing import MapDifference
-    from xodr.formats.lane_map import LaneMap
+    from xodr.formats.maps.comparing import MapDifference
+    from xodr.formats.maps.lane_map import LaneMap
 
 NAME = "xosc-road"
 _EXAMPLES = (
@@ -96,7 +96,7 @@ def convert_command(
     _verbose: Verbose = False,
 ) -> None:
     """Convert a map, read the result back, and print what became of its lanes."""
-    from xodr.formats.maps import convert
+    from xodr.formats.maps.files import convert
 
     made = convert(path, out, origin=_origin(origin), overwrite=overwrite)
     if page is not None:
@@ -124,7 +124,7 @@ def compare_command(
     _verbose: Verbose = False,
 ) -> None:
     """Compare two maps of one place: geometry, lanes, links, types, limits."""
-    from xodr.formats.maps import compare, read_map
+    from xodr.formats.maps.files import compare, read_map
 
     difference = compare(path, against, origin=_origin(origin))
     if page is not None:
@@ -139,7 +139,7 @@ def info_command(
     path: Source, origin: Origin = None, as_json: Json = False, _verbose: Verbose = False
 ) -> None:
     """Print length of lanes by type, junctions, signals, bounds and projection of a map."""
-    from xodr.formats.maps import info
+    from xodr.formats.maps.files import info
 
     about = info(path, origin=_origin(origin))
     if as_json:
@@ -192,7 +192,7 @@ def show_command(
     _verbose: Verbose = False,
 ) -> None:
     """Draw a map: lanes by type, directions, connections, signals, and what xosc-check finds in an OpenDRIVE file."""
-    from xodr.formats.maps import format_of, read_map
+    from xodr.formats.maps.files import format_of, read_map
 
     if out.exists() and not overwrite:
         raise UsageError("a file is in the way; --overwrite replaces it", path=out)
@@ -201,13 +201,13 @@ def show_command(
     found = _faults(path) if kind == "opendrive" else []
     if out.suffix.lower() in (".html", ".htm"):
         from schemas.common.storage import keep, writing
-        from xodr.formats.map_page import write_page
+        from xodr.formats.maps.page import write_page
 
         with writing("the page", out):
             keep(write_page(made, (), None, found), out)
     elif out.suffix.lower() in (".png", ".svg", ".pdf"):
         from schemas.common.storage import drafted, writing
-        from xodr.formats.map_page import write_picture
+        from xodr.formats.maps.page import write_picture
 
         with writing("the picture", out), drafted(out) as draft:
             write_picture(made, str(draft))
@@ -244,7 +244,7 @@ def cut_command(
     _verbose: Verbose = False,
 ) -> None:
     """Cut whole roads out of an OpenDRIVE map; links to what is left out are closed."""
-    from xodr.formats.maps import cut_roads
+    from xodr.formats.maps.files import cut_roads
 
     area, four = None, None
     if polygon is not None:
@@ -269,7 +269,7 @@ def repair_command(
     _verbose: Verbose = False,
 ) -> None:
     """Write an OpenDRIVE file without the faults that have one sensible mend; each mend is a remark."""
-    from xodr.formats.maps import repair
+    from xodr.formats.maps.files import repair
 
     made = repair(path)
     _keep(made.content, out, overwrite)
@@ -283,7 +283,7 @@ def repair_command(
 @protected("max_runs")
 def drive_command(path: Source, as_json: Json = False, _verbose: Verbose = False) -> None:
     """Drive over each connection of a map with SUMO, a vehicle each, and print those that fail."""
-    from xodr.formats.maps import convert, drive_connections, format_of
+    from xodr.formats.maps.files import convert, drive_connections, format_of
 
     if format_of(path) == "sumo":
         drives = drive_connections(path)
@@ -312,7 +312,7 @@ def _keep(content: bytes, out: Path, overwrite: bool) -> None:
 
 def _write_page(one: LaneMap, page: Path, other: LaneMap, difference: MapDifference) -> None:
     from schemas.common.storage import keep, writing
-    from xodr.formats.map_page import MapFinding, write_page
+    from xodr.formats.maps.page import MapFinding, write_page
 
     worst = [
         MapFinding(x, y, f"border {away:.3f} m off")

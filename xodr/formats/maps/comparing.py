@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
-from xodr.formats.lane_map import LaneMap, MapLane, at_lengths, gone
+from xodr.formats.maps.lane_map import LaneMap, MapLane, at_lengths, gone
 
 STEP = 1.0
 """Distance of the places that are compared, m."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
-from xodr.formats.lane_map import LaneMap
+from xodr.formats.maps.lane_map import LaneMap
 from xodr.lookup.geo import without_files
 
 

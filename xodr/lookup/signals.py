@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from xodr.graph.lanelets import Key
 from xodr.graph.network import RoadNetwork
+from xodr.lookup.lanelets import Key
 from xodr.model import Signal, SignalReference
 from xodr.model.road import Road
 

@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from schemas.common.array_types import FloatArray
-from xodr.graph.lanelets import Key, Paint, lanelets
 from xodr.graph.network import RoadNetwork
 from xodr.lookup.arrays import Points
+from xodr.lookup.lanelets import Key, Paint, lanelets
 
 UNPAINTED: Paint = ("none", "standard", None)
 """A border without a mark."""
@@ -140,7 +140,7 @@ def _named(beside: tuple[Key, bool] | None) -> tuple[str, bool] | None:
 
 
 def _signals(network: RoadNetwork) -> list[MapSignal]:
-    from xodr.graph.signals import signal_places
+    from xodr.lookup.signals import signal_places
 
     return [
         MapSignal(

@@ -1,0 +1,1 @@
+"""Maps in any format as lanes: converted, compared, cut, drawn; the command `xosc-road`."""
