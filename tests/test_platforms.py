@@ -288,7 +288,7 @@ if __name__ == "__main__":
 def test_spawned_processes_give_the_same_bytes(tmp_path: Path) -> None:
     """As on Windows and macOS, where nothing of the parent's memory is there."""
     scenario(tmp_path / "files")
-    path = distribution(tmp_path / "files", "gaps", {"Gap": (30, 50, 10)})
+    path = distribution(tmp_path / "files", "gaps", {"Gap": (70, 90, 10)})
     script = tmp_path / "spawned.py"
     script.write_text(SPAWNED, "utf-8")
     for name, jobs in (("one", "1"), ("two", "2")):

@@ -90,7 +90,7 @@ def test_an_unknown_shell_is_refused(command: Command) -> None:
     ("name", "words", "expected"),
     [
         ("xosc-run", "xosc-run --su", ["--sut", "--sut-timeout", "--sut-in-process"]),
-        ("xosc", "xosc r", ["recognize", "replay", "run"]),
+        ("xosc", "xosc r", ["recognize", "replay", "road", "run"]),
     ],
 )
 def test_words_are_completed(name: str, words: str, expected: list[str]) -> None:
@@ -106,7 +106,7 @@ def test_words_are_completed(name: str, words: str, expected: list[str]) -> None
 # help ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", sorted(set(SCRIPTS) - {"xosc", "xosc-recognize"}))
+@pytest.mark.parametrize("name", sorted(set(SCRIPTS) - {"xosc", "xosc-recognize", "xosc-road"}))
 def test_help_has_groups_and_examples_that_parse(command: Command, name: str) -> None:
     text = command(name, "--help").out
     assert "\nOutput:\n" in text and "\nExamples:\n" in text.replace("\n  Examples:", "\nExamples:")

@@ -26,19 +26,14 @@ STEP = 1.0
 _SAME_WAY = math.cos(math.radians(50.0))
 _LEAST_REACH, _MOST_REACH = 0.5, 2.0
 """Bounds (m) of the distance between centre lines of one lane in both maps."""
-_INSIDE = 2.0
-"""Distance (m) from the ends of lanes at which connections are looked up."""
+_INSIDE = 15.0
+"""Greatest distance (m) from the ends of lanes at which connections are looked up: where ways that part are apart."""
 _HOPS = 6
 """Lanes in a row that a connection of the other map may be cut into."""
 _CLOSE, _SAME_SPEED, _WORST = 0.05, 0.01, 20
 """Distance (m) of close borders, difference (m/s) of equal limits, number of the worst places."""
 _NARROW = 0.15
 """Lanes narrower than this (m) are not compared there."""
-VEHICLES = {
-    "driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane", "bus", "taxi", "HOV",
-    "mwyEntry", "mwyExit",
-}  # fmt: skip
-"""Types of lanes that vehicles drive on."""
 
 
 class Distances(NamedTuple):
@@ -208,7 +203,11 @@ class _Index:
 
 
 def _chosen(lanes: dict[str, MapLane], types: frozenset[str] | None) -> dict[str, MapLane]:
-    return {name: lane for name, lane in lanes.items() if types is None or lane.type in types}
+    return {
+        name: lane
+        for name, lane in lanes.items()
+        if (lane.type != "none" if types is None else lane.type in types)
+    }
 
 
 def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -> MapDifference:
@@ -216,13 +215,8 @@ def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -
 
     Args:
         one, other: the maps: source and result of a conversion, or an old and a new version.
-        types: lane types that are compared; None for all that both maps have.
+        types: lane types that are compared; None for all but `none`.
     """
-    if types is None:
-        types = frozenset(lane.type for lane in one.lanes.values()) & frozenset(
-            lane.type for lane in other.lanes.values()
-        )
-        types |= VEHICLES
     ours, theirs = _chosen(one.lanes, types), _chosen(other.lanes, types)
     index, own = _Index(theirs), _Index(ours)
     places = _wide(_places(ours.values()))

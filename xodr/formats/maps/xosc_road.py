@@ -61,7 +61,7 @@ app = new_app(NAME)
 
 
 @app.callback(epilog=epilog(_EPILOG, *_EXAMPLES))
-def xosc_road(_version: Version = False) -> None:
+def xosc_road(_verbose: Verbose = False, _version: Version = False) -> None:
     """Convert, compare, describe, show, cut, repair and drive on maps; each command has --help."""
 
 
