@@ -137,9 +137,11 @@ def do(tmp_path: Path, command: Command) -> Do:
 
 
 @pytest.fixture
-def execute(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Do:
+def execute(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Do:
     """Runs programs in this process, which finds modules beside them as Python does."""
-    monkeypatch.syspath_prepend("")
+    monkeypatch.syspath_prepend(str(tmp_path))
 
     def execute(program: str) -> tuple[int, str]:
         exec(compile(program, "a program of the page", "exec"), {"__name__": "__main__"})

@@ -725,10 +725,8 @@ DEFECTS = {
     "box of no size": "the box ends in an internal error instead of a refusal",
     "box of 1e-300 m": "the box ends in an internal error instead of a refusal",
     "stop as the ego stands still": "0.1 s of an ego that stands count as a run",
-    "an empty action": "an event whose action is empty counts as a remark only",
     "a story without events": "a storyboard in which nothing is planned passes as initial actions do",
     "an empty story": "a storyboard in which nothing is planned passes as initial actions do",
-    "system with a negative range": "parameters of built-in systems have no bounds",
     "a folder with a dangling link": "a folder does not name the files that it leaves out",
     "a folder with a FIFO": "a folder does not name the files that it leaves out",
 }

@@ -120,17 +120,21 @@ def _never_started(group: Sequence[TimedCondition], wanted: Container[Element]) 
 
 
 def commands_only(sim: Simulation) -> Iterator[str]:
-    """A sentence on a storyboard whose events do nothing but give custom commands, without effect here."""
+    """A sentence on a storyboard whose events have empty actions and custom commands alone, without effect here."""
     events = [event for act in sim.storyboard.acts for event in act.events]
     named = [event for event in events if event.actions and _only_commands(event)]
     others = [event for event in events if not _acts_on_nothing(event)]
     if named and not others:
-        yield f"{named[0].where}: event {named[0].name!r} has no action but a custom command, which nothing here executes"
+        first = named[0]
+        has = "no action but a custom command, which nothing here executes"
+        if not any(element.actions for element in first.actions):
+            has = "empty actions alone, and no other event acts"
+        yield f"{first.where}: event {first.name!r} has {has}"
 
 
 def _only_commands(event: Event) -> bool:
     actions = [action for element in event.actions for action in element.actions]
-    return bool(actions) and all(isinstance(action, CustomCommandAction) for action in actions)
+    return all(isinstance(action, CustomCommandAction) for action in actions)
 
 
 def _running(group: Sequence[TimedCondition], sim: Simulation, ego: Entity | None) -> Event | None:

@@ -64,7 +64,11 @@ def serve(handle: int | str) -> None:
             request = connection.receive()
         except PeerGone:
             return
-        connection.send(server.answer(request))
+        answer = server.answer(request)
+        try:
+            connection.send(answer)
+        except OSError:  # the other side is gone
+            return
         if os.getpid() != process:
             os._exit(1)  # a copy that the system has forked
 

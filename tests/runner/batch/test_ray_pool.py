@@ -125,7 +125,9 @@ def test_what_can_not_be_written_is_said_and_not_entered(variation: Path) -> Non
     list(
         islice(
             run_batch(
-                jobs_of([variation], {}, True), RunSettings(sut="none", world="kinematic"), out=out
+                jobs_of([variation], {}, True),
+                RunSettings(sut="none", sut_in_process=True, world="kinematic"),
+                out=out,
             ),
             1,
         )

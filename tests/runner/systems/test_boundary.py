@@ -329,7 +329,7 @@ def test_a_batch_in_two_processes_has_one_child_a_worker_and_the_same_bytes(
             run_batch(jobs_of([variation], {}, True), settings, out=out, processes=processes)
         )
         assert len(outcomes) == 9
-        assert {outcome.state for outcome in outcomes} <= {"passed", "failed"}
+        assert {outcome.state for outcome in outcomes} <= {"passed", "failed", "inconclusive"}
         return {path.parent.name: path.read_bytes() for path in out.glob("*/trajectories.parquet")}
 
     assert tables(1) == tables(2) == tables(1, sut_in_process=True)

@@ -82,9 +82,9 @@ def test_rules_label_without_the_extra_that_models_need(tmp_path: Path, command:
         ended = subprocess.run(call, capture_output=True, text=True, check=False, cwd=tmp_path)
         return ended.returncode, ended.stderr.strip()
 
-    code, said = recognized("--out", "by_model")
+    code, said = recognized("--labels", "model", "--out", "by_model")
     assert (code, said.endswith("without it: --labels rules labels by rules")) == (2, True), said
-    assert recognized("--labels", "rules", "--out", "by_rules")[0] == 0
+    assert recognized("--out", "by_rules")[0] == 0
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,7 @@ def test_of_real_recordings(recordings: Path, tmp_path: Path) -> None:
         chosen = [each for each in archive.getmembers() if "USA_US101-1_" in each.name]
         archive.extractall(tmp_path / "us101", chosen, filter="data")
     count, apart = compared(
-        [tmp_path / "us101", recordings / "ngsim" / "i80_0400-0415_first200veh_10s.parquet"],
+        [tmp_path / "us101"],  # the I-80 extract is refused: each vehicle has a clock of its own
         tmp_path,
     )
     assert apart == []
