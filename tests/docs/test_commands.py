@@ -141,9 +141,9 @@ def execute(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Do:
     """Runs programs in this process, which finds modules beside them as Python does."""
-    monkeypatch.syspath_prepend(str(tmp_path))
 
     def execute(program: str) -> tuple[int, str]:
+        monkeypatch.syspath_prepend(str(tmp_path))
         exec(compile(program, "a program of the page", "exec"), {"__name__": "__main__"})
         return 0, capsys.readouterr().out
 

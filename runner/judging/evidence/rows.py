@@ -247,7 +247,7 @@ def _participants(run: Observed) -> Count:
     early=True,
 )
 def _actions(run: Observed) -> Count:
-    return _sound((*_remarked(run, "empty"), *commands_only(run.sim)))
+    return _sound(tuple(_remarked(run, "empty")) or tuple(commands_only(run.sim)))
 
 
 @_row(

@@ -67,8 +67,11 @@ def serve(handle: int | str) -> None:
         answer = server.answer(request)
         try:
             connection.send(answer)
-        except OSError:  # the other side is gone
-            return
+        except (
+            OSError,
+            PeerGone,
+        ):  # the other side is gone, or the system has closed the connection
+            os._exit(1)
         if os.getpid() != process:
             os._exit(1)  # a copy that the system has forked
 

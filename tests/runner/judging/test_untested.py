@@ -210,7 +210,7 @@ def test_an_action_that_is_begun_and_empty_is_not_tested(tmp_path: Path) -> None
     assert verdict.reasons[0].startswith(
         f"{path}:{line}: PrivateAction: an action is expected inside"
     )
-    assert causes(write(tmp_path, {speed_action(5): ""})) == []
+    assert causes(write(tmp_path, {speed_action(5): ""})) == ["empty"]
 
 
 def test_stories_that_end_the_run_without_an_action_are_not_tested(tmp_path: Path) -> None:
@@ -221,9 +221,9 @@ def test_stories_that_end_the_run_without_an_action_are_not_tested(tmp_path: Pat
         end.sub("<StopTrigger/></Storyboard>", path.read_text(encoding="utf-8")), encoding="utf-8"
     )
     verdict = runner.run(path, KINEMATIC).verdict
-    assert [cause.name for cause in verdict.causes] == ["stopped-at-once"]
+    assert [cause.name for cause in verdict.causes] == ["empty", "stopped-at-once"]
     assert (
-        "the run ended at 0.5" in verdict.reasons[0] and "no action started" in verdict.reasons[0]
+        "the run ended at 0.5" in verdict.reasons[1] and "no action started" in verdict.reasons[1]
     )
 
 
