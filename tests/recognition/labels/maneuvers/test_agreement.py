@@ -82,11 +82,11 @@ def test_of_our_own_recordings(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_of_real_recordings(
-    recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The extract of I-80 is no scene, each vehicle has a clock of its own; motions in it are real."""
-    monkeypatch.setattr("recognition.recordings.source.Source.require", lambda self: None)
+@pytest.mark.xfail(
+    reason="lane changes near others are in the I-80 extract alone, which is refused as a scene",
+    strict=True,
+)
+def test_of_real_recordings(recordings: Path, tmp_path: Path) -> None:
     with tarfile.open(recordings / "ngsim" / "USA_ngsim_commonroad_xml.tar.xz") as archive:
         chosen = [each for each in archive.getmembers() if "USA_US101-1_" in each.name]
         archive.extractall(tmp_path / "us101", chosen, filter="data")
