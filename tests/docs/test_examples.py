@@ -15,7 +15,8 @@ from xodr.builders import straight_highway
 from xosc import sample
 
 ROOT = Path(__file__).parents[2]
-EXAMPLES = {name: getattr(xosc_toolchain, name) for name in xosc_toolchain.__all__}
+PUBLIC = {name: getattr(xosc_toolchain, name) for name in xosc_toolchain.__all__}
+EXAMPLES = {name: value for name, value in PUBLIC.items() if not inspect.ismodule(value)}
 EXAMPLES |= {"Recording": Recording, "sample": sample, "straight_highway": straight_highway}
 
 
