@@ -119,10 +119,10 @@ def _never_started(group: Sequence[TimedCondition], wanted: Container[Element]) 
     return None
 
 
-def commands_only(sim: Simulation) -> Iterator[str]:
+def without_effect(sim: Simulation) -> Iterator[str]:
     """A sentence on a storyboard whose events have empty actions and custom commands alone, without effect here."""
     events = [event for act in sim.storyboard.acts for event in act.events]
-    named = [event for event in events if event.actions and _only_commands(event)]
+    named = [event for event in events if event.actions and _is_without_effect(event)]
     others = [event for event in events if not _acts_on_nothing(event)]
     if named and not others:
         first = named[0]
@@ -132,7 +132,7 @@ def commands_only(sim: Simulation) -> Iterator[str]:
         yield f"{first.where}: event {first.name!r} has {has}"
 
 
-def _only_commands(event: Event) -> bool:
+def _is_without_effect(event: Event) -> bool:
     actions = [action for element in event.actions for action in element.actions]
     return all(isinstance(action, CustomCommandAction) for action in actions)
 

@@ -21,7 +21,6 @@ from runner.judging.evidence.continuity import (
     interrupted,
 )
 from runner.judging.evidence.progress import (
-    commands_only,
     end_of,
     ended_idle,
     endless,
@@ -32,6 +31,7 @@ from runner.judging.evidence.progress import (
     out_of_time,
     scene_events,
     unmet,
+    without_effect,
 )
 from runner.judging.result import Cause
 from runner.systems.drivers import scripted_at_start
@@ -243,11 +243,11 @@ def _participants(run: Observed) -> Count:
     "yes",
     1,
     "actions have contents, and something executes them",
-    "an action such as `PrivateAction` has nothing inside, or custom commands are all that the events do",
+    "an action such as `PrivateAction` has nothing inside, or empty actions and custom commands are all that the events do",
     early=True,
 )
 def _actions(run: Observed) -> Count:
-    return _sound(tuple(_remarked(run, "empty")) or tuple(commands_only(run.sim)))
+    return _sound(tuple(_remarked(run, "empty")) or tuple(without_effect(run.sim)))
 
 
 @_row(
