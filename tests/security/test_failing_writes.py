@@ -46,6 +46,7 @@ CALLS: dict[str, list[str]] = {
     "catalogue": ["xosc-recognize", "in/results", "--labels", "rules", "--out", "out"],
     "list": ["xosc-list", "in/library", "--format", "json", "--output", "out/list.json"],
     "list of a catalogue, copied": ["xosc-list", "in/catalogue", "--copy-to", "out"],
+    "convert": ["xosc-road", "convert", "in/road.xodr", "--out", "out/road.geojson"],
     "triage": ["xosc-check", "in/library", "--triage", "--format", "html", "--output", "out/triage.html"],
     "run, assessed": [*RUN, "--assess", "euro-ncap-2023"],
     "report of a batch": ["xosc-replay", "out/results"],

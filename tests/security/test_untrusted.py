@@ -36,6 +36,10 @@ from xosc.distributions.values import UserDefinedDistribution
 COMMANDS = [
     *([name] for name in SCRIPTS),
     *(["xosc-recognize", each] for each in ("catalogue", "label", "record", "train")),
+    *(
+        ["xosc-road", each]
+        for each in ("convert", "compare", "info", "show", "cut", "repair", "drive")
+    ),
 ]
 FUNCTIONS = (
     "schemas.xosc_check:xosc_check", "xosc.listing.xosc_list:xosc_list", "runner.xosc_run:xosc_run",
@@ -43,6 +47,10 @@ FUNCTIONS = (
     "generation.xosc_generate:xosc_generate", "generation.loop.xosc_loop:xosc_loop",
     "recognition.xosc_recognize:catalogue", "recognition.xosc_recognize:label", "recognition.xosc_recognize:record",
     "recognition.trfe.training.command:train",
+    *(
+        f"xodr.formats.maps.xosc_road:{each}"
+        for each in ("convert", "compare", "info", "show", "cut", "repair", "drive")
+    ),
 )  # fmt: skip
 """All commands, as functions"""
 
@@ -89,7 +97,9 @@ def test_every_command_has_it_and_knows_which_arguments_are_files(name: str) -> 
 
 
 def test_no_command_is_forgotten() -> None:
-    assert len(FUNCTIONS) == len(COMMANDS) - 2  # xosc and xosc-recognize have subcommands only
+    assert (
+        len(FUNCTIONS) == len(COMMANDS) - 3
+    )  # xosc, xosc-recognize and xosc-road have subcommands only
 
 
 REFUSING = {

@@ -54,6 +54,8 @@ STEP = 0.1
 """Usual time between rows, s"""
 _USUAL_STEP = 0.2
 """Relative difference from the usual step up to which it is that one"""
+_LONGEST_STEP = 1.0
+"""Step (s) above which rows are apart by gaps, not by steps"""
 _MILLISECONDS = 1000.0
 
 _FIRST_LAYOUT = re.compile(r"(vehicle|pedestrian)_tracks_(\w+)\.csv")
@@ -176,7 +178,9 @@ def _step(table: Table) -> float:
     same = table["track_id"][order][1:] == table["track_id"][order][:-1]
     apart = np.diff(table["timestamp_ms"][order])[same]
     step = float(np.median(apart[apart > 0])) / _MILLISECONDS if (apart > 0).any() else STEP
-    return STEP if abs(step / STEP - 1.0) < _USUAL_STEP else step
+    # rows further apart than a second are gaps, in which nobody knows what moved
+    usual = abs(step / STEP - 1.0) < _USUAL_STEP or step > _LONGEST_STEP
+    return STEP if usual else step
 
 
 def _read_case(path: Path, case: str) -> tuple[Recording, Report]:
@@ -282,7 +286,10 @@ def _columns(table: Table, rows: Rows, who: list[TrackParticipant], report: Repo
 def _scaled(x: FloatArray, y: FloatArray, vx: FloatArray, vy: FloatArray, rows: Rows) -> bool:
     """Whether velocities are those of the positions but for one factor, as with a wrong step: the intake names it."""
     dx, dy = rate(x, rows), rate(y, rows)
-    speed = np.hypot(dx, dy)
+    first, last = rows.starts[:-1], rows.starts[1:] - 1
+    travelled = np.hypot(x[last] - x[first], y[last] - y[first]) >= MOVED
+    # noise of what stands has any factor to its speeds
+    speed = np.where(rows.each(travelled), np.hypot(dx, dy), 0.0)
     moving = (speed >= MOVED) & (dx * vx + dy * vy > 0.0)
     mostly = moving.sum() > 0.5 * (speed >= MOVED).sum()
     return bool(mostly and one_factor(speed[moving] / np.hypot(vx[moving], vy[moving])) is not None)
