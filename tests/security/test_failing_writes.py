@@ -104,7 +104,17 @@ def _model(folder: Path, command: Command, patch: pytest.MonkeyPatch) -> None:
     patch.setattr("recognition.trfe.training.command.fitted", lambda *_: trained)
 
 
-NEEDED = {"replay of a trace": _trace, "list of a catalogue, copied": _catalogue, "train": _model}
+def _road(folder: Path, command: Command, patch: pytest.MonkeyPatch) -> None:
+    road = Path(__file__).parents[1] / "conformance" / "roads" / "curve.xodr"
+    (folder / "road.xodr").write_bytes(road.read_bytes())
+
+
+NEEDED = {
+    "convert": _road,
+    "replay of a trace": _trace,
+    "list of a catalogue, copied": _catalogue,
+    "train": _model,
+}
 """Further inputs of calls, which take time to make"""
 
 

@@ -48,7 +48,7 @@ FUNCTIONS = (
     "recognition.xosc_recognize:catalogue", "recognition.xosc_recognize:label", "recognition.xosc_recognize:record",
     "recognition.trfe.training.command:train",
     *(
-        f"xodr.formats.maps.xosc_road:{each}"
+        f"xodr.formats.maps.xosc_road:{each}_command"
         for each in ("convert", "compare", "info", "show", "cut", "repair", "drive")
     ),
 )  # fmt: skip

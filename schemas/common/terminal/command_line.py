@@ -101,7 +101,7 @@ _INPUTS = (
     "paths", "path", "files", "folders", "folder", "source", "road", "road_path", "catalog_path", "against", "recorded", "model",
     "encoders", "pretrain_on", "develop", "unseen", "cache", "like", "reviewed", "verdicts",
 )  # fmt: skip
-_OUTPUTS = ("out", "osi", "junit", "output", "keep_model", "copy_to")
+_OUTPUTS = ("out", "osi", "junit", "output", "keep_model", "copy_to", "page")
 """Parameters of commands that name files and folders to read from, and to write into"""
 _LIMITS: dict[str, Any] = {
     "untrusted": Annotated[

@@ -440,6 +440,6 @@ def test_what_is_assumed_of_a_distribution_is_a_remark_of_its_exports(
     answer = xosc_export(path, "--to", target, "--out", tmp_path / "out", "--only", "0", *world)
     assert (
         answer.code == (6 if target == "sumo" else 0)  # what is played is inconclusive
-        and f"{path}:" in answer.out
-        and "the header has the revision" in answer.out
+        and f"{path}:" in answer.out + answer.err
+        and "the header has the revision" in answer.out + answer.err
     )
