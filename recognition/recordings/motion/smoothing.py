@@ -201,7 +201,7 @@ def smoothed(
     Raises:
         InvalidFile: nothing is left of any track, or their motion can't be computed.
     """
-    wrong_step = _check_step(rows, columns)
+    wrong_step = _check_step(rows, who, columns)
     if wrong_step is not None:  # what moves at two speeds has no smooth motion
         report.checks.append(wrong_step)
         return Smoothed(rows, list(who), columns | {f"raw_{name}": columns[name] for name in RAW})
@@ -230,11 +230,12 @@ def smoothed(
     return Smoothed(rows, who, columns)
 
 
-def _check_step(rows: Rows, columns: Columns) -> Check | None:
-    """Compare the speeds stated with those at which the places move."""
+def _check_step(rows: Rows, who: Sequence[TrackParticipant], columns: Columns) -> Check | None:
+    """Compare the speeds stated with those at which the centres move, whatever the headings do."""
+    x, y = centres(rows, who, columns)
     ahead, here = max(round(1.0 / rows.step), 1), np.arange(len(rows))
     there = np.minimum(here + ahead, rows.last)
-    way = np.hypot(columns["x"][there] - columns["x"], columns["y"][there] - columns["y"])
+    way = np.hypot(x[there] - x, y[there] - y)
     here = np.flatnonzero((there - here == ahead) & (way >= MOVED))
     there = there[here]
     ratio = ratio_of_speeds(

@@ -409,7 +409,8 @@ def deliver(content: str, what: str, output: Path | None) -> None:
         print(of_service(content), end="")
         return
     with writing(what, output):
-        output.parent.mkdir(parents=True, exist_ok=True)
+        if not output.parent.exists():  # else a file in the place of the folder is said to exist
+            output.parent.mkdir(parents=True, exist_ok=True)
     with writing(what, output), drafted(output) as draft:
         draft.write_bytes(content.encode("utf-8", "backslashreplace"))
 
