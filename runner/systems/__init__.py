@@ -7,7 +7,9 @@ A class of the user that is given by name runs in a process of its own
 
 Modules:
 
+- `arrays`: observations and controls of many runs at once
 - `base`: what they see, what they answer, and how they are found
+- `batch_systems`: any system under test in many runs at once
 - `drivers`: the ego, from when on a system under test drives it, and its drivers
 - `encounters`: participants ahead as the ego sees them, along and across its heading
 - `isolation`: systems of users in processes of their own
@@ -91,9 +93,22 @@ def load_system(name: str | System | None) -> System | None:
     """
     if not isinstance(name, str | None):
         return name
+    build = builder(name)
+    return None if build is None else build()
+
+
+def builder(name: str | None) -> Callable[[], System] | None:
+    """Builder of new instances of the system under test of that name, which is looked up once; None for `none`.
+
+    Raises:
+        UsageError: no such system. The builder raises it where an instance can't be built.
+    """
     factory = find_system(name)
-    if factory is None:
-        return None
+    return None if factory is None else partial(_build, factory, name or "none")
+
+
+def _build(factory: Callable[[], System], name: str) -> System:
+    """A new instance, which has the methods of a system."""
     try:
         system = factory()
     except ToolchainError:

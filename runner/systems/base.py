@@ -242,6 +242,8 @@ class WorldDriven:
     See `runner.systems.drivers.WorldDriver` for how that combines with what the scenario scripts.
     """
 
+    one_run = "the world drives the ego, and a process has one world"
+
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Called once before the run."""
 

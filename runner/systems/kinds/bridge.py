@@ -169,6 +169,7 @@ class Bridge:
         answer: time that it has for each answer, s.
     """
 
+    one_run = "its client drives one ego"
     port: int = 48100
     host: str = "127.0.0.1"
     wait: float = 60.0

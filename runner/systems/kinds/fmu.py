@@ -103,6 +103,7 @@ class Fmu:
         mapping: the mapping file; FILE.toml beside FILE.fmu where there is one.
     """
 
+    one_run = "an FMU may allow one instance a process"
     path: str = ""
     mapping: str = ""
     _described: Description = field(init=False, repr=False)

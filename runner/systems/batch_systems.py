@@ -1,0 +1,228 @@
+"""Any system under test in many runs at once: by its `control_batch`, or run by run where it has none.
+
+`control_batch(observations, dt)` gets `runner.systems.arrays.BatchObservation` and returns a
+`BatchControl`. A system that carries something from step to step has `reset_batch(egos, timestep,
+seeds)` too, which is called once before, for all runs of the batch; places in its arrays are
+`observations.run`. A system without `control_batch` is asked run by run, each run with an instance
+of its own.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from runner.systems import System, builder, find_system, is_foreign, open_system, system_name
+from runner.systems.arrays import Answers, BatchObservation, BatchParticipants, checked
+from runner.systems.base import (
+    RAISED,
+    Control,
+    Observation,
+    Pose,
+    SystemFailure,
+    SystemUnderTestError,
+    plain,
+)
+from schemas.common.array_types import IntArray
+from schemas.common.errors import ToolchainError, Unsupported, blame
+
+ONE_RUN = "one_run"
+"""Attribute of systems that can't drive in several runs at once: the reason"""
+
+
+class BatchSystem(ABC):
+    """A system under test in the runs of one batch.
+
+    Example:
+        >>> import numpy as np
+        >>> import xosc_toolchain as xt
+        >>> from runner.systems.arrays import stack
+        >>> from runner.systems.batch_systems import open_batch
+        >>> with xt.Session("xosc/library/simple_cut_in.xosc", world="kinematic") as session:
+        ...     observations = stack([session.observation] * 3)
+        >>> system = open_batch("cas")
+        >>> system.reset(observations.ego, timestep=0.05, seeds=np.arange(3))
+        >>> system.control(observations, 0.05).accelerates
+        array([False, False, False])
+    """
+
+    @abstractmethod
+    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Begin the runs of a batch, N of them, with their egos (N,) and seeds (N,); timestep in s."""
+
+    @abstractmethod
+    def control(self, observations: BatchObservation, dt: float) -> Answers:
+        """Decide for the coming dt (s) in the runs that are observed.
+
+        Raises:
+            SystemUnderTestError: `control_batch` raises an error, or returns something else than
+                finite numbers of the right shapes.
+        """
+
+    def close(self) -> None:
+        """End the runs."""
+        return
+
+
+class _Together(BatchSystem):
+    """One instance that decides in all runs by its `control_batch`."""
+
+    def __init__(self, system: Any) -> None:
+        self._system = system
+
+    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Call its `reset_batch` where it has one."""
+        begin = getattr(self._system, "reset_batch", None)
+        if begin is not None:
+            try:
+                begin(egos, timestep, seeds)
+            except RAISED as error:
+                raise self._failed("reset_batch", error) from error
+
+    def control(self, observations: BatchObservation, dt: float) -> Answers:
+        """Its answers, checked."""
+        try:
+            return checked(self._system.control_batch(observations, dt), len(observations.run))
+        except RAISED as error:
+            raise self._failed("control_batch", error) from error
+
+    def close(self) -> None:
+        """Call its `close` where it has one."""
+        end = getattr(self._system, "close", None)
+        if end is not None:
+            try:
+                end()
+            except RAISED as error:
+                raise self._failed("close", error) from error
+
+    def _failed(self, method: str, error: BaseException) -> ToolchainError:
+        if isinstance(error, ToolchainError) and type(error) is not ToolchainError:
+            return error
+        module = type(self._system).__module__
+        told = str(error) if isinstance(error, SystemFailure) else blame(error, module)
+        name = system_name(self._system)
+        return SystemUnderTestError(f"{method} of the system under test {name} failed: {told}")
+
+
+class _OneByOne(BatchSystem):
+    """An instance for each run; one that raises an error is asked no more.
+
+    Args:
+        instances: new ones, as many as are asked for.
+    """
+
+    def __init__(self, instances: Iterator[Any]) -> None:
+        self._instances = instances
+        self._systems: dict[int, Any] = {}
+        """By the numbers of their runs"""
+
+    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Reset as many new instances as runs."""
+        self.close()
+        for run, (ego, seed) in enumerate(zip(egos.participants(), seeds.tolist(), strict=True)):
+            self._systems[run] = system = next(self._instances)
+            try:
+                system.reset(ego, timestep, seed)
+            except RAISED:
+                self._end(run)
+
+    def control(self, observations: BatchObservation, dt: float) -> Answers:
+        """The answers of the instances."""
+        seen = zip(observations.run.tolist(), observations.observations(), strict=True)
+        return Answers.of([self._ask(run, each, dt) for run, each in seen])
+
+    def _ask(self, run: int, observation: Observation, dt: float) -> Control | None:
+        system = self._systems.get(run)
+        if system is None:
+            return None
+        answer: Control | Pose | None = None
+        with suppress(*RAISED):
+            answer = plain(system.control(observation, dt))
+        if not isinstance(answer, Control):
+            self._end(run)
+            return None
+        return answer
+
+    def _end(self, run: int) -> None:
+        end = getattr(self._systems.pop(run), "close", None)
+        if end is not None:
+            with suppress(*RAISED):  # of no consequence: a batch keeps nothing of it
+                end()
+
+    def close(self) -> None:
+        """Call `close` of all instances that have one."""
+        for run in list(self._systems):
+            self._end(run)
+
+
+def open_batch(
+    sut: str | System | None, in_process: bool = False, limit: float = 30.0
+) -> BatchSystem | None:
+    """The system under test for the runs of a batch; None for `none`.
+
+    Args:
+        sut: its name, with parameters as `cas:sensor_range=60`; or an instance, which has to have
+            `control_batch`.
+        in_process, limit: as of `runner.systems.open_system`.
+
+    Raises:
+        UsageError: no such system, or it can't be built.
+        Unsupported: it drives one run a process, or is an instance without `control_batch`.
+    """
+    name, build = system_name(sut), _builder(sut, in_process, limit)
+    first = None if build is None else build()
+    if build is None or first is None:
+        return None
+    _refuse(first, name)
+    if decides_together(type(first)):
+        return _Together(first)
+    if not isinstance(sut, str):
+        raise Unsupported(
+            f"the system under test {name} is one instance without a control_batch of its own: "
+            "many runs at once need its class by name"
+        )
+    return _OneByOne(_instances(first, build))
+
+
+def _builder(
+    sut: str | System | None, in_process: bool, limit: float
+) -> Callable[[], System | None] | None:
+    if not isinstance(sut, str):
+        return lambda: sut
+    if not in_process and is_foreign(sut):
+        return partial(open_system, sut, in_process, limit)
+    factory = find_system(sut)
+    _refuse(getattr(factory, "func", factory), sut)  # before it opens what it needs
+    return builder(sut)
+
+
+def _refuse(system: object, name: str) -> None:
+    """Refuse a system, or its class, that drives one run a process."""
+    if reason := getattr(system, ONE_RUN, ""):
+        raise Unsupported(f"the system under test {name} can't drive many runs at once: {reason}")
+
+
+def _instances(first: System, build: Callable[[], System | None]) -> Iterator[System | None]:
+    """New instances without end."""
+    yield first
+    while True:
+        yield build()
+
+
+def decides_together(kind: type) -> bool:
+    """Whether a class has a `control_batch` that belongs to its `control`, and a `reset_batch` to its `reset`.
+
+    A class that derives from one of ours and overrides `control` alone has none: it would decide
+    by another law in a batch.
+    """
+    depth = {
+        name: next((i for i, each in enumerate(kind.__mro__) if name in vars(each)), None)
+        for name in ("control", "control_batch", "reset", "reset_batch")
+    }
+    batch, begins = depth["control_batch"], depth["reset_batch"]
+    if batch is None or depth["control"] is None or batch > depth["control"]:
+        return False
+    return begins is None or depth["reset"] is None or begins <= depth["reset"]
