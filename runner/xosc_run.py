@@ -180,7 +180,7 @@ def xosc_run(
         raise UsageError(f"--fail-if {NEW_FAILURE} needs the earlier batch: --against BATCH")
     settings = replace(settings, fail_if=tuple(limit for limit in limits if limit != NEW_FAILURE))
     paths, times = runnable(files), None if dry_run else repeat
-    earlier = BatchComparison.with_batch(against, paths) if against is not None else None
+    earlier = BatchComparison.with_batch(against, paths, settings) if against is not None else None
     selection = selection_of(only, sample, settings.seed, paths)
     source = jobs_of(
         paths, parameters_of(param or []), settings.enforce_constraints, selection, times

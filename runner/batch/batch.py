@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runner.batch import inputs, journal
 from runner.batch.jobs import CODES, Job, Jobs, Outcome, assumed, failure
@@ -57,12 +57,13 @@ def execute(
         OSError: there is no space, or no right to write.
     """
     given = inputs.of_job(job, settings, shared) if shared else ""
+    content = inputs.content_of(job, settings) if shared else ""
     try:
-        return replace(_run(job, settings, out, plot, also), inputs=given)
+        return replace(_run(job, settings, out, plot, also), inputs=given, content=content)
     except OSError:
         raise
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
-        return replace(failure(job, error), inputs=given)
+        return replace(failure(job, error), inputs=given, content=content)
 
 
 def _run(
@@ -200,8 +201,7 @@ def _concluded(out: Path, kept: journal.Journal, errors: dict[str, Outcome]) -> 
         journal.clear_drafts(out)
         if not out.is_dir():
             raise FileNotFoundError(errno.ENOENT, "the folder is gone")
-        kept.flush()
-        write_runs((errors | journal.finished(out).outcomes).values(), out / "runs.parquet")
+        write_runs((errors | kept.close()).values(), out / "runs.parquet")
 
 
 def _outcomes(
@@ -326,36 +326,51 @@ def _unique(paths: Iterable[str], key: Callable[[str], str | None]) -> dict[str 
     return {name: group[0] for name, group in groups.items() if len(group) == 1}
 
 
+class EarlierRun(NamedTuple):
+    """State of a run in an earlier batch, and digest of its files."""
+
+    state: str
+    content: str
+
+
 @dataclass
 class BatchComparison:
     """Sorts the runs of a batch by their outcome in an earlier one; a run that the earlier one lacks counts as not failed.
 
+    So does a run of which a file (scenario, distribution, road, catalogue) has changed since.
+
     Attributes:
         title: of the earlier batch.
+        before: runs of the earlier batch.
+        content: gives the digest of a job's files.
         new, fixed, still: runs that fail now only, that failed before only, and that fail in both.
     """
 
     title: str
-    before: dict[Identity, str]
+    before: dict[Identity, EarlierRun]
+    content: Callable[[Job], str]
     counterparts: Mapping[str, str] = field(default_factory=dict)
     new: list[Outcome] = field(default_factory=list)
     fixed: list[Outcome] = field(default_factory=list)
     still: list[Outcome] = field(default_factory=list)
 
     @classmethod
-    def with_batch(cls, folder: Path, files: Iterable[Path]) -> BatchComparison:
+    def with_batch(
+        cls, folder: Path, files: Iterable[Path], settings: RunSettings
+    ) -> BatchComparison:
         """With the batch of an output folder.
 
         Args:
-            files: of the batch that is compared.
+            files, settings: of the batch that is compared.
 
         Raises:
             UsageError: the folder is not that of a batch.
         """
         earlier = [*journal.finished(folder).outcomes.values()]
-        states = {_key(each.job): each.state for each in earlier}
+        runs = {_key(each.job): EarlierRun(each.state, each.content) for each in earlier}
         same = counterparts_of(files, [each.job.source for each in earlier])
-        return cls(folder.resolve().name, states, same)
+        content = partial(inputs.content_of, run=settings)
+        return cls(folder.resolve().name, runs, content, same)
 
     def add(self, outcome: Outcome) -> None:
         """Take a run of the batch in."""
@@ -369,13 +384,21 @@ class BatchComparison:
         return self.was(outcome) in _FAILS
 
     def known(self, outcome: Outcome) -> bool:
-        """Whether a run failed likewise in the earlier batch: a failed verdict after an error is new."""
-        return self.failed(outcome) and not (
-            outcome.state == "failed" and self.was(outcome) == "error"
-        )
+        """Whether a run failed likewise in the earlier batch: a failed verdict after an error is new, and one of other files."""
+        after_error = outcome.state == "failed" and self.was(outcome) == "error"
+        return self.failed(outcome) and not after_error and not self.changed(outcome)
 
     def was(self, outcome: Outcome) -> str | None:
         """State of a run in the earlier batch; None where it was not in it."""
+        run = self._earlier(outcome)
+        return run.state if run is not None else None
+
+    def changed(self, outcome: Outcome) -> bool:
+        """Whether a file of a run of the earlier batch has changed since."""
+        run = self._earlier(outcome)
+        return run is not None and run.content != (outcome.content or self.content(outcome.job))
+
+    def _earlier(self, outcome: Outcome) -> EarlierRun | None:
         return self.before.get(_key(outcome.job, self.counterparts))
 
 

@@ -15,12 +15,12 @@ from typing import Any
 
 import xosc
 from runner.batch.jobs import Job
-from runner.judging.settings import RunSettings
+from runner.judging.settings import MADE, RunSettings
 from runner.systems import code_of, find_system, system_name
 from runner.systems.base import parameters_of, split
 from schemas.catalogs import locate
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError
-from schemas.common.storage import Stamp, digest, read_bytes, stamp
+from schemas.common.storage import Stamp, fingerprint, read_bytes, stamp
 from schemas.expressions import ExpressionError
 from xosc.document.node import Node
 from xosc.document.road_files import find_roads
@@ -39,7 +39,7 @@ def of_batch(run: RunSettings) -> str:
     Raises:
         UsageError: the system under test is unknown.
     """
-    return digest(repr((run.as_json(), _system(run), program(OURS))).encode())
+    return fingerprint(repr((run.as_json(), _system(run), program(OURS))).encode())
 
 
 def of_job(job: Job, run: RunSettings, shared: str) -> str:
@@ -51,30 +51,31 @@ def of_job(job: Job, run: RunSettings, shared: str) -> str:
         run: the settings of the batch.
         shared: what `of_batch` gives.
     """
-    parts = (
-        shared,
-        job.name,
-        _by_stamp(job.source, stamp(job.source)),
-        sorted(job.parameters.items()),
-        job.seed,
-    )
-    return digest(repr((parts, _files_of(job, run))).encode())
+    parts = shared, job.name, sorted(job.parameters.items()), job.seed, content_of(job, run)
+    return fingerprint(repr(parts).encode())
+
+
+def content_of(job: Job, run: RunSettings) -> str:
+    """Digest of the files of a job: distribution, scenario, road network and catalogues."""
+    source = _by_stamp(job.source, stamp(job.source))
+    return fingerprint(repr((source, _files_of(job, run))).encode())
 
 
 def _files_of(job: Job, run: RunSettings) -> tuple[list[str], str]:
     """Digests of the scenario and of all that it refers to, and what is wrong with them."""
     try:
-        paths, fault = referred_by(job.scenario, run, job.parameters), ""
+        paths, lack = _referred_by(job.scenario, run, job.parameters)
     except ToolchainError as error:
-        paths, fault = (), str(error)
-    return [_by_stamp(path, stamp(path)) for path in (job.scenario, *paths)], fault
+        paths, lack = (), error
+    given = [] if run.road in (None, MADE) else [Path(str(run.road))]
+    return [_by_stamp(path, stamp(path)) for path in (job.scenario, *paths, *given)], str(lack)
 
 
 @lru_cache(maxsize=4096)
 def _by_stamp(path: Path, _: Stamp) -> str:
     """Digest of a file that is read again where it has changed; empty where it can't be read."""
     try:
-        return digest(read_bytes(path))
+        return fingerprint(read_bytes(path))
     except InvalidFile:
         return ""
 
@@ -106,7 +107,7 @@ def inputs(
 def _system(run: RunSettings) -> list[Any]:
     """Name of the system under test, parameters of one that is given as such, its code, and files that parameters name."""
     given = split(run.sut)[1].values() if isinstance(run.sut, str) else ()
-    files = [digest(path.read_bytes()) for path in map(Path, given) if os.path.isfile(path)]
+    files = [fingerprint(path.read_bytes()) for path in map(Path, given) if os.path.isfile(path)]
     parameters = {} if isinstance(run.sut, str | None) else parameters_of(run.sut)
     return [system_name(run.sut), parameters, plugged_in(run), files]
 
@@ -115,7 +116,7 @@ def _system(run: RunSettings) -> list[Any]:
 def program(packages: tuple[str, ...]) -> str:
     """Digest of code of ours, and the versions of the libraries that it runs on."""
     versions = [f"{name} {version(name)}" for name in _LIBRARIES]
-    return digest("\n".join([*map(_content, packages), *versions]).encode())
+    return fingerprint("\n".join([*map(_content, packages), *versions]).encode())
 
 
 def files(
@@ -127,15 +128,30 @@ def files(
         InvalidFile: one of them is malformed, or there is no such road network.
     """
     return {
-        "scenario": digest(scenario.read_bytes()),
+        "scenario": fingerprint(scenario.read_bytes()),
         "roads and catalogues": {
-            path.name: digest(path.read_bytes()) for path in referred_by(scenario, run, pinned)
+            path.name: fingerprint(path.read_bytes()) for path in referred_by(scenario, run, pinned)
         },
     }
 
 
 def referred_by(scenario: Path, run: RunSettings, given: Mapping[str, str]) -> tuple[Path, ...]:
-    """The road network and the catalogues of a scenario; where a path has no value, or is nowhere, every run says so itself."""
+    """The road network and the catalogues of a scenario; where a path has no value, or is nowhere, every run says so itself.
+
+    Raises:
+        InvalidFile: the scenario is malformed, or there is no such road network.
+    """
+    found, lack = _referred_by(scenario, run, given)
+    if lack is not None:
+        raise lack
+    return found
+
+
+_Referred = tuple[tuple[Path, ...], ToolchainError | None]
+"""Files, and the error of a road network that is nowhere"""
+
+
+def _referred_by(scenario: Path, run: RunSettings, given: Mapping[str, str]) -> _Referred:
     root = xosc.load(scenario, strict=run.strict).node.element
     varies = any(
         "$" in element.get(attribute, "")
@@ -144,10 +160,10 @@ def referred_by(scenario: Path, run: RunSettings, given: Mapping[str, str]) -> t
     )
     values = tuple(sorted(given.items())) if varies else ()
     asked = scenario, stamp(scenario), run.strict, run.road_path, run.catalog_path, values
-    found = _referred(*asked)
-    return (
-        found if all(map(os.path.isfile, found)) else _referred.__wrapped__(*asked)
-    )  # a file was removed since
+    found, lack = _referred(*asked)
+    if lack is None and all(map(os.path.isfile, found)):
+        return found, None
+    return _referred.__wrapped__(*asked)  # a file was removed or added since
 
 
 @lru_cache(maxsize=256)
@@ -158,12 +174,15 @@ def _referred(
     road_path: tuple[str, ...],
     catalog_path: tuple[str, ...],
     given: tuple[tuple[str, str], ...],
-) -> tuple[Path, ...]:
+) -> _Referred:
     root = _with_paths(xosc.load(scenario, strict=strict).node, dict(given))
-    found = []
+    found, lack = list[Path](), None
     road = root.find("RoadNetwork", "LogicFile")
     if road is not None and road.get("filepath").strip() and "$" not in road.get("filepath"):
-        found.append(find_roads(road, road_path).path)
+        try:
+            found.append(find_roads(road, road_path).path)
+        except ToolchainError as error:  # with --road it is none
+            lack = error
     locations = root.find("CatalogLocations")
     for location in locations.children() if locations is not None else ():
         directory = location.need("Directory")
@@ -171,7 +190,7 @@ def _referred(
             found += sorted(
                 Path(file) for file in locate(directory.file("path"), scenario, catalog_path).files
             )
-    return tuple(found)
+    return tuple(found), lack
 
 
 def _with_paths(root: Node, pinned: Mapping[str, str]) -> Node:
@@ -195,7 +214,8 @@ def plugged_in(run: RunSettings) -> str:
         isinstance(run.sut, str)
         and (origin := code_of(run.sut, run.sut_in_process, run.sut_timeout)) is not None
     ):
-        return _digest_of(_files(origin.origin, origin.folders))
+        own = [*_files(origin.origin, origin.folders)]
+        return _digest_of([*own, *(Path(file) for file in origin.imports)])
     made = find_system(run.sut) if isinstance(run.sut, str | None) else type(run.sut)
     factory = getattr(made, "func", made)
     package = str(getattr(factory, "__module__", "")).partition(".")[0]
@@ -203,7 +223,7 @@ def plugged_in(run: RunSettings) -> str:
         getattr(factory, "files", None) if package == "runner" else None
     )
     if named is not None:
-        return digest(
+        return fingerprint(
             b"\0".join(path.read_bytes() for path in named(**getattr(made, "keywords", {})))
         )
     return "" if package in ("", "builtins", "runner", "generation") else _content(package)
@@ -222,7 +242,7 @@ def _content(package: str) -> str:
 
 
 def _digest_of(files: Iterable[Path]) -> str:
-    return digest(b"\0".join(str(path.name).encode() + path.read_bytes() for path in files))
+    return fingerprint(b"\0".join(str(path.name).encode() + path.read_bytes() for path in files))
 
 
 def _files(origin: str, folders: Iterable[str]) -> Iterator[Path]:

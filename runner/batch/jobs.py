@@ -87,6 +87,7 @@ class Outcome:
         causes: names of the causes for which the run tested nothing, see `runner.judging.evidence`.
         evidence: of the run, as in `result.json`.
         inputs: digest of all that decided what the run gave (with an output folder).
+        content: digest of its files alone: scenario, distribution, roads and catalogues.
         files: digests of the files in the folder of its results, by name.
     """
 
@@ -104,6 +105,7 @@ class Outcome:
     causes: list[str] = field(default_factory=list)
     evidence: list[dict[str, Any]] = field(default_factory=list)
     inputs: str = ""
+    content: str = ""
     files: dict[str, str] = field(default_factory=dict)
 
 

@@ -95,6 +95,17 @@ class Journal:
         self._records.add(map(_entry, finished))
         self._flushed = time.monotonic()
 
+    def close(self) -> dict[str, Outcome]:
+        """Enter all, and give all finished runs by name; errors as of `enter`.
+
+        Entries are sorted by name: in several processes runs end in another order.
+        """
+        self.flush()
+        kept = finished(self._out).outcomes
+        if list(kept) != sorted(kept):
+            self._records.replace(_entry(kept[name]) for name in sorted(kept))
+        return kept
+
 
 def begin(
     out: Path,

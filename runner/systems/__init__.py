@@ -23,6 +23,7 @@ Example::
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Callable
@@ -165,29 +166,51 @@ class ClassOrigin(NamedTuple):
         package: its top-level package, or module.
         origin: file of that; empty where there is none.
         folders: of a package, with all of its modules.
+        imports: files of modules of the user that it imports.
     """
 
     package: str
     origin: str
     folders: tuple[str, ...]
+    imports: tuple[str, ...]
 
 
 def class_origin(sut: str) -> ClassOrigin:
-    """Origin of a class, which is imported in this process; errors as of `find_system`."""
+    """Origin of a class, which is imported in this process; errors as of `find_system`.
+
+    Its imports are those beside it: this process has imported other modules, too.
+    """
     factory = find_system(sut)
     assert factory is not None
     package = _module(factory).partition(".")[0]
     spec = getattr(sys.modules.get(package), "__spec__", None)
     folders = tuple(map(str, getattr(spec, "submodule_search_locations", None) or ()))
-    return ClassOrigin(package, getattr(spec, "origin", None) or "", folders)
+    origin = getattr(spec, "origin", None) or ""
+    beside = os.path.join(os.path.realpath(os.path.dirname(origin)), "")
+    imports = (file for file in files_of_user() if origin and file.startswith(beside))
+    return ClassOrigin(package, origin, folders, tuple(imports))
+
+
+_INSTALLED = tuple({os.path.realpath(each) for each in (sys.prefix, sys.base_prefix)})
+_SOURCE = os.path.realpath(Path(__file__).parents[2])
+_OUR_PACKAGES = tuple(
+    os.path.join(_SOURCE, each, "") for each in ("schemas", "xosc", "xodr", "runner")
+)
+
+
+def files_of_user() -> list[str]:
+    """Files of the imported modules that are neither installed nor the toolchain's."""
+    files = {getattr(module, "__file__", None) or "" for module in list(sys.modules.values())}
+    real = {os.path.realpath(file) for file in files if file}
+    return sorted(file for file in real if not file.startswith((*_INSTALLED, *_OUR_PACKAGES)))
 
 
 def _described(sut: str, limit: float) -> ClassOrigin:
     """Origin of a class, which is imported in a process of its own."""
     from runner.systems.isolation.boundary import facts
 
-    package, origin, folders = facts(split(sut, _own())[0], sut, limit)
-    return ClassOrigin(package, origin, tuple(folders))
+    package, origin, folders, imports = facts(split(sut, _own())[0], sut, limit)
+    return ClassOrigin(package, origin, tuple(folders), tuple(imports))
 
 
 def is_foreign(sut: str) -> bool:

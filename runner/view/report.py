@@ -117,8 +117,8 @@ def _with_earlier(values: dict[str, Any], out: Path, against: Path) -> dict[str,
     address = quote(Path(os.path.relpath(against / REPORT, out)).as_posix())
     return values | {
         "runs": [
-            run | {"before": _before(earlier.get(own))}
-            for run, own in zip(values["runs"], now, strict=True)
+            row | {"before": _before(earlier.get(own), run)}
+            for row, run, own in zip(values["runs"], runs, now, strict=True)
         ],
         "against": {
             "title": against.resolve().name,
@@ -132,12 +132,13 @@ def _identity(run: dict[str, Any], same: Mapping[str, str] = MappingProxyType({}
     return identity(run["file"], run["parameters"], run["seed"], same)
 
 
-def _before(run: dict[str, Any] | None) -> dict[str, Any] | None:
-    return (
-        None
-        if run is None
-        else {"name": run["name"], "state": run["state"], "measures": _values(run)}
-    )
+def _before(run: dict[str, Any] | None, now: dict[str, Any]) -> dict[str, Any] | None:
+    """The run of an earlier batch that corresponds to one of this; None without one."""
+    if run is None:
+        return None
+    changed = run.get("content") != now.get("content")
+    state = {"name": run["name"], "state": run["state"], "changed": changed}
+    return state | {"measures": _values(run)}
 
 
 def _write_pairs(runs: list[dict[str, Any]], out: Path, against: Path) -> None:
@@ -372,6 +373,7 @@ def _cell(run: dict[str, Any], batch: Path, folder: Path) -> dict[str, Any]:
     replay = batch / run["name"] / REPLAY
     return {
         "state": run["state"],
+        "content": run.get("content"),
         "message": run["message"],
         "measure": None if measured is None else [measured[0], rounded(measured[1])],
         "replay": _link(replay, folder) if replay.is_file() else None,

@@ -557,6 +557,11 @@ def digest(content: bytes) -> str:
     return hashlib.blake2b(content, digest_size=6).hexdigest()
 
 
+def fingerprint(content: bytes) -> str:
+    """Digest of a content of which nobody can make a second one (BLAKE2b, 160 bits)."""
+    return hashlib.blake2b(content, digest_size=20).hexdigest()
+
+
 _SEAL = b', "digest": "%s"}'
 
 

@@ -20,7 +20,7 @@ from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.policy import current
 from schemas.common.storage import (
     DRAFT,
-    digest,
+    fingerprint,
     parse_object,
     read_bytes,
     read_object,
@@ -94,7 +94,7 @@ def digests(folder: Path) -> dict[str, str]:
     """Digests of the files in the folder of a run's results, by name; none where it is not there or can't be read."""
     try:
         return {
-            path.name: digest(path.read_bytes())
+            path.name: fingerprint(path.read_bytes())
             for path in sorted(folder.iterdir())
             if path.is_file()
         }

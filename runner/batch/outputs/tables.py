@@ -190,7 +190,7 @@ def write_runs(outcomes: Iterable[Outcome], path: Path) -> None:
 
     Columns: name, file (that the user named), scenario, parameters (a map of texts), seed (null
     unless runs were repeated), state (`passed`, `failed`, `inconclusive`, `error`), verdict (null
-    where there was no run), exit_code, status, end_time (s), message, remarks, causes (names; why a
+    where there was no run), exit_code, content (digest of its files), status, end_time (s), message, remarks, causes (names; why a
     run is inconclusive), evidence (a map of names to values), `CONTACT` of a failed run in which
     the ego touches another participant, and the criticality measures: each extreme with `_time` (s)
     and `_other`, and the shares of RSS violations; null where they are not defined. Units as in
@@ -216,6 +216,7 @@ def _row(outcome: Outcome) -> dict[str, Any]:
         "state": outcome.state,
         "verdict": outcome.state if outcome.state != "error" else None,
         "exit_code": outcome.exit_code,
+        "content": outcome.content,
         "status": outcome.status or None,
         "end_time": outcome.end_time,
         "message": _text(outcome.message),
@@ -272,6 +273,7 @@ def schema() -> pa.Schema:
         "message": text,
         "remarks": pa.list_(text),
     }
+    fields["content"] = text
     fields["causes"] = pa.list_(text)
     fields["evidence"] = pa.map_(text, number)
     fields |= dict(zip(CONTACT, (text, number, number, pa.bool_()), strict=True))

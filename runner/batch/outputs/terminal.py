@@ -209,6 +209,7 @@ class OutcomeTable:
         for kind, runs in kinds.items():
             for outcome in runs[:_LISTED]:
                 was = earlier.was(outcome) or "not in it"
+                was += ", of files that have changed" if earlier.changed(outcome) else ""
                 pages = (
                     replays / outcome.job.name / name for name in _PAGES if replays is not None
                 )

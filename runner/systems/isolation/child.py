@@ -22,7 +22,14 @@ from pathlib import Path
 from typing import Any
 
 import xodr
-from runner.systems import System, class_origin, load_system, system_name
+from runner.systems import (
+    ClassOrigin,
+    System,
+    class_origin,
+    files_of_user,
+    load_system,
+    system_name,
+)
 from runner.systems.base import WorldDriven, parameters_of, plain
 from runner.systems.isolation.frames import FrameConnection, PeerGone
 from runner.systems.isolation.messages import (
@@ -98,7 +105,7 @@ class _Server:
         self._system: System | None = None
         self._reader = ObservationReader(_RoadsOnDemand)
         self._actions: dict[bytes, Callable[[Any], Any]] = {
-            DESCRIBE: lambda request: (class_origin(request["system"]), _files_of_user()),
+            DESCRIBE: self._describe,
             BUILD: self._build,
             RESET: self._reset,
             CLOSE: self._close,
@@ -151,8 +158,12 @@ class _Server:
         return {
             "name": system_name(system),
             "world_driven": isinstance(system, WorldDriven),
-            "files": _files_of_user(),
+            "files": files_of_user(),
         }
+
+    def _describe(self, request: dict[str, Any]) -> tuple[ClassOrigin, list[str]]:
+        origin, files = class_origin(request["system"]), files_of_user()
+        return origin._replace(imports=tuple(files)), files
 
     def _reset(self, request: dict[str, Any]) -> dict[str, Any]:
         self._reader = ObservationReader(_RoadsOnDemand)
@@ -165,18 +176,6 @@ class _Server:
         if end is not None:
             end()
         return parameters_of(self._system)
-
-
-_INSTALLED = tuple({os.path.realpath(each) for each in (sys.prefix, sys.base_prefix)})
-_SOURCE = os.path.realpath(Path(xodr.__file__).parents[1])
-_OURS = tuple(os.path.join(_SOURCE, each, "") for each in ("schemas", "xosc", "xodr", "runner"))
-
-
-def _files_of_user() -> list[str]:
-    """Files of the imported modules that are neither installed nor the toolchain's."""
-    files = {getattr(module, "__file__", None) or "" for module in list(sys.modules.values())}
-    real = {os.path.realpath(file) for file in files if file}
-    return sorted(file for file in real if not file.startswith((*_INSTALLED, *_OURS)))
 
 
 class _RoadsOnDemand(RoadNetwork):

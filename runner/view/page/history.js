@@ -7,12 +7,13 @@ const many = (count, one) => `${count.toLocaleString("en")} ${one}${count === 1 
 const MARKS = { impact_speed: ["m/s impact", 1], min_distance: ["m", 2], min_ttc: ["s TTC", 2] }; // unit, decimals
 const filter = { words: "", kind: "" };
 
-/** What became of a run between two versions: new failure, fixed, still failing, or nothing. */
+/** What became of a run between two versions: new failure (also of changed files), fixed, still failing, or nothing. */
 const fails = cell => cell !== null && cell.state !== "passed";
 function fate(cells) {
   const [before, now] = cells.slice(-2);
   if (before === null || now === null) return before === now ? "" : now ? "added" : "removed";
-  return fails(now) ? (fails(before) ? "still failing" : "new failure") : fails(before) ? "fixed" : "";
+  const known = fails(before) && before.content === now.content && !(now.state === "failed" && before.state !== "failed");
+  return fails(now) ? (known ? "still failing" : "new failure") : fails(before) ? "fixed" : "";
 }
 const changes = cells => new Set(cells.map(cell => cell?.state ?? "")).size > 1;
 const ORDER = ["new failure", "fixed", "still failing", "added", "removed", ""];

@@ -98,6 +98,8 @@ def test_results_are_the_same_bytes_in_one_process_in_two_and_again(
         "trajectories.parquet",
     ]
     assert len(serial) == 30
+    journals = {(tmp_path / name / "runs.jsonl").read_bytes() for name in ("serial", "parallel")}
+    assert len(journals) == 1
     assert files(tmp_path / "parallel") == serial
     assert files(tmp_path / "again") == serial
 

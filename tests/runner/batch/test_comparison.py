@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from runner.batch.batch import BatchComparison, counterparts_of, identity
+from runner.batch.batch import BatchComparison, EarlierRun, counterparts_of, identity
 from runner.batch.jobs import Job, Outcome
 from tests.commands import Command
 from tests.runner.files import place, scenario
@@ -124,6 +126,28 @@ def test_a_file_of_one_name_in_another_folder_hides_no_new_failure(
     assert answer.code == 1 and "1 new, 0 fixed, 1 still failing" in answer.out
 
 
+@pytest.mark.parametrize("file", ["cut_in.xosc", "straight.xodr"])
+def test_a_failure_of_a_file_that_has_changed_is_new(
+    command: Command, tmp_path: Path, file: str
+) -> None:
+    bad, before = scenario(tmp_path, "cut_in", stop=6.0), tmp_path / "before"
+    options = ("--world", "kinematic", "--sut", "none")
+    against = ("--against", before, "--fail-if", "new-failure", "--replay", "--out")
+    assert command("xosc-run", bad, *options, "--out", before).code == 1
+    assert command("xosc-run", bad, *options, *against, tmp_path / "same").code == 0
+    assert changes(tmp_path / "same") == [False]
+    (tmp_path / file).write_text((tmp_path / file).read_text() + "<!-- another -->")
+    answer = command("xosc-run", bad, *options, *against, tmp_path / "changed")
+    assert answer.code == 1 and "1 new, 0 fixed, 0 still failing" in answer.out
+    assert "(before: failed, of files that have changed)" in answer.out
+    assert changes(tmp_path / "changed") == [True]
+
+
+def changes(out: Path) -> list[bool]:
+    """Whether the page says, of each run, that its files have changed."""
+    return [run["before"]["changed"] for run in data_of(out / "report.html")["runs"]]
+
+
 def test_files_of_batches_are_matched_by_path_below_their_root_then_by_a_single_name() -> None:
     assert counterparts_of(["/n/a/x", "/n/b/x"], ["/o/b/x", "/o/a/x"]) == {
         "/n/a/x": "/o/a/x",
@@ -137,7 +161,8 @@ def test_files_of_batches_are_matched_by_path_below_their_root_then_by_a_single_
 
 def test_a_failure_after_an_error_is_new() -> None:
     job = Job("x", Path("/n/x"), Path("/n/x"))
-    earlier = BatchComparison("before", {identity("/n/x", {}, None): "error"})
+    before = {identity("/n/x", {}, None): EarlierRun("error", "1")}
+    earlier = BatchComparison("before", before, lambda job: "1")
     failed, broken = Outcome(job, "failed", 1), Outcome(job, "error", 3)
     earlier.add(failed)
     earlier.add(broken)
@@ -147,3 +172,8 @@ def test_a_failure_after_an_error_is_new() -> None:
 def test_an_empty_name_is_wrong_usage(command: Command) -> None:
     answer = command("xosc-run", "")
     assert answer.code == 2 and "an empty name" in answer.err
+
+
+def data_of(page: Path) -> Any:
+    text = page.read_text(encoding="utf-8").partition('id="data">')[2].partition("</script>")[0]
+    return json.loads(text)

@@ -27,6 +27,9 @@ class Mine:
         return Control()  # {comment}
 """
 
+CATALOGUE = """<OpenSCENARIO><FileHeader revMajor="1" revMinor="3" date="2026-01-01T00:00:00" author="tests" description="test"/>
+<Catalog name="cars"/></OpenSCENARIO>"""
+
 
 class Batch:
     """Three runs in a folder, and which of them are done when it is resumed."""
@@ -87,6 +90,44 @@ def test_an_edited_system_under_test_is_run_anew(
     assert batch.resume(settings)[0] == [0, 1, 2]
     assert batch.resume(settings)[0] == []
     module.write_text(MINE.format(comment="second"))
+    assert batch.resume(settings)[0] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("in_process", [False, True])
+def test_an_edited_module_beside_the_system_is_run_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_process: bool
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    helper = f"helper_of_resumed_{in_process}".lower()
+    (tmp_path / "resumed_main.py").write_text(f"import {helper}\n{MINE.format(comment='')}")
+    module = tmp_path / f"{helper}.py"
+    module.write_text("GAIN = 1.0\n")
+    invalidate_caches()
+    name = f"{tmp_path / 'resumed_main.py'}:Mine"
+    settings = RunSettings(sut=name, world="kinematic", sut_in_process=in_process)
+    batch = Batch(tmp_path)
+    assert batch.resume(settings)[0] == [0, 1, 2]
+    assert batch.resume(settings)[0] == []
+    module.write_text("GAIN = 2.0\n")
+    assert batch.resume(settings)[0] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("changed", ["road", "catalogue"])
+def test_files_of_a_scenario_whose_own_road_is_missing_count(tmp_path: Path, changed: str) -> None:
+    batch = Batch(tmp_path)
+    road, catalogue = tmp_path / "given.xodr", tmp_path / "catalogues" / "cars.xosc"
+    batch.road.rename(road)
+    catalogue.parent.mkdir()
+    catalogue.write_text(CATALOGUE)
+    text = batch.scenario.read_text()
+    locations = '<CatalogLocations><VehicleCatalog><Directory path="catalogues"/></VehicleCatalog></CatalogLocations>'
+    assert "<CatalogLocations/>" in text
+    batch.scenario.write_text(text.replace("<CatalogLocations/>", locations))
+    settings = RunSettings(sut="none", world="kinematic", road=str(road))
+    assert batch.resume(settings)[0] == [0, 1, 2]
+    assert batch.resume(settings)[0] == []
+    path = {"road": road, "catalogue": catalogue}[changed]
+    path.write_text(path.read_text() + "<!-- another -->")
     assert batch.resume(settings)[0] == [0, 1, 2]
 
 

@@ -95,11 +95,14 @@ function history() {
   const { against } = data;
   if (!against) return null;
   const worse = run => run.state !== "passed";
+  const began = run => run.before.state === "passed" || (run.state === "failed" && run.before.state !== "failed");
   const both = data.runs.filter(run => run.before),
+    same = both.filter(run => !run.before.changed),
     kinds = [
-      ["does not pass now, passed before", both.filter(run => worse(run) && run.before.state === "passed")],
-      ["passes now, did not before", both.filter(run => !worse(run) && run.before.state !== "passed")],
-      ["does not pass, as before", both.filter(run => worse(run) && run.before.state !== "passed")],
+      ["fails now, or does not pass now and passed before", same.filter(run => worse(run) && began(run))],
+      ["of files that have changed since", both.filter(run => run.before.changed)],
+      ["passes now, did not before", same.filter(run => !worse(run) && run.before.state !== "passed")],
+      ["does not pass, as before", same.filter(run => worse(run) && !began(run))],
       ["is new", data.runs.filter(run => !run.before)],
     ];
   const earlier = against.report ? el("a", { href: against.report }, against.title) : against.title;
