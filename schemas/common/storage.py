@@ -558,7 +558,7 @@ def digest(content: bytes) -> str:
 
 
 def fingerprint(content: bytes) -> str:
-    """Digest of a content of which nobody can make a second one (BLAKE2b, 160 bits)."""
+    """Digest of a content; no other content with it can be made (BLAKE2b, 160 bits)."""
     return hashlib.blake2b(content, digest_size=20).hexdigest()
 
 
