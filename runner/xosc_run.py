@@ -16,6 +16,7 @@ from runner.batch.options import FailIf, Only, Param, Sample, selection_of
 from runner.judging.measures.measure import NEW_FAILURE
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ExitCode, UsageError, exit_codes, gravest
+from schemas.common.policy import current
 from schemas.common.storage import writing
 from schemas.common.terminal.command_line import (
     AllowInconclusive,
@@ -150,6 +151,7 @@ def xosc_run(
     """Run OpenSCENARIO files on SUMO, by default against an ego with a collision avoidance system."""
     from runner.batch.batch import BatchComparison, run_batch, runnable
     from runner.batch.jobs import jobs_of
+    from runner.batch.journal import SEAL_KEY, seal_key
     from runner.batch.outputs.terminal import OutcomeTable
     from runner.view.rehearsal import rehearse_batch
 
@@ -178,6 +180,9 @@ def xosc_run(
     by_new = NEW_FAILURE in limits
     if by_new and against is None:
         raise UsageError(f"--fail-if {NEW_FAILURE} needs the earlier batch: --against BATCH")
+    if by_new and current().untrusted and seal_key() is None:
+        reason = f"--untrusted does not believe a stored batch, which may hide new failures, without {SEAL_KEY}"
+        raise UsageError(reason, path=against)
     settings = replace(settings, fail_if=tuple(limit for limit in limits if limit != NEW_FAILURE))
     paths, times = runnable(files), None if dry_run else repeat
     earlier = BatchComparison.with_batch(against, paths, settings) if against is not None else None

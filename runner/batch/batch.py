@@ -19,16 +19,14 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runner.batch import inputs, journal
-from runner.batch.jobs import CODES, Job, Jobs, Outcome, assumed, failure
-from runner.batch.outputs import report
+from runner.batch.jobs import Job, Jobs, Outcome, assumed, failure
 from runner.batch.outputs.folder import PICTURE, digests, write_run
+from runner.batch.outputs.outcomes import contradiction, outcome_of
 from runner.batch.outputs.tables import write_runs
 from runner.judging.settings import RunSettings
-from runner.systems.base import SENSOR_RANGE, split
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import current, limited
 from schemas.common.storage import alone
-from schemas.common.terminal.text import one_line, shown
 
 if TYPE_CHECKING:
     from runner.judging.result import RunResult
@@ -81,27 +79,7 @@ def _run(
         for act in also:
             act(result)
     files = digests(out / job.name) if out is not None else {}
-    verdict = result.verdict
-    message, criteria = one_line("; ".join(_reasons(result))), report.criteria(verdict)
-    doubts = dict.fromkeys((*result.remarks, *(cause.text for cause in verdict.causes)))
-    told = [
-        one_line(remark)
-        for remark in doubts
-        if not any(remark in reason for reason in verdict.reasons)
-    ]
-    return Outcome(
-        job, verdict.outcome, CODES[verdict.outcome], message, result.status, result.end_time, measures,
-        impact=report.impact(result) if verdict.failures else None,
-        criteria=criteria, remarks=told, causes=[*dict.fromkeys(cause.name for cause in verdict.causes)],
-        evidence=report.evidence(verdict), files=files,
-    )  # fmt: skip
-
-
-def _reasons(result: RunResult) -> Iterator[str]:
-    """Why the verdict is a failure, and how far the system could see; or why it is inconclusive."""
-    yield from shown(result.verdict.reasons)
-    if result.verdict.failures and SENSOR_RANGE in result.sut_parameters:
-        yield f"{split(result.sut)[0]} sees {result.sut_parameters[SENSOR_RANGE]:g} m"
+    return outcome_of(job, result, measures, files)
 
 
 def print_line(line: str) -> None:
@@ -126,7 +104,9 @@ def run_batch(
 
     With an output folder every finished run is entered in a journal; `resume` takes finished runs
     from there instead of repeating them, as long as nothing that went in has changed and their
-    results are whole. `plot` adds a picture to the results of each. Finished runs without that, or
+    results are whole. They are believed if the user's key has sealed them (see
+    `runner.batch.journal`), else if their outcomes follow from their trajectories and results, and
+    under --untrusted not at all. `plot` adds a picture to the results of each. Finished runs without that, or
     without one of the files that `needs` names, are repeated too. Each of `also` gets the result of
     every run that is done, in the process that has done it. `tell` is called with a line about
     finished runs that are repeated.
@@ -152,8 +132,10 @@ def run_batch(
     with alone(out, "a batch"), _writable(out):
         needed = (*needs, PICTURE) if plot else tuple(needs)
         kept = journal.begin(out, settings.as_json(), resume, given, _sources(jobs), tell, needed)
+        believed = partial(_believed, out=out, settings=settings, sealed=kept.sealed, tell=tell)
         known = (
-            job if isinstance(job, Outcome) else _finished(job, kept.done) or job for job in jobs
+            job if isinstance(job, Outcome) else _finished(job, kept.done, believed) or job
+            for job in jobs
         )
         work = partial(execute, **how, shared=shared)
         errors: dict[str, Outcome] = {}
@@ -242,13 +224,27 @@ def each(
             yield outcome
 
 
-def _finished(job: Job, done: dict[str, Outcome]) -> Outcome | None:
+def _finished(
+    job: Job, done: dict[str, Outcome], believed: Callable[[Outcome], bool]
+) -> Outcome | None:
     outcome = done.get(job.name)
     if outcome is not None and outcome.job != job:
         raise UsageError(
             f"{job.name} was run from another file or with other parameters; resume with the same"
         )
-    return outcome
+    return outcome if outcome is not None and believed(outcome) else None
+
+
+def _believed(
+    outcome: Outcome, out: Path, settings: RunSettings, sealed: bool, tell: Callable[[str], None]
+) -> bool:
+    """Whether a finished run is sealed, or follows from its files; `tell` says which does not."""
+    if sealed:
+        return True
+    fault = contradiction(outcome, out / outcome.job.name, settings)
+    if fault:
+        tell(f"1 finished run {fault}: run anew ({outcome.job.name})")
+    return not fault
 
 
 def lost(job: Job, signal_number: int | None = None) -> Outcome:
@@ -358,7 +354,7 @@ class BatchComparison:
     def with_batch(
         cls, folder: Path, files: Iterable[Path], settings: RunSettings
     ) -> BatchComparison:
-        """With the batch of an output folder.
+        """With the batch of an output folder; with the user's key only runs that it has sealed count.
 
         Args:
             files, settings: of the batch that is compared.
@@ -366,7 +362,12 @@ class BatchComparison:
         Raises:
             UsageError: the folder is not that of a batch.
         """
-        earlier = [*journal.finished(folder).outcomes.values()]
+        key = journal.seal_key()
+        earlier = [
+            each
+            for each in journal.finished(folder).outcomes.values()
+            if key is None or journal.is_sealed(each, key)
+        ]
         runs = {_key(each.job): EarlierRun(each.state, each.content) for each in earlier}
         same = counterparts_of(files, [each.job.source for each in earlier])
         content = partial(inputs.content_of, run=settings)

@@ -89,6 +89,7 @@ class Outcome:
         inputs: digest of all that decided what the run gave (with an output folder).
         content: digest of its files alone: scenario, distribution, roads and catalogues.
         files: digests of the files in the folder of its results, by name.
+        seal: of the journal, by the user's key.
     """
 
     job: Job
@@ -107,6 +108,45 @@ class Outcome:
     inputs: str = ""
     content: str = ""
     files: dict[str, str] = field(default_factory=dict)
+    seal: str = ""
+
+
+_OF_ERRORS = {ExitCode.USAGE, ExitCode.INVALID, ExitCode.UNSUPPORTED, ExitCode.INTERNAL}
+
+
+def is_sound(outcome: Outcome) -> bool:
+    """Whether an outcome from a file, which may be edited, has values of its types, and an exit code of its state.
+
+    Raises:
+        TypeError, KeyError, AttributeError, ValueError: it has not even their structure.
+    """
+    job, impact = outcome.job, outcome.impact
+    texts = [outcome.message, outcome.status, outcome.inputs, outcome.content, outcome.seal]
+    texts += [job.label, *outcome.remarks, *outcome.causes]
+    numbers = [outcome.end_time, job.seed]
+    for mapping in (job.parameters, outcome.files):
+        texts += [*mapping.keys(), *mapping.values()]
+    for name, value in outcome.measures.items():
+        extreme = value if isinstance(value, dict) else {"value": value}
+        texts += [name, extreme.get("other") or ""]
+        numbers += [extreme["value"], extreme.get("time")]
+    for each in outcome.evidence:
+        texts += [each["name"], each["unit"], *each["texts"]]
+        numbers += [each["value"], each["planned"], each["least"]]
+    for each in outcome.criteria:
+        texts += [each["name"], each["entity"], each["result"], each["reason"]]
+    if impact is not None:
+        x, y = impact["point"]
+        texts += [impact["side"], impact["other"]]
+        numbers += [x, y, *(impact[name] for name in ("speed", "delta_v", "risk", "time"))]
+    typed = all(isinstance(text, str) for text in texts)
+    typed &= all(isinstance(number, int | float | None) for number in numbers)
+    is_error = outcome.state == "error"
+    return typed and (
+        outcome.exit_code in _OF_ERRORS
+        if is_error
+        else CODES.get(outcome.state) == outcome.exit_code
+    )
 
 
 def jobs_of(

@@ -1,18 +1,28 @@
-"""Journal of a batch in its output folder: finished runs, entered after their results are synced to disk."""
+"""Journal of a batch in its output folder: finished runs, entered after their results are synced to disk.
+
+Where the environment variable XOSC_SEAL_KEY has a key, each entry is sealed by it (HMAC, SHA-256),
+and with it the digests of all that went into the run and of its files. An entry without the seal
+does not count then.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import hmac
+import json
+import os
 import shutil
 import time
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from runner.batch.jobs import FLEETING, Job, Outcome
+from runner.batch.jobs import FLEETING, Job, Outcome, is_sound
 from runner.batch.outputs.folder import RESULT, digests
 from runner.batch.outputs.report import finite
 from schemas.common.errors import UsageError
+from schemas.common.policy import current
 from schemas.common.storage import (
     DRAFT,
     Records,
@@ -35,11 +45,48 @@ _GROUP = 1.0
 """Time (s) in which finished runs are gathered: a disk syncs the files of many in little more time than those of one"""
 
 
+SEAL_KEY = "XOSC_SEAL_KEY"
+"""Environment variable with the key that seals entries"""
+_SHORTEST_KEY = 16
+"""Characters of a key at least"""
+
+
+def seal_key() -> bytes | None:
+    """The user's key; None where there is none.
+
+    Raises:
+        UsageError: it is too short to be a secret.
+    """
+    key = os.environ.get(SEAL_KEY, "").strip()
+    if key and len(key) < _SHORTEST_KEY:
+        raise UsageError(f"{SEAL_KEY} is too short: a key has {_SHORTEST_KEY} characters or more")
+    return key.encode("utf-8", "surrogateescape") or None
+
+
+def sealed(outcome: Outcome, key: bytes) -> Outcome:
+    """The outcome with its seal."""
+    entry = {name: value for name, value in _entry(outcome).items() if name != "seal"}
+    content = json.dumps(entry, sort_keys=True, allow_nan=False).encode()
+    return replace(outcome, seal=hmac.new(key, content, hashlib.sha256).hexdigest())
+
+
+def is_sealed(outcome: Outcome, key: bytes) -> bool:
+    """Whether an outcome has the seal of a key."""
+    return hmac.compare_digest(str(outcome.seal).encode(), sealed(outcome, key).seal.encode())
+
+
 class Finished(NamedTuple):
-    """Finished runs of a batch by name, and the numbers of the journal's lines that are damaged."""
+    """Finished runs of a batch.
+
+    Attributes:
+        outcomes: by name.
+        damaged: numbers of the journal's lines that are damaged.
+        foreign: number of entries that no run of this version has made.
+    """
 
     outcomes: dict[str, Outcome]
     damaged: list[int]
+    foreign: int
 
 
 class Journal:
@@ -54,10 +101,12 @@ class Journal:
 
     Attributes:
         done: outcomes of the runs that were finished before, by name.
+        sealed: whether their entries are sealed by the user's key.
     """
 
     def __init__(self, out: Path, done: dict[str, Outcome]) -> None:
-        self.done = done
+        self.done, self._key = done, seal_key()
+        self.sealed = self._key is not None
         self._out, self._records = out, Records(out / _JOURNAL)
         self._waiting: list[Outcome] = []
         self._taken: set[str] = set()
@@ -75,7 +124,7 @@ class Journal:
         if outcome.job.name in self._taken:
             return
         self._taken.add(outcome.job.name)
-        self._waiting.append(outcome)
+        self._waiting.append(outcome if self._key is None else sealed(outcome, self._key))
         if time.monotonic() - self._flushed >= _GROUP:
             self.flush()
 
@@ -149,7 +198,7 @@ def begin(
             if (fault := _fault(out, each, inputs, needs))
         }
         done = {name: each for name, each in before.outcomes.items() if name not in faults}
-        _tell(faults, before.damaged, records.path, tell)
+        _tell(faults, before, records.path, tell)
         clear_drafts(out)
     write_object(settings, manifest)
     records.replace(map(_entry, done.values()))
@@ -173,10 +222,15 @@ def _refuse_others(out: Path, before: Iterable[Outcome], sources: Collection[Pat
 
 def _fault(out: Path, outcome: Outcome, inputs: Callable[[Job], str], needs: Sequence[str]) -> str:
     """Why a run that was entered does not count as finished; empty where it does."""
+    key = seal_key()
+    if current().untrusted and key is None:
+        return f"that --untrusted does not believe without {SEAL_KEY}"
     if outcome.status in FLEETING:
         return f"ended by {FLEETING[outcome.status]}"
     if outcome.inputs != inputs(outcome.job):
         return "of files, a system or a toolchain that have changed"
+    if key is not None and not is_sealed(outcome, key):
+        return f"without the seal of {SEAL_KEY}"
     found = digests(out / outcome.job.name)
     if any(found.get(name) != digest for name, digest in outcome.files.items()):
         return "with results that are damaged or missing"
@@ -188,15 +242,19 @@ def _fault(out: Path, outcome: Outcome, inputs: Callable[[Job], str], needs: Seq
 
 
 def _tell(
-    faults: dict[str, str], damaged: list[int], journal: Path, tell: Callable[[str], None]
+    faults: dict[str, str], before: Finished, journal: Path, tell: Callable[[str], None]
 ) -> None:
     for fault in sorted(set(faults.values())):
         names = [name for name, each in faults.items() if each == fault]
         tell(
             f"{many(len(names), 'finished run')} {fault}: run anew ({names[0]}{', …' if len(names) > 1 else ''})"
         )
-    if damaged:
-        tell(f"{journal}:{damaged[0]}: {many(len(damaged), 'line')} damaged: the runs are run anew")
+    if before.damaged:
+        lines = many(len(before.damaged), "line")
+        tell(f"{journal}:{before.damaged[0]}: {lines} damaged: the runs are run anew")
+    if before.foreign:
+        entries = many(before.foreign, "entry", "entries")
+        tell(f"{journal}: {entries} that no run makes: the runs are run anew")
 
 
 def _entry(outcome: Outcome) -> dict[str, Any]:
@@ -265,22 +323,23 @@ def finished(out: Path) -> Finished:
         ) from None
     restored = [_outcome(record) for record in kept.records]
     outcomes = {each.job.name: each for each in restored if each is not None}
-    return Finished(outcomes, kept.damaged)
+    return Finished(outcomes, kept.damaged, restored.count(None))
 
 
 def _outcome(entry: dict[str, Any]) -> Outcome | None:
     """The outcome of an entry; None where it is one of another version."""
     try:
         job = entry.pop("job")
-        if not _is_folder_name(job["name"]):
+        if not is_folder_name(job["name"]):
             return None
         restored = Job(**{**job, "source": Path(job["source"]), "scenario": Path(job["scenario"])})
-        return Outcome(restored, **entry)
+        outcome = Outcome(restored, **entry)
+        return outcome if is_sound(outcome) else None
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
 
 
-def _is_folder_name(name: str) -> bool:
+def is_folder_name(name: str) -> bool:
     """Whether the name of a job is that of one folder: results of an edited journal must not lie outside of its folder."""
     return name not in ("", ".", "..") and not any(sign in name for sign in "/\\:\0")
 

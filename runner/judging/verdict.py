@@ -83,14 +83,8 @@ def red_light_remarks(
         yield f"{ego.name} {found.reason}; the scenario has no criterion for that"
 
 
-def apply_limits(result: RunResult, limits: Sequence[Limit], least: Mapping[str, float]) -> None:
-    """Fail a run by the limits that it does not keep; limits without a value leave it inconclusive.
-
-    Args:
-        least: least values of evidence by name.
-    """
-    if not limits:
-        return
+def exceeded(result: RunResult, limits: Sequence[Limit]) -> tuple[str, ...]:
+    """Why a run fails by limits; empty where it keeps them."""
     criticality = result.criticality
     own = [entry for entry in result.events if entry.subject == result.ego]
     facts = Facts(
@@ -99,7 +93,18 @@ def apply_limits(result: RunResult, limits: Sequence[Limit], least: Mapping[str,
         result.status,
         result.end_time,
     )
-    reasons = tuple(reason for limit in limits if (reason := limit.reason(facts)))
+    return tuple(reason for limit in limits if (reason := limit.reason(facts)))
+
+
+def apply_limits(result: RunResult, limits: Sequence[Limit], least: Mapping[str, float]) -> None:
+    """Fail a run by the limits that it does not keep; limits without a value leave it inconclusive.
+
+    Args:
+        least: least values of evidence by name.
+    """
+    if not limits:
+        return
+    criticality, reasons = result.criticality, exceeded(result, limits)
     roadless = result.recording.network is None
     shares = {
         limit.text: 0.0 if roadless and limit.needs_road else limit.defined(criticality)

@@ -179,6 +179,8 @@ def runs_of(out: Path) -> list[dict[str, Any]]:
         wrong = _unusable(table)
     except (OSError, ValueError, pa.ArrowException) as error:
         raise InvalidFile(f"the table of runs can't be read: {reason(error)}", path=path) from None
+    if not wrong and not all(map(journal.is_folder_name, table["name"].to_pylist())):
+        wrong = "a name of a run names no folder"
     if wrong:
         raise InvalidFile(f"this is not the table of runs of a batch: {wrong}", path=path)
     runs: list[dict[str, Any]] = table.to_pylist()

@@ -185,6 +185,9 @@ def _report(batch: Path, against: Path | None) -> Path:
     finished, faults = journal.finished(batch), list[InvalidFile]()
     for name in sorted(finished.outcomes):
         folder = batch / name
+        if folder.is_symlink():  # it leads to another folder, of which nobody has spoken
+            print(f"{NAME}: no replay of {name}: its folder is a symbolic link", file=sys.stderr)
+            continue
         if (folder / RESULT).is_file() and not (folder / REPLAY).exists():
             try:
                 with limited():

@@ -538,6 +538,10 @@ def _presence(run: Observed) -> Count | None:
     return _share(len(known) - len(found), len(known), found.values())
 
 
+_LARGEST_RESERVE = 1000.0
+"""Largest value of `reserve`: a contact that hardly any braking avoids gives a number without end"""
+
+
 @_row(
     "reserve",
     "open-end",
@@ -551,7 +555,11 @@ def _reserve(run: Observed) -> Count | None:
     if contact.after == math.inf or run.ego is None:
         return None
     text = f"the run ended at {run.sim.time:.2f} s, {contact.after:.2f} s before {run.ego.name} would touch"
-    return Count(contact.reserve, None, (f"{text} {contact.other} at {contact.speed:.2f} m/s",))
+    return Count(
+        min(contact.reserve, _LARGEST_RESERVE),
+        None,
+        (f"{text} {contact.other} at {contact.speed:.2f} m/s",),
+    )
 
 
 @_row(
