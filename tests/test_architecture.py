@@ -50,15 +50,6 @@ KEPT_ARROWS = {
         "runner.engine.compile.compiler",
         "runner.judging.criteria.criterion",
     ): "criteria are declared in stop triggers",
-    ("runner.systems.outside.osmp", "runner.exchange.exports.osi"): "OSI messages of one moment",
-    (
-        "runner.systems.outside.osmp",
-        "runner.exchange.exports.osi_lanes",
-    ): "OSI messages of one moment",
-    (
-        "runner.systems.outside.osmp",
-        "runner.exchange.exports.osi_signals",
-    ): "OSI messages of one moment",
 }
 """Arrows against the order, each with its reason; new ones are to be turned round instead"""
 MOST_FILES = 450

@@ -192,16 +192,6 @@ def _fill_base(base: Any, place: SignalPlace, width: float, height: float, z: fl
 
 # lamps of vehicles ---------------------------------------------------------------------------
 
-_GENERIC = {
-    "fogLights": ("front_fog_light", "rear_fog_light"), "fogLightsFront": ("front_fog_light",),
-    "fogLightsRear": ("rear_fog_light",), "highBeam": ("high_beam",), "lowBeam": ("head_light",),
-    "reversingLights": ("reversing_light",), "licensePlateIllumination": ("license_plate_illumination_rear",),
-    "daytimeRunningLights": ("tail_light",),
-}  # fmt: skip
-"""OSI's lights by OpenSCENARIO's"""
-_INDICATORS = {"indicatorLeft": "LEFT", "indicatorRight": "RIGHT", "warningLights": "WARNING"}
-_BLUE = {"ambulance", "fire", "police"}
-
 
 class VehicleLights:
     """Lights of all vehicles of a run over time.
@@ -224,37 +214,3 @@ class VehicleLights:
         history: Sequence[tuple[float, Mapping[str, str]]] = self._history.get(name, ())
         index = bisect_right(history, time + 1e-9, key=itemgetter(0)) - 1
         return history[index][1] if index >= 0 else {}
-
-
-def fill_lights(state: Any, modes: Mapping[str, str], role: str = "") -> None:
-    """Fill a LightState with the lights that the scenario has set; all others stay unknown.
-
-    Args:
-        modes: on, off or flashing by OpenSCENARIO's light.
-        role: of the vehicle, for the colour of its special lights; amber without one.
-    """
-
-    def value(field: str, name: str) -> None:
-        enum = state.DESCRIPTOR.fields_by_name[field].enum_type
-        setattr(state, field, enum.values_by_name[name].number)
-
-    for light, mode in modes.items():
-        generic = {"on": "ON", "off": "OFF"}.get(mode, "OTHER")
-        for field in _GENERIC.get(light, ()):
-            value(field, f"GENERIC_LIGHT_STATE_{generic}")
-        if light == "brakeLights":
-            value("brake_light_state", f"BRAKE_LIGHT_STATE_{'OFF' if mode == 'off' else 'NORMAL'}")
-        if light == "specialPurposeLights":
-            field = (
-                "emergency_vehicle_illumination"
-                if role in _BLUE
-                else "service_vehicle_illumination"
-            )
-            colour = "FLASHING_BLUE" if role in _BLUE else "FLASHING_AMBER"
-            value(field, f"GENERIC_LIGHT_STATE_{colour if mode == 'flashing' else generic}")
-    lit = [word for light, word in _INDICATORS.items() if modes.get(light, "off") != "off"]
-    if lit:
-        both = set(lit) >= {"LEFT", "RIGHT"} or "WARNING" in lit
-        value("indicator_state", f"INDICATOR_STATE_{'WARNING' if both else lit[0]}")
-    elif _INDICATORS.keys() & modes.keys():
-        value("indicator_state", "INDICATOR_STATE_OFF")
