@@ -46,10 +46,6 @@ KEPT_ARROWS = {
         "schemas.xosc_check",
         "runner.view.rehearsal",
     ): "--triage plays files; all else of the command needs no runner",
-    (
-        "runner.engine.compile.compiler",
-        "runner.judging.criteria.criterion",
-    ): "criteria are declared in stop triggers",
 }
 """Arrows against the order, each with its reason; new ones are to be turned round instead"""
 MOST_FILES = 450

@@ -15,6 +15,7 @@ from runner.engine.compile.compiler import Scenario, compile_scenario
 from runner.engine.participants.scenario_objects import controller_remarks
 from runner.engine.storyboard.departures import Departures, absences, egoless, jolts, standstill
 from runner.engine.storyboard.simulation import Simulation
+from runner.judging.criteria.criterion import Criterion, declared
 from runner.judging.evidence.least import collect, missing
 from runner.judging.evidence.progress import idleness, untested_remarks
 from runner.judging.evidence.rows import Observed, not_driven
@@ -47,10 +48,12 @@ class Compiled:
     Args:
         scenario: what the file was compiled to.
         parameters: the values that it was given.
+        criteria: declared in its stop triggers, for its ego.
     """
 
     scenario: Scenario
     parameters: Mapping[str, Argument]
+    criteria: tuple[Criterion, ...] = ()
 
     def ego(self, name: str | None = None) -> Entity | None:
         """The ego: the entity of that name, or else found by `runner.systems.drivers.find_ego`."""
@@ -73,9 +76,9 @@ def compile_file(
     )
     network, assumed = load_roads(document, settings.road, settings.road_path, settings.strict)
     document = replace(document, remarks=(*document.remarks, *assumed))
-    return Compiled(
-        compile_scenario(document, network, strict=settings.strict), dict(parameters or {})
-    )
+    compiled = compile_scenario(document, network, strict=settings.strict)
+    criteria = declared(document.node.need("Storyboard"))
+    return Compiled(compiled, dict(parameters or {}), criteria)
 
 
 _AFTER_COLLISION = 1.0
@@ -259,7 +262,9 @@ class Session:
         recording = sim.recorder.recording()
         driven = ego if system is not None else None
         asked = system_name(self.settings.sut)
-        criteria = results_of_criteria(compiled, sim.contacts, recording, ego)
+        criteria = results_of_criteria(
+            self._compiled.criteria, compiled, sim.contacts, recording, ego
+        )
         observed = Observed(compiled, sim, recording, self._departures, ego, asked, criteria)
         verdict = judge(sim.contacts, ego, criteria, collect(observed, self.settings.least_values))
         sut = asked if ego is not None else "none"
@@ -288,8 +293,8 @@ class Session:
             *idleness(compiled.storyboard, sim),
             *untested_remarks(sim),
             *not_driven(observed),
-            *criteria_remarks(compiled.criteria),
-            *red_light_remarks(compiled, recording, ego),
+            *criteria_remarks(self._compiled.criteria),
+            *red_light_remarks(self._compiled.criteria, compiled, recording, ego),
         )
         result = RunResult(
             scenario=compiled.path,
@@ -400,6 +405,7 @@ class Prepared(Compiled):
     Args:
         scenario: what the file was compiled to.
         parameters: the values that it was given.
+        criteria: declared in its stop triggers, for its ego.
 
     Example:
         >>> import xosc_toolchain as xt
@@ -459,4 +465,4 @@ def prepare(
         {'CutIn_Gap_m': 12}
     """
     compiled = compile_file(scenario, parameters, replace(settings or RunSettings(), **changes))
-    return Prepared(compiled.scenario, compiled.parameters)
+    return Prepared(compiled.scenario, compiled.parameters, compiled.criteria)

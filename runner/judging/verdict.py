@@ -49,14 +49,18 @@ def judge(
 
 
 def results_of_criteria(
-    scenario: Scenario, contacts: Contacts, recording: Recording, ego: Entity | None
+    criteria: Sequence[Criterion],
+    scenario: Scenario,
+    contacts: Contacts,
+    recording: Recording,
+    ego: Entity | None,
 ) -> tuple[CriterionResult, ...]:
     """Results of the scenario's criteria for its ego and all others that it calls so."""
-    if not scenario.criteria:
+    if not criteria:
         return ()
     egos = [each.name for each in scenario.entities.values() if each is ego or is_called_ego(each)]
     lights = light_states(scenario.signals.history)
-    return judge_criteria(scenario.criteria, egos, recording, contacts.history, lights)
+    return judge_criteria(criteria, egos, recording, contacts.history, lights)
 
 
 def criteria_remarks(criteria: Sequence[Criterion]) -> tuple[str, ...]:
@@ -67,13 +71,13 @@ def criteria_remarks(criteria: Sequence[Criterion]) -> tuple[str, ...]:
 
 
 def red_light_remarks(
-    scenario: Scenario, recording: Recording, ego: Entity | None
+    criteria: Sequence[Criterion], scenario: Scenario, recording: Recording, ego: Entity | None
 ) -> Iterator[str]:
     """A sentence on an ego that ran a red light, if no criterion of the scenario judges that."""
     if ego is None or not scenario.signals.history:
         return
     kind = kinds()["runningredlighttest"]
-    if any(each.kind is kind for each in scenario.criteria):
+    if any(each.kind is kind for each in criteria):
         return
     criterion = Criterion(kind.name, kind, {}, 0.0, "")
     (found,) = judge_criteria(

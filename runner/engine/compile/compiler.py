@@ -29,7 +29,6 @@ from runner.engine.storyboard.storyboard import (
 )
 from runner.engine.storyboard.triggers import OneShotCondition, TimedCondition, Trigger
 from runner.engine.worlds.surroundings import TrafficSignals
-from runner.judging.criteria.criterion import Criterion, declared
 from schemas.checks.structure import SCHEMA_UID
 from schemas.common.remarks import Remark, Remarks, with_ignored
 from xosc.document.node import Node
@@ -86,8 +85,6 @@ class Scenario:
     activated: frozenset[str] = frozenset()
     """names of entities whose controller the scenario activates or deactivates at some time"""
     signals: TrafficSignals = field(default_factory=TrafficSignals)
-    criteria: tuple[Criterion, ...] = ()
-    """what its ego is judged by, from its stop triggers"""
     violations: tuple[ToolchainError, ...] = ()
     """parameter values outside their constraint groups, where that is allowed"""
     observers: tuple[Callable[[Run], None], ...] = ()
@@ -290,7 +287,6 @@ def compile_scenario(
         monitors=context.monitors,
         activated=_activated(context.storyboard),
         signals=context.signals,
-        criteria=declared(document.node.need("Storyboard")),
         violations=document.violations,
         observers=tuple(context.observers),
         remarks=context.remarks.found,

@@ -571,7 +571,7 @@ def _reserve(run: Observed) -> Count | None:
     "a criterion has an unknown name, or lacks its value, its participant, its roads, or time",
 )
 def _criteria(run: Observed) -> Count | None:
-    if not run.scenario.criteria:
+    if not run.criteria:
         return None
     open_ones = [result for result in run.criteria if result.passed is None]
     texts = [f"not judged: {result}" for result in open_ones]
