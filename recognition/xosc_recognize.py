@@ -28,9 +28,8 @@ from schemas.common.terminal.command_line import (
     progress_bar,
     protected,
     say,
-    writable_folder,
 )
-from schemas.common.terminal.options import option, with_settings
+from schemas.common.terminal.options import option, with_settings, writable_folder
 
 if TYPE_CHECKING:
     from recognition.catalogue.pipeline import Recogniser, Summary

@@ -31,7 +31,7 @@ from schemas.common.terminal.command_line import (
     out_folder,
     protected,
 )
-from schemas.common.terminal.options import explain, parameters_of, with_settings
+from schemas.common.terminal.options import READ, WRITTEN, explain, parameters_of, with_settings
 
 if TYPE_CHECKING:
     from runner.batch.batch import Also, BatchComparison
@@ -55,6 +55,7 @@ app = new_app()
 
 Files = Annotated[
     list[str],
+    READ,
     typer.Argument(
         metavar="PATH...",
         help="Scenarios, and distributions: every parameter set is run; folders, globs.",
@@ -68,6 +69,7 @@ Repeat = Annotated[
 ]
 Osi = Annotated[
     Path | None,
+    WRITTEN,
     typer.Option(
         metavar="FILE", help="Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap."
     ),
@@ -129,7 +131,7 @@ def xosc_run(
     ] = False,
     overwrite: Overwrite = False,
     junit: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a JUnit report.")
+        Path | None, WRITTEN, typer.Option(metavar="FILE", help="Write a JUnit report.")
     ] = None,
     junit_inconclusive: Annotated[
         Literal["skipped", "error"],

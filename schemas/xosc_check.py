@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,6 +12,7 @@ import typer
 
 from schemas.checks import LEVELS, Problem
 from schemas.common.errors import ExitCode, UsageError, exit_codes
+from schemas.common.packages import offered
 from schemas.common.terminal.command_line import (
     CatalogPath,
     RoadPath,
@@ -25,6 +25,7 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
+from schemas.common.terminal.options import READ, WRITTEN
 from schemas.common.terminal.text import one_line
 
 _STYLES = {"error": "bold red", "warning": "yellow", "info": "cyan"}
@@ -37,8 +38,6 @@ _EPILOG = exit_codes(
     "all files are accepted (no error; with --strict no warning either)", "some are not"
 )
 
-_TRIAGE = "runner.view.rehearsal"
-"""Module of --triage, loaded by its name: it plays files, which is a floor above"""
 _TRIAGED = ("text", "json", "html")
 """Formats of --triage"""
 
@@ -60,6 +59,7 @@ def _print_rules(requested: bool) -> None:
 def xosc_check(
     paths: Annotated[
         list[str],
+        READ,
         typer.Argument(metavar="PATH...", help="Files, folders (with all below them) and globs."),
     ],
     format: Annotated[
@@ -67,7 +67,7 @@ def xosc_check(
         typer.Option(help="Format of the report; html of --triage."),
     ] = "text",
     output: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the report to a file.")
+        Path | None, WRITTEN, typer.Option(metavar="FILE", help="Write the report to a file.")
     ] = None,
     severity: Annotated[
         Literal["error", "warning", "info"],
@@ -136,7 +136,11 @@ def _triaged(
     quiet: bool,
 ) -> bool:
     """Write the triage of files; whether one is refused."""
-    module = import_module(_TRIAGE)
+    try:
+        module = offered("triage")
+    except KeyError:
+        told = "--triage plays files, which needs the whole toolchain: call xosc-check"
+        raise UsageError(told) from None
     with progress_bar("trying", len(paths), quiet) as advance:
         found = []
         for file in module.triage(paths, catalog_path, road_path):

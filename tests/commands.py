@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
 from typing import NamedTuple
 
 from xosc_toolchain.start import MODULES as SCRIPTS
+from xosc_toolchain.start import load
+
+__all__ = ["SCRIPTS", "Answer", "Command", "main"]
 
 
 class Answer(NamedTuple):
@@ -22,5 +24,5 @@ Command = Callable[..., Answer]
 
 def main(name: str) -> Callable[[], None]:
     """The function that is started as a command."""
-    function: Callable[[], None] = import_module(SCRIPTS[name]).main
+    function: Callable[[], None] = load(name).main
     return function

@@ -42,10 +42,6 @@ BESIDE_ROOMS = {"runner.recording": "who was where when; the engine writes it, a
 KEPT_ARROWS = {
     ("schemas.checks.registry", "xosc.rules"): "rules are kinds: they are found in their folders",
     ("schemas.checks.registry", "xodr.rules"): "rules are kinds: they are found in their folders",
-    (
-        "schemas.xosc_check",
-        "runner.view.rehearsal",
-    ): "--triage plays files; all else of the command needs no runner",
 }
 """Arrows against the order, each with its reason; new ones are to be turned round instead"""
 MOST_FILES = 450

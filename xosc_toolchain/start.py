@@ -11,6 +11,7 @@ import os
 import signal
 from functools import partial
 from importlib import import_module
+from types import ModuleType
 
 MODULES = {
     "xosc": "xosc_toolchain.xosc",
@@ -25,9 +26,20 @@ MODULES = {
     "xosc-road": "xodr.formats.maps.xosc_road",
 }
 """The module with the function `main` of each command"""
+OFFERED = {"triage": "runner.view.rehearsal:"}
+"""Code that commands of lower floors ask for by name; see `schemas.common.packages.offer`"""
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 _SIGNALLED = 128
 _STANDARD_ERROR = 2
+
+
+def load(name: str) -> ModuleType:
+    """Import a command's module, and offer it what higher floors bring."""
+    module = import_module(MODULES[name])
+    from schemas.common.packages import offer  # takes time, in which signals are answered now
+
+    offer(OFFERED)
+    return module
 
 
 def start(name: str) -> None:
@@ -38,7 +50,7 @@ def start(name: str) -> None:
             signal.default_int_handler,
         ):  # nohup ignores it
             signal.signal(number, partial(_end, name))
-    main = import_module(MODULES[name]).main
+    main = load(name).main
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     main()

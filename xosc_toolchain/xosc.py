@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from importlib import import_module
 from typing import Annotated, Any
 
 import typer
@@ -11,7 +10,7 @@ from typer.core import TyperGroup
 
 from schemas.common.errors import UsageError, exit_codes
 from schemas.common.terminal.command_line import Verbose, Version, guarded, new_app
-from xosc_toolchain.start import MODULES
+from xosc_toolchain.start import load
 
 NAME = "xosc"
 COMMANDS = {
@@ -40,7 +39,7 @@ class _Commands(TyperGroup):
         """A command; its module is imported where more than its name is asked for."""
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
-        command = typer.main.get_command(import_module(MODULES[f"{NAME}-{cmd_name}"]).app)
+        command = typer.main.get_command(load(f"{NAME}-{cmd_name}").app)
         command.name = cmd_name
         return command
 
@@ -88,7 +87,7 @@ def main() -> None:
     if len(sys.argv) > 1 and sys.argv[1] in COMMANDS:
         command = sys.argv.pop(1)
         sys.argv[0] = f"{NAME} {command}"
-        import_module(MODULES[f"{NAME}-{command}"]).main()
+        load(f"{NAME}-{command}").main()
     guarded(NAME, app)
 
 

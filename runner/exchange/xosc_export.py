@@ -26,7 +26,7 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
-from schemas.common.terminal.options import parameters_of, with_settings
+from schemas.common.terminal.options import READ, parameters_of, with_settings
 from schemas.common.terminal.text import shown
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ def _print_targets(wanted: bool) -> None:
 def xosc_export(
     paths: Annotated[
         list[str],
+        READ,
         typer.Argument(
             metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs."
         ),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from runner.judging.measures.measure import Limit
 from schemas.common.errors import UsageError
-from schemas.common.terminal.options import CATALOG_PATH, ROAD_PATH, option
+from schemas.common.terminal.options import CATALOG_PATH, READ, ROAD_PATH, option
 
 if TYPE_CHECKING:
     from runner.systems import System
@@ -124,18 +124,21 @@ class RunSettings:
     road: str | None = option(
         None,
         "Where the road network is missing: an OpenDRIVE file; auto: straight roads as the positions use them.",
+        files=READ,
         metavar="FILE|auto",
     )
     road_path: tuple[str, ...] = option(
         (),
         ROAD_PATH,
         "--road-path",
+        files=READ,
         metavar="DIR",
     )
     catalog_path: tuple[str, ...] = option(
         (),
         CATALOG_PATH,
         "--catalog-path",
+        files=READ,
         metavar="DIR",
     )
 

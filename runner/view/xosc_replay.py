@@ -22,6 +22,7 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
+from schemas.common.terminal.options import WRITTEN
 from schemas.common.terminal.text import many
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ def xosc_replay(
     ],
     out: Annotated[
         Path | None,
+        WRITTEN,
         typer.Option(
             metavar="FILE",
             help="File to write: .html, .png, .gif, or .mp4 by ffmpeg."

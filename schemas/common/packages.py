@@ -228,20 +228,20 @@ def offer(homes: Mapping[str, str]) -> None:
     A package that stands above both sides calls this when it is imported.
 
     Args:
-        homes: `module:function` by the name that the caller uses.
+        homes: `module:function`, or `module:` for all of it, by the name that the caller uses.
     """
     _OFFERED.update(homes)
 
 
-def offered(name: str) -> Callable[..., Any]:
-    """The function that was offered under a name; its module is imported now.
+def offered(name: str) -> Any:
+    """The function or module that was offered under a name; it is imported now.
 
     Raises:
         KeyError: no package offers it.
     """
     module, _, function = _OFFERED[name].partition(":")
-    found: Callable[..., Any] = getattr(import_module(module), function)
-    return found
+    found = import_module(module)
+    return getattr(found, function) if function else found
 
 
 # the working folder ---------------------------------------------------------------------------

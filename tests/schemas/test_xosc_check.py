@@ -156,3 +156,10 @@ def test_pipe_that_closes_is_no_error(project):
 
 def test_json_on_standard_output_is_nothing_but_json(project):
     assert json.loads(run(project.folder, "--format", "json")[1])["tool"] == "xosc-check"
+
+
+def test_triage_needs_the_floors_above(project):
+    call = [sys.executable, "-m", "schemas.xosc_check", "--triage", str(project.folder)]
+    answer = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert (answer.returncode, answer.stderr.count("\n")) == (2, 1)
+    assert "needs the whole toolchain" in answer.stderr

@@ -29,6 +29,7 @@ from schemas.common.policy import (
 )
 from schemas.common.storage import read_bytes
 from schemas.common.terminal import command_line
+from schemas.common.terminal.options import READ, WRITTEN, file_use
 from tests.commands import SCRIPTS, Command
 from tests.runner.files import ROADS, SLOW_SYSTEM, distribution, scenario
 from xosc.distributions.values import UserDefinedDistribution
@@ -82,6 +83,21 @@ def naming(folder: Path, road: str) -> Path:
 # all commands ----------------------------------------------------------------------------------
 
 
+OUTPUTS = {"out", "osi", "junit", "output", "keep_model", "copy_to", "page"}
+INPUTS = {
+    "paths",
+    "path",
+    "files",
+    "folders",
+    "folder",
+    "source",
+    "road",
+    "road_path",
+    "catalog_path",
+}
+"""Names of options that commands write to, and read from: each has to declare so"""
+
+
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_every_command_has_it_and_knows_which_arguments_are_files(name: str) -> None:
     module, _, function = name.partition(":")
@@ -92,8 +108,11 @@ def test_every_command_has_it_and_knows_which_arguments_are_files(name: str) -> 
     assert ("max_runs" in parameters) == (
         function in {"xosc_run", "xosc_export", "xosc_generate", "xosc_loop"}
     )
-    paths = {each for each, what in parameters.items() if "Path" in str(what.annotation)}
-    assert paths <= {*command_line._INPUTS, *command_line._OUTPUTS}
+    uses = {each: file_use(what.annotation) for each, what in parameters.items()}
+    assert {each for each in uses if each in OUTPUTS} == {
+        each for each, use in uses.items() if use is WRITTEN
+    }
+    assert {each: use for each, use in uses.items() if each in INPUTS and use is not READ} == {}
 
 
 def test_no_command_is_forgotten() -> None:
@@ -281,7 +300,7 @@ def test_what_a_name_stands_for(contributed: Path) -> None:
     assert named("deep/a.xosc") == named(".") == (contributed,)
     assert named("deep") == (contributed / "deep",)
     assert named("../outside/road.xodr") == named("../outside") == (contributed.parent / "outside",)
-    assert command_line._named({"paths": ["deep/**/*.xosc", "a?.xosc"]}, ["paths"]) == [
+    assert command_line._named([["deep/**/*.xosc", "a?.xosc"]]) == [
         Path("deep"),
         Path(),
     ]

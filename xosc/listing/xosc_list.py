@@ -18,6 +18,7 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
+from schemas.common.terminal.options import READ, WRITTEN
 
 if TYPE_CHECKING:
     from xosc.exports.draft import Folder
@@ -38,6 +39,7 @@ app = new_app()
 def xosc_list(
     paths: Annotated[
         list[str] | None,
+        READ,
         typer.Argument(
             metavar="[PATH...]", help="Files, folders and globs.  [default: the shipped library]"
         ),
@@ -74,6 +76,7 @@ def xosc_list(
     ] = None,
     copy_to: Annotated[
         Path | None,
+        WRITTEN,
         typer.Option(
             metavar="DIR", help="Copy the scenarios with their roads, catalogues and index."
         ),
@@ -84,7 +87,9 @@ def xosc_list(
     format: Annotated[
         Literal["text", "json", "csv"], typer.Option(help="csv has the scenarios only.")
     ] = "text",
-    output: Annotated[Path | None, typer.Option(metavar="FILE", help="Write to a file.")] = None,
+    output: Annotated[
+        Path | None, WRITTEN, typer.Option(metavar="FILE", help="Write to a file.")
+    ] = None,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print parameters, variations and tags as well.")
     ] = False,

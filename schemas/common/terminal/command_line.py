@@ -25,7 +25,16 @@ from schemas.common.errors import ToolchainError, UsageError, describe
 from schemas.common.packages import leave_working_folder_out, missing, version
 from schemas.common.policy import UNTRUSTED, CommandPolicy, in_force, of_command
 from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
-from schemas.common.terminal.options import CATALOG_PATH, ROAD_PATH, resign, sections
+from schemas.common.terminal.options import (
+    CATALOG_PATH,
+    READ,
+    ROAD_PATH,
+    WRITTEN,
+    file_use,
+    resign,
+    sections,
+    writable_folder,
+)
 from schemas.common.terminal.text import of_service, one_line
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -97,12 +106,6 @@ _STANDARD_ERROR = 2
 _DIGITS = 6
 
 
-_INPUTS = (
-    "paths", "path", "files", "folders", "folder", "source", "road", "road_path", "catalog_path", "against", "recorded", "model",
-    "encoders", "pretrain_on", "develop", "unseen", "cache", "like", "reviewed", "verdicts",
-)  # fmt: skip
-_OUTPUTS = ("out", "osi", "junit", "output", "keep_model", "copy_to", "page")
-"""Parameters of commands that name files and folders to read from, and to write into"""
 _LIMITS: dict[str, Any] = {
     "untrusted": Annotated[
         bool,
@@ -146,10 +149,16 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
     options = {name: option for name, option in _LIMITS.items() if name not in left_out}
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        own_parameters = inspect.signature(command, eval_str=True).parameters
+        uses = {name: file_use(each.annotation) for name, each in own_parameters.items()}
+
         @wraps(command)
         def with_policy(**given: Any) -> None:
             limits = _limits({name: given.pop(name) for name in options})
-            inputs, outputs = _named(given, _INPUTS), _named(given, _OUTPUTS)
+            inputs, outputs = (
+                _named(given[name] for name, use in uses.items() if use is wanted)
+                for wanted in (READ, WRITTEN)
+            )
             asked_for = [folder for variable in _FOLDERS for folder in search_path((), variable)]
             with own_cache() as remark:
                 own = [*_PACKAGES, Path(sys.prefix), *_installed(), cache_folder(), *asked_for]
@@ -159,7 +168,7 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
                     command(**given)
 
         parameters = [
-            *inspect.signature(command, eval_str=True).parameters.values(),
+            *own_parameters.values(),
             *(
                 inspect.Parameter(
                     name,
@@ -200,12 +209,12 @@ def _limits(given: dict[str, Any]) -> CommandPolicy:
     return replace(base, **{name: value for name, value in given.items() if value is not None})
 
 
-def _named(given: dict[str, Any], names: Iterable[str]) -> list[str | Path]:
+def _named(values: Iterable[Any]) -> list[str | Path]:
     """The files and folders that arguments name; of globs the folders that they begin with."""
-    values = [given[name] for name in names if given.get(name) is not None]
     return [
         _without_glob(each)
         for value in values
+        if value is not None
         for each in (value if isinstance(value, list) else [value])
     ]
 
@@ -236,9 +245,11 @@ def _print_version(context: typer.Context, requested: bool) -> None:
         raise typer.Exit
 
 
-RoadPath = Annotated[list[str] | None, typer.Option("--road-path", metavar="DIR", help=ROAD_PATH)]
+RoadPath = Annotated[
+    list[str] | None, READ, typer.Option("--road-path", metavar="DIR", help=ROAD_PATH)
+]
 CatalogPath = Annotated[
-    list[str] | None, typer.Option("--catalog-path", metavar="DIR", help=CATALOG_PATH)
+    list[str] | None, READ, typer.Option("--catalog-path", metavar="DIR", help=CATALOG_PATH)
 ]
 AllowInconclusive = Annotated[
     bool,
@@ -257,22 +268,6 @@ Version = Annotated[
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]
-
-
-def writable_folder(path: Path | None) -> Path | None:
-    """Callback of what names a folder to write into, which need not be there.
-
-    Raises:
-        UsageError: a file is in the way.
-    """
-    there = (
-        next((place for place in (path, *path.parents) if os.path.exists(place)), None)
-        if path
-        else None
-    )
-    if there and not there.is_dir():
-        raise UsageError("a folder to write into is expected, this is a file", path=there)
-    return path
 
 
 def out_folder(help: str) -> OptionInfo:

@@ -13,11 +13,13 @@ gives the command `--timestep SECONDS` in the place of `settings`, with the defa
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import Field, field, fields, is_dataclass
+from enum import Enum
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_origin
 
 from schemas.common.errors import UsageError
 
@@ -36,6 +38,50 @@ _LISTS: dict[str, tuple[type, Any]] = {
     "Mapping[str, str]": (dict, list[str]),
 }
 """Fields of options that can be repeated, with the types of field and given values; a mapping is given as NAME=VALUE"""
+
+
+class FileUse(Enum):
+    """Use of the files and folders that an option names; part of its annotation, as in `Annotated[Path, WRITTEN, typer.Option()]`."""
+
+    READ = "read"
+    WRITTEN = "written"
+
+
+READ, WRITTEN = FileUse.READ, FileUse.WRITTEN
+
+
+def writable_folder(path: Path | None) -> Path | None:
+    """Callback of what names a folder to write into, which need not be there.
+
+    Raises:
+        UsageError: a file is in the way.
+    """
+    there = (
+        next((place for place in (path, *path.parents) if os.path.exists(place)), None)
+        if path
+        else None
+    )
+    if there and not there.is_dir():
+        raise UsageError("a folder to write into is expected, this is a file", path=there)
+    return path
+
+
+def file_use(annotation: Any) -> FileUse | None:
+    """Return the use that a parameter's annotation declares; None where it names no files.
+
+    A path is read unless it is declared `WRITTEN` or is an output folder (`writable_folder`); text
+    names files where it is declared `READ`.
+    """
+    kind, *metadata = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
+    declared = next((each for each in metadata if isinstance(each, FileUse)), None)
+    if any(getattr(each, "callback", None) is writable_folder for each in metadata):
+        return WRITTEN
+    return declared or (READ if _is_path(kind) else None)
+
+
+def _is_path(kind: Any) -> bool:
+    """Whether a type is that of a path, of several, or of none or some."""
+    return kind is Path or any(map(_is_path, get_args(kind)))
 
 
 Section = Callable[[], tuple[str, list[tuple[str, str]]]]
@@ -58,6 +104,7 @@ class Declared(NamedTuple):
         parameter: name of the command's parameter, that of the field where it is None.
         type: of the value given, that of the field where it is None.
         section: what help says below the options: a heading, and names with a line each.
+        files: use of the files that it names; a path is read where it is None.
         how: what `typer.Option` takes besides.
     """
 
@@ -66,6 +113,7 @@ class Declared(NamedTuple):
     parameter: str | None
     type: Any
     section: Section | None
+    files: FileUse | None
     how: Mapping[str, Any]
 
 
@@ -76,10 +124,11 @@ def option(
     parameter: str | None = None,
     type: Any = None,
     section: Section | None = None,
+    files: FileUse | None = None,
     **how: Any,
 ) -> Any:
     """A field of a settings dataclass that commands offer as an option; arguments as of `Declared`."""
-    metadata = {_OPTION: Declared(help, names, parameter, type, section, how)}
+    metadata = {_OPTION: Declared(help, names, parameter, type, section, files, how)}
     return (
         field(default_factory=dict, metadata=metadata)
         if default == {}
@@ -163,7 +212,7 @@ def _parameters(settings: Any, offered: tuple[str, ...]) -> Iterator[inspect.Par
                 _name(each),
                 inspect.Parameter.KEYWORD_ONLY,
                 default=default,
-                annotation=Annotated[kind, _info(each)],
+                annotation=Annotated[kind, declared.files, _info(each)],
             )
 
 
