@@ -14,7 +14,6 @@ Modules:
 - `encounters`: participants ahead as the ego sees them, along and across its heading
 - `isolation`: systems of users in processes of their own
 - `kinds`: systems that `--sut` names: cas, adas, aeb, idm, reference drivers, FMU, bridge
-- `osi`: messages of ASAM OSI for one moment, for the bridge, FMUs and exports
 - `outside`: systems under test that live outside: functional mock-up units, OSI messages
 
 Example::

@@ -23,8 +23,8 @@ import numpy as np
 from runner.exchange.exports.moments import box_centre, date, moments, rate, stands, wrapped
 from runner.exchange.exports.osi_lanes import LogicalLanes, Nearby, around
 from runner.exchange.exports.osi_signals import Signals, VehicleLights
-from runner.systems.osi.lanes import Lanes
-from runner.systems.osi.messages import Osi, fill_base, fill_frame, fill_lights, fill_type
+from runner.systems.outside.osi.lanes import Lanes
+from runner.systems.outside.osi.messages import Osi, fill_base, fill_frame, fill_lights, fill_type
 from schemas.common.errors import UsageError
 from schemas.common.fates import changed, kept, lost
 from schemas.common.packages import optional, version

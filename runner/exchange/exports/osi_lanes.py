@@ -18,7 +18,7 @@ from shapely import LineString, dwithin
 from shapely import Point as ShapelyPoint
 
 from runner.exchange.exports.moments import box_centre
-from runner.systems.osi.lanes import junction_of
+from runner.systems.outside.osi.lanes import junction_of
 from xodr.lookup.arrays import sample, stations
 from xodr.lookup.lanelets import ExportedLanelet, Key, lanelets
 

@@ -14,8 +14,8 @@ from typing import Any
 
 from runner.engine.motion.placement import wrap
 from runner.systems.base import Observation, Participant, Pose
-from runner.systems.osi.lanes import Lanes
-from runner.systems.osi.messages import Osi, fill_base, fill_frame, fill_lights, fill_type
+from runner.systems.outside.osi.lanes import Lanes
+from runner.systems.outside.osi.messages import Osi, fill_base, fill_frame, fill_lights, fill_type
 from schemas.common.errors import ToolchainError
 from schemas.common.packages import optional
 from xodr.graph.network import RoadNetwork
