@@ -32,7 +32,7 @@ from generation.report.regression import Before, Fate, Tried, regression
 from generation.search.outcomes import JUDGES, Episodes
 from generation.search.settings import Choice, LoopSettings, SearchSettings
 from generation.space.space import Space, apart, diverse
-from runner.batch.pool import executor
+from runner.batch.pool import dismiss, executor
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import ToolchainError, UsageError
 
@@ -248,7 +248,7 @@ class Searchers:
 
     def __exit__(self, *_: object) -> None:
         for process in self._processes:
-            process.shutdown(wait=True, cancel_futures=True)
+            dismiss(process)
 
     def begin(
         self, target: SearchTarget, number: int, known: FloatArray | None

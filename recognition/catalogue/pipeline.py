@@ -36,7 +36,7 @@ from recognition.recordings import Report, Source
 from recognition.recordings.formats import runs
 from recognition.recordings.quality import REPAIRED
 from recognition.scenes import Site
-from runner.batch.pool import executor
+from runner.batch.pool import dismiss, executor
 from runner.recording import Recording
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from schemas.common.policy import CommandPolicy, current, in_force
@@ -80,15 +80,15 @@ def results(
     elif workers.jobs == 1 or not tasks:
         yield map(work, tasks)
     else:
-        with executor(min(workers.jobs, len(tasks))) as pool:
-            try:
-                yield pool.map(work, tasks)
-            except BrokenProcessPool:
-                raise ToolchainError(
-                    "a process died, perhaps because memory ran out; go on with fewer --jobs"
-                ) from None
-            finally:
-                pool.shutdown(wait=True, cancel_futures=True)
+        pool = executor(min(workers.jobs, len(tasks)))
+        try:
+            yield pool.map(work, tasks)
+        except BrokenProcessPool:
+            raise ToolchainError(
+                "a process died, perhaps because memory ran out; go on with fewer --jobs"
+            ) from None
+        finally:
+            dismiss(pool)
 
 
 def _on_ray(

@@ -6,7 +6,6 @@ import math
 import secrets
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from recognition.recorder.simulation import VehicleMotion, motion, overlaps, simulate
 from recognition.recorder.sites import SITES, CameraView, SimulatedSite, family
 from recognition.recorder.traffic import Vehicle, departures, parked
+from runner.batch.pool import dismiss, executor
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import limited
@@ -457,8 +457,11 @@ def _work(tasks: Sequence[_Task], jobs: int) -> Iterator[Path]:
     if jobs == 1:
         yield from map(_record, tasks)
         return
-    with ProcessPoolExecutor(jobs) as pool:
+    pool = executor(jobs)
+    try:
         yield from pool.map(_record, tasks)
+    finally:
+        dismiss(pool)
 
 
 @limited()

@@ -31,6 +31,9 @@ from schemas.common.policy import CommandPolicy, current, in_force
 _AHEAD = 8
 """Runs handed out for each process ahead of need: few, so that a space of any size is never enumerated."""
 
+_ENDING = 3.0
+"""Time (s) that running jobs have to end when no more outcomes are wanted"""
+
 _Pending = tuple[Job, "Future[Outcome]"] | Outcome
 
 
@@ -110,8 +113,15 @@ class Pool:
         return outcome
 
     def _conclude(self, futures: list[Future[Outcome]]) -> None:
-        """Cancel pending jobs, and wait for running ones: their results count."""
-        wait([future for future in futures if not future.cancel()])
+        """Cancel pending jobs, and wait a little for running ones: their results count.
+
+        The executor's own thread cancels: it fails with a traceback where another one does and the
+        processes have died, as by Ctrl-C.
+        """
+        if not futures:
+            return
+        ended, self._pool = self._pool, executor(self._processes)
+        dismiss(ended)
         with suppress(OSError):  # which is what it ends for
             for future in futures:
                 if not future.cancelled() and future.exception() is None:
@@ -153,6 +163,23 @@ class Pool:
                 process.join()
                 code = process.exitcode or 0  # negative: minus the signal that ended it
                 return self._ended(self._died(job, -code if code < 0 else None))
+
+
+def dismiss(pool: ProcessPoolExecutor) -> None:
+    """End processes, with a few seconds for jobs that are in work; the others are cancelled."""
+    workers = [*(pool._processes or {}).values()]
+
+    def terminate() -> None:
+        for worker in workers:
+            worker.terminate()
+
+    timer = threading.Timer(_ENDING, terminate)
+    timer.daemon = True
+    timer.start()
+    try:
+        pool.shutdown(wait=True, cancel_futures=True)
+    finally:
+        timer.cancel()
 
 
 def executor(processes: int, *, anew: bool = False) -> ProcessPoolExecutor:

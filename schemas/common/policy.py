@@ -165,6 +165,37 @@ def _memory(gib: float | None) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
 
 
+class Ended(KeyboardInterrupt):
+    """A signal asks the command to end.
+
+    Args:
+        number: of the signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+_signal = 0
+
+
+def end_by(number: int) -> None:
+    """Note that a signal asks the command to end; 0 for none."""
+    global _signal
+    _signal = number
+
+
+def poll() -> None:
+    """End the command if a signal has asked for it, and a library kept the exception for itself.
+
+    Raises:
+        Ended: one has.
+    """
+    if _signal:
+        raise Ended(_signal)
+
+
 class _TimeOver(BaseException):
     """Ends work; no `except Exception` on the way takes it for an error of its own."""
 
@@ -178,7 +209,9 @@ def limited() -> Iterator[None]:
 
     Raises:
         LimitReached: it took too long, or too much memory.
+        Ended: a signal has asked the command to end.
     """
+    poll()
     try:
         with _timed(_current.max_seconds):
             yield

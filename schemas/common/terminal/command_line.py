@@ -23,7 +23,7 @@ from typer.models import OptionInfo
 
 from schemas.common.errors import ToolchainError, UsageError, describe
 from schemas.common.packages import leave_working_folder_out, missing, version
-from schemas.common.policy import UNTRUSTED, CommandPolicy, in_force, of_command
+from schemas.common.policy import UNTRUSTED, CommandPolicy, Ended, end_by, in_force, of_command
 from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
 from schemas.common.terminal.options import (
     CATALOG_PATH,
@@ -99,8 +99,8 @@ Bar = Callable[[str, int], AbstractContextManager[Callable[[float], None]]]
 """Shows progress: takes a description and the number of steps, gives a function to call with how many more of them are done."""
 PIPE_CLOSED = 141
 """Exit code that shells give to what SIGPIPE has ended"""
-_ENDING = ("SIGTERM", "SIGHUP")
-"""Signals that end a command in good order, as an interrupt does"""
+_ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
+"""Signals that end a command in good order"""
 _SIGNALLED = 128
 _STANDARD_ERROR = 2
 _DIGITS = 6
@@ -283,33 +283,31 @@ def _begin() -> None:
     print_anything()
 
 
-class Ended(KeyboardInterrupt):
-    """A signal asks the command to end.
-
-    Args:
-        number: of the signal.
-    """
-
-    def __init__(self, number: int) -> None:
-        super().__init__()
-        self.number = number
-
-
 def _listen() -> None:
-    """Take signals as interrupts, the first of them; a second one ends the process at once. What is ignored (nohup) stays so."""
+    """Take signals as interrupts, the first of them; a second one ends the process at once. What is ignored (nohup) stays so.
+
+    Helper threads, and what libraries ignore, say nothing from then on.
+    """
     numbers = [getattr(signal, name) for name in _ENDING if hasattr(signal, name)]
 
     def end(number: int, _frame: object) -> None:
         for each in numbers:
             signal.signal(each, signal.SIG_DFL)
+        end_by(number)
+        threading.excepthook = sys.unraisablehook = _say_nothing
         raise Ended(number)
 
+    end_by(0)
     for number in numbers:
         if (
             threading.current_thread() is threading.main_thread()
             and signal.getsignal(number) != signal.SIG_IGN
         ):
             signal.signal(number, end)
+
+
+def _say_nothing(_: object) -> None:
+    pass
 
 
 def print_anything() -> None:

@@ -1,0 +1,70 @@
+"""Processes of a batch that ends early: jobs in work have a few seconds, and nothing prints a traceback."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from runner.batch.batch import lost
+from runner.batch.jobs import Job, Outcome
+from runner.batch.pool import Pool
+from schemas.common.policy import Ended, end_by, limited
+
+
+def sleep(job: Job) -> Outcome:
+    time.sleep(float(job.parameters["seconds"]))
+    return Outcome(job, "passed", 0)
+
+
+def jobs(*seconds: float) -> Iterator[Job]:
+    for number, each in enumerate(seconds):
+        path = Path(f"{number}.xosc")
+        yield Job(path.stem, path, path, {"seconds": str(each)})
+
+
+def test_processes_that_an_interrupt_ends_leave_no_traceback(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    faults: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", faults.append)
+    for _ in range(8):
+        with Pool(2, sleep, lost) as pool:
+            outcomes = pool.execute(jobs(0.0, *[0.05] * 30))
+            next(outcomes)
+            for process in (pool._pool._processes or {}).values():
+                os.kill(process.pid or 0, signal.SIGINT)  # as a terminal does
+            outcomes.close()  # type: ignore[attr-defined]
+    assert faults == []
+
+
+def test_jobs_in_work_have_a_short_time_and_those_that_end_count(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("runner.batch.pool._ENDING", 0.5)
+    done: list[str] = []
+    with Pool(2, sleep, lost, lambda outcome: done.append(outcome.job.name)) as pool:
+        outcomes = pool.execute(jobs(0.0, 0.2, 60.0, 60.0, 60.0))
+        next(outcomes)
+        begin = time.monotonic()
+        outcomes.close()  # type: ignore[attr-defined]
+        assert time.monotonic() - begin < 10.0
+        assert done == ["0", "1"]
+        assert next(pool.execute(jobs(0.0))).state == "passed", "the pool goes on"
+
+
+def test_a_signal_that_a_library_has_kept_ends_the_command_at_the_next_file() -> None:
+    try:
+        end_by(signal.SIGTERM)
+        with pytest.raises(Ended) as ending, limited():
+            pass
+        assert ending.value.number == signal.SIGTERM
+    finally:
+        end_by(0)
+    with limited():
+        pass
