@@ -21,7 +21,7 @@ from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from schemas.common.errors import InvalidFile
 from xodr.model.geometry import Profile, exceeding
@@ -175,12 +175,18 @@ class Lane:
         return s >= self.closes if forward else s <= self.opens
 
 
+Borders: TypeAlias = tuple[list[float], list[int]]
+"""Distances [m] of outer borders of lanes from the centre lane, ascending, and the lanes' ids."""
+
+
 @dataclass(slots=True)
 class LaneSection:
     """A stretch of road with an unchanging set of lanes.
 
     lanes: by id, including the centre lane 0 (no width). left, right: lane ids from the reference
-    line outwards.
+    line outwards. borders: where all lanes keep their t, the ascending distances [m] of the outer
+    borders from the centre lane, left and right, of lanes that have a width, with their ids; else
+    None.
     """
 
     s: float
@@ -188,10 +194,25 @@ class LaneSection:
     lanes: dict[int, Lane]
     left: tuple[int, ...] = field(init=False)
     right: tuple[int, ...] = field(init=False)
+    borders: tuple[Borders, Borders] | None = field(init=False)
 
     def __post_init__(self) -> None:
         self.left = tuple(sorted(lane for lane in self.lanes if lane > 0))
         self.right = tuple(sorted((lane for lane in self.lanes if lane < 0), reverse=True))
+        left, right = self._borders(self.left), self._borders(self.right)
+        self.borders = None if left is None or right is None else (left, right)
+
+    def _borders(self, lane_ids: tuple[int, ...]) -> Borders | None:
+        center = self.lanes[0].center.constant
+        borders: dict[int, float] = {}
+        for lane_id in lane_ids:
+            outer, width = self.lanes[lane_id].outer.constant, self.lanes[lane_id].width.constant
+            if center is None or outer is None or width is None:
+                return None
+            if width > NO_WIDTH:
+                borders[lane_id] = abs(outer - center)
+        distances = list(borders.values())
+        return (distances, list(borders)) if distances == sorted(distances) else None
 
 
 class RoadLink(NamedTuple):

@@ -10,7 +10,7 @@ superelevation about the reference line: t is measured on the tilted surface.
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field, replace
 
 from xodr.model import (
@@ -322,6 +322,13 @@ def lane_in(section: LaneSection, s: float, t: float) -> int:
     """`Road.lane_at` within one lane section, for callers that stand on the border of two."""
     lanes = section.lanes
     center = lanes[0].center(s)
+    if section.borders is not None:  # as nearly everywhere on motorways, where lanes change
+        left, right = section.borders
+        distances, ids = left if t > center else right
+        if ids:
+            return ids[min(bisect_left(distances, abs(t - center)), len(ids) - 1)]
+        distances, ids = right if t > center else left
+        return ids[0] if ids else 0
     here, beyond = (section.left, section.right) if t > center else (section.right, section.left)
     nearest = 0
     for lane_id in here:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -22,7 +23,7 @@ from xodr.model.geometry import (
     Spiral,
     Start,
 )
-from xodr.model.road import Road, Surface
+from xodr.model.road import Road, Surface, lane_in
 from xodr.reader.roads import read_sections
 
 LANES = (
@@ -234,3 +235,16 @@ def test_a_lane_without_width_is_never_meant(files) -> None:
     lanes = text[0] + '<lane id="-2"' + text[1].replace('a="3.5"', 'a="0"', 1)
     road = files.load(files.road(lanes=lanes)).road("1")
     assert [road.lane_at(0.0, t) for t in (1.0, -1.0, -3.5, -3.6, -99.0)] == [-1, -1, -1, -3, -3]
+
+
+def test_lanes_of_constant_width_are_found_by_their_borders(files) -> None:
+    """Where all lanes keep their t, the bisection gives the lane that walking outwards gives."""
+    narrow = files.section(right=4, left=2).replace('a="3.5"', 'a="0"', 2)
+    for lanes in (files.section(right=3, left=2), files.section(right=3), narrow):
+        section = files.load(files.road(lanes=lanes)).road("1").sections[0]
+        assert section.borders is not None
+        walked = replace(section)
+        walked.borders = None
+        borders = [lane.outer(0.0) for lane in section.lanes.values()]
+        for t in (*borders, *(t + 1e-9 for t in borders), *(t - 1e-9 for t in borders), 99, -99):
+            assert lane_in(section, 5.0, t) == lane_in(walked, 5.0, t)
