@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from runner.batch.batch import Also, BatchComparison
     from runner.batch.jobs import Job, Outcome
     from runner.batch.outputs.terminal import OutcomeTable
+    from runner.batch.outputs.work import WorkDone
 
 _EXAMPLES = (
     "xosc-run xosc/library/simple_cut_in.xosc",
@@ -155,6 +156,7 @@ def xosc_run(
     from runner.batch.jobs import jobs_of
     from runner.batch.journal import SEAL_KEY, seal_key
     from runner.batch.outputs.terminal import OutcomeTable
+    from runner.batch.outputs.work import WorkDone, work_text
     from runner.view.rehearsal import rehearse_batch
 
     if out is None and (resume or plot):
@@ -219,7 +221,11 @@ def xosc_run(
                 "ray": ray,
             }
             outcomes = run_batch(chosen, settings, out=out, needs=_needed(replay), **how)
-        code = _follow(outcomes, table, kept, allow_inconclusive, source.left_out, earlier, by_new)
+        work = WorkDone(source)
+        counted = _counted(outcomes, work)
+        code = _follow(counted, table, kept, allow_inconclusive, source.left_out, earlier, by_new)
+        if work.total > 1 and not dry_run:
+            table.tell(f"planned and done: {work_text(work.rows())}")
         if not dry_run and table.shown != source.made:
             print(
                 f"xosc-run: internal error: {table.shown} outcomes of {source.made} runs",
@@ -326,6 +332,13 @@ def _needed(replay: bool) -> list[str]:
     from runner.view.replay.player import REPLAY
 
     return [REPLAY]
+
+
+def _counted(outcomes: Generator[Outcome], work: WorkDone) -> Generator[Outcome]:
+    with closing(outcomes):
+        for outcome in outcomes:
+            work.add(outcome)
+            yield outcome
 
 
 def _follow(

@@ -23,6 +23,7 @@ from runner.batch.jobs import Job, Jobs, Outcome, assumed, failure
 from runner.batch.outputs.folder import PICTURE, digests, write_run
 from runner.batch.outputs.outcomes import contradiction, outcome_of
 from runner.batch.outputs.tables import write_runs
+from runner.batch.outputs.work import WorkDone, write_work
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import current, limited
@@ -139,11 +140,13 @@ def run_batch(
         )
         work = partial(execute, **how, shared=shared)
         errors: dict[str, Outcome] = {}
+        ended = WorkDone(jobs)
         with (
-            _concluded(out, kept, errors),
+            _concluded(out, kept, errors, ended),
             closing(_outcomes(known, work, processes, ray, kept.enter)) as outcomes,
         ):
             for outcome in outcomes:
+                ended.add(outcome)
                 if outcome.state == "error":
                     errors[outcome.job.name] = outcome
                 yield outcome
@@ -175,7 +178,9 @@ def _writable(out: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _concluded(out: Path, kept: journal.Journal, errors: dict[str, Outcome]) -> Iterator[None]:
+def _concluded(
+    out: Path, kept: journal.Journal, errors: dict[str, Outcome], ended: WorkDone
+) -> Iterator[None]:
     """Around the runs of a batch: then, also where they are interrupted, drafts go and the table of all runs is written."""
     try:
         yield
@@ -184,6 +189,7 @@ def _concluded(out: Path, kept: journal.Journal, errors: dict[str, Outcome]) -> 
         if not out.is_dir():
             raise FileNotFoundError(errno.ENOENT, "the folder is gone")
         write_runs((errors | kept.close()).values(), out / "runs.parquet")
+        write_work(ended.rows(), out)
 
 
 def _outcomes(
@@ -333,7 +339,7 @@ class EarlierRun(NamedTuple):
 class BatchComparison:
     """Sorts the runs of a batch by their outcome in an earlier one; a run that the earlier one lacks counts as not failed.
 
-    So does a run of which a file (scenario, distribution, road, catalogue) has changed since.
+    So does a run of which a file (scenario, road network, catalogue) has changed since.
 
     Attributes:
         title: of the earlier batch.

@@ -51,14 +51,15 @@ def of_job(job: Job, run: RunSettings, shared: str) -> str:
         run: the settings of the batch.
         shared: what `of_batch` gives.
     """
-    parts = shared, job.name, sorted(job.parameters.items()), job.seed, content_of(job, run)
+    source = _by_stamp(job.source, stamp(job.source))
+    values = job.name, sorted(job.parameters.items()), job.seed
+    parts = shared, source, *values, content_of(job, run)
     return fingerprint(repr(parts).encode())
 
 
 def content_of(job: Job, run: RunSettings) -> str:
-    """Digest of the files of a job: distribution, scenario, road network and catalogues."""
-    source = _by_stamp(job.source, stamp(job.source))
-    return fingerprint(repr((source, _files_of(job, run))).encode())
+    """Digest of the files of a job: scenario, road network and catalogues; of a distribution it has the values."""
+    return fingerprint(repr(_files_of(job, run)).encode())
 
 
 def _files_of(job: Job, run: RunSettings) -> tuple[list[str], str]:

@@ -87,7 +87,7 @@ class Outcome:
         causes: names of the causes for which the run tested nothing, see `runner.judging.evidence`.
         evidence: of the run, as in `result.json`.
         inputs: digest of all that decided what the run gave (with an output folder).
-        content: digest of its files alone: scenario, distribution, roads and catalogues.
+        content: digest of its files alone: scenario, road network and catalogues.
         files: digests of the files in the folder of its results, by name.
         seal: of the journal, by the user's key.
     """

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 from runner.batch.jobs import FLEETING, Job, Outcome, is_sound
 from runner.batch.outputs.folder import RESULT, digests
 from runner.batch.outputs.report import finite
+from runner.batch.outputs.work import WORK
 from schemas.common.errors import UsageError
 from schemas.common.policy import current
 from schemas.common.storage import (
@@ -295,6 +296,7 @@ def discard(out: Path) -> None:
             shutil.rmtree(out / name)
         for name in (
             _TABLE,
+            WORK,
             *_PAGES,
             _SETTINGS,
             _JOURNAL,

@@ -18,6 +18,7 @@ from runner.batch import journal
 from runner.batch.batch import Identity, counterparts_of, identity
 from runner.batch.outputs.folder import RESULT, load_run
 from runner.batch.outputs.tables import CONTACT, schema, write_runs
+from runner.batch.outputs.work import work_of
 from runner.judging.measures.contacts import sentence
 from runner.judging.measures.measure import measures
 from runner.view.page import page, write_page
@@ -92,7 +93,38 @@ def report(out: Path) -> dict[str, Any]:
         "measures": _measures(),
         "parameters": varied(dict(run["parameters"]) for run in runs),
         "runs": [_row(run, out) for run in runs],
+        "evidence": _evidence(runs, settings),
+        "work": work_of(out),
     }
+
+
+def _evidence(
+    runs: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """Evidence of all runs, a row a kind: runs that have counted it, the least of their values, and those below the least value."""
+    from runner.judging.evidence.least import least_values  # they need the engine
+    from runner.judging.evidence.rows import ROWS
+
+    chosen = least_values(map(str, settings.get("least") or ()))
+    counted: dict[str, list[float]] = {}
+    for run in runs:
+        for name, value in run.get("evidence") or ():
+            counted.setdefault(name, []).append(value)
+    found = []
+    for row in (each for each in ROWS.values() if each.name in counted):
+        values, least = counted[row.name], chosen.get(row.name, row.least)
+        found.append(
+            {
+                "name": row.name,
+                "runs": len(values),
+                "worst": rounded(min(values)),
+                "least": least,
+                "unit": row.unit,
+                "below": sum(value < least for value in values),
+                "meaning": row.meaning,
+            }
+        )
+    return found
 
 
 def _measures() -> dict[str, dict[str, Any]]:
@@ -227,6 +259,7 @@ def _row(run: dict[str, Any], out: Path) -> dict[str, Any]:
         "state": run["state"],
         "status": run["status"],
         "message": run["message"],
+        "causes": run.get("causes") or [],
         "end": run["end_time"],
         "parameters": {key: number(value) for key, value in run["parameters"]},
         "measures": _values(run),

@@ -104,6 +104,29 @@ def evidence_text(each: Mapping[str, Any]) -> str:
     return f"{value:.1%}" if unit == "share" else f"{value:.2f} {unit}"
 
 
+def evidence_table(verdict: Verdict) -> list[dict[str, Any]]:
+    """Evidence for pages: name, value and least value in words, whether it is enough, how it is counted."""
+    from runner.judging.evidence.rows import ROWS
+
+    return [
+        {
+            "name": each["name"],
+            "value": evidence_text(each),
+            "least": least_text(each["least"], each["unit"]),
+            "enough": not each["texts"],
+            "meaning": ROWS[each["name"]].meaning if each["name"] in ROWS else "",
+        }
+        for each in evidence(verdict)
+    ]
+
+
+def least_text(least: float, unit: str) -> str:
+    """A least value of evidence in words."""
+    if unit == "yes":
+        return "yes" if least else "either"
+    return f"{least:.4g}" if unit == "share" and least == 1 else f"{least:g} {unit}"
+
+
 def write_json(values: dict[str, Any], path: Path) -> None:
     """Write JSON that every reader takes: infinite numbers become null."""
     text = json.dumps(finite(values), indent=1, ensure_ascii=False, allow_nan=False) + "\n"

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from runner.batch.outputs.report import evidence_table
 from runner.judging.measures.measure import GREATEST_DECELERATION
 from runner.recording import signal_states
 from runner.view.page import page, write_page
@@ -216,6 +217,7 @@ def _run(result: RunResult, origin: tuple[int, int]) -> dict[str, Any]:
         "verdict": result.verdict.outcome,
         "reasons": _reasons(result),
         "remarks": list(result.remarks),
+        "evidence": evidence_table(result.verdict),
         "status": result.status,
         "end": result.end_time,
         "sut": result.sut,

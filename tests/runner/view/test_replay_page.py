@@ -119,6 +119,18 @@ def test_a_page_loads_nothing_and_shows_every_participant_by_name(
     assert browser.text(".badge") == "failed"
 
 
+def test_evidence_of_the_run_is_a_table(
+    browser: Browser, one: Path, results: list[RunResult]
+) -> None:
+    browser.open(one)
+    evidence = results[0].verdict.evidence
+    rows = "document.querySelectorAll('.evidence tbody tr').length"
+    assert browser.run(rows) == len(evidence)
+    enough = sum(each.enough for each in evidence)
+    told = f"Evidence: {enough} of {len(evidence)} enough"
+    assert browser.text(".evidence summary").startswith(told)
+
+
 def test_speeds_and_curves_are_those_of_the_run(
     browser: Browser, one: Path, results: list[RunResult]
 ) -> None:

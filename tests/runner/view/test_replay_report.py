@@ -61,6 +61,40 @@ def test_each_run_has_its_verdict_parameters_measures_and_replay(batch: Path) ->
     assert values["parameters"] == ["Gap"]
 
 
+def test_evidence_of_all_runs_and_the_work_are_counted(batch: Path) -> None:
+    values = report(batch)
+    evidence = {row["name"]: row for row in values["evidence"]}
+    assert evidence["participants"]["runs"] == 4 and evidence["participants"]["below"] == 0
+    assert evidence["seconds"]["worst"] == pytest.approx(2.0, abs=0.1)
+    assert evidence["seconds"]["least"] == 0.1
+    work = {row["name"]: (row["done"], row["planned"]) for row in values["work"]}
+    assert work == {"files": (1, 2), "runs": (4, 5), "tested": (3, 5)}
+
+
+def test_least_values_of_the_batch_are_those_of_its_page(tmp_path: Path) -> None:
+    settings = RunSettings(sut=None, world="kinematic", least=("seconds=5",))
+    jobs = jobs_of([scenario(tmp_path, stop=2.0)], {}, True)
+    list(run_batch(jobs, settings, out=tmp_path / "out"))
+    (row,) = (each for each in report(tmp_path / "out")["evidence"] if each["name"] == "seconds")
+    assert (row["least"], row["below"]) == (5.0, 1)
+
+
+def test_a_batch_without_its_work_has_a_page_all_the_same(batch: Path, tmp_path: Path) -> None:
+    for name in ("batch.json", "runs.jsonl", "runs.parquet"):
+        (tmp_path / name).write_bytes((batch / name).read_bytes())
+    (tmp_path / "work.json").write_text('{"work": [{"name": 1}]}')
+    assert report(tmp_path)["work"] == []
+
+
+def test_the_page_shows_evidence_and_work(browser: Browser, batch: Path) -> None:
+    browser.open(batch / "report.html")
+    assert "Planned and done: files 1 of 2, runs 4 of 5, tested 3 of 5" in browser.text(
+        "[aria-label=Evidence]"
+    )
+    count = browser.run("document.querySelectorAll('[aria-label=Evidence] tbody tr').length")
+    assert count == len(report(batch)["evidence"])
+
+
 def test_parameters_vary_where_any_set_differs() -> None:
     same = {"a": "1", "b": "2"}
     assert varied([same, same]) == []
@@ -117,11 +151,13 @@ def test_the_page_counts_sorts_and_finds_runs(browser: Browser, batch: Path) -> 
     browser.open(batch / "report.html")
     assert browser.requests == [(batch / "report.html").as_uri()]
     rows = "[...document.querySelectorAll('.runs tbody tr')].map(r => r.querySelector('td').textContent)"
-    assert browser.text(".verdict") == "2 of 5 runs failed, 1 file could not be run"
+    assert browser.text(".verdict") == (
+        "2 of 5 runs failed, 1 file could not be run, 1 run inconclusive"
+    )
     failed, passed = ["gaps~000000", "gaps~000001"], ["gaps~000002", "gaps~000003"]
     assert browser.run(rows) == [*failed, "bad_b_", *passed]
     legend = browser.run("[...document.querySelectorAll('.legend li')].map(l => l.textContent)")
-    assert legend == ["2 failed", "1 error", "0 inconclusive", "2 passed"]
+    assert legend == ["2 failed", "1 error", "1 inconclusive", "1 passed"]
     browser.run(
         "[...document.querySelectorAll('.runs th button')].find(b => b.textContent === 'Gap').click()"
     )
@@ -171,7 +207,7 @@ def test_a_grid_of_parameters_is_a_matrix(browser: Browser, batch: Path) -> None
     cells = browser.run(
         "[...document.querySelectorAll('.matrix td')].map(c => [c.className, c.textContent])"
     )
-    assert [kind for kind, _ in cells] == ["failed", "failed", "passed", "passed"]
+    assert [kind for kind, _ in cells] == ["failed", "failed", "inconclusive", "passed"]
     assert [text for _, text in cells][:2] == ["✕ 10", "✕ 10"]
     label = browser.run("document.querySelector('.matrix td a').getAttribute('aria-label')")
     assert label.startswith("Gap 10: 1 of 1 failed, collision with ")
@@ -191,7 +227,7 @@ def test_an_earlier_batch_is_compared_with(browser: Browser, batch: Path, tmp_pa
     kinds = browser.run(
         "[...document.querySelectorAll('[aria-label=History] summary')].map(s => s.textContent)"
     )
-    assert kinds == ["1does not pass, as before", "1is new", "3only in the earlier batch"]
+    assert kinds == ["2does not pass, as before", "1is new", "3only in the earlier batch"]
     assert browser.text("[aria-label=History] h2") == "Since out"
 
 

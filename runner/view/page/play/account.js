@@ -24,6 +24,31 @@ function list(lines) {
   return lines.length ? el("ul", { class: "reasons muted" }, ...lines.map(line => el("li", null, line))) : null;
 }
 
+/** What a run has tested, in numbers: what is missing first. */
+function evidence(rows) {
+  if (!rows.length) return null;
+  const missing = rows.filter(row => !row.enough);
+  const line = ({ name, value, least, enough, meaning }) =>
+    el(
+      "tr",
+      null,
+      el("th", { scope: "row", title: meaning }, name.replaceAll("_", " ")),
+      el("td", { class: "number" }, value),
+      el("td", { class: "number muted" }, least),
+      el("td", { class: enough ? "muted" : "lacking" }, enough ? "enough" : "missing"),
+      el("td", { class: "muted" }, meaning),
+    );
+  const heads = [["evidence"], ["value", "number"], ["least", "number"], [""], ["counted"]];
+  const body = el("tbody", null, ...[...missing, ...rows.filter(row => row.enough)].map(line));
+  const told = `Evidence: ${rows.length - missing.length} of ${rows.length} enough`;
+  return el(
+    "details",
+    { class: "evidence" },
+    el("summary", { class: "muted" }, missing.length ? `${told}, missing: ${missing.map(row => row.name).join(", ")}` : told),
+    wideTable("Evidence", heads.map(([text, kind]) => el("th", { scope: "col", class: kind ?? null }, text)), body),
+  );
+}
+
 function headline(runs, i, seek) {
   const run = runs[i];
   return el(
@@ -42,6 +67,7 @@ function headline(runs, i, seek) {
     run.remarks.length > FEW
       ? el("details", null, el("summary", { class: "muted" }, `${run.remarks.length} remarks`), list(run.remarks))
       : list(run.remarks),
+    evidence(run.evidence ?? []),
     el(
       "details",
       null,

@@ -9,6 +9,7 @@ document.body.append(
       verdicts(),
       worst(),
       history(),
+      evidence(),
       filters(),
       groups(),
       scatter(),

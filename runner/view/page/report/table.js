@@ -64,7 +64,7 @@ function table() {
       null,
       el("td", { class: "name" }, named(run)),
       el("td", null, el("span", { class: `badge ${run.state}` }, run.state)),
-      el("td", { class: "why muted" }, reason(run)),
+      el("td", { class: "why muted" }, run.causes.length ? `${run.causes.join(", ")}: ` : null, reason(run)),
       ...columns.map(column => el("td", { class: "number" }, shown(column, run))),
     );
   }

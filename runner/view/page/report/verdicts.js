@@ -39,6 +39,45 @@ function legend(counts) {
   );
 }
 
+// evidence ------------------------------------------------------------------------------------
+
+/** What all runs have tested, in numbers: a row a kind, those that some runs lack first. */
+function evidence() {
+  const rows = data.evidence ?? [],
+    work = (data.work ?? []).map(({ name, done, planned }) => `${name} ${done} of ${planned}`);
+  if (!rows.length && !work.length) return null;
+  const lacking = rows.filter(row => row.below),
+    ordered = [...lacking, ...rows.filter(row => !row.below)];
+  const told = lacking.length
+    ? `Below the least value: ${lacking.map(row => `${row.name} (${many(row.below, "run")})`).join(", ")}`
+    : `${many(rows.length, "kind")} of evidence, enough in all runs`;
+  const inWords = (value, unit) => (unit === "yes" ? (value ? "yes" : "no") : unit === "share" ? `${short(100 * value)} %` : `${short(value)} ${unit}`);
+  const line = row =>
+    el(
+      "tr",
+      null,
+      el("th", { scope: "row" }, row.name.replaceAll("_", " ")),
+      el("td", { class: "number" }, String(row.runs)),
+      el("td", { class: "number" }, inWords(row.worst, row.unit)),
+      el("td", { class: "number muted" }, inWords(row.least, row.unit)),
+      el("td", { class: row.below ? "number lacking" : "number" }, String(row.below)),
+      el("td", { class: "muted" }, row.meaning),
+    );
+  const heads = [["evidence"], ["runs", "number"], ["least found", "number"], ["least needed", "number"], ["below", "number"], ["counted"]];
+  return el(
+    "section",
+    { class: "panel", "aria-label": "Evidence" },
+    el("h2", null, "Evidence"),
+    work.length ? el("p", { class: "muted" }, `Planned and done: ${work.join(", ")}`) : null,
+    el(
+      "details",
+      null,
+      el("summary", { class: lacking.length ? "lacking" : "muted" }, told),
+      wideTable("Evidence of all runs", heads.map(([text, kind]) => el("th", { scope: "col", class: kind ?? null }, text)), el("tbody", null, ...ordered.map(line))),
+    ),
+  );
+}
+
 // severity ------------------------------------------------------------------------------------
 
 const WORST = 5;
