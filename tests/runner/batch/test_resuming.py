@@ -256,6 +256,14 @@ def test_overwriting_replaces_the_batch_and_leaves_other_files(
     )
     command(*call, tmp_path / "second.xosc", "--overwrite")
     names = {path.name for path in out.iterdir() if not path.name.startswith(".")}
-    assert names == {"second", "runs.jsonl", "batch.json", "runs.parquet", "notes.txt", "mine"}
+    assert names == {
+        "second",
+        "runs.jsonl",
+        "batch.json",
+        "runs.parquet",
+        "work.json",
+        "notes.txt",
+        "mine",
+    }
     assert command(*call, tmp_path / "first.xosc", "--overwrite", "--against", out).code == 2
     assert (out / "second" / "result.json").is_file(), "what is compared with is not removed"
