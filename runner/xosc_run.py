@@ -17,7 +17,7 @@ from runner.judging.measures.measure import NEW_FAILURE
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ExitCode, UsageError, exit_codes, gravest
 from schemas.common.policy import current
-from schemas.common.storage import writing
+from schemas.common.storage import check_writable
 from schemas.common.terminal.command_line import (
     AllowInconclusive,
     Jobs,
@@ -293,14 +293,7 @@ def _reporting(junit: Path | None, inconclusive: str) -> Iterator[list[Outcome] 
         return
     from runner.batch.outputs.report import write_junit
 
-    with writing("the report", junit):
-        junit.parent.mkdir(parents=True, exist_ok=True)
-        is_new = not junit.exists()
-        junit.open(
-            "a"
-        ).close()  # what can't be written is better known before the runs than after them
-        if is_new:
-            junit.unlink()
+    check_writable(junit, "the report")
     outcomes: list[Outcome] = []
     try:
         yield outcomes
@@ -312,6 +305,8 @@ def _also(osi: Path | None, replay: bool, gui: bool, out: Path | None) -> Iterat
     """Yield the further uses of each result besides writing it; options as in `xosc_run`."""
     if osi is not None:
         from runner.exchange.exports.osi import write_trace
+
+        check_writable(osi, "the trace")
 
         yield partial(write_trace, path=osi)
     if replay:

@@ -81,7 +81,6 @@ def write_replay(
         out, header, scene, road=beside.name if beside is not None else None, version=version
     )
     with writing("the scenario", out):
-        out.parent.mkdir(parents=True, exist_ok=True)
         if file is not None and beside is not None:
             _put(beside, read_bytes(file))
         keep(to_bytes(document), out)

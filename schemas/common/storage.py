@@ -484,7 +484,6 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
         OSError: the file can't be written.
     """
     if not path.is_file() or not is_own(path) or path.read_bytes() != content:
-        path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with drafted(path) as draft:
                 draft.write_bytes(content)
@@ -502,6 +501,8 @@ def keep(content: bytes, path: Path, durable: bool = False) -> Path:
 def drafted(path: Path) -> Iterator[Path]:
     """A path to write a file to, beside the one that it becomes at the end; after an error neither is there.
 
+    The folder of the file is made.
+
     The content is on the disk before the name is: a power cut leaves no file that is empty or in
     part. Devices and pipes have nothing to be replaced: they are written directly.
 
@@ -511,6 +512,8 @@ def drafted(path: Path) -> Iterator[Path]:
     if _is_special(path):
         yield path
         return
+    if not path.parent.exists():  # else a file in the place of the folder is said to exist
+        path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(
         f"{DRAFT}{secrets.token_hex(4)}{path.suffix}"
     )  # what tempfile makes is for its owner's eyes only
@@ -521,6 +524,23 @@ def drafted(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
+
+
+def check_writable(path: Path, what: str) -> None:
+    """Refuse a file that can't be written, before the work whose result it gets.
+
+    Raises:
+        NotWritten: it can't be.
+    """
+    if _is_special(path):
+        return
+    with writing(what, path):
+        if not path.parent.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+        is_new = not path.exists()
+        path.open("a").close()
+        if is_new:
+            path.unlink()
 
 
 def _is_special(path: Path) -> bool:

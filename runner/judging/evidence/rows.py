@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -323,6 +324,13 @@ def _road(run: Observed) -> Count:
     return _sound(texts)
 
 
+_ON_MOTION = re.compile(
+    "Speed|Dynamics|Vertex|Timing|TimeReference|Traj|Polyline|Clothoid|Nurbs|Knot|Performance"
+    "|Position|SteadyState|Synchronize|DistanceAction|Lane|Vehicle|FileHeader"
+)
+"""Elements that repairs change motion by"""
+
+
 @_row(
     "performance",
     "performance",
@@ -333,7 +341,12 @@ def _road(run: Observed) -> Count:
     early=True,
 )
 def _performance(run: Observed) -> Count:
-    return _sound(beyond_performance(run.scenario, run.recording, run.ego))
+    texts = [*beyond_performance(run.scenario, run.recording, run.ego)]
+    repairs = [each for each in run.scenario.remarks if _ON_MOTION.search(each.element)]
+    if texts and repairs:
+        more = f" and {len(repairs) - 1} more" if len(repairs) > 1 else ""
+        texts = [f"{text}, perhaps by a repair of the file: {repairs[0]}{more}" for text in texts]
+    return _sound(texts)
 
 
 # the run -------------------------------------------------------------------------------------

@@ -401,9 +401,6 @@ def deliver(content: str, what: str, output: Path | None) -> None:
     if output is None:
         print(of_service(content), end="")
         return
-    with writing(what, output):
-        if not output.parent.exists():  # else a file in the place of the folder is said to exist
-            output.parent.mkdir(parents=True, exist_ok=True)
     with writing(what, output), drafted(output) as draft:
         draft.write_bytes(content.encode("utf-8", "backslashreplace"))
 

@@ -337,3 +337,36 @@ def test_least_values_are_settable_and_named(tmp_path: Path, command: Command) -
     ):
         answer = command("xosc-run", path, *options, "--least", wrong)
         assert answer.code == 2 and said in answer.err
+
+
+def vertex(time: float, x: float) -> str:
+    place = f'<Position><WorldPosition x="{x}" y="-1.75" h="0"/></Position>'
+    return f'<Vertex time="{time}">{place}</Vertex>'
+
+
+def trajectory(*vertices: str) -> str:
+    """A PrivateAction that follows a polyline."""
+    return (
+        '<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" '
+        'closed="false"><ParameterDeclarations/><Shape><Polyline>'
+        + "".join(vertices)
+        + "</Polyline>"
+        "</Shape></Trajectory></TrajectoryRef><TimeReference><Timing domainAbsoluteRelative="
+        '"relative" offset="0" scale="1"/></TimeReference><TrajectoryFollowingMode followingMode='
+        '"position"/></FollowTrajectoryAction></RoutingAction></PrivateAction>'
+    )
+
+
+@pytest.mark.parametrize("repaired", [True, False])
+def test_a_speed_beyond_the_performance_names_the_repair_of_the_motion(
+    tmp_path: Path, repaired: bool
+) -> None:
+    between = [vertex(1.0, 300.0)] if repaired else []
+    way = trajectory(vertex(0.0, 210.0), vertex(1.0, 230.0), *between, vertex(1.5, 330.0))
+    init = place("Ego", 100, 20) + place("Lead", 200, 20)
+    path = scenario(tmp_path, init=init, stories=story("Lead", [(0.5, way)]), stop=3.0)
+    verdict = runner.run(path, sut="none", world="kinematic").verdict
+    assert verdict.outcome == "inconclusive"
+    (told,) = (cause.text for cause in verdict.causes if cause.name == "performance")
+    named = f"perhaps by a repair of the file: {path}:32: the time 1 is that of another place, too"
+    assert (named in told) == repaired
