@@ -721,7 +721,6 @@ ATTEMPTS = [
 ]
 
 DEFECTS = {
-    "steps of 1 s through a standing car": "boxes are not swept between steps",
     "box of no size": "the box ends in an internal error instead of a refusal",
     "box of 1e-300 m": "the box ends in an internal error instead of a refusal",
     "stop as the ego stands still": "0.1 s of an ego that stands count as a run",

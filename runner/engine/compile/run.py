@@ -134,8 +134,8 @@ class Run(Instant, Protocol):
         """
         ...
 
-    def note(self, kind: str, subject: str, text: str = "") -> None:
-        """Write a line of the event log at the current time."""
+    def note(self, kind: str, subject: str, text: str = "", time: float | None = None) -> None:
+        """Write a line of the event log, at a time within this step (s) or at its end."""
         ...
 
     def set_environment(self, environment: Environment) -> None:

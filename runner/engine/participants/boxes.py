@@ -120,6 +120,79 @@ def entry(seen: Outlook, a: BoundingBox, b: BoundingBox, vx: float, vy: float) -
     return begin
 
 
+class Moved(Boxed, Protocol):
+    """Something boxed with its pitch (rad, downwards positive) and its velocity over ground in the last step (m/s)."""
+
+    @property
+    def pitch(self) -> float: ...
+    @property
+    def vx(self) -> float: ...
+    @property
+    def vy(self) -> float: ...
+
+
+_SLIP = 0.8
+"""Angle (rad) between way and heading above which an entity has slid in a straight line, and not steered"""
+_STRAIGHT = 0.06
+"""Turn (rad) in a part of a step in which entities move straight on"""
+
+
+def first_touch(a: Moved, b: Moved, dt: float) -> float | None:
+    """Return the share (0 to 1) of the last step, dt (s), after which two boxes first touched; None if they did not.
+
+    Reference points of entities that steer move along their headings, so that their ways are taken
+    as arcs which end at the present poses. Those that slid, or stood, keep their headings. The step
+    has equal parts in which both move straight on.
+    """
+    turns = _turn(a, dt), _turn(b, dt)
+    parts = max(math.ceil(max(map(abs, turns)) / _STRAIGHT), 1)
+    own, its = _way(a, dt, turns[0], parts), _way(b, dt, turns[1], parts)
+    for part in range(parts):
+        one, other, mine, theirs = own[part], its[part], own[part + 1], its[part + 1]
+        first = one._replace(h=(one.h + mine.h) / 2)
+        second = other._replace(h=(other.h + theirs.h) / 2)
+        if vertical_gap(first, second) > 0.0:
+            continue
+        vx, vy = theirs.x - other.x - mine.x + one.x, theirs.y - other.y - mine.y + one.y
+        cos, sin = math.cos(first.h), math.sin(first.h)
+        seen = outlook(first, second)
+        after = entry(seen, a.box, b.box, vx * cos + vy * sin, vy * cos - vx * sin)
+        if after <= 1.0:
+            return (part + after) / parts
+    return None
+
+
+def _forward(moved: Moved) -> float:
+    """1 for an entity that moves ahead or stands, -1 for one in reverse."""
+    return 1.0 if moved.vx * math.cos(moved.h) + moved.vy * math.sin(moved.h) >= 0.0 else -1.0
+
+
+def _turn(moved: Moved, dt: float) -> float:
+    """Change of an entity's heading in the last step, rad: twice the angle from its way to its heading."""
+    if math.hypot(moved.vx, moved.vy) * dt <= _TOUCHING:
+        return 0.0
+    forward = _forward(moved)
+    direction = math.atan2(forward * moved.vy, forward * moved.vx)
+    turn = 2.0 * math.remainder(moved.h - direction, math.tau)
+    return turn if abs(turn) <= 2.0 * _SLIP else 0.0
+
+
+def _way(moved: Moved, dt: float, turn: float, parts: int) -> list[Spot]:
+    """Poses of an entity from the start of the last step to its end, in equal parts of its time."""
+    dx, dy = moved.vx * dt, moved.vy * dt
+    rise = -math.tan(moved.pitch) * _forward(moved) * math.hypot(dx, dy)
+    poses = []
+    for part in range(parts + 1):
+        left = 1.0 - part / parts
+        # The chord of the arc that is left, as a share of the whole chord
+        chord = math.sin(turn * left / 2) / math.sin(turn / 2) if abs(turn) > _TOUCHING else left
+        bend = turn * (1.0 - left) / 2
+        c, s = chord * math.cos(bend), chord * math.sin(bend)
+        x, y = moved.x - dx * c + dy * s, moved.y - dy * c - dx * s
+        poses.append(Spot(x, y, moved.z - rise * left, moved.h - turn * left, moved.box))
+    return poses
+
+
 def gap(a: Boxed, b: Boxed) -> float:
     """Shortest distance between two boxes, m; 0 where they overlap or touch.
 

@@ -20,6 +20,8 @@ LATERAL = "lateral"
 """Control domain of motion to the side; `runner.engine.compile.element` has the others"""
 LONGEST = 1000.0
 """Growth (m) of `Displacement.total` when an entity appears or disappears: no conclusion reaches further."""
+JUMP = 10.0
+"""Distance (m) beyond that of its speed that an entity may be put aside within a step (a lane change at once)"""
 _ROUNDING = 1e-6
 
 
@@ -272,12 +274,14 @@ class Separation:
     have moved relative to each other, and the boxes have turned about them.
     """
 
-    __slots__ = ("_a", "_b", "_gap", "_ha", "_hb", "_x", "_y", "touching")
+    __slots__ = ("_a", "_b", "_gap", "_ha", "_hb", "_x", "_y", "measured", "touching")
 
     def __init__(self, a: Entity, b: Entity) -> None:
         self._a, self._b = a, b
         self._gap = -math.inf
         self._x = self._y = self._ha = self._hb = 0.0
+        self.measured = False
+        """for the caller: whether it has been measured since the caller set this back"""
         self.touching = False
         """for the caller: whether they touched when it looked last"""
 
@@ -291,5 +295,9 @@ class Separation:
         if left > distance:
             return True
         self._x, self._y, self._ha, self._hb = x, y, ha, hb
-        self._gap = plane_gap(a, b)
+        self._gap, self.measured = plane_gap(a, b), True
         return self._gap > distance
+
+    def forget(self) -> None:
+        """Measure the gap anew when it is asked for."""
+        self._gap = -math.inf

@@ -1,4 +1,9 @@
-"""Contacts between participants: which bounding boxes overlap or touch, from when to when."""
+"""Contacts between participants: which bounding boxes overlap or touch, from when to when.
+
+A contact that is there at the end of a step begins with that instant. One that begins and ends
+within a step, as at long steps or at grazed corners, begins when the boxes touch, and lasts until
+the end of the step.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +13,11 @@ from itertools import combinations
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from runner.engine.participants.boxes import overlap
-from runner.engine.participants.entity import Separation
+from runner.engine.participants.boxes import first_touch, overlap
+from runner.engine.participants.entity import JUMP, Entity, Separation
 
 if TYPE_CHECKING:
     from runner.engine.compile.run import Run
-    from runner.engine.participants.entity import Entity
 
 _by_x = attrgetter("x")
 _by_name = attrgetter("name")
@@ -22,8 +26,19 @@ _MARGIN = 10.0
 _FEW = 4
 """Number of entities up to which all pairs are checked: a search for near ones would cost more."""
 _ROUNDING = 1e-6
+_FASTER = 1.5
+"""Displacement in a step as a multiple of the present one, up to which pairs are kept"""
+_TOLERANCE = 1.01
+"""Share of its Performance's greatest speed that an entity may have"""
 _MARGIN_OF_REACH = 1e-3
 """Distance (m) that is no rounding of a reach"""
+
+
+_Pair = tuple[Entity, Entity, float, Separation]
+"""Two participants that may touch soon, and the distance of their reference points along an axis (m)
+above which they do not touch, and did not within the last step"""
+_Contact = tuple[Entity, Entity, float]
+"""Two participants that touch, and the time from which on they do, if they did not before (s)"""
 
 
 class Contacts:
@@ -38,14 +53,18 @@ class Contacts:
 
     def __init__(self, run: Run) -> None:
         self._run = run
-        self._near: list[tuple[Entity, Entity, float, Separation]] = []
-        """pairs that may touch soon, with the distance of their reference points along an axis (m) above which they do not"""
+        self._near: list[_Pair] = []
+        """pairs that may touch soon"""
         self._everyone: list[Entity] = []
         """the participants when these were found"""
         self._changes = -1
         """`Run.changes` at the last full check: entities appear and disappear only with a change"""
         self._due = -math.inf
         """total displacement at which others may touch"""
+        self._total = 0.0
+        """total displacement a step ago"""
+        self._longest = 0.0
+        """displacement of any participant in a step up to which the pairs are those that may touch"""
         self._partners: dict[str, list[Entity]] = {}
         self.pairs: set[tuple[str, str]] = set()
         self.history: list[tuple[float, str, str]] = []
@@ -59,54 +78,79 @@ class Contacts:
             everyone = list(run.entities.values())
             if everyone != self._everyone:
                 self._everyone, self._due = everyone, -math.inf
-        if self._due != math.inf and (
-            len(self._everyone) <= _FEW or run.displacement.total >= self._due
-        ):
-            self._near = self._look_around()
-        found = []
+            for *_, separation in self._near:
+                separation.forget()  # an action may have put one of them elsewhere
+        if self._due != math.inf:
+            total = run.displacement.total if len(self._everyone) > _FEW else math.inf
+            if total >= self._due or total - self._total > self._longest:
+                self._near = self._look_around()
+            self._total = total
+        found: list[_Contact] = []
         for a, b, reach, separation in self._near:
             if not -reach <= b.x - a.x <= reach or not -reach <= b.y - a.y <= reach:
                 continue
-            if (separation.touching or not separation.exceeds(_ROUNDING)) and _counts(a, b):
-                separation.touching = overlap(a, b)
-                if separation.touching:
-                    found.append((a, b))
+            # Its last measurement excludes a contact now and, as the way is straight, on the way here.
+            if separation.touching or not separation.exceeds(_ROUNDING) or separation.measured:
+                self._look_at(a, b, separation, found)
         if found or self.pairs:
             self._compare(found)
 
-    def _look_around(self) -> list[tuple[Entity, Entity, float, Separation]]:
-        """Pairs to check until an entity has moved far enough; every pair if there are few entities."""
+    def _look_at(self, a: Entity, b: Entity, separation: Separation, found: list[_Contact]) -> None:
+        """Add a pair to those found if it touches now, or has touched within this step."""
+        separation.measured = False
+        if not _counts(a, b):
+            return
+        run, dt, before = self._run, self._run.dt, separation.touching
+        separation.touching = overlap(a, b)
+        if separation.touching:
+            found.append((a, b, run.time))
+            return
+        way = math.hypot((b.vx - a.vx) * dt, (b.vy - a.vy) * dt)
+        if before or separation.exceeds(way) or not run.step_index:
+            return
+        share = first_touch(a, b, dt) if not (_jumped(a, dt) or _jumped(b, dt)) else None
+        if share is not None:
+            found.append((a, b, run.time - (1.0 - share) * dt))
+
+    def _look_around(self) -> list[_Pair]:
+        """Pairs to check until an entity has moved far enough, or further in a step; every pair if there are few entities."""
+        dt = self._run.dt
         if len(self._everyone) <= _FEW:
             self._due = math.inf
-            return [_pair(a, b) for a, b in combinations(self._everyone, 2)]
+            return [_pair(a, b, _longest(a, b, dt)) for a, b in combinations(self._everyone, 2)]
         order = [entity for entity in self._everyone if entity.active and entity.placed]
         order.sort(key=_by_x)
         widest = max((entity.reach for entity in order), default=0.0)
+        fastest = max((math.hypot(entity.vx, entity.vy) for entity in order), default=0.0)
+        self._longest = _FASTER * fastest * dt
+        way = 2.0 * self._longest
+        margin = max(_MARGIN, way)  # with those that were near in this step
         found = []
         for index, a in enumerate(order):
             for b in order[index + 1 :]:
                 dx = b.x - a.x
-                if dx > a.reach + widest + _MARGIN:
+                if dx > a.reach + widest + margin:
                     break
-                near = a.reach + b.reach + _MARGIN
+                near = a.reach + b.reach + margin
                 if dx <= near and abs(b.y - a.y) <= near:
-                    found.append(_pair(a, b))
+                    found.append(_pair(a, b, way))
         self._due = self._run.displacement.after(_MARGIN / 2)
         return found
 
-    def _compare(self, found: list[tuple[Entity, Entity]]) -> None:
-        pairs: set[tuple[str, str]] = set()
+    def _compare(self, found: list[_Contact]) -> None:
+        pairs: dict[tuple[str, str], float] = {}
         self._partners.clear()
-        for a, b in found:
-            pairs.add((a.name, b.name) if a.name < b.name else (b.name, a.name))
+        for a, b, since in found:
+            pairs[(a.name, b.name) if a.name < b.name else (b.name, a.name)] = since
             self._partners.setdefault(a.name, []).append(b)
             self._partners.setdefault(b.name, []).append(a)
-        for first, second in sorted(pairs - self.pairs):
-            self.history.append((self._run.time, first, second))
-            self._run.note("collision", first, f"touches {second}")
-        for first, second in sorted(self.pairs - pairs):
+        begun = sorted((pairs[pair], *pair) for pair in pairs.keys() - self.pairs)
+        for time, first, second in begun:
+            self.history.append((time, first, second))
+            self._run.note("collision", first, f"touches {second}", time)
+        for first, second in sorted(self.pairs - pairs.keys()):
             self._run.note("collisionEnd", first, f"no longer touches {second}")
-        self.pairs = pairs
+        self.pairs = set(pairs)
 
     def of(self, entity: Entity) -> Sequence[Entity]:
         """Return the entities in contact with an entity, by name."""
@@ -114,8 +158,20 @@ class Contacts:
         return sorted(touched, key=_by_name) if touched else ()
 
 
-def _pair(a: Entity, b: Entity) -> tuple[Entity, Entity, float, Separation]:
-    return a, b, a.reach + b.reach + _MARGIN_OF_REACH, Separation(a, b)
+def _pair(a: Entity, b: Entity, way: float) -> _Pair:
+    return a, b, a.reach + b.reach + _MARGIN_OF_REACH + way, Separation(a, b)
+
+
+def _longest(a: Entity, b: Entity, dt: float) -> float:
+    """Longest way (m) of two entities towards each other in a step; a faster one makes a run inconclusive."""
+    fastest = a.declared.performance.max_speed + b.declared.performance.max_speed
+    return _TOLERANCE * fastest * dt
+
+
+def _jumped(entity: Entity, dt: float) -> bool:
+    """Whether an entity was put elsewhere in this step: it has moved further than its speed allows."""
+    fastest = max(abs(entity.speed), abs(entity.speed - entity.acceleration * dt))
+    return math.hypot(entity.vx, entity.vy) * dt > fastest * dt + JUMP
 
 
 def _counts(a: Entity, b: Entity) -> bool:

@@ -362,10 +362,10 @@ class Simulation:
         """Have all that rests looked at again: something that conditions read is not as it was."""
         self.changes += 1
 
-    def note(self, kind: str, subject: str, text: str = "") -> None:
-        """Write a line of the event log at the current time; what is worth one may matter to a condition, so all are woken."""
+    def note(self, kind: str, subject: str, text: str = "", time: float | None = None) -> None:
+        """Write a line of the event log; what is worth one may matter to a condition, so all are woken."""
         self.wake()
-        self.log.append(LogEntry(self.time, kind, subject, text))
+        self.log.append(LogEntry(self.time if time is None else time, kind, subject, text))
 
     # for actions and conditions -------------------------------------------------------------
 

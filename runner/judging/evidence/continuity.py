@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from runner.engine.participants.boxes import Spot, entry, outlook, vertical_gap
+from runner.engine.participants.entity import JUMP
 from runner.judging.measures.measure import GREATEST_DECELERATION
 from runner.systems.drivers import SystemDriver
 
@@ -29,8 +30,6 @@ _SUSTAINED = 0.5
 """Time (s) for which an acceleration must last: a change within a step is a change of state, and has none"""
 APPROACH = 5.0
 """Time (s) within which the ego and another would touch at their velocities: the ego approaches it"""
-_JUMP = 10.0
-"""Distance (m) beyond that of its speed that a participant may be put aside within a step (a lane change at once)"""
 _ALOFT = 5.0
 """Height (m) above or below the road's surface at which nothing stands on it"""
 _ASTRAY = 5.0
@@ -177,7 +176,7 @@ def _jumps(track: Track) -> list[float]:
     if len(time) < 2:
         return []
     way = np.hypot(np.diff(columns["x"]), np.diff(columns["y"]))
-    most = np.maximum(speed[1:], speed[:-1]) * np.diff(time) + _JUMP
+    most = np.maximum(speed[1:], speed[:-1]) * np.diff(time) + JUMP
     return [float(time[row]) for row in np.flatnonzero(way > most)]
 
 

@@ -104,7 +104,18 @@ def account(result: RunResult) -> list[Sentence]:
         ]
     if measures.impact is not None:
         return list(_contact(ego, measures, measures.impact))
-    return list(_without_contact(result, ego, measures))
+    brief = [entry for entry in result.events if entry.kind == "collision" and _is_of(entry, ego)]
+    return [*map(_brief, brief[:1]), *_without_contact(result, ego, measures, bool(brief))]
+
+
+def _is_of(entry: LogEntry, ego: Track) -> bool:
+    return entry.subject == ego.name or entry.text == f"touches {ego.name}"
+
+
+def _brief(entry: LogEntry) -> Sentence:
+    """A contact that began and ended within a step: the rows show none."""
+    told = f"{entry.subject} {entry.text} at {entry.time:.2f} s, between two steps."
+    return Sentence(told, entry.time)
 
 
 def _contacts(result: RunResult) -> Iterator[Sentence]:
@@ -186,17 +197,23 @@ def _needed(conflict: Conflict, began: int | None, impact: float) -> Iterator[Se
 # no contact ---------------------------------------------------------------------------------
 
 
-def _without_contact(result: RunResult, ego: Track, measures: Criticality) -> Iterator[Sentence]:
+def _without_contact(
+    result: RunResult, ego: Track, measures: Criticality, touched: bool
+) -> Iterator[Sentence]:
+    """Describe a run in whose rows the ego touches no one.
+
+    Args:
+        touched: whether it has between two of them.
+    """
     summary = measures.summary
     nearest, ttc = summary["min_distance"], summary["min_ttc"]
     if nearest is None:
         yield Sentence(f"{ego.name} met no other participant.")
     else:
         close = f"{nearest['value']:.2f} m to {nearest['other']}"
-        yield Sentence(
-            f"{ego.name} had no contact; the least distance was {close}, at {nearest['time']:.2f} s.",
-            nearest["time"],
-        )
+        begin = "The" if touched else f"{ego.name} had no contact; the"
+        told = f"{begin} least distance was {close}, at {nearest['time']:.2f} s."
+        yield Sentence(told, nearest["time"])
     if ttc is not None and ttc["value"] < 10.0:
         to = f"{ttc['value']:.2f} s to {ttc['other']}"
         yield Sentence(

@@ -78,13 +78,13 @@ def test_a_bridge_keeps_boxes_apart() -> None:
 
 
 class Log(SimpleNamespace):
-    def note(self, *line: str) -> None:
-        self.lines.append((self.time, *line))
+    def note(self, kind: str, subject: str, text: str, time: float | None = None) -> None:
+        self.lines.append((self.time if time is None else time, kind, subject, text))
 
 
 def contacts_of(*members: Entity) -> tuple[Contacts, Any]:
     entities = Entities({e.name: e for e in members})
-    sim = Log(entities=entities, step_index=0, time=0.0, changes=0, lines=[])
+    sim = Log(entities=entities, step_index=0, time=0.0, dt=1.0, changes=0, lines=[])
     sim.displacement = Displacement(sim)  # type: ignore[arg-type]
     return Contacts(sim), sim  # type: ignore[arg-type]
 
@@ -134,6 +134,120 @@ def test_absent_entities_touch_nobody() -> None:
     contacts, _ = contacts_of(a, b)
     contacts.update()
     assert contacts.pairs == set()
+
+
+def driven(
+    sim: Any, contacts: Contacts, ways: dict[Entity, tuple[float, float, float, float, float]]
+) -> None:
+    """One step of 1 s: entities at (x, y, h) that have moved at (vx, vy)."""
+    for member, (x, y, h, vx, vy) in ways.items():
+        member.x, member.y, member.h, member.vx, member.vy = x, y, h, vx, vy
+        member.speed = math.copysign(math.hypot(vx, vy), vx * math.cos(h) + vy * math.sin(h))
+    sim.step_index += 1
+    sim.time += sim.dt
+    contacts.update()
+
+
+@pytest.mark.parametrize("others", [0, 5])
+@pytest.mark.parametrize("speed", [20.0, -20.0])
+def test_a_contact_within_a_step_has_its_time(others: int, speed: float) -> None:
+    a, b = entity("a", x=-math.copysign(10.0, speed)), entity("b")
+    more = [entity(f"c{i}", x=1000.0 + 20.0 * i) for i in range(others)]
+    contacts, sim = contacts_of(a, b, *more)
+    contacts.update()
+    driven(sim, contacts, {a: (math.copysign(10.0, speed), 0.0, 0.0, speed, 0.0)})
+    assert contacts.history == [(pytest.approx(5.5 / 20.0), "a", "b")]  # 10 m less a length
+    assert [other.name for other in contacts.of(a)] == ["b"]
+    driven(sim, contacts, {a: (a.x + speed, 0.0, 0.0, speed, 0.0)})
+    assert len(contacts.history) == 1
+    assert contacts.pairs == set()
+    assert [line[:2] for line in sim.lines] == [
+        (pytest.approx(0.275), "collision"),
+        (2.0, "collisionEnd"),
+    ]
+
+
+def test_passing_in_the_next_lane_or_turning_away_is_no_contact() -> None:
+    a, b = entity("a", x=-10.0, y=1.9), entity("b")
+    contacts, sim = contacts_of(a, b)
+    contacts.update()
+    driven(sim, contacts, {a: (10.0, 1.9, 0.0, 20.0, 0.0)})
+    assert contacts.history == []
+    # A quarter of a circle of 10 m about b: the chord cuts through it, the arc does not
+    a, b = entity("a", x=5.0, y=0.0, h=math.pi / 2), entity("b", x=-1.4)
+    contacts, sim = contacts_of(a, b)
+    contacts.update()
+    driven(sim, contacts, {a: (0.0, 5.0, math.pi, -5.0, 5.0)})
+    assert contacts.history == []
+
+
+def test_who_is_put_elsewhere_has_not_passed_what_is_between() -> None:
+    a, b = entity("a", x=-30.0), entity("b")
+    contacts, sim = contacts_of(a, b)
+    contacts.update()
+    driven(sim, contacts, {a: (30.0, 0.0, 0.0, 60.0, 0.0)})
+    assert contacts.history  # at 60 m/s
+    a.x, a.speed = -30.0, 0.0
+    contacts, sim = contacts_of(a, b)
+    contacts.update()
+    a.x, a.vx = 30.0, 60.0  # at a speed of 0
+    sim.step_index += 1
+    contacts.update()
+    assert contacts.history == []
+
+
+def test_a_bridge_keeps_ways_apart() -> None:
+    a, b = entity("a", x=-10.0, z=5.0), entity("b")
+    contacts, sim = contacts_of(a, b)
+    contacts.update()
+    driven(sim, contacts, {a: (10.0, 0.0, 0.0, 20.0, 0.0)})
+    assert contacts.history == []
+
+
+@pytest.mark.slow
+@given(
+    st.lists(
+        st.tuples(coordinate, coordinate, angle, st.floats(-12.0, 12.0)), min_size=2, max_size=7
+    )
+)
+def test_ways_of_a_step_touch_where_samples_of_them_do(
+    ways: list[tuple[float, float, float, float]],
+) -> None:
+    members = [entity(f"e{i}", *way[:3]) for i, way in enumerate(ways)]
+    contacts, sim = contacts_of(*members)
+    contacts.update()
+    before = set(contacts.pairs)
+    step = {
+        member: (
+            member.x + speed * math.cos(member.h),
+            member.y + speed * math.sin(member.h),
+            member.h,
+            speed * math.cos(member.h),
+            speed * math.sin(member.h),
+        )
+        for member, (*_, speed) in zip(members, ways, strict=True)
+    }
+    starts = [(member.x, member.y) for member in members]
+    sampled = set()
+    for share in range(101):
+        for member, (x, y), (*_, speed) in zip(members, starts, ways, strict=True):
+            member.x = x + speed * math.cos(member.h) * share / 100
+            member.y = y + speed * math.sin(member.h) * share / 100
+        sampled |= {
+            (a.name, b.name)
+            for i, a in enumerate(members)
+            for b in members[i + 1 :]
+            if overlap(a, b)
+        }
+    driven(sim, contacts, step)
+    found = {(first, second) for _, first, second in contacts.history} | before
+    assert sampled <= found
+    for time, first, second in contacts.history:
+        a, b = sim.entities[first], sim.entities[second]
+        for member in (a, b):
+            x, y = starts[members.index(member)]
+            member.x, member.y = x + member.vx * time, y + member.vy * time
+        assert (first, second) in sampled or gap(a, b) < 1e-6
 
 
 @pytest.mark.slow

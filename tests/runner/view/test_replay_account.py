@@ -183,3 +183,14 @@ def test_frames_tell_the_contact_in_the_strip_above_the_road(tmp_path: Path) -> 
     before, after = (frame(result, time).getcolors(1 << 20) or [] for time in (1.0, 2.2))
     assert red not in [colour for _, colour in before]
     assert red in [colour for _, colour in after]
+
+
+def test_a_contact_within_a_step_is_told_with_its_time(tmp_path: Path) -> None:
+    """At 20 m/s from 100 m on: the bumpers meet after 64.6 m, and no row shows it."""
+    path = scenario(tmp_path, init=place("Ego", 100, 20) + place("Lead", 169.6, 0), stop=10.0)
+    result = runner.run(path, world="kinematic", sut="none", timestep=1.0)
+    assert result.verdict.failures == ("collision with Lead at 3.23 s",)
+    assert [str(sentence.text) for sentence in account(result)][:2] == [
+        "Ego touches Lead at 3.23 s, between two steps.",
+        "The least distance was 4.60 m, at 3.00 s.",
+    ]
