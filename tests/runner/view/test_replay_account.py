@@ -192,5 +192,5 @@ def test_a_contact_within_a_step_is_told_with_its_time(tmp_path: Path) -> None:
     assert result.verdict.failures == ("collision with Lead at 3.23 s",)
     assert [str(sentence.text) for sentence in account(result)][:2] == [
         "Ego touches Lead at 3.23 s, between two steps.",
-        "The least distance was 4.60 m, at 3.00 s.",
+        "The least distance was 4.60 m to Lead, at 3.00 s.",
     ]
