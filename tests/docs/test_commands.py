@@ -40,6 +40,7 @@ READING += [
     )
 ]
 """The README, and the tutorials in the order of their list."""
+ROADS = ROOT / "docs" / "roads.md"
 PAGES = [*READING, *EXTENDING]
 PRODUCT = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "studies")
 
@@ -235,6 +236,16 @@ def test_readme_and_tutorials_do_what_they_say_one_after_the_other(
         except AssertionError as error:
             error.add_note(f"in {name(page)}")
             raise
+
+
+@pytest.mark.slow
+def test_the_page_on_roads_does_what_it_says(
+    tmp_path: Path, do: Do, execute: Do, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(ROOT / "xodr" / "library", tmp_path / "xodr" / "library")
+    monkeypatch.chdir(tmp_path)
+    assert len(typed(ROADS)) >= 10
+    play(ROADS, tmp_path, do, execute)
 
 
 def test_reading_has_every_tutorial_once() -> None:

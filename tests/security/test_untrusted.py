@@ -39,7 +39,17 @@ COMMANDS = [
     *(["xosc-recognize", each] for each in ("catalogue", "label", "record", "train")),
     *(
         ["xosc-road", each]
-        for each in ("convert", "compare", "info", "show", "cut", "repair", "drive")
+        for each in (
+            "convert",
+            "compare",
+            "info",
+            "show",
+            "cut",
+            "place",
+            "join",
+            "repair",
+            "drive",
+        )
     ),
 ]
 FUNCTIONS = (
@@ -50,7 +60,7 @@ FUNCTIONS = (
     "recognition.trfe.training.command:train",
     *(
         f"xodr.formats.maps.xosc_road:{each}_command"
-        for each in ("convert", "compare", "info", "show", "cut", "repair", "drive")
+        for each in ("convert", "compare", "info", "show", "cut", "place", "join", "repair", "drive")
     ),
 )  # fmt: skip
 """All commands, as functions"""

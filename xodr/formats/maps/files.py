@@ -14,11 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from schemas.common.errors import UsageError
-from schemas.common.xml import parse
 from xodr.formats.maps.comparing import Distances, MapDifference
 from xodr.formats.maps.comparing import compare as compare_maps
 from xodr.formats.maps.converting import FORMATS, MapConversion, convert, format_of, read_map
-from xodr.formats.maps.cut import along, cut, within
+from xodr.formats.maps.editing.cut import along, cut, on_way, within
+from xodr.formats.maps.editing.joining import join
+from xodr.formats.maps.editing.placing import Motion, place
+from xodr.formats.maps.editing.tree import RoadFile
 from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal
 from xodr.formats.maps.projecting import Projector
 from xodr.formats.sumo_net.driving import ConnectionDrive, drive_connections
@@ -41,6 +43,8 @@ __all__ = [
     "drive_connections",
     "format_of",
     "info",
+    "join_maps",
+    "place_map",
     "read_map",
     "repair",
 ]  # fmt: skip
@@ -183,6 +187,7 @@ def cut_roads(
     box: tuple[float, float, float, float] | None = None,
     polygon: Sequence[tuple[float, float]] | None = None,
     roads: Sequence[str] | None = None,
+    route: Sequence[str] | None = None,
 ) -> tuple[bytes, list[str]]:
     """Cut whole roads out of an OpenDRIVE map, with the links to all others closed.
 
@@ -190,24 +195,91 @@ def cut_roads(
         box: west, south, east, north (m): roads that touch it stay.
         polygon: corners (m) of an area, likewise.
         roads: ids of roads that stay, and the ways through junctions between them.
+        route: ids of roads that a way leads over: the roads of the shortest one stay.
 
     Returns:
         The content of the file, and what became of what led beyond, one sentence each.
 
     Raises:
-        UsageError: not one of the three is given, or no road stays.
+        UsageError: not one of the four is given, or no road stays.
     """
     file = Path(path)
-    if sum(each is not None for each in (box, polygon, roads)) != 1:
-        raise UsageError("state one of box, polygon and roads")
+    if sum(each is not None for each in (box, polygon, roads, route)) != 1:
+        raise UsageError("state one of box, polygon, roads and route")
     network = load(file)
     if roads is not None:
         return cut(file, along(network, roads))
+    if route is not None:
+        return cut(file, on_way(network, route))
     if box is not None:
         west, south, east, north = box
         polygon = [(west, south), (east, south), (east, north), (west, north)]
     assert polygon is not None
     return cut(file, within(network, polygon))
+
+
+def place_map(
+    path: str | PathLike[str],
+    *,
+    move: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    turn: float = 0.0,
+    about: tuple[float, float] = (0.0, 0.0),
+    projection: str | None = None,
+    without_offset: bool = False,
+    elsewhere: bool = False,
+) -> tuple[bytes, list[str]]:
+    """Move and turn the coordinates of an OpenDRIVE map, or give it another projection.
+
+    The header's offset is changed with them, so that the map stays where it is on earth.
+
+    Args:
+        move: x, y and z, m, after the turn.
+        turn: angle, rad.
+        about: x and y of the place that it is turned about, m.
+        projection: PROJ string or code that takes the place of that of the file. The offset is the
+            turn and move that fit best; what is left, since scales differ, is told.
+        without_offset: make the offset part of the coordinates, for readers that do not look at it.
+        elsewhere: keep projection and offset, so that the map lies elsewhere on earth.
+
+    Returns:
+        The content of the file, and what was assumed or is left, one sentence each.
+
+    Raises:
+        InvalidFile: it is malformed; names file, line and element.
+        Unsupported: it has a surface in coordinates of its own (CRG, mode global).
+        UsageError: it has no projection that another could replace, a number is not finite, or
+            PROJ does not understand the projection.
+    """
+    if not np.isfinite([*move, turn, *about]).all():
+        raise UsageError("places and angles are finite numbers")
+    motion = Motion.about(about, turn, move)
+    return place(
+        Path(path),
+        motion,
+        projection=projection,
+        without_offset=without_offset,
+        elsewhere=elsewhere,
+    )
+
+
+def join_maps(
+    paths: Sequence[str | PathLike[str]], *, within: float = 0.05
+) -> tuple[bytes, list[str]]:
+    """Join OpenDRIVE maps to one, with ids that are unique and open ends that meet linked.
+
+    Args:
+        paths: two files or more; the first gives coordinates, projection and header.
+        within: distance (m) of lane borders that meet.
+
+    Returns:
+        The content of the file, and what became of ids, coordinates and ends, one sentence each.
+
+    Raises:
+        InvalidFile: one is malformed; names file, line and element.
+        Unsupported: one that has to be moved has a surface in coordinates of its own.
+        UsageError: there are fewer than two.
+    """
+    return join([Path(path) for path in paths], within)
 
 
 class Repaired(NamedTuple):
@@ -223,15 +295,5 @@ def repair(path: str | PathLike[str]) -> Repaired:
     Raises:
         InvalidFile: it has a fault that has no sensible mend.
     """
-    from lxml import etree
-
-    from schemas.common.remarks import Remark
-    from xodr.reader.repairs import repair as mend
-
-    file = Path(path)
-    load(file)  # refuses what can't be mended
-    outside: list[Remark] = []
-    root = parse(file, outside).getroot()
-    found = [*outside, *mend(root, file)]
-    content = etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8")
-    return Repaired(content, [str(remark) for remark in found])
+    file = RoadFile(path)
+    return Repaired(file.content(), file.remarks)

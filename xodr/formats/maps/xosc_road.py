@@ -1,4 +1,4 @@
-"""The command `xosc-road`: maps converted with the error measured, compared, described, shown, cut, repaired, driven on."""
+"""The command `xosc-road`: maps converted with the error measured, compared, described, shown, cut, placed, joined, repaired, driven on."""
 
 from __future__ import annotations
 
@@ -47,6 +47,7 @@ Origin = Annotated[
     ),
 ]
 OutFile = Annotated[Path, out_folder("File to write; its name says the format.")]
+RoadOut = Annotated[Path, out_folder("The OpenDRIVE file to write.")]
 Page = Annotated[Path | None, out_folder("Write a page that draws both maps over each other.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Within = Annotated[
@@ -62,7 +63,7 @@ app = new_app(NAME)
 
 @app.callback(epilog=epilog(_EPILOG, *_EXAMPLES))
 def xosc_road(_verbose: Verbose = False, _version: Version = False) -> None:
-    """Convert, compare, describe, show, cut, repair and drive on maps; each command has --help."""
+    """Convert, compare, describe, show, cut, place, join, repair and drive on maps; each command has --help."""
 
 
 def _origin(text: str | None) -> tuple[float, float] | None:
@@ -226,7 +227,7 @@ def _faults(path: Path) -> list[str]:
 @protected("max_runs")
 def cut_command(
     path: Source,
-    out: Annotated[Path, out_folder("The OpenDRIVE file to write.")],
+    out: RoadOut,
     box: Annotated[
         str | None, typer.Option(metavar="W,S,E,N", help="Keep roads that touch this box (m).")
     ] = None,
@@ -239,6 +240,10 @@ def cut_command(
         typer.Option(
             metavar="ID,ID", help="Keep these roads, and the ways through junctions between them."
         ),
+    ] = None,
+    route: Annotated[
+        str | None,
+        typer.Option(metavar="ID,ID", help="Keep the roads of the shortest way over these roads."),
     ] = None,
     overwrite: Overwrite = False,
     _verbose: Verbose = False,
@@ -253,9 +258,87 @@ def cut_command(
     if box is not None:
         west, south, east, north = _numbers(box, 4, "a box is WEST,SOUTH,EAST,NORTH in m")
         four = (west, south, east, north)
-    content, notes = cut_roads(
-        path, box=four, polygon=area, roads=roads.split(",") if roads is not None else None
+    content, notes = cut_roads(path, box=four, polygon=area, roads=_ids(roads), route=_ids(route))
+    _keep(content, out, overwrite)
+    say(f"{out}", *(f"remark: {note}" for note in notes))
+
+
+def _ids(text: str | None) -> list[str] | None:
+    return text.split(",") if text is not None else None
+
+
+@app.command("place")
+@protected("max_runs")
+def place_command(
+    path: Source,
+    out: RoadOut,
+    move: Annotated[
+        str, typer.Option(metavar="X,Y,Z", help="Move by this (m), after a turn.")
+    ] = "0,0,0",
+    turn: Annotated[float, typer.Option(metavar="DEG", help="Turn by this angle (degrees).")] = 0.0,
+    about: Annotated[str, typer.Option(metavar="X,Y", help="Turn about this place (m).")] = "0,0",
+    projection: Annotated[
+        str | None, typer.Option(metavar="PROJ", help="Name this projection, by another offset.")
+    ] = None,
+    without_offset: Annotated[
+        bool,
+        typer.Option("--without-offset", help="Make the header's offset part of the coordinates."),
+    ] = False,
+    elsewhere: Annotated[
+        bool,
+        typer.Option(
+            "--elsewhere", help="Keep projection and offset: the map lies elsewhere on earth."
+        ),
+    ] = False,
+    overwrite: Overwrite = False,
+    _verbose: Verbose = False,
+) -> None:
+    """Move, turn or re-project an OpenDRIVE map; it stays where it is on earth."""
+    from math import radians
+
+    from xodr.formats.maps.files import place_map
+
+    x, y, z = _numbers(move, 3, "a move is X,Y,Z in m")
+    px, py = _numbers(about, 2, "a place is X,Y in m")
+    content, notes = place_map(
+        path,
+        move=(x, y, z),
+        turn=radians(turn),
+        about=(px, py),
+        projection=projection,
+        without_offset=without_offset,
+        elsewhere=elsewhere,
     )
+    _keep(content, out, overwrite)
+    say(f"{out}", *(f"remark: {note}" for note in notes))
+
+
+@app.command("join")
+@protected("max_runs")
+def join_command(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="MAP...", help="OpenDRIVE files; the first keeps its ids and coordinates."
+        ),
+    ],
+    out: RoadOut,
+    meet: Annotated[
+        float,
+        typer.Option(
+            "--meet",
+            min=0.0,
+            metavar="M",
+            help="Link open ends whose lane borders are this near (m).",
+        ),
+    ] = 0.05,
+    overwrite: Overwrite = False,
+    _verbose: Verbose = False,
+) -> None:
+    """Join OpenDRIVE maps to one; open ends that meet are linked."""
+    from xodr.formats.maps.files import join_maps
+
+    content, notes = join_maps(paths, within=meet)
     _keep(content, out, overwrite)
     say(f"{out}", *(f"remark: {note}" for note in notes))
 
@@ -264,7 +347,7 @@ def cut_command(
 @protected("max_runs")
 def repair_command(
     path: Source,
-    out: Annotated[Path, out_folder("The OpenDRIVE file to write.")],
+    out: RoadOut,
     overwrite: Overwrite = False,
     _verbose: Verbose = False,
 ) -> None:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import product
 from pathlib import Path
 
 from lxml import etree
 from shapely import LineString, Polygon
 
 from schemas.common.errors import UsageError
-from schemas.common.xml import parse
+from xodr.formats.maps.editing.tree import RoadFile, remove
 from xodr.graph.network import RoadNetwork
+from xodr.graph.ways import DRIVABLE
 from xodr.lookup.arrays import sample, stations
-from xodr.reader import load
+from xodr.model import RoadError, RoadPoint
+from xodr.model.road import Road
 
 
 def within(network: RoadNetwork, corners: Sequence[tuple[float, float]]) -> set[str]:
@@ -69,6 +72,35 @@ def along(network: RoadNetwork, roads: Iterable[str]) -> set[str]:
     return with_junctions(network, named)
 
 
+def on_way(network: RoadNetwork, roads: Sequence[str]) -> set[str]:
+    """Ids of the roads of the shortest way of traffic over some roads, in their order.
+
+    Raises:
+        UsageError: fewer than two are named, there is no such road, or no way leads over them.
+    """
+    if len(roads) < 2:
+        raise UsageError("a route has two roads or more: the first, and those that it leads over")
+    try:
+        points = [_on_lanes(network.road(name)) for name in roads]
+    except RoadError as error:
+        raise UsageError(str(error), path=network.path) from None
+    ways = [way for way in map(network.route, product(*points)) if way is not None]
+    if not ways:
+        raise UsageError(f"no way of traffic leads over {', '.join(roads)}", path=network.path)
+    return {leg.road_id for leg in min(ways, key=lambda way: way.length).legs}
+
+
+def _on_lanes(road: Road) -> list[RoadPoint]:
+    """A point in the middle of a road for each direction of its traffic."""
+    s = road.length / 2.0
+    lanes = {
+        road.direction(lane, s): road.lane_point(s, lane)
+        for lane in road.lane_ids(s)
+        if road.lane_type(s, lane) in DRIVABLE
+    }
+    return list(lanes.values())
+
+
 def cut(path: Path, chosen: set[str]) -> tuple[bytes, list[str]]:
     """An OpenDRIVE file with some of its roads, and what became of what led beyond them, one sentence each.
 
@@ -81,15 +113,16 @@ def cut(path: Path, chosen: set[str]) -> tuple[bytes, list[str]]:
     Raises:
         UsageError: none stays.
     """
-    load(path)  # refuses what is no map, by name
-    root = parse(path).getroot()
+    file = RoadFile(path)
+    root = file.root
     roads = root.findall("road")
     if not any(road.get("id") in chosen for road in roads):
         raise UsageError("no road of this map is there", path=path)
     gone = [road for road in roads if road.get("id") not in chosen]
     for road in gone:
         root.remove(road)
-    notes = [f"{len(gone)} of {len(roads)} roads are left out"] if gone else []
+    notes = list(file.remarks)
+    notes += [f"{len(gone)} of {len(roads)} roads are left out"] if gone else []
     left = {road.get("id") for road in root.findall("road")}
     junctions, closed = _junctions(root, left)
     links = 0
@@ -97,7 +130,7 @@ def cut(path: Path, chosen: set[str]) -> tuple[bytes, list[str]]:
         for link in road.findall("link/*"):
             there = left if link.get("elementType") == "road" else junctions
             if link.tag in ("predecessor", "successor") and link.get("elementId") not in there:
-                _remove(link)
+                remove(link)
                 links += 1
         if road.get("junction", "-1") not in ("-1", "") and road.get("junction") not in junctions:
             road.set("junction", "-1")
@@ -107,13 +140,7 @@ def cut(path: Path, chosen: set[str]) -> tuple[bytes, list[str]]:
     notes += [f"{links} links to what is left out are taken away: roads end there"] if links else []
     notes += closed
     notes += _signals(root)
-    return etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8"), notes
-
-
-def _remove(element: etree._Element) -> None:
-    parent = element.getparent()
-    assert parent is not None
-    parent.remove(element)
+    return file.content(), notes
 
 
 def _junctions(root: etree._Element, roads: set[str | None]) -> tuple[set[str | None], list[str]]:
@@ -148,7 +175,7 @@ def _signals(root: etree._Element) -> list[str]:
     count = 0
     for reference in root.findall("road/signals/signalReference"):
         if reference.get("id") not in signals:
-            _remove(reference)
+            remove(reference)
             count += 1
     for controller in root.findall("controller"):
         for control in controller.findall("control"):
@@ -160,5 +187,5 @@ def _signals(root: etree._Element) -> list[str]:
     left = {controller.get("id") for controller in root.findall("controller")}
     for use in root.findall("junction/controller"):
         if use.get("id") not in left:
-            _remove(use)
+            remove(use)
     return [f"{count} references to signals that are left out are taken away"] if count else []
