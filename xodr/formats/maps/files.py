@@ -19,8 +19,8 @@ from xodr.formats.maps.comparing import compare as compare_maps
 from xodr.formats.maps.converting import FORMATS, MapConversion, convert, format_of, read_map
 from xodr.formats.maps.editing.cut import along, cut, on_way, within
 from xodr.formats.maps.editing.joining import join
-from xodr.formats.maps.editing.placing import Motion, place
-from xodr.formats.maps.editing.tree import RoadFile
+from xodr.formats.maps.editing.placing import Displacement, place
+from xodr.formats.maps.editing.tree import EditedRoads
 from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal
 from xodr.formats.maps.projecting import Projector
 from xodr.formats.sumo_net.driving import ConnectionDrive, drive_connections
@@ -252,7 +252,7 @@ def place_map(
     """
     if not np.isfinite([*move, turn, *about]).all():
         raise UsageError("places and angles are finite numbers")
-    motion = Motion.about(about, turn, move)
+    motion = Displacement.about(about, turn, move)
     return place(
         Path(path),
         motion,
@@ -295,5 +295,5 @@ def repair(path: str | PathLike[str]) -> Repaired:
     Raises:
         InvalidFile: it has a fault that has no sensible mend.
     """
-    file = RoadFile(path)
+    file = EditedRoads(path)
     return Repaired(file.content(), file.remarks)

@@ -10,7 +10,7 @@ from lxml import etree
 from shapely import LineString, Polygon
 
 from schemas.common.errors import UsageError
-from xodr.formats.maps.editing.tree import RoadFile, remove
+from xodr.formats.maps.editing.tree import EditedRoads, remove
 from xodr.graph.network import RoadNetwork
 from xodr.graph.ways import DRIVABLE
 from xodr.lookup.arrays import sample, stations
@@ -113,7 +113,7 @@ def cut(path: Path, chosen: set[str]) -> tuple[bytes, list[str]]:
     Raises:
         UsageError: none stays.
     """
-    file = RoadFile(path)
+    file = EditedRoads(path)
     root = file.root
     roads = root.findall("road")
     if not any(road.get("id") in chosen for road in roads):

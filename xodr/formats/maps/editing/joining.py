@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
-from xodr.formats.maps.editing.placing import Motion, best_motion, bounds, move, places
-from xodr.formats.maps.editing.tree import RoadFile
+from xodr.formats.maps.editing.placing import Displacement, best_motion, bounds, move, places
+from xodr.formats.maps.editing.tree import EditedRoads
 from xodr.formats.maps.projecting import Projector
 from xodr.graph.network import RoadNetwork
 from xodr.graph.ways import DRIVABLE
@@ -68,7 +68,7 @@ def join(paths: Sequence[Path], within: float = 0.05) -> tuple[bytes, list[str]]
     """
     if len(paths) < 2:
         raise UsageError("two maps or more are joined")
-    base, *others = (RoadFile(path) for path in paths)
+    base, *others = (EditedRoads(path) for path in paths)
     notes = list(base.remarks)
     for other in others:
         notes += other.remarks
@@ -87,7 +87,7 @@ def _rank(child: etree._Element) -> int:
     return _ORDER.index(child.tag) if child.tag in _ORDER else len(_ORDER)
 
 
-def _align(other: RoadFile, base: RoadFile) -> Iterator[str]:
+def _align(other: EditedRoads, base: EditedRoads) -> Iterator[str]:
     network, like = load(other.path), load(base.path)
     here, there = network.header, like.header
     if here.geo_reference is None or there.geo_reference is None:
@@ -101,7 +101,7 @@ def _align(other: RoadFile, base: RoadFile) -> Iterator[str]:
     geodetic = np.column_stack(Projector(here.geo_reference, here.offset).to_geodetic(flat))
     wanted = Projector(there.geo_reference, there.offset).to_map(geodetic)[:, :2]
     motion, rest = best_motion(old, wanted)
-    motion = Motion(motion.turn, motion.x, motion.y, here.offset[2] - there.offset[2])
+    motion = Displacement(motion.turn, motion.x, motion.y, here.offset[2] - there.offset[2])
     yield f"{other.path.name}: moved to the coordinates of {base.path.name}, within {rest:.4f} m"
     yield from move(other, motion)
 
@@ -115,7 +115,7 @@ def _declared(root: etree._Element, kind: str) -> set[str]:
     return {element.get(attribute, "") for element in elements}
 
 
-def _rename(other: RoadFile, base: RoadFile) -> Iterator[str]:
+def _rename(other: EditedRoads, base: EditedRoads) -> Iterator[str]:
     """Give new ids to what has one that the base has already."""
     for kind, holders in _IDS.items():
         taken, own = _declared(base.root, kind), _declared(other.root, kind)
@@ -151,7 +151,7 @@ def _replace(
             element.set("elementId", names[name])
 
 
-def _merge_headers(root: etree._Element, other: RoadFile) -> Iterator[str]:
+def _merge_headers(root: etree._Element, other: EditedRoads) -> Iterator[str]:
     one, two = root.find("header"), other.root.find("header")
     assert one is not None and two is not None  # loading refuses files without
     minor = [int(header.get("revMinor", "0")) for header in (one, two)]
@@ -191,7 +191,7 @@ class _End(NamedTuple):
         return (self.road.direction(lane, self.s) > 0) != self.at_start
 
 
-def _link(base: RoadFile, within: float) -> Iterator[str]:
+def _link(base: EditedRoads, within: float) -> Iterator[str]:
     with TemporaryDirectory(prefix="xosc-road-") as folder:
         path = Path(folder) / "joined.xodr"
         path.write_bytes(base.content())

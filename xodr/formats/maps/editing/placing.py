@@ -18,7 +18,7 @@ from lxml import etree
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported, UsageError
 from schemas.common.xml import line_of
-from xodr.formats.maps.editing.tree import RoadFile
+from xodr.formats.maps.editing.tree import EditedRoads
 from xodr.formats.maps.projecting import Projector
 from xodr.graph.network import RoadNetwork
 from xodr.lookup.arrays import sample, stations
@@ -28,7 +28,7 @@ Offset = tuple[float, float, float, float]
 _NONE: Offset = (0.0, 0.0, 0.0, 0.0)
 
 
-class Motion(NamedTuple):
+class Displacement(NamedTuple):
     """A turn (rad, about the origin), and then a move (m)."""
 
     turn: float = 0.0
@@ -39,7 +39,7 @@ class Motion(NamedTuple):
     @classmethod
     def about(
         cls, center: tuple[float, float], turn: float, move: tuple[float, float, float]
-    ) -> Motion:
+    ) -> Displacement:
         """A turn (rad) about a place (m), and then a move (m)."""
         x, y = cls(turn).place(*center)
         return cls(turn, center[0] - x + move[0], center[1] - y + move[1], move[2])
@@ -52,13 +52,13 @@ class Motion(NamedTuple):
     def offset(self, old: Offset) -> Offset:
         """The header's offset that keeps the coordinates of the projection."""
         heading = old[3] - self.turn
-        x, y = Motion(heading).place(self.x, self.y)
+        x, y = Displacement(heading).place(self.x, self.y)
         return old[0] - x, old[1] - y, old[2] - self.z, heading
 
 
 def place(
     path: Path,
-    motion: Motion | None = None,
+    motion: Displacement | None = None,
     *,
     projection: str | None = None,
     without_offset: bool = False,
@@ -81,10 +81,10 @@ def place(
         UsageError: it has no projection that another could take the place of.
     """
     network = load(path)
-    file = RoadFile(path)
+    file = EditedRoads(path)
     root, notes = file.root, list(file.remarks)
     offset = network.header.offset
-    motion = motion or Motion()
+    motion = motion or Displacement()
     reference = network.geo_reference
     if not elsewhere and (reference is not None or offset != _NONE):
         offset = motion.offset(offset)
@@ -96,11 +96,11 @@ def place(
         notes.append(f"the offset of the new projection fits all places within {rest:.4f} m")
         reference = projection
     if without_offset and offset != _NONE:
-        last = Motion(offset[3], *offset[:3])
+        last = Displacement(offset[3], *offset[:3])
         x, y = last.place(motion.x, motion.y)
-        motion = Motion(motion.turn + last.turn, x, y, motion.z + last.z)
+        motion = Displacement(motion.turn + last.turn, x, y, motion.z + last.z)
         offset = _NONE
-    if motion != Motion():
+    if motion != Displacement():
         notes += move(file, motion)
     _write_header(root, reference, offset)
     if reference is None and offset == _NONE:
@@ -116,15 +116,15 @@ def places(network: RoadNetwork) -> FloatArray:
     return np.vstack(lines)
 
 
-def best_motion(places: FloatArray, targets: FloatArray) -> tuple[Motion, float]:
+def best_motion(places: FloatArray, targets: FloatArray) -> tuple[Displacement, float]:
     """The turn and move that take places (n, 2) nearest to others, by least squares, and the largest rest (m)."""
     middle, there = places.mean(axis=0), targets.mean(axis=0)
     one, other = places - middle, targets - there
     turn = math.atan2(
         float((one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum()), float((one * other).sum())
     )
-    x, y = Motion(turn).place(*middle.tolist())
-    motion = Motion(turn, float(there[0]) - x, float(there[1]) - y)
+    x, y = Displacement(turn).place(*middle.tolist())
+    motion = Displacement(turn, float(there[0]) - x, float(there[1]) - y)
     cos, sin = math.cos(turn), math.sin(turn)
     reached = places @ np.array([[cos, sin], [-sin, cos]]) + (motion.x, motion.y)
     return motion, float(np.hypot(*(reached - targets).T).max())
@@ -160,7 +160,7 @@ def _write_header(root: etree._Element, reference: str | None, offset: Offset) -
         element.set(name, repr(value))
 
 
-def move(file: RoadFile, motion: Motion) -> list[str]:
+def move(file: EditedRoads, motion: Displacement) -> list[str]:
     """Move and turn all roads of a file, but not the header's offset; what that leaves open, one sentence each.
 
     Raises:
@@ -206,7 +206,7 @@ def _raise(root: etree._Element, z: float) -> None:
             grid.set(name, " ".join(map(repr, heights)))
 
 
-def _bounds(root: etree._Element, motion: Motion) -> Iterator[str]:
+def _bounds(root: etree._Element, motion: Displacement) -> Iterator[str]:
     """Bounds of the header: those of the old ones' moved corners."""
     header = root.find("header")
     names = ("west", "south", "east", "north")

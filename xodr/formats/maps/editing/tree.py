@@ -15,7 +15,7 @@ from xodr.reader import load
 from xodr.reader.repairs import repair
 
 
-class RoadFile:
+class EditedRoads:
     """An OpenDRIVE file with the repairs that loading makes in memory.
 
     Attributes:
