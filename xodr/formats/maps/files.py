@@ -19,7 +19,7 @@ from xodr.formats.maps.comparing import compare as compare_maps
 from xodr.formats.maps.converting import FORMATS, MapConversion, convert, format_of, read_map
 from xodr.formats.maps.editing.cut import along, cut, on_way, within
 from xodr.formats.maps.editing.joining import join
-from xodr.formats.maps.editing.placing import Displacement, place
+from xodr.formats.maps.editing.placing import MapMotion, place
 from xodr.formats.maps.editing.tree import EditedRoads
 from xodr.formats.maps.lane_map import LaneMap, MapLane, MapSignal
 from xodr.formats.maps.projecting import Projector
@@ -252,7 +252,7 @@ def place_map(
     """
     if not np.isfinite([*move, turn, *about]).all():
         raise UsageError("places and angles are finite numbers")
-    motion = Displacement.about(about, turn, move)
+    motion = MapMotion.about(about, turn, move)
     return place(
         Path(path),
         motion,

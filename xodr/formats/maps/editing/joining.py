@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
-from xodr.formats.maps.editing.placing import Displacement, best_motion, bounds, move, places
+from xodr.formats.maps.editing.placing import MapMotion, best_motion, bounds, move, places
 from xodr.formats.maps.editing.tree import EditedRoads
 from xodr.formats.maps.projecting import Projector
 from xodr.graph.network import RoadNetwork
@@ -101,7 +101,7 @@ def _align(other: EditedRoads, base: EditedRoads) -> Iterator[str]:
     geodetic = np.column_stack(Projector(here.geo_reference, here.offset).to_geodetic(flat))
     wanted = Projector(there.geo_reference, there.offset).to_map(geodetic)[:, :2]
     motion, rest = best_motion(old, wanted)
-    motion = Displacement(motion.turn, motion.x, motion.y, here.offset[2] - there.offset[2])
+    motion = MapMotion(motion.turn, motion.x, motion.y, here.offset[2] - there.offset[2])
     yield f"{other.path.name}: moved to the coordinates of {base.path.name}, within {rest:.4f} m"
     yield from move(other, motion)
 

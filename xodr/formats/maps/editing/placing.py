@@ -28,7 +28,7 @@ Offset = tuple[float, float, float, float]
 _NONE: Offset = (0.0, 0.0, 0.0, 0.0)
 
 
-class Displacement(NamedTuple):
+class MapMotion(NamedTuple):
     """A turn (rad, about the origin), and then a move (m)."""
 
     turn: float = 0.0
@@ -39,7 +39,7 @@ class Displacement(NamedTuple):
     @classmethod
     def about(
         cls, center: tuple[float, float], turn: float, move: tuple[float, float, float]
-    ) -> Displacement:
+    ) -> MapMotion:
         """A turn (rad) about a place (m), and then a move (m)."""
         x, y = cls(turn).place(*center)
         return cls(turn, center[0] - x + move[0], center[1] - y + move[1], move[2])
@@ -52,13 +52,13 @@ class Displacement(NamedTuple):
     def offset(self, old: Offset) -> Offset:
         """The header's offset that keeps the coordinates of the projection."""
         heading = old[3] - self.turn
-        x, y = Displacement(heading).place(self.x, self.y)
+        x, y = MapMotion(heading).place(self.x, self.y)
         return old[0] - x, old[1] - y, old[2] - self.z, heading
 
 
 def place(
     path: Path,
-    motion: Displacement | None = None,
+    motion: MapMotion | None = None,
     *,
     projection: str | None = None,
     without_offset: bool = False,
@@ -84,7 +84,7 @@ def place(
     file = EditedRoads(path)
     root, notes = file.root, list(file.remarks)
     offset = network.header.offset
-    motion = motion or Displacement()
+    motion = motion or MapMotion()
     reference = network.geo_reference
     if not elsewhere and (reference is not None or offset != _NONE):
         offset = motion.offset(offset)
@@ -96,11 +96,11 @@ def place(
         notes.append(f"the offset of the new projection fits all places within {rest:.4f} m")
         reference = projection
     if without_offset and offset != _NONE:
-        last = Displacement(offset[3], *offset[:3])
+        last = MapMotion(offset[3], *offset[:3])
         x, y = last.place(motion.x, motion.y)
-        motion = Displacement(motion.turn + last.turn, x, y, motion.z + last.z)
+        motion = MapMotion(motion.turn + last.turn, x, y, motion.z + last.z)
         offset = _NONE
-    if motion != Displacement():
+    if motion != MapMotion():
         notes += move(file, motion)
     _write_header(root, reference, offset)
     if reference is None and offset == _NONE:
@@ -116,15 +116,15 @@ def places(network: RoadNetwork) -> FloatArray:
     return np.vstack(lines)
 
 
-def best_motion(places: FloatArray, targets: FloatArray) -> tuple[Displacement, float]:
+def best_motion(places: FloatArray, targets: FloatArray) -> tuple[MapMotion, float]:
     """The turn and move that take places (n, 2) nearest to others, by least squares, and the largest rest (m)."""
     middle, there = places.mean(axis=0), targets.mean(axis=0)
     one, other = places - middle, targets - there
     turn = math.atan2(
         float((one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum()), float((one * other).sum())
     )
-    x, y = Displacement(turn).place(*middle.tolist())
-    motion = Displacement(turn, float(there[0]) - x, float(there[1]) - y)
+    x, y = MapMotion(turn).place(*middle.tolist())
+    motion = MapMotion(turn, float(there[0]) - x, float(there[1]) - y)
     cos, sin = math.cos(turn), math.sin(turn)
     reached = places @ np.array([[cos, sin], [-sin, cos]]) + (motion.x, motion.y)
     return motion, float(np.hypot(*(reached - targets).T).max())
@@ -160,7 +160,7 @@ def _write_header(root: etree._Element, reference: str | None, offset: Offset) -
         element.set(name, repr(value))
 
 
-def move(file: EditedRoads, motion: Displacement) -> list[str]:
+def move(file: EditedRoads, motion: MapMotion) -> list[str]:
     """Move and turn all roads of a file, but not the header's offset; what that leaves open, one sentence each.
 
     Raises:
@@ -206,7 +206,7 @@ def _raise(root: etree._Element, z: float) -> None:
             grid.set(name, " ".join(map(repr, heights)))
 
 
-def _bounds(root: etree._Element, motion: Displacement) -> Iterator[str]:
+def _bounds(root: etree._Element, motion: MapMotion) -> Iterator[str]:
     """Bounds of the header: those of the old ones' moved corners."""
     header = root.find("header")
     names = ("west", "south", "east", "north")
