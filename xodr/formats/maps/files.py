@@ -237,7 +237,7 @@ def place_map(
         turn: angle, rad.
         about: x and y of the place that it is turned about, m.
         projection: PROJ string or code that takes the place of that of the file. The offset is the
-            turn and move that fit best; what is left, since scales differ, is told.
+            turn and move that fit best; what is left, since scales differ, is a note.
         without_offset: make the offset part of the coordinates, for readers that do not look at it.
         elsewhere: keep projection and offset, so that the map lies elsewhere on earth.
 

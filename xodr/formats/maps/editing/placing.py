@@ -70,7 +70,7 @@ def place(
         motion: of the coordinates; none where it is None.
         projection: PROJ string or code that takes the place of the one that the file names. The
             offset then is the turn and move that fit best: scales of projections differ, and the
-            largest rest is told.
+            largest rest is a note.
         without_offset: make the offset part of the coordinates, after all else: for readers that do
             not look at it.
         elsewhere: keep projection and offset as they are, so that the map lies elsewhere on earth.
