@@ -85,6 +85,32 @@ def test_folders_above_are_made(call: str, done: Path, tmp_path: Path, command: 
     assert "Traceback" not in answer.err
 
 
+@pytest.mark.parametrize("option", ["--junit", "--osi"])
+def test_what_a_run_can_not_write_is_said_before_it(
+    option: str, done: Path, tmp_path: Path, command: Command
+) -> None:
+    answer = command("xosc-run", done / "s.xosc", *QUICK, option, tmp_path)
+    assert answer.code == 2 and answer.out == "" and "can't be written" in answer.err
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        ("xosc-run", "FILE", *QUICK, "--junit", "FILE"),
+        ("xosc-run", "FILE", *QUICK, "--osi", "FILE"),
+        ("xosc-check", "FILE", "--output", "FILE"),
+        ("xosc-run", "FILE", *QUICK, "--junit", "x.mcap", "--osi", "x.mcap"),
+    ],
+)
+def test_no_file_that_is_read_is_written(call: Call, tmp_path: Path, command: Command) -> None:
+    path = scenario(tmp_path, stop=0.2)
+    before = path.read_bytes()
+    names = {"FILE": path, "x.mcap": tmp_path / "x.mcap"}
+    answer = command(*(names.get(str(part), part) for part in call))
+    assert answer.code == 2 and "name another" in answer.err
+    assert path.read_bytes() == before and not (tmp_path / "x.mcap").exists()
+
+
 @pytest.mark.parametrize("call", CALLS)
 def test_a_file_in_the_place_of_the_folder_is_one_line(
     call: str, done: Path, tmp_path: Path, command: Command

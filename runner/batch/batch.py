@@ -26,7 +26,7 @@ from runner.batch.outputs.tables import write_runs
 from runner.batch.outputs.work import WorkDone, write_work
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ToolchainError, UsageError
-from schemas.common.policy import current, limited
+from schemas.common.policy import current, limited, poll
 from schemas.common.storage import alone
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def execute(
     except OSError:
         raise
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
+        poll()  # unless an interrupt is behind it
         return replace(failure(job, error), inputs=given, content=content)
 
 

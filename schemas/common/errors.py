@@ -7,6 +7,7 @@ would be right. The command lines print `str(error)` and turn the class into an 
 from __future__ import annotations
 
 import difflib
+import errno
 import sys
 import traceback
 from collections.abc import Iterable
@@ -188,19 +189,29 @@ def describe(error: Exception) -> tuple[str, int]:
     """An error in one line, and the exit code that stands for it."""
     if isinstance(error, ToolchainError):
         message, code = str(error), error.exit_code
+    elif _lacks_memory(error):
+        message, code = (
+            "this takes more memory than there is, or than the process may have",
+            Unsupported.exit_code,
+        )
     elif isinstance(error, OSError):
         message, code = (
             ": ".join(str(part) for part in (error.strerror or error, error.filename) if part),
             ExitCode.USAGE,
         )
-    elif isinstance(error, MemoryError):
-        message, code = (
-            "this takes more memory than there is, or than the process may have",
-            Unsupported.exit_code,
-        )
     else:
         message, code = f"internal error: {type(error).__name__}: {error}", ExitCode.INTERNAL
     return one_line(message), code
+
+
+def _lacks_memory(error: Exception) -> bool:
+    """Whether an error is a shortage of memory, also of the loader of libraries, which says so in its message only."""
+    if isinstance(error, ImportError):
+        return any(text in str(error) for text in ("failed to map segment", "cannot allocate"))
+    if isinstance(error, RuntimeError) and "can't start new thread" in str(error):
+        return True
+    is_refused = isinstance(error, OSError) and error.errno == errno.ENOMEM
+    return is_refused or isinstance(error, MemoryError)
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

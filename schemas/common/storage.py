@@ -532,9 +532,11 @@ def check_writable(path: Path, what: str) -> None:
     Raises:
         NotWritten: it can't be.
     """
-    if _is_special(path):
-        return
     with writing(what, path):
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if _is_special(path):
+            return
         if not path.parent.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
         is_new = not path.exists()
@@ -675,7 +677,7 @@ def _opened(line: bytes) -> dict[str, Any] | None:
         return None
     try:
         record = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     if not isinstance(record, dict):
         return None

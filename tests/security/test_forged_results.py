@@ -17,7 +17,7 @@ from runner.batch.jobs import jobs_of
 from runner.batch.outputs.folder import digests
 from runner.judging.settings import RunSettings
 from schemas.common.errors import UsageError
-from schemas.common.storage import Records
+from schemas.common.storage import Records, digest
 from tests.commands import Command
 from tests.runner.files import place, scenario
 
@@ -217,6 +217,14 @@ def test_an_entry_of_another_shape_is_no_entry(
     answer = forged.resume()
     assert answer.code == 1 and "1 failed, 1 passed" in answer.out
     assert "internal error" not in answer.err
+
+
+def test_an_entry_nested_too_deep_is_no_entry(forged: Forgery) -> None:
+    content = b'{"job": ' + b"[" * 100_000 + b"]" * 100_000
+    with (forged.out / "runs.jsonl").open("ab") as journal:
+        journal.write(content + b', "digest": "%s"}\n' % digest(content).encode())
+    answer = forged.resume()
+    assert answer.code == 1 and "1 line damaged" in answer.err
 
 
 def test_untrusted_believes_nothing_that_is_stored(forged: Forgery) -> None:

@@ -23,7 +23,15 @@ from typer.models import OptionInfo
 
 from schemas.common.errors import ToolchainError, UsageError, describe
 from schemas.common.packages import leave_working_folder_out, missing, version
-from schemas.common.policy import UNTRUSTED, CommandPolicy, Ended, end_by, in_force, of_command
+from schemas.common.policy import (
+    UNTRUSTED,
+    CommandPolicy,
+    Ended,
+    end_by,
+    in_force,
+    of_command,
+    poll,
+)
 from schemas.common.storage import cache_folder, drafted, own_cache, search_path, writing
 from schemas.common.terminal.options import (
     CATALOG_PATH,
@@ -160,6 +168,8 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
                 for wanted in (READ, WRITTEN)
             )
             asked_for = [folder for variable in _FOLDERS for folder in search_path((), variable)]
+            if not given.get("overwrite"):
+                _refuse_overlap(inputs, outputs)
             with own_cache() as remark:
                 own = [*_PACKAGES, Path(sys.prefix), *_installed(), cache_folder(), *asked_for]
                 if remark:
@@ -183,6 +193,23 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
         return with_policy
 
     return decorate
+
+
+def _refuse_overlap(inputs: Iterable[str | Path], outputs: Iterable[str | Path]) -> None:
+    """Refuse a file to be written that is read, too, or that two options name.
+
+    Raises:
+        UsageError: there is one.
+    """
+    taken = {os.path.realpath(path) for path in inputs if os.path.isfile(path)}
+    for path in outputs:
+        real = os.path.realpath(path)
+        if real in taken:
+            raise UsageError(
+                "this file is read, or written by another option: name another", path=path
+            )
+        if not os.path.isdir(path):
+            taken.add(real)
 
 
 _NOT_GIVEN = {"untrusted": False, "max_memory": None, "max_seconds": None, "max_runs": None}
@@ -339,6 +366,9 @@ def guarded(
     try:
         try:
             app()
+        except Exception:
+            poll()  # libraries make errors of their own of an interrupt
+            raise
         finally:
             sys.stdout.flush()  # else what can't be written would be a message of the interpreter
     except SystemExit as ending:

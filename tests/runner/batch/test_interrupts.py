@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import threading
@@ -14,7 +15,10 @@ import pytest
 from runner.batch.batch import lost
 from runner.batch.jobs import Job, Outcome
 from runner.batch.pool import Pool
+from schemas.common.errors import describe
 from schemas.common.policy import Ended, end_by, limited
+from tests.commands import Command
+from tests.runner.files import scenario
 
 
 def sleep(job: Job) -> Outcome:
@@ -56,6 +60,35 @@ def test_jobs_in_work_have_a_short_time_and_those_that_end_count(
         assert time.monotonic() - begin < 10.0
         assert done == ["0", "1"]
         assert next(pool.execute(jobs(0.0))).state == "passed", "the pool goes on"
+
+
+def test_an_error_that_a_library_makes_of_an_interrupt_is_one(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: Command
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        end_by(signal.SIGTERM)
+        raise SystemError("returned a result with an exception set")
+
+    monkeypatch.setattr("runner.judging.execution.run", interrupted)
+    try:
+        answer = command("xosc-run", scenario(tmp_path), "--out", tmp_path / "out")
+    finally:
+        end_by(0)
+    assert answer.code == 143 and "interrupted" in answer.err
+    assert "SystemError" not in answer.err + answer.out
+    assert (tmp_path / "out" / "runs.jsonl").read_text() == ""
+
+
+def test_a_shortage_of_memory_is_told_as_such() -> None:
+    found = [
+        ImportError("libssl.so.3: failed to map segment from shared object"),
+        RuntimeError("can't start new thread"),
+        OSError(errno.ENOMEM, "Cannot allocate memory"),
+        MemoryError(),
+    ]
+    assert {describe(error) for error in found} == {
+        ("this takes more memory than there is, or than the process may have", 4)
+    }
 
 
 def test_a_signal_that_a_library_has_kept_ends_the_command_at_the_next_file() -> None:
