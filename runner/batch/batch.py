@@ -430,7 +430,9 @@ def runnable(arguments: Iterable[str]) -> list[Path]:
             files
             if alone
             else [
-                file for file in files if file.suffix.lower() == ".xosc" and not _is_catalog(file)
+                file
+                for file in files
+                if file.is_dir() or (file.suffix.lower() == ".xosc" and not _is_catalog(file))
             ]
         )
         if not meant:

@@ -108,6 +108,8 @@ def read_bytes(path: Path) -> bytes:
     most = min(MAX_BYTES, current().max_bytes or MAX_BYTES)
     try:
         status = path.stat()
+        if stat.S_ISDIR(status.st_mode) and not os.access(path, os.R_OK | os.X_OK):
+            raise InvalidFile("the folder can't be read", path=path)
         if stat.S_ISDIR(status.st_mode):
             raise InvalidFile("this is a folder, a file is expected", path=path)
         if not stat.S_ISREG(status.st_mode):

@@ -162,7 +162,7 @@ def _kind(root: etree._Element) -> str:
     if local_name(root) == OPENDRIVE:
         return "road"
     children = {local_name(child) for child in root}
-    if "Catalog" in children:
+    if "Catalog" in children and "Storyboard" not in children:
         return "catalog"
     return "distribution" if "ParameterValueDistribution" in children else "scenario"
 

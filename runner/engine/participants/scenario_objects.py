@@ -143,6 +143,8 @@ def _couple(node: Node, tractor: Entity, trailer: Entity, context: Context) -> N
     context.declared.couple(tractor, trailer)
 
 
+_SMALLEST_BOX = 1e-3
+"""Least size of the largest dimension of a vehicle's box, m; pedestrians and objects of catalogues of CARLA are points"""
 _LARGEST_BOX = 1e6
 """Largest size of a box and offset of its centre (m); beyond it sums of coordinates overflow or lose their decimals"""
 
@@ -155,6 +157,11 @@ def _read_box(node: Node) -> BoundingBox:
     dimensions = [size.finite(name) for name in ("length", "width", "height")]
     if min(dimensions) < 0.0:
         raise size.invalid("a bounding box must not have negative dimensions")
+    if node.tag == "Vehicle" and max(dimensions) < _SMALLEST_BOX:
+        raise size.invalid(
+            f"a bounding box of {max(dimensions):g} m touches nothing; "
+            f"one dimension must be at least {_SMALLEST_BOX:g} m"
+        )
     offsets = [centre.finite(name) for name in ("x", "y", "z")]
     if max(*dimensions, *map(abs, offsets)) > _LARGEST_BOX:
         raise size.invalid(

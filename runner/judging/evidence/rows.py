@@ -244,7 +244,8 @@ def _participants(run: Observed) -> Count:
     "yes",
     1,
     "actions have contents, and something executes them",
-    "an action such as `PrivateAction` has nothing inside, or empty actions and custom commands are all that the events do",
+    "a story, act, maneuver or an action such as `PrivateAction` has nothing inside, or empty "
+    "actions and custom commands are all that the events do",
     early=True,
 )
 def _actions(run: Observed) -> Count:
@@ -291,14 +292,15 @@ def _ego(run: Observed) -> Count:
     "stopped-at-once",
     "yes",
     1,
-    "the run outlasts time 0, and an action starts before all stories end it",
-    "the stop trigger was true at time 0, or the stories ended without an action",
+    "the run outlasts its first step, and an action starts before all stories end it",
+    "the stop trigger was true at time 0 or in the first step, or the stories ended without an action",
     early=True,
 )
 def _start(run: Observed) -> Count:
     sim = run.sim
-    if sim.finished and sim.step_index == 0:
-        return _sound([f"the run ended at 0.00 s, by {end_of(sim)}"])
+    if sim.finished and sim.step_index <= 1:
+        step = ", in its first step" if sim.step_index else ""
+        return _sound([f"the run ended at {sim.time:.2f} s{step}, by {end_of(sim)}"])
     no_event = scene_events(sim) and first_event(sim) == math.inf  # told as that
     if run.ended and sim.step_index and not no_event and ended_idle(sim):
         ended = f"the run ended at {sim.time:.2f} s, by the end of all stories"

@@ -271,9 +271,8 @@ def _bearing(ego: MotionRows, other: MotionRows, time: float) -> tuple[float, fl
     c, s = float(np.cos(ego.h[0])), float(np.sin(ego.h[0]))
     dx, dy = float(other.x[row] - ego.x[0]), float(other.y[row] - ego.y[0])
     ahead, aside = dx * c + dy * s, dy * c - dx * s
-    return 2.0 * ahead / (ego.box.length + other.box.length), 2.0 * aside / (
-        ego.box.width + other.box.width
-    )
+    length, width = ego.box.length + other.box.length, ego.box.width + other.box.width
+    return 2.0 * ahead / max(length, _TOUCHING), 2.0 * aside / max(width, _TOUCHING)
 
 
 FULL = 8.0

@@ -529,17 +529,20 @@ def files_in(path: Path) -> list[Path]:
     """The scenario and road files in a folder and below it, sorted; a file itself, if it is one.
 
     Names that begin with a dot are left out: drafts that a killed command has left, and
-    environments as .venv, which hold files of packages.
+    environments as .venv, which hold files of packages. Names of such files that are none, as a
+    dangling link or a FIFO, and folders that can't be read count, so that the reader says so.
     """
-    candidates = sorted(_visible(path)) if path.is_dir() else [path]
-    return [
-        candidate
-        for candidate in candidates
-        if candidate.suffix.lower() in SUFFIXES and candidate.is_file()
-    ]
+    if not path.is_dir():
+        return [path] if path.suffix.lower() in SUFFIXES else []
+    unread: list[Path] = []
+    found = [each for each in _visible(path, unread) if each.suffix.lower() in SUFFIXES]
+    return sorted([*(each for each in found if not each.is_dir()), *unread])
 
 
-def _visible(folder: Path) -> Iterator[Path]:
-    for parent, folders, files in os.walk(folder):
+def _visible(folder: Path, unread: list[Path]) -> Iterator[Path]:
+    def refuse(error: OSError) -> None:
+        unread.append(Path(error.filename))
+
+    for parent, folders, files in os.walk(folder, onerror=refuse):
         folders[:] = [each for each in folders if not each.startswith(".")]
         yield from (Path(parent, each) for each in files if not each.startswith("."))
