@@ -316,6 +316,8 @@ def _report(summary: Summary, verbose: bool, quiet: bool) -> int:
             f"{NAME}: {name}: the ego touches another one from the start, as it was recorded",
             to=sys.stderr,
         )
+    for name, reason in summary.unplayable.items():
+        say(f"{NAME}: {name} is left out: {reason}", to=sys.stderr)
     for name in summary.edited:
         say(f"{NAME}: {name} was edited since it was written, it is left as it is", to=sys.stderr)
     for name, reason in summary.repaired.items() if not quiet else ():

@@ -26,6 +26,7 @@ from recognition.catalogue.recordings import (
     LabelledRecording,
     RecordingRef,
     RecordingStore,
+    TrialBlock,
     looked,
 )
 from recognition.catalogue.writing.index import Catalogue, recordings_of
@@ -184,7 +185,7 @@ class Summary(NamedTuple):
     from the start, as recorded. edited: files that a person has edited, left alone. removed: files
     of earlier runs that are no longer part of the catalogue. failures: recordings that could not be
     read, and why. skipped: files of an unknown format. repaired: recordings that were repaired, and
-    why.
+    why. unplayable: scenarios that do not play, which are not part of the catalogue, and why.
     """
 
     classes: Counter[str]
@@ -196,6 +197,7 @@ class Summary(NamedTuple):
     failures: dict[str, ToolchainError]
     skipped: list[Path]
     repaired: dict[str, str]
+    unplayable: dict[str, str]
 
 
 _EPISODES = 25
@@ -321,12 +323,25 @@ class _Work:
         work = partial(recordings.write, self._out, self._settings, self._recogniser.sorted_by)
         blocks = [block for source in sources for block in self._blocks(source)]
         count = sum(len(block.episodes) for block in blocks)
+        trials: list[TrialBlock] = []
         with bar("writing", count) as advance, results(work, blocks, self._workers) as done:
             for block, one in zip(blocks, done, strict=True):
                 self._catalogue.take(one.written)
+                trials.append(TrialBlock(block.ground.place, one.written.trials))
                 if one.error is not None:
                     self._failures[block.ground.place.name] = one.error
                 advance(len(block.episodes))
+        self._catalogue.write_catalogs()
+        play = partial(recordings.played, self._out)
+        with (
+            bar("playing", sum(len(each.trials) for each in trials)) as advance,
+            results(play, trials, self._workers) as done,
+        ):
+            outcomes = []
+            for trial, played in zip(trials, done, strict=True):
+                outcomes += played
+                advance(len(trial.trials))
+        self._catalogue.judge(outcomes)
 
     def close(self, skipped: list[Path]) -> Summary:
         """Finish the catalogue; `skipped` are the files that no format claims."""
@@ -349,6 +364,7 @@ class _Work:
                 for name, seen in self.seen.items()
                 if seen.report.verdict == REPAIRED
             },
+            catalogue.unplayable,
         )
 
     def _blocks(self, source: Source) -> Iterator[Block]:

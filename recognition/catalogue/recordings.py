@@ -27,6 +27,7 @@ from recognition.catalogue.detect import (
     of_vehicles,
 )
 from recognition.catalogue.exposure import Mileage, exposure_of
+from recognition.catalogue.writing.played import Played, Trial, play
 from recognition.catalogue.writing.write import (
     CatalogueConfig,
     CatalogWriter,
@@ -253,6 +254,13 @@ class Block(NamedTuple):
     episodes: Sequence[Episode]
 
 
+class TrialBlock(NamedTuple):
+    """Scenarios of a recording to be played."""
+
+    place: RecordingRef
+    trials: Sequence[Trial]
+
+
 class Done(NamedTuple):
     """Written scenarios of a recording, and errors."""
 
@@ -376,6 +384,11 @@ def write(out: Path, settings: CatalogueSettings, sorted_by: str, block: Block) 
     except _REFUSALS as error:
         return Done(chapter.written, _of(block.ground.place.source, error))
     return Done(chapter.written, None)
+
+
+def played(out: Path, block: TrialBlock) -> list[Played]:
+    """Play scenarios in the folder of a catalogue, and compare them with their recording."""
+    return play(out, recorded(block.place), block.trials)
 
 
 @lru_cache(maxsize=1)

@@ -12,8 +12,10 @@ from recognition.catalogue.detect import plain
 from recognition.catalogue.exposure import Mileage, rates
 from recognition.catalogue.recordings import loaded
 from recognition.catalogue.writing.page import Film, catalogue_page, lanes
+from recognition.catalogue.writing.played import Played
 from recognition.catalogue.writing.store import Store
 from recognition.catalogue.writing.write import (
+    CatalogFile,
     CatalogueConfig,
     Entries,
     PendingCatalog,
@@ -66,6 +68,8 @@ COLUMNS: dict[str, type] = {
     "start": float,
     "end": float,
     "participants": int,
+    "deviation": float,
+    "most_deviation": float,
     **dict.fromkeys(measures(), float),
     "collision_time": float,
 }
@@ -79,8 +83,9 @@ part. road_kind, limit (m/s): of the ego's lane at the event's time. light: reco
 the traffic light that the ego passes, in the words of the data set. Speeds and closing speed (m/s)
 and gap along the road (m) of ego and partner at that time. Least THW and TTC (s) and greatest DRAC
 (m/s²) of the pair within the event's time, blank where their boxes touch (pair_touches), DRAC also
-above 20 m/s². Where from, with the quality of the recording from 0 to 1, and times in s. Measures
-of the ego against all others of the scene."""
+above 20 m/s². Where from, with the quality of the recording from 0 to 1, and times in s. deviation,
+most_deviation: median and maximum over the participants of the greatest distance (m) of the played
+replay from the raw places. Measures of the ego against all others of the scene."""
 
 Row = Mapping[str, Any]
 
@@ -154,6 +159,7 @@ class Catalogue:
         self.store = Store(root)
         self.rows: list[dict[str, Any]] = []
         self.exclusions: list[dict[str, Any]] = []
+        self.unplayable: dict[str, str] = {}
         self._recordings: list[dict[str, Any]] = []
         self._version, self._sorted_by = config.version, sorted_by
         self._entries: Entries = {}
@@ -214,15 +220,42 @@ class Catalogue:
             for name, built in entries.items():
                 own.setdefault(name, built)
 
-    def close(self, **more: Any) -> list[str]:
-        """Write the OpenSCENARIO catalogues and the index; the files of earlier runs that were removed."""
+    def write_catalogs(self) -> None:
+        """Write the OpenSCENARIO catalogues, from which on all scenarios can be played."""
         for place in sorted(self._entries):
             write_catalog(self.store, place, self._entries.pop(place), self._version)
+
+    def judge(self, played: Iterable[Played]) -> None:
+        """Take in which scenarios play: others are not listed, and manoeuvres that do not have a reason in `no_maneuver`."""
+        rows = {row["file"]: row for row in self.rows}
+        for outcome in played:
+            row = rows[outcome.file]
+            row |= {"deviation": outcome.deviation, "most_deviation": outcome.most_deviation}
+            maneuver = row["maneuver"]
+            if outcome.fault is not None:
+                del rows[outcome.file]
+                self.unplayable[outcome.file] = outcome.fault
+                for name in (outcome.file, maneuver, row["openlabel"], *self._trajectories(row)):
+                    self.store.discard(name or "")
+            elif outcome.maneuver_fault is not None:
+                self.store.discard(maneuver)
+                row |= {"maneuver": None, "no_maneuver": outcome.maneuver_fault}
+        self.rows = list(rows.values())
+
+    def _trajectories(self, row: Row) -> list[str]:
+        """The trajectory catalogue of a scenario alone."""
+        folder, name = row["file"].removesuffix(".xosc").split("/")
+        below = CatalogFile(folder, "Trajectory", name).directory
+        return [file for file in self.store.written if file.startswith(f"{folder}/{below}/")]
+
+    def close(self, **more: Any) -> list[str]:
+        """Write the index; the files of earlier runs that were removed."""
         rows = sorted(self.rows, key=lambda row: row["file"])
         more = {
             "sorted_by": self._sorted_by,
             "recordings": self._recordings,
             "exclusions": self.exclusions,
+            "unplayable": dict(sorted(self.unplayable.items())),
             **more,
         }
         self.store.write(FILE, as_json(rows, more))

@@ -55,6 +55,17 @@ class Store:
         self._now[name] = digest(content)
         return True
 
+    def discard(self, name: str) -> bool:
+        """Remove a file that was written now; False where it was not, or has another content by now."""
+        path = self.root / name
+        if self._now.get(name) is None or digest(path.read_bytes()) != self._now[name]:
+            return False
+        with writing("this", path):
+            path.unlink()
+            _remove_empty(path.parent, self.root)
+        del self._now[name]
+        return True
+
     def close(self) -> list[str]:
         """Remove what earlier runs have written and this one has not, and write the manifest; the files that were removed."""
         stale = sorted(self._before.keys() - self._now.keys() - set(self.edited))

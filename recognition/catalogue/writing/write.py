@@ -14,6 +14,7 @@ import numpy as np
 from recognition.catalogue.detect import Detection, Episode, plain
 from recognition.catalogue.writing import replay, storyboard
 from recognition.catalogue.writing.page import Film, film
+from recognition.catalogue.writing.played import Trial
 from recognition.catalogue.writing.replay import entry
 from recognition.catalogue.writing.store import Store
 from recognition.catalogue.writing.storyboard import CONTROLLER, paths
@@ -194,7 +195,7 @@ class PendingCatalog(NamedTuple):
 
     rows: of the index. entries: of OpenSCENARIO catalogues that other recordings have entries of,
     too. files: digests of the files written, by name. edited: files that a person has edited, left
-    alone. films: by scenario's file.
+    alone. films: by scenario's file. trials: scenarios to be played, in the order of rows.
     """
 
     rows: list[dict[str, Any]]
@@ -202,6 +203,7 @@ class PendingCatalog(NamedTuple):
     entries: Entries
     files: dict[str, str]
     edited: list[str]
+    trials: list[Trial]
 
 
 class Material:
@@ -241,6 +243,7 @@ class CatalogWriter:
         self._store = Store(root)
         self._rows: list[dict[str, Any]] = []
         self._films: dict[str, Film] = {}
+        self._trials: list[Trial] = []
         self._config, self._sorted_by = config, sorted_by
         self._entries: Entries = {}
 
@@ -263,7 +266,12 @@ class CatalogWriter:
     def written(self) -> PendingCatalog:
         """Return the result of writing so far."""
         return PendingCatalog(
-            self._rows, self._films, self._entries, self._store.written, self._store.edited
+            self._rows,
+            self._films,
+            self._entries,
+            self._store.written,
+            self._store.edited,
+            self._trials,
         )
 
     def _enter(self, entries: Iterable[_Entry]) -> None:
@@ -284,6 +292,8 @@ class CatalogWriter:
             "maneuver": None,
             "no_maneuver": None,
             "road": context.road,
+            "deviation": None,
+            "most_deviation": None,
         }
         try:
             row["maneuver"] = self._put(episode, "_maneuver.xosc", self._variation(context, header))
@@ -293,6 +303,7 @@ class CatalogWriter:
             episode, ".openlabel.json", xosc_tags.to_bytes(tagged, f"{episode.name}.xosc", AUTHOR)
         )
         self._rows.append(row)
+        self._trials.append(Trial.of(row["file"], row["maneuver"], scene))
         moment = episode.finding.moment if episode.finding is not None else None
         middle = moment.time if moment is not None else 0.5 * (scene.start + scene.end)
         self._films[row["file"]] = film(

@@ -19,7 +19,7 @@ from recognition.catalogue import pipeline
 from recognition.catalogue.detect import EgoRequirements, passage, vehicles
 from recognition.catalogue.pipeline import ByRules, Summary
 from recognition.catalogue.recordings import VEHICLES, CatalogueSettings
-from recognition.catalogue.writing import index
+from recognition.catalogue.writing import index, replay, storyboard
 from recognition.catalogue.writing.write import CatalogueConfig, criticality_of
 from recognition.recordings import open as open_recordings
 from recognition.scenes.cut import SceneCutter, Scope
@@ -30,6 +30,7 @@ from schemas.common.terminal.command_line import expand, progress_bar
 from tests.commands import Command
 from tests.recognition import motorway
 from tests.recognition.traffic import interaction_rows, write_csv
+from xosc.document import Document
 from xosc.writing import tags
 
 
@@ -390,3 +391,48 @@ def test_reasons_against_a_vehicle(recordings: Path) -> None:
     )
     assert "not recorded for 0.0 s in between" in reasons["1"]
     assert "moves within" in reasons["6"] and "jumps" not in reasons["6"]
+
+
+def test_every_scenario_was_played_and_is_near_its_raw_places(made: Path) -> None:
+    told = rows(made)
+    assert told and all(0.0 <= row["deviation"] <= row["most_deviation"] < 0.3 for row in told)
+    assert json.loads((made / "index.json").read_text())["unplayable"] == {}
+
+
+def test_maneuvers_that_do_not_play_are_none_and_say_why(
+    recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The manoeuvre is written for a lane that the road has not, as an estimation may want."""
+    written = storyboard.scenario
+
+    def wrong(stage: object, header: object, *more: object) -> Document:
+        document = written(stage, header, *more)
+        for position in document.root.iter("LanePosition"):
+            position.set("laneId", "9")
+        return document
+
+    monkeypatch.setattr(storyboard, "scenario", wrong)
+    summary = build(recordings, tmp_path)
+    told = rows(tmp_path)
+    assert told and {row["maneuver"] for row in told} == {None}
+    assert all("it does not play: " in row["no_maneuver"] for row in told), told[0]["no_maneuver"]
+    assert not list(tmp_path.glob("*/*_maneuver.xosc")) and not summary.unplayable
+    assert "maneuver.xosc" not in (tmp_path / "manifest.json").read_text()
+
+
+def test_scenarios_that_do_not_play_are_left_out_with_their_reason(
+    recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = replay.scenario
+
+    def wrong(*arguments: object, **named: object) -> bytes:
+        content = written(*arguments, **named)
+        return content.replace(b'catalogName="TrajectoryCatalog"', b'catalogName="Trajectories"')
+
+    monkeypatch.setattr(replay, "scenario", wrong)
+    summary = build(recordings, tmp_path)
+    assert rows(tmp_path) == [] and summary.unplayable and not summary.classes
+    assert all(reason.startswith("it does not play: ") for reason in summary.unplayable.values())
+    assert json.loads((tmp_path / "index.json").read_text())["unplayable"] == summary.unplayable
+    assert not list(tmp_path.glob("*/*.xosc")) and not list(tmp_path.glob("*/*.json"))
+    assert not list(tmp_path.glob("*/catalogs/trajectories"))
