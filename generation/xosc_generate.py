@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from generation.pipeline import Generated
     from generation.report.regression import Fate
     from generation.space.recorded import Recorded as Units
+    from generation.space.recorded import RecordedScenario
     from generation.space.space import Space
 
 NAME = "xosc-generate"
@@ -155,8 +157,26 @@ def _searches(
             each.path.parent.name,
         )
         yield Search(
-            each.path, each.on, out / name, what, against / name if against is not None else None
+            each.path,
+            partial(_own_or_shipped, each),
+            out / name,
+            what,
+            against / name if against is not None else None,
         )
+
+
+def _own_or_shipped(scenario: RecordedScenario, space: Space) -> Units:
+    """What is recorded in the catalogue of a scenario's parameters, or in the place of too few the shipped units."""
+    from generation.pipeline import LEAST
+    from generation.space.recorded import shipped_instead
+
+    instead = shipped_instead(scenario, space, LEAST)
+    if instead is None:
+        return scenario.on(space)
+    count = len(scenario.on(space).within(space).theta)
+    what = f"{count} of its class are recorded, {LEAST} make a density: that of the shipped units counts"
+    say(f"{NAME}: {scenario.path.name}: {what}", to=sys.stderr)
+    return instead
 
 
 def _found(search: Search, wanted: Sequence[Fate], quiet: bool, catalogue: bool) -> ExitCode:

@@ -20,14 +20,51 @@ from generation.space.density.roles import NUISANCES, ROLES, Role, roles_of
 from generation.space.logical.maneuvers import MANEUVERS
 from generation.space.logical.pairs import PAIRS, PairUnits, pair_units
 from generation.space.space import Space, free_option, numbers
-from recognition.labels.maneuvers.parameters import JERK, KINDS, Parameter
+from recognition.labels import Label
+from recognition.labels.maneuvers.parameters import (
+    BRAKING,
+    CUT_IN,
+    CUT_OUT,
+    JERK,
+    KINDS,
+    LANE_CHANGE,
+    Parameter,
+)
 from recognition.labels.maneuvers.units import OWN, Exposure, Samples, extract
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import UsageError
 from xosc.document.node import Node
 from xosc.writing.tags import PREFIX
 
-_RECORDING = f"{PREFIX}Recording"
+_RECORDING, _CLASS = f"{PREFIX}Recording", f"{PREFIX}Class"
+_KINDS_OF_CLASSES = {
+    **dict.fromkeys((Label.CUT_IN.title, Label.URBAN_CUT_IN.title), CUT_IN),
+    **dict.fromkeys((Label.CUT_OUT.title, Label.URBAN_CUT_OUT.title), CUT_OUT),
+    **dict.fromkeys(
+        (
+            Label.LANE_CHANGE_LEFT.title,
+            Label.LANE_CHANGE_RIGHT.title,
+            Label.RAMP_ENTERING.title,
+            Label.RAMP_EXITING.title,
+        ),
+        LANE_CHANGE,
+    ),
+    **{
+        label.title: BRAKING
+        for label in (
+            Label.FREE_CRUISE,
+            Label.CAR_FOLLOWING,
+            Label.ROUNDABOUT_ENTERING,
+            Label.ROUNDABOUT_EXITING,
+            Label.ROUNDABOUT_CIRCULATING,
+            Label.LEFT_TURN,
+            Label.RIGHT_TURN,
+            Label.STRAIGHT_CROSS,
+            Label.MERGING,
+        )
+    },
+}
+"""Kind of the units that are like the manoeuvre of a class: changes of lane, else of speed"""
 _BESIDE = 7
 """Candidates, by the ego's speed, for the unit of the next actor: the nearest may be of the same lane change."""
 _DRAWN, _PARTS = 1000, 5
@@ -184,6 +221,20 @@ class RecordedScenario(NamedTuple):
         )
 
 
+def shipped_instead(scenario: RecordedScenario, space: Space, least: int) -> Recorded | None:
+    """Units that are shipped, where fewer than `least` of a catalogue's own are inside a space.
+
+    Returns:
+        None where there are enough, or no units are like the scenario's class.
+    """
+    if len(scenario.on(space).within(space).theta) >= least:
+        return None
+    try:
+        return of_samples(of_recordings(None, kind_of(scenario.path)), space, simulated=True)
+    except UsageError:
+        return None
+
+
 def of_recordings(path: Path | None, kind: str) -> Samples | PairUnits:
     """Units of a kind, or pairs of units.
 
@@ -213,10 +264,10 @@ def _units(path: Path | None) -> Samples:
 
 
 def kind_of(scenario: Path) -> str:
-    """The kind of recorded units that a scenario of the library is about, by its name.
+    """The kind of recorded units that a scenario is about, by its name (the library's) or by the tag of its class.
 
     Raises:
-        UsageError: it has none of those names, or is not there.
+        UsageError: it has neither, or is not there.
     """
     if not scenario.is_file():
         raise UsageError("no such file", path=scenario)
@@ -226,12 +277,12 @@ def kind_of(scenario: Path) -> str:
     }
     found = next(
         (kind for name, kind in kinds.items() if scenario.stem.startswith(f"{name}_")), None
-    )
+    ) or _KINDS_OF_CLASSES.get(_property(xosc.load(scenario).node, _CLASS) or "")
     if found is None:
         raise UsageError(
-            "nothing says which values are likely: its name is not that of a manoeuvre, as cut_in_highway.xosc. Give ranges, as "
-            f"{free_option(numbers(scenario))}, or --density uniform for all that has limits, or name recorded units that are "
-            "like it by --kind",
+            "nothing says which values are likely: it has no tag of a class, and its name is not that of a manoeuvre, as "
+            f"cut_in_highway.xosc. Give ranges, as {free_option(numbers(scenario))}, or --density uniform for all that has limits, "
+            "or name recorded units that are like it by --kind",
             path=scenario,
         )
     return found
@@ -408,14 +459,15 @@ def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
     return (
         names,
         np.array([float(values[name]) for name in names]),
-        _recording(document.node) or file.stem,
+        _property(document.node, _RECORDING) or file.stem,
     )
 
 
-def _recording(root: Node) -> str | None:
+def _property(root: Node, name: str) -> str | None:
+    """The value of a property of a scenario's FileHeader; None without it."""
     properties = root.find("FileHeader", "Properties")
     listed = properties.children("Property") if properties is not None else []
-    return next((each.get("value") for each in listed if each.get("name") == _RECORDING), None)
+    return next((each.get("value") for each in listed if each.get("name") == name), None)
 
 
 def _middle(theta: FloatArray) -> int:
