@@ -166,7 +166,7 @@ def _searches(
 
 
 def _own_or_shipped(scenario: RecordedScenario, space: Space) -> Units:
-    """What is recorded in the catalogue of a scenario's parameters, or in the place of too few the shipped units."""
+    """Recorded units of a catalogue, or the shipped ones in the place of too few."""
     from generation.pipeline import LEAST
     from generation.space.recorded import shipped_instead
 
