@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from recognition.labels.classes import Label, LabelledEvent
+from recognition.labels.critical import UNNAMED
 from recognition.recordings.quality import Exclusion
 from runner.recording import Recording, Track
 from xodr.graph.network import RoadNetwork
@@ -39,7 +40,7 @@ class Moment:
         nearest: of the known classes the one that the model takes it for rather than any other;
             None without a model.
         confidence: of the model in `nearest`, in [0, 1]; None without.
-        partner, tags, why: of the rule's event.
+        partner, tags, why, severity, critical, participants: of the event.
     """
 
     ego: str
@@ -53,10 +54,15 @@ class Moment:
     partner: str | None = None
     tags: dict[str, bool | float] = field(default_factory=dict)
     why: str = ""
+    severity: float | None = None
+    critical: str = ""
+    participants: tuple[str, ...] = ()
 
     @property
     def trust(self) -> str:
-        """Agreement of rules and model: `agree`, `differ`, `rules alone` or `model alone`."""
+        """Agreement of rules and model: `agree`, `differ`, `rules alone`, `model alone` or, of no class, `measures`."""
+        if self.labels_agree is None and not self.rule and self.severity is not None:
+            return "measures"
         if self.labels_agree is None:
             return "rules alone" if self.rule else "model alone"
         return "agree" if self.labels_agree else "differ"
@@ -84,16 +90,20 @@ class Detection:
 
 
 def by_rules(event: LabelledEvent) -> Moment:
-    """The moment of a rule's event, without a model."""
+    """The moment of a rule's event, or of a critical one of no class, without a model."""
+    named = bool(event.label)
     return Moment(
         event.ego,
         event.time,
-        event.label.title,
-        KNOWN,
+        event.label.title if named else UNNAMED,
+        KNOWN if named else UNKNOWN,
         event.label,
         partner=event.partner,
         tags=event.tags,
         why=event.why,
+        severity=event.severity,
+        critical=event.critical,
+        participants=event.participants,
     )
 
 
@@ -126,7 +136,13 @@ def _runs(moments: Iterable[Moment], gap: float) -> list[list[Moment]]:
 
 def _detection(moments: Sequence[Moment]) -> Detection:
     best = max(
-        moments, key=lambda moment: (bool(moment.rule), moment.confidence or 0.0, -moment.time)
+        moments,
+        key=lambda moment: (
+            bool(moment.rule),
+            moment.severity or 0.0,
+            moment.confidence or 0.0,
+            -moment.time,
+        ),
     )
     return Detection(
         best, moments[0].time - WINDOW / 2, moments[-1].time + WINDOW / 2, len(moments)

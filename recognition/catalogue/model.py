@@ -193,9 +193,11 @@ class ByModel:
         found = [
             one
             for one in labelled
-            if one.rule or (one.model != _NOTHING and (self._sorts or one.state != KNOWN))
+            if one.rule
+            or one.severity is not None
+            or (one.model != _NOTHING and (self._sorts or one.state != KNOWN))
         ]
-        return [one for one in found if one.state not in self._hidden]
+        return [one for one in found if one.severity is not None or one.state not in self._hidden]
 
     def keep(self, folder: Path, *, waiting: bool = True) -> None:
         """Write the model as it is now: discovered classes are known to it.
@@ -269,6 +271,8 @@ class ByModel:
         moment = replace(moment, model=title_of(label))
         if moment.rule and not self._sorts:
             return moment
+        if moment.severity is not None and (label < FIRST_DISCOVERED or DISCOVERED in self._hidden):
+            return moment  # critical and of no class, unless it is of a discovered one
         state = (
             UNKNOWN if label == Label.UNKNOWN else KNOWN if label < FIRST_DISCOVERED else DISCOVERED
         )

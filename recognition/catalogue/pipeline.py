@@ -536,6 +536,8 @@ def _told(finding: Detection) -> dict[str, Any]:
         "start": round(finding.start, 3),
         "end": round(finding.end, 3),
         "tags": moment.tags,
+        "severity": moment.severity,
+        "critical": moment.critical,
     }
 
 

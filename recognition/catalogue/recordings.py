@@ -35,6 +35,7 @@ from recognition.catalogue.writing.write import (
     PendingCatalog,
 )
 from recognition.labels import LabelledEvent, Rules, label
+from recognition.labels.critical import with_critical
 from recognition.recordings import Check, Cut, Exclusion, Gap, Report, Source, cache_roads
 from recognition.recordings.quality import REFUSED
 from recognition.scenes import Roles, Site, site_of
@@ -286,14 +287,18 @@ def listed(paths: tuple[Path, ...]) -> list[datasets.DataSet]:
 
 @limited()
 def looked(source: Source, rules: Rules) -> tuple[Recording, Site, list[LabelledEvent]]:
-    """A recording, placed on the roads of its site, and the events that rules find in it.
+    """A recording, placed on the roads of its site, and the events and critical moments in it.
 
     Raises:
         InvalidFile, Unsupported, UsageError: it can't be read, or its roads are unknown or unsound.
     """
     recording = source.load()
     site = site_of(source, recording, cache_roads())
-    return recording, site, label(recording, site, source.name, rules)
+    return recording, site, _events(recording, site, source.name, rules)
+
+
+def _events(recording: Recording, site: Site, name: str, rules: Rules) -> list[LabelledEvent]:
+    return with_critical(label(recording, site, name, rules), recording, site, name, rules)
 
 
 class Inspection(NamedTuple):
@@ -340,7 +345,7 @@ def read(settings: CatalogueSettings, place: RecordingRef) -> LabelledRecording 
             if kept is not None:
                 recording, report = kept
                 site = site_of(source, recording, cache_roads())
-                events = label(recording, site, source.name, settings.rules)
+                events = _events(recording, site, source.name, settings.rules)
             else:
                 recording, site, events = looked(source, settings.rules)
                 assert source.report is not None, "the recording has been read"

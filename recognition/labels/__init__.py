@@ -5,6 +5,7 @@ No label comes from anything but the recorded motion and the roles of the lanes 
 Modules:
 
 - `changes`: lane changes and passages of junctions
+- `critical`: critical moments of a recording, whatever its class
 - `classes`: classes of scenarios, their events, and the thresholds of the rules that find them
 - `labelling`: events of a recording by all rules, and ways through junctions
 - `maneuvers`: manoeuvres and their parameters: names and ranges

@@ -70,6 +70,10 @@ class LabelledEvent:
         partner: name of the other track that makes it one of its class, or None.
         tags: further criteria that hold or not, and measures at t* (m, s, m/s).
         why: conditions that hold, with values, and lanes of the map before and after, as text.
+        severity: of its critical moment (`recognition.labels.critical`), from 0 to 1; None where it
+            is not critical.
+        critical: measures of that moment beyond their limits, as text.
+        participants: names of the other tracks in it, the worst first.
     """
 
     recording: str
@@ -79,6 +83,9 @@ class LabelledEvent:
     partner: str | None
     tags: dict[str, bool | float]
     why: str = ""
+    severity: float | None = None
+    critical: str = ""
+    participants: tuple[str, ...] = ()
 
 
 def counts(events: Iterable[LabelledEvent]) -> dict[Label, int]:

@@ -45,6 +45,9 @@ COLUMNS: dict[str, type] = {
     "labels_agree": bool,
     "trust": str,
     "why": str,
+    "severity": float,
+    "critical": str,
+    "others": str,
     "partial": bool,
     "road_kind": str,
     "limit": float,
@@ -78,7 +81,8 @@ COLUMNS: dict[str, type] = {
 Files relative to the index: the scenario that replays the recording, that with the manoeuvre (or
 why it has none), tags, road. The class, and whose labels sort; the model's confidence in the known
 class nearest to what it saw; both labels, and whether they agree; trust: `agree`, `differ`, `rules
-alone` or `model alone`. why: conditions with values, lanes before and after. partial: recorded in
+alone`, `model alone` or `measures`. severity: of the critical moment, from 0 to 1, with its
+measures (critical) and other participants (others). why: conditions with values, lanes before and after. partial: recorded in
 part. road_kind, limit (m/s): of the ego's lane at the event's time. light: recorded state then of
 the traffic light that the ego passes, in the words of the data set. Speeds and closing speed (m/s)
 and gap along the road (m) of ego and partner at that time. Least THW and TTC (s) and greatest DRAC

@@ -21,12 +21,12 @@ _STYLES = ("base.css", "report.css", str(_FOLDER / "catalogue.css"))
 _SCRIPTS = ("dom.js", "axes.js", str(_FOLDER / "film.js"), str(_FOLDER / "catalogue.js"))
 MEASURES = {
     "ego_speed": "m/s", "partner_speed": "m/s", "closing_speed": "m/s", "gap": "m", "pair_thw": "s", "pair_ttc": "s",
-    "pair_drac": "m/s²", "min_ttc": "s", "min_thw": "s", "min_distance": "m", "limit": "m/s", "confidence": "", "time": "s",
+    "pair_drac": "m/s²", "min_ttc": "s", "min_thw": "s", "min_distance": "m", "limit": "m/s", "severity": "", "confidence": "", "time": "s",
 }  # fmt: skip
 """Columns of the index that the page filters, orders and counts by, with their units"""
 _NAMES = ("class", "site", "trust", "road_kind", "road", "state")
 """Columns with few different values"""
-_TEXTS = ("file", "maneuver", "vehicle", "partner", "why")
+_TEXTS = ("file", "maneuver", "vehicle", "partner", "why", "critical")
 FILM_STEP = 0.5
 """Time (s) between samples of a film"""
 _AROUND = 5.0
