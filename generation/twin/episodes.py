@@ -27,16 +27,9 @@ from generation.twin.motion import (
 )
 from runner.engine.motion.rss import RssParameters, longitudinal_distance, parameter_set
 from runner.engine.participants.boxes import Outlook, reach
+from runner.engine.participants.outlines import Outline, Sight, box_distance, boxes_overlap, seen_by
 from runner.judging.measures.criticality import lateral_violation, longitudinal_violation
-from runner.judging.measures.relations import (
-    MotionRows,
-    Outline,
-    Sight,
-    box_distance,
-    boxes_overlap,
-    in_ego_frame,
-    seen_by,
-)
+from runner.judging.measures.relations import MotionRows, in_ego_frame
 from runner.judging.settings import RunSettings
 from runner.systems import System, load_system
 from runner.systems.encounters import AheadParticipant, encounter

@@ -23,8 +23,9 @@ from runner.engine.compile.compiler import Scenario
 from runner.engine.motion.dynamics import EPSILON, RESERVE, read_constraints, tighter
 from runner.engine.motion.speed_plans import plateau, shortest
 from runner.engine.participants.declaration import BoundingBox, Performance
+from runner.engine.participants.outlines import interval_gaps
 from runner.judging.execution import prepare
-from runner.judging.measures.relations import MotionRows, View, interval_gaps
+from runner.judging.measures.relations import MotionRows, View
 from runner.judging.settings import RunSettings
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import InvalidFile, Unsupported

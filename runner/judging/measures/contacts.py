@@ -21,8 +21,9 @@ import numpy as np
 import shapely
 
 from runner.engine.participants.boxes import box_corners
+from runner.engine.participants.outlines import boxes_overlap
 from runner.judging.measures.measure import GREATEST_DECELERATION, LONGEST_PET, Extreme
-from runner.judging.measures.relations import MotionRows, blocks, boxes_overlap, joined, relations
+from runner.judging.measures.relations import MotionRows, blocks, joined, relations
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _STEP = 0.05

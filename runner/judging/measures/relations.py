@@ -17,6 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runner.engine.participants.declaration import BoundingBox
+from runner.engine.participants.outlines import (
+    Outline,
+    Sight,
+    box_distance,
+    extents,
+    interval_gaps,
+    seen_by,
+    vertical_gap,
+)
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -152,104 +161,6 @@ class Relations(NamedTuple):
     view: View
 
 
-# boxes --------------------------------------------------------------------------------------
-
-
-class Sight(NamedTuple):
-    """Centre and relative heading (cosine, sine) of another box, seen from the centre of the own one."""
-
-    x: FloatArray
-    y: FloatArray
-    cos: FloatArray
-    sin: FloatArray
-
-
-def seen_by(a: MotionRows | Outline, b: MotionRows | Outline) -> Sight:
-    """Return the relation of b to a, row by row."""
-    (ca, sa), (cb, sb) = a.facing, b.facing
-    dx = b.x - a.x + cb * b.box.x - sb * b.box.y
-    dy = b.y - a.y + sb * b.box.x + cb * b.box.y
-    return Sight(
-        dx * ca + dy * sa - a.box.x,
-        dy * ca - dx * sa - a.box.y,
-        cb * ca + sb * sa,
-        sb * ca - cb * sa,
-    )
-
-
-class Outline(NamedTuple):
-    """The part of `MotionRows` that says where a box is in the plane and how fast it drives: quickly taken of rows."""
-
-    box: BoundingBox
-    x: FloatArray
-    y: FloatArray
-    facing: tuple[FloatArray, FloatArray]
-    speed: FloatArray
-
-    @classmethod
-    def of(cls, motion: MotionRows, rows: IntArray) -> Outline:
-        """Some instants of a participant whose box does not change."""
-        cos, sin = motion.facing
-        return cls(
-            motion.box, motion.x[rows], motion.y[rows], (cos[rows], sin[rows]), motion.speed[rows]
-        )
-
-    def at(self, rows: IntArray) -> Outline:
-        """The same at some of its instants."""
-        cos, sin = self.facing
-        return Outline(
-            self.box, self.x[rows], self.y[rows], (cos[rows], sin[rows]), self.speed[rows]
-        )
-
-
-def boxes_overlap(a: MotionRows, b: MotionRows) -> BoolArray:
-    """Return a mask of rows in which two upright boxes overlap or touch."""
-    return _outlines_overlap(a.box, b.box, seen_by(a, b)) & (vertical_gap(a, b) == 0.0)
-
-
-def _outlines_overlap(own: BoundingBox, other: BoundingBox, seen: Sight) -> BoolArray:
-    """The same in the plane, by the separating-axis theorem."""
-    x, y, c, s = seen
-    al, aw, bl, bw = own.length / 2, own.width / 2, other.length / 2, other.width / 2
-    cos, sin = np.abs(c), np.abs(s)
-    apart = (np.abs(x) > al + bl * cos + bw * sin) | (np.abs(y) > aw + bl * sin + bw * cos)
-    apart |= np.abs(x * c + y * s) > bl + al * cos + aw * sin
-    apart |= np.abs(y * c - x * s) > bw + al * sin + aw * cos
-    return np.logical_not(apart)
-
-
-def vertical_gap(a: MotionRows, b: MotionRows) -> FloatArray:
-    """Height between the vertical spans of two upright boxes, row by row; 0 where they overlap."""
-    middle = np.abs(b.z + b.box.z - a.z - a.box.z)
-    return np.maximum(middle - (a.box.height + b.box.height) / 2, 0.0)
-
-
-def box_distance(
-    a: MotionRows | Outline, b: MotionRows | Outline, seen: Sight | None = None
-) -> FloatArray:
-    """Shortest distance of two boxes in the plane, row by row; 0 where they overlap.
-
-    Args:
-        seen: how a sees b, where that is known.
-    """
-    seen = seen or seen_by(a, b)
-    squares = np.minimum(
-        _corner_squares(seen, b.box, a.box), _corner_squares(seen_by(b, a), a.box, b.box)
-    )
-    return np.where(_outlines_overlap(a.box, b.box, seen), 0.0, np.sqrt(squares))
-
-
-def _corner_squares(seen: Sight, other: BoundingBox, box: BoundingBox) -> FloatArray:
-    """Squared distance of the nearest corner of a box seen from another's centre to that box."""
-    nearest = np.full(seen.x.shape, np.inf)
-    for along in (-other.length / 2, other.length / 2):
-        for across in (-other.width / 2, other.width / 2):
-            dx = np.abs(seen.x + along * seen.cos - across * seen.sin) - box.length / 2
-            dy = np.abs(seen.y + along * seen.sin + across * seen.cos) - box.width / 2
-            nearest = np.minimum(nearest, np.maximum(dx, 0.0) ** 2 + np.maximum(dy, 0.0) ** 2)
-    return nearest
-
-
 # relations ----------------------------------------------------------------------------------
 
 
@@ -304,33 +215,20 @@ def _common(time: FloatArray, theirs: FloatArray, who: IntArray) -> tuple[IntArr
     return rows[found], found
 
 
-def interval_gaps(
-    low_a: FloatArray, high_a: FloatArray, low_b: FloatArray, high_b: FloatArray
-) -> FloatArray:
-    """Signed gaps from intervals a to intervals b: positive where b lies above, negative where below, 0 where they overlap."""
-    return np.maximum(low_b - high_a, 0.0) + np.minimum(high_b - low_a, 0.0)
-
-
 def in_ego_frame(a: MotionRows | Outline, b: MotionRows | Outline, seen: Sight) -> View:
     """Return b in the frame of a, along and across its heading, row by row.
 
     Args:
         seen: how a sees b.
     """
-    x, y, c, s = seen
-    cos, sin = np.abs(c), np.abs(s)
-    ahead = (b.box.length * cos + b.box.width * sin) / 2
-    aside = (b.box.length * sin + b.box.width * cos) / 2
+    _, _, c, s = seen
+    rear, front, right, left = extents(seen, b.box)
     half_length, half_width = a.box.length / 2, a.box.width / 2
     return View(
-        interval_gaps(
-            np.full_like(x, -half_length), np.full_like(x, half_length), x - ahead, x + ahead
-        ),
-        interval_gaps(
-            np.full_like(y, -half_width), np.full_like(y, half_width), y - aside, y + aside
-        ),
+        interval_gaps(-half_length, half_length, rear, front),
+        interval_gaps(-half_width, half_width, right, left),
         a.speed,
-        np.zeros_like(x),
+        np.zeros_like(rear),
         b.speed * c,
         b.speed * s,
     )

@@ -28,8 +28,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from runner.engine.participants.outlines import boxes_overlap, seen_by
 from runner.judging.measures.measure import Extreme
-from runner.judging.measures.relations import MotionRows, blocks, boxes_overlap, common, seen_by
+from runner.judging.measures.relations import MotionRows, blocks, common
 from schemas.common.array_types import FloatArray, IntArray
 
 

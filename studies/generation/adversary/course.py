@@ -15,7 +15,7 @@ import numpy as np
 
 from generation.twin.episodes import Situation, driver
 from generation.twin.motion import Actor, Body, Script, driven, read
-from runner.judging.measures.relations import box_distance
+from runner.engine.participants.outlines import box_distance
 from runner.judging.settings import RunSettings
 from schemas.common.array_types import BoolArray, FloatArray
 from schemas.common.errors import Unsupported

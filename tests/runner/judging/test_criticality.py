@@ -13,6 +13,7 @@ from shapely.geometry import Polygon
 from runner.engine.motion import rss
 from runner.engine.participants.boxes import box_corners
 from runner.engine.participants.declaration import BoundingBox
+from runner.engine.participants.outlines import box_distance, boxes_overlap
 from runner.judging.measures.contacts import post_encroachment_time
 from runner.judging.measures.criticality import (
     criticality,
@@ -23,13 +24,7 @@ from runner.judging.measures.criticality import (
     time_headway,
     time_to_collision,
 )
-from runner.judging.measures.relations import (
-    MotionRows,
-    View,
-    box_distance,
-    boxes_overlap,
-    relations,
-)
+from runner.judging.measures.relations import MotionRows, View, relations
 
 CAR = BoundingBox(1.5, 0.0, 0.75, 5.0, 2.0, 1.5)
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from runner.engine.participants.declaration import BoundingBox
+from runner.engine.participants.outlines import boxes_overlap
 from runner.judging.measures import relations as module
 from runner.judging.measures.criticality import Criticality, criticality
 from runner.judging.measures.measure import LONGEST_PET, Extreme
-from runner.judging.measures.relations import MotionRows, boxes_overlap, common
+from runner.judging.measures.relations import MotionRows, common
 from runner.judging.measures.risk_field import risk_field
 
 STEP = 0.1
