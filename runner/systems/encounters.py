@@ -1,20 +1,26 @@
-"""Participants ahead as the ego sees them, along and across its heading: what the reference drivers decide by.
+"""Participants ahead as the ego sees them, along and across its heading: what drivers decide by.
 
-Formulas hold for one case and, as arrays, for many, so that a decision is written once: conditions
-are combined by `&` and `|`, and both sides of a choice are worked out.
+Formulas hold for one run and, as arrays, for many, so that a law is written once: conditions are
+combined by `&` and `|`, and both sides of a choice are worked out. Parameters of type `Any` that are
+m or s or m/s are numbers, or arrays of them over runs.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from runner.engine.participants.boxes import Outlook, outlook, spans
+from runner.engine.participants.boxes import outlook, spans
 from runner.engine.participants.declaration import BoundingBox
+from runner.engine.participants.outlines import extents, seen_by
 from runner.systems.base import Observation, Participant
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from runner.systems.arrays import BatchObservation
 
 _OVERSHOT = 1.0
 """Distance (m) beyond a line at which a signal forbids to go on up to which one still stops at it."""
@@ -22,27 +28,43 @@ _OVERSHOT = 1.0
 
 def choose(condition: Any, one: Any, other: Any) -> Any:
     """One value where a condition holds, the other one elsewhere."""
-    if isinstance(condition, np.ndarray):
-        return np.where(condition, one, other)
-    return one if condition else other
+    if condition is True:
+        return one
+    if condition is False:
+        return other
+    return np.where(condition, one, other)
 
 
 def ratio(numerator: Any, denominator: Any, otherwise: float) -> Any:
     """A quotient where the denominator is positive, another value elsewhere."""
-    if isinstance(denominator, np.ndarray):
-        found = np.full(np.broadcast_shapes(np.shape(numerator), denominator.shape), otherwise)
-        return np.divide(numerator, denominator, out=found, where=denominator > 0.0)
-    return numerator / denominator if denominator > 0.0 else otherwise
+    is_positive = denominator > 0.0
+    if is_positive is True:
+        return numerator / denominator
+    if is_positive is False:
+        return otherwise
+    found = np.full(np.broadcast_shapes(np.shape(numerator), np.shape(denominator)), otherwise)
+    return np.divide(numerator, denominator, out=found, where=is_positive)
 
 
 def least(one: Any, other: Any) -> Any:
-    """The lesser value."""
-    return choose(one < other, one, other)
+    """The lesser value, the other one where they are equal or not comparable."""
+    is_one = one < other
+    if is_one is True:  # as `choose`, without a call: laws ask for it often
+        return one
+    return other if is_one is False else np.where(is_one, one, other)
 
 
 def greatest(one: Any, other: Any) -> Any:
-    """The greater value."""
-    return choose(one > other, one, other)
+    """The greater value, the other one where they are equal or not comparable."""
+    is_one = one > other
+    if is_one is True:
+        return one
+    return other if is_one is False else np.where(is_one, one, other)
+
+
+def tanh(value: Any) -> Any:
+    """Hyperbolic tangent."""
+    return np.tanh(value) if isinstance(value, np.ndarray) else math.tanh(value)
 
 
 class AheadParticipant(NamedTuple):
@@ -81,45 +103,92 @@ def encounters(observation: Observation) -> Iterator[AheadParticipant]:
     for other in observation.others:
         seen = outlook(ego, other)
         if seen.x > 0.0:
-            yield encounter(
-                other.name, seen, (ego.box, other.box), ego.speed, *_relative(ego, other)
-            )
+            speeds = ego.speed, *_relative(ego, other)
+            yield _encounter(other.name, seen.y, spans(seen, other.box), ego.box, *speeds)
+
+
+def encounters_batch(observations: BatchObservation) -> tuple[BoolArray, AheadParticipant]:
+    """Everyone in many runs (p, n): a mask of participants that are ahead, and all as they are met there."""
+    ego, others = observations.ego, observations.others
+    seen, (c, s) = seen_by(ego, others), ego.facing
+    along = others.vx * c + others.vy * s
+    left = (others.vy - ego.vy) * c - (others.vx - ego.vx) * s
+    found = _encounter("", seen.y, extents(seen, others.box), ego.box, ego.speed, along, left)
+    return others.present & (seen.x > 0.0), found
 
 
 def stop_line(observation: Observation) -> AheadParticipant | None:
     """The line at which a signal forbids to go on, as something that stands in the way; None once the front is beyond it."""
-    line, box = observation.stop_line, observation.ego.box
-    gap = line.distance - (box.x + 0.5 * box.length) if line is not None else -math.inf
-    if line is None or gap < -_OVERSHOT:
+    line, ego = observation.stop_line, observation.ego
+    if line is None:
         return None
-    return AheadParticipant(
-        f"the signal {line.signal}", gap, -box.width, box.length, 0.0, observation.ego.speed, 0.0
-    )
+    found = _line(f"the signal {line.signal}", line.distance, ego.box, ego.speed)
+    return found if found.gap >= -_OVERSHOT else None
 
 
-def encounter(
+def stop_line_batch(observations: BatchObservation) -> tuple[BoolArray, AheadParticipant]:
+    """The same in many runs (n,): where there is such a line, and all lines."""
+    ego, away = observations.ego, np.asarray(observations.stop_line.distance)
+    is_there = np.isfinite(away)
+    found = _line("", np.where(is_there, away, 0.0), ego.box, ego.speed)
+    return is_there & (found.gap >= -_OVERSHOT), found
+
+
+def nearest(
+    ahead: BoolArray, found: AheadParticipant, there: BoolArray, line: AheadParticipant
+) -> tuple[BoolArray, AheadParticipant]:
+    """The nearest of participants (p, n) and stop lines (n,) in each run, the first of equal ones; and where there is one (n,)."""
+    gaps = np.vstack((np.where(ahead, found.gap, np.inf), np.where(there, line.gap, np.inf)))
+    row = gaps.argmin(axis=0)
+    picked = [
+        at_row(np.vstack((some, np.broadcast_to(one, row.shape))), row)
+        for some, one in zip(found[1:], line[1:], strict=True)
+    ]
+    return np.isfinite(gaps.min(axis=0)), AheadParticipant("", *picked)  # type: ignore[arg-type]
+
+
+def at_row(values: FloatArray, row: IntArray) -> FloatArray:
+    """The value of a row (n,) of each column of (p, n)."""
+    found: FloatArray = values[row, np.arange(len(row))]
+    return found
+
+
+def _line(name: str, distance: Any, box: BoundingBox, speed: Any) -> AheadParticipant:
+    gap = distance - (box.x + 0.5 * box.length)
+    return AheadParticipant(name, gap, -box.width, box.length, 0.0, speed, 0.0)
+
+
+def _encounter(
     name: str,
-    seen: Outlook,
-    boxes: tuple[BoundingBox, BoundingBox],
-    own: float,
-    speed: float,
-    left: float,
+    aside: Any,
+    seen: tuple[Any, Any, Any, Any],
+    ego: BoundingBox,
+    own: Any,
+    speed: Any,
+    left: Any,
 ) -> AheadParticipant:
     """Entity ahead.
 
     Args:
-        seen: where the other's centre is.
-        boxes: the ego's and the other's.
+        aside: y of the other's centre, m.
+        seen: its least and greatest x, least and greatest y, m.
+        ego: the ego's box.
         own: speed of the ego, m/s.
         speed, left: of the other, along the ego's heading, and to its left as seen from the ego,
             m/s.
     """
-    ego, other = boxes
-    rear, front, rightmost, leftmost = spans(seen, other)
-    aside = choose(seen.y > 0.0, rightmost - ego.width / 2, -leftmost - ego.width / 2)
-    approach = choose(seen.y > 0.0, -left, left)
+    rear, front, rightmost, leftmost = seen
+    is_left = aside > 0.0
+    gap_aside = choose(is_left, rightmost - ego.width / 2, -leftmost - ego.width / 2)
+    approach = choose(is_left, -left, left)
     return AheadParticipant(
-        name, rear - ego.length / 2, aside, front - rear + ego.length, speed, own - speed, approach
+        name,
+        rear - ego.length / 2,
+        gap_aside,
+        front - rear + ego.length,
+        speed,
+        own - speed,
+        approach,
     )
 
 

@@ -6,11 +6,30 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from runner.engine.participants.boxes import outlook, spans
+from runner.engine.participants.outlines import extents, seen_by
+from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
+from runner.systems.encounters import (
+    at_row,
+    choose,
+    greatest,
+    least,
+    ratio,
+    tanh,
+)
 from runner.systems.kinds.reference import HARDEST, JERK
+
+if TYPE_CHECKING:
+    from runner.systems.arrays import BatchObservation, BatchParticipants
+    from schemas.common.array_types import BoolArray, FloatArray, IntArray
+
+Extent = tuple[Any, Any, Any, Any]
+"""Least and greatest x, least and greatest y of a box in the ego's frame, m; numbers or arrays"""
 
 SYSTEMS = {
     "adas": (
@@ -26,12 +45,16 @@ _CRAWL = 1.0
 """Speed (m/s) below which the curvature of the path is not known: it is the lateral acceleration over the squared speed"""
 _ONCOMING = -0.5
 """Speeds along the ego's path below this (m/s) are those of oncoming traffic"""
+_ROUNDING = 1e-9
+"""Rounding of times, s"""
 _LEAST_GAP = 0.1
 """Gap (m) below which a required deceleration has no meaning any more"""
 
 
 class RadarTarget(NamedTuple):
     """A participant in the field of view, in coordinates along the ego's predicted path.
+
+    Numbers, or arrays of them over many runs.
 
     Args:
         name: the participant's name.
@@ -43,35 +66,41 @@ class RadarTarget(NamedTuple):
     """
 
     name: str
-    gap: float
-    aside: float
-    width: float
-    approach: float
-    speed: float
-    acceleration: float
+    gap: Any
+    aside: Any
+    width: Any
+    approach: Any
+    speed: Any
+    acceleration: Any
 
-    def is_in_way(self, speed: float, clearance: float) -> bool:
+    def is_in_way(self, speed: Any, clearance: float) -> Any:
         """Whether it is in the swath when an ego of that speed (m/s) reaches it, widened by a clearance (m)."""
-        closing = speed - self.speed
-        left = self.aside - self.approach * (max(self.gap, 0.0) / closing if closing > 0.0 else 0.0)
-        return -self.width - clearance < left < clearance
+        time = ratio(greatest(self.gap, 0.0), speed - self.speed, 0.0)
+        left = self.aside - self.approach * time
+        return (-self.width - clearance < left) & (left < clearance)
 
-    def needed(self, speed: float, delay: float) -> float:
+    def needed(self, speed: Any, delay: float) -> Any:
         """Constant deceleration (m/s²) that avoids the collision if braking begins after a delay (s); 0 where none is needed.
 
         A target that brakes is taken to brake on until it stands; one that approaches to keep its
         speed.
         """
-        closing = speed - self.speed
-        gap = max(self.gap - max(closing, 0.0) * delay, _LEAST_GAP)
-        if self.speed < 0.0:
-            return speed * closing / (2.0 * gap)
-        braking = max(-self.acceleration, 0.0)
-        if (
-            braking > 0.0 and self.speed * closing <= 2.0 * gap * braking
-        ):  # it stands before it is reached
-            return speed * speed / (2.0 * gap + self.speed * self.speed / braking)
-        return braking + closing * closing / (2.0 * gap) if closing > 0.0 else 0.0
+        return needed_deceleration(self.gap, self.speed, self.acceleration, speed, delay)
+
+
+def needed_deceleration(
+    gap: Any, its_speed: Any, its_acceleration: Any, speed: Any, delay: float
+) -> Any:
+    """`RadarTarget.needed` for a gap (m), a target's speed (m/s) and acceleration (m/s²)."""
+    closing = speed - its_speed
+    twice = 2.0 * greatest(gap - greatest(closing, 0.0) * delay, _LEAST_GAP)
+    braking = greatest(-its_acceleration, 0.0)
+    faster = choose(closing > 0.0, braking + closing * closing / twice, 0.0)
+    # it stands before it is reached
+    stands = (braking > 0.0) & (its_speed * closing <= twice * braking)
+    way = twice + ratio(its_speed * its_speed, braking, 0.0)
+    behind = choose(stands, speed * speed / way, faster)
+    return choose(its_speed < 0.0, speed * closing / twice, behind)
 
 
 @dataclass
@@ -144,6 +173,16 @@ class DriverAssistance:
     jerk: float = JERK
     clearance: float = 0.2
 
+    def __post_init__(self) -> None:
+        fields = (self.far_range, self.far_angle), (self.near_range, self.near_angle)
+        self._fields = [
+            (reach * abs(reach), math.sin(math.radians(angle)), math.cos(math.radians(angle)))
+            for reach, angle in fields
+        ]
+        """squared ranges (m²) of the fields of view, and sine and cosine of their half angles"""
+        self._delay = self.latency + self.full / (2.0 * self.jerk)
+        """time (s) from a change in traffic to full braking, the half of their build-up included"""
+
     def reset(self, ego: Participant, timestep: float, seed: int) -> None:
         """Forget the last run."""
         self._pending: deque[tuple[float, float, bool, str]] = deque()
@@ -158,123 +197,251 @@ class DriverAssistance:
             return Control()
         self._pending.append((time, *self._decide(ego, observation)))
         demand, is_full, reason = math.inf, False, ""
-        while self._pending and self._pending[0][0] <= time - self.latency + 1e-9:
+        while self._pending and self._pending[0][0] <= time - self.latency + _ROUNDING:
             _, demand, is_full, reason = self._pending.popleft()
-        return self._apply(demand, is_full, reason, observation, dt)
+        scripted = (observation.target_speed - ego.speed) / dt if dt > 0.0 else 0.0
+        before = self._acceleration
+        if self.lets_go(demand, scripted, before is None, before or 0.0):
+            self._acceleration, self._follows = None, False
+            return Control()
+        if before is None:
+            before = least(ego.acceleration, 0.0)
+        self._acceleration = after = self.limited(
+            least(demand, scripted), is_full, before, ego.speed, dt
+        )
+        return Control(acceleration=after, reason=reason or "the way is free")
+
+    def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Forget the last runs."""
+        n = len(seeds)
+        self._delayed = _Delayed(n, math.ceil(self.latency / timestep) + 2)
+        self._acts, self._accelerations = np.zeros(n, bool), np.zeros(n)
+        self._threats = np.full(n, -1)
+        """rows of the participants for which it brakes fully; −1 for none"""
+        self._followers = np.zeros(n, bool)
+
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
+        """`control` in many runs."""
+        forwards = (observations.ego.speed >= 0.0) & (observations.target_speed >= 0.0)
+        wanted, acts = np.zeros(len(forwards)), np.zeros(len(forwards), bool)
+        places = np.flatnonzero(forwards)
+        seen = observations if len(places) == len(forwards) else observations.take(places)
+        if places.size:
+            wanted[places], acts[places] = self._drive(seen, dt)
+        return BatchControl(wanted, acts)
+
+    def _drive(self, seen: BatchObservation, dt: float) -> tuple[FloatArray, BoolArray]:
+        """Acceleration (n,), and where it counts (n,), of egos that drive forwards."""
+        run, ego = seen.run, seen.ego
+        demand, is_full = self._delayed.pass_on(
+            run, seen.time, *self._decide_batch(seen), self.latency
+        )
+        scripted = (seen.target_speed - ego.speed) / dt if dt > 0.0 else np.zeros(len(run))
+        acts, before = self._acts[run], self._accelerations[run]
+        free = self.lets_go(demand, scripted, ~acts, before)
+        before = np.where(acts, before, least(ego.acceleration, 0.0))
+        after = self.limited(least(demand, scripted), is_full, before, ego.speed, dt)
+        self._acts[run], self._accelerations[run] = ~free, after
+        self._followers[run] &= ~free
+        return after, ~free
 
     def _decide(self, ego: Participant, observation: Observation) -> tuple[float, bool, str]:
         """Acceleration that the traffic calls for (infinite: none), whether it is full braking, and the reason."""
         targets = list(self.targets(observation))
-        delay = self.latency + self.full / (2.0 * self.jerk)
-        threat, worst = None, 0.0
+        threat, worst, delay = None, 0.0, self._delay
         for each in targets:
             if each.is_in_way(ego.speed, self.clearance):
                 needed = each.needed(ego.speed, delay)
-                goes_on = each.name == self._braking_for and ego.speed > max(each.speed, 0.0)
-                if needed > worst and (needed >= self.emergency or goes_on):
+                is_braking_for = each.name == self._braking_for
+                if needed > worst and self.is_emergency(each, needed, ego.speed, is_braking_for):
                     threat, worst = each, needed
         self._braking_for = threat.name if threat is not None else ""
         if threat is not None:
             reason = f"{threat.name} is {threat.gap:.1f} m ahead: {worst:.1f} m/s² needed, emergency braking"
             return -self.full, True, reason
-        ahead = [each for each in targets if each.aside < self.clearance and each.speed > _ONCOMING]
+        ahead = [each for each in targets if self.is_lead(each)]
         if not ahead:
             self._follows = False
             return math.inf, False, ""
         lead = min(ahead, key=lambda one: one.gap)
-        near = lead.gap < self.standstill + self.shortest * ego.speed
-        self._follows = (
-            self._follows or near or lead.needed(ego.speed, self.latency) >= self.comfortable
-        )
+        self._follows = self._follows or self.begins_to_follow(lead, ego.speed)
         if not self._follows:
             return math.inf, False, ""
         return (
-            self.following(lead, ego, observation.target_speed),
+            self.following(lead, ego.speed, observation.target_speed),
             False,
             f"{lead.name} is {lead.gap:.1f} m ahead",
         )
 
-    def following(self, lead: RadarTarget, ego: Participant, desired: float) -> float:
-        """Acceleration (m/s²) of the ACC model behind a target, with a desired speed (m/s), before the limits of ISO 15622."""
-        v, gap, closing = ego.speed, max(lead.gap, _LEAST_GAP), ego.speed - lead.speed
+    def _decide_batch(self, seen: BatchObservation) -> tuple[FloatArray, BoolArray]:
+        """`_decide` in many runs (n,)."""
+        run, speed = seen.run, seen.ego.speed
+        sees, targets = self.targets_batch(seen)
+        n = len(run)
+        if not len(sees):
+            self._threats[run], self._followers[run] = -1, False
+            return np.full(n, np.inf), np.zeros(n, bool)
+        needed = targets.needed(speed, self._delay)
+        is_braking_for = np.arange(len(sees))[:, None] == self._threats[run]
+        threats = sees & targets.is_in_way(speed, self.clearance) & (needed > 0.0)
+        threats &= self.is_emergency(targets, needed, speed, is_braking_for)
+        is_full = threats.any(axis=0)
+        worst = np.where(threats, needed, 0.0).argmax(axis=0)
+        self._threats[run] = np.where(is_full, worst, -1)
+        gaps = np.where(sees & self.is_lead(targets), targets.gap, np.inf)
+        row = gaps.argmin(axis=0)
+        lead = RadarTarget("", *(at_row(values, row) for values in targets[1:]))
+        follows = self._followers[run] | self.begins_to_follow(lead, speed)
+        follows &= np.isfinite(gaps.min(axis=0))
+        self._followers[run] = follows = np.where(is_full, self._followers[run], follows)
+        behind = self.following(lead, speed, seen.target_speed)
+        return np.where(is_full, -self.full, np.where(follows, behind, np.inf)), is_full
+
+    # the law, of numbers or of arrays over runs ----------------------------------------------
+
+    def is_emergency(self, each: RadarTarget, needed: Any, speed: Any, is_braking_for: Any) -> Any:
+        """Whether a target in the way calls for full braking by a needed deceleration (m/s²), or for more of it."""
+        goes_on = is_braking_for & (speed > greatest(each.speed, 0.0))
+        return (needed >= self.emergency) | goes_on
+
+    def is_lead(self, each: RadarTarget) -> Any:
+        """Whether a target is in the path and not oncoming."""
+        return (each.aside < self.clearance) & (each.speed > _ONCOMING)
+
+    def begins_to_follow(self, lead: RadarTarget, speed: Any) -> Any:
+        """Whether a target is too near, or calls for comfortable braking."""
+        near = lead.gap < self.standstill + self.shortest * speed
+        return near | (lead.needed(speed, self.latency) >= self.comfortable)
+
+    def following(self, lead: RadarTarget, v: Any, desired: Any) -> Any:
+        """Acceleration (m/s²) of the ACC model behind a target, at a speed and with a desired one (m/s), before the limits of ISO 15622."""
+        gap, closing = greatest(lead.gap, _LEAST_GAP), v - lead.speed
         dynamic = v * self.headway + v * closing / (
             2.0 * math.sqrt(self.accelerate * self.comfortable)
         )
-        near = ((self.standstill + max(dynamic, 0.0)) / gap) ** 2
-        free = (v / desired) ** 4 if desired > 0.0 else 1.0
+        near = ((self.standstill + greatest(dynamic, 0.0)) / gap) ** 2
+        free = ratio(v, desired, 1.0) ** 4
         idm = self.accelerate * (1.0 - free - near)
-        limited = lead._replace(acceleration=min(lead.acceleration, self.accelerate))
-        constant = (
-            -limited.needed(v, 0.0)
-            if closing > 0.0 or limited.acceleration < 0.0
-            else limited.acceleration
-        )
-        if idm >= constant:
-            return idm
-        mixed = constant + self.comfortable * math.tanh((idm - constant) / self.comfortable)
-        return (1.0 - self.coolness) * idm + self.coolness * mixed
+        its = least(lead.acceleration, self.accelerate)
+        needed = needed_deceleration(lead.gap, lead.speed, its, v, 0.0)
+        constant = choose((closing > 0.0) | (its < 0.0), -needed, its)
+        mixed = constant + self.comfortable * tanh((idm - constant) / self.comfortable)
+        mixed = (1.0 - self.coolness) * idm + self.coolness * mixed
+        return choose(idm >= constant, idm, mixed)
+
+    def lets_go(self, demand: Any, scripted: Any, is_free: Any, acceleration: Any) -> Any:
+        """Whether the scenario's acceleration (m/s²) applies: it asks for no more than the demand, and the system does not brake."""
+        return (demand >= scripted) & (is_free | (acceleration >= 0.0))
+
+    def limited(self, demand: Any, is_full: Any, before: Any, speed: Any, dt: float) -> Any:
+        """A demand (m/s²) within its limits of deceleration and jerk, dt (s) after an acceleration before."""
+        share = least(greatest((speed - _SLOW) / (_FAST - _SLOW), 0.0), 1.0)
+        slow_jerk = self.slow_jerk + share * (self.fast_jerk - self.slow_jerk)
+        jerk = choose(is_full, self.jerk, slow_jerk)
+        slow_brake = self.slow_brake + share * (self.fast_brake - self.slow_brake)
+        brake = choose(is_full, self.full, slow_brake)
+        wanted = greatest(demand, -brake)
+        release = greatest(jerk, choose(before < -brake, self.jerk, 0.0))
+        after = greatest(least(wanted, before + release * dt), before - jerk * dt)
+        return choose((speed <= 0.0) & (after < 0.0), 0.0, after)
+
+    # the radar -------------------------------------------------------------------------------
 
     def targets(self, observation: Observation) -> Iterator[RadarTarget]:
         """Participants in the field of view, in the order of the scenario's entities."""
         ego = observation.ego
         c, s = math.cos(ego.h), math.sin(ego.h)
-        curvature = self._curvature(ego)
+        curvature, half = self._curvature(ego), ego.box.length / 2
         for other in observation.others:
             view = outlook(ego, other)
-            rear, front, right, left = spans(view, other.box)
-            gap = rear - ego.box.length / 2
-            x = view.x + ego.box.x
-            nearest = max(right, -left, 0.0)
-            if front < ego.box.length / 2 or not self._sees(gap, nearest):
-                continue
-            bend = curvature * x * x / 2.0
-            along, across = other.vx * c + other.vy * s, other.vy * c - other.vx * s
-            drift = across - curvature * x * along
-            middle = view.y - bend
-            half = (left - right + ego.box.width) / 2.0
-            pulled = other.ax * c + other.ay * s
-            yield RadarTarget(
-                other.name, gap, abs(middle) - half, 2.0 * half, -drift if middle > 0.0 else drift, along, pulled
-            )  # fmt: skip
+            extent = spans(view, other.box)
+            if extent[1] >= half and self._sees(extent, half):
+                yield self._target(view.x, view.y, extent, ego, other, (c, s), curvature)
 
-    def _sees(self, ahead: float, aside: float) -> bool:
-        """Whether a point ahead of the front and aside of its middle (m) is in the field of view."""
-        distance = math.hypot(max(ahead, 0.0), aside)
-        angle = math.degrees(math.atan2(aside, ahead)) if aside > 0.0 else 0.0
-        far = distance <= self.far_range and angle <= self.far_angle
-        return far or (distance <= self.near_range and angle <= self.near_angle)
+    def targets_batch(self, seen: BatchObservation) -> tuple[BoolArray, RadarTarget]:
+        """Participants in many runs (p, n): a mask of those in the field of view, and all as targets."""
+        ego, others = seen.ego, seen.others
+        view = seen_by(ego, others)
+        extent = extents(view, others.box)
+        half = ego.box.length / 2
+        sees = others.present & (extent[1] >= half) & self._sees(extent, half)
+        target = self._target(view.x, view.y, extent, ego, others, ego.facing, self._curvature(ego))
+        return sees, target
+
+    def _target(
+        self, x: Any, y: Any, extent: Extent, ego: Any, other: Any, facing: Any, curvature: Any
+    ) -> RadarTarget:
+        """A participant with its centre at x and y, m."""
+        rear, _, right, left = extent
+        c, s = facing
+        ahead = x + ego.box.x
+        along, across = other.vx * c + other.vy * s, other.vy * c - other.vx * s
+        drift = across - curvature * ahead * along
+        middle = y - curvature * ahead * ahead / 2.0
+        half = (left - right + ego.box.width) / 2.0
+        return RadarTarget(
+            other.name,
+            rear - ego.box.length / 2,
+            abs(middle) - half,
+            2.0 * half,
+            choose(middle > 0.0, -drift, drift),
+            along,
+            other.ax * c + other.ay * s,
+        )
+
+    def _sees(self, extent: Extent, half: Any) -> Any:
+        """Whether the nearest point of a box, ahead of the ego's front (at half its length), is in the field of view."""
+        rear, _, right, left = extent
+        ahead, aside = rear - half, greatest(greatest(right, -left), 0.0)
+        before, is_in_line = greatest(ahead, 0.0), aside == 0.0
+        squared = before * before + aside * aside
+        (far, sine, cosine), (near, near_sine, near_cosine) = self._fields
+        is_far = (squared <= far) & (is_in_line | (ahead * sine >= aside * cosine))
+        is_near = (squared <= near) & (is_in_line | (ahead * near_sine >= aside * near_cosine))
+        return is_far | is_near
 
     @staticmethod
-    def _curvature(ego: Participant) -> float:
+    def _curvature(ego: Any) -> Any:
         """Curvature of the ego's path by its motion (1/m), positive to the left."""
-        if ego.speed < _CRAWL:
-            return 0.0
-        found = (ego.vx * ego.ay - ego.vy * ego.ax) / ego.speed**3
-        return found if abs(found) > _STRAIGHT else 0.0
+        cubed = choose(ego.speed < _CRAWL, 0.0, ego.speed**3)
+        found = ratio(ego.vx * ego.ay - ego.vy * ego.ax, cubed, 0.0)
+        return choose(abs(found) > _STRAIGHT, found, 0.0)
 
-    def _apply(
-        self, demand: float, is_full: bool, reason: str, observation: Observation, dt: float
-    ) -> Control:
-        """The answer: the demand within its limits of deceleration and jerk; nothing where the scenario asks for less speed."""
-        speed = observation.ego.speed
-        share = min(max((speed - _SLOW) / (_FAST - _SLOW), 0.0), 1.0)
-        jerk = self.jerk if is_full else self.slow_jerk + share * (self.fast_jerk - self.slow_jerk)
-        brake = (
-            self.full if is_full else self.slow_brake + share * (self.fast_brake - self.slow_brake)
-        )
-        scripted = (observation.target_speed - speed) / dt if dt > 0.0 else 0.0
-        if demand >= scripted and (self._acceleration is None or self._acceleration >= 0.0):
-            self._acceleration, self._follows = None, False
-            return Control()
-        before = (
-            self._acceleration
-            if self._acceleration is not None
-            else min(observation.ego.acceleration, 0.0)
-        )
-        wanted = max(min(demand, scripted), -brake)
-        release = max(jerk, self.jerk if before < -brake else 0.0)
-        after = max(min(wanted, before + release * dt), before - jerk * dt)
-        if speed <= 0.0 and after < 0.0:
-            after = 0.0
-        self._acceleration = after
-        return Control(acceleration=after, reason=reason or "the way is free")
+
+class _Delayed:
+    """Decisions of many runs that take effect later.
+
+    Args:
+        n: runs.
+        most: decisions of a run at once.
+    """
+
+    def __init__(self, n: int, most: int) -> None:
+        self._most = most
+        self._first, self._end = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        self._time, self._demand = np.zeros(n * most), np.zeros(n * most)
+        self._is_full = np.zeros(n * most, bool)
+
+    def pass_on(
+        self,
+        run: IntArray,
+        time: FloatArray,
+        demand: FloatArray,
+        is_full: BoolArray,
+        latency: float,
+    ) -> tuple[FloatArray, BoolArray]:
+        """Add the decisions of runs at times (n,), s, and give those of a latency (s) before; infinite where there is none."""
+        begin = run * self._most
+        place = begin + self._end[run] % self._most
+        self._time[place], self._demand[place], self._is_full[place] = time, demand, is_full
+        self._end[run] += 1
+        found, full = np.full(len(run), np.inf), np.zeros(len(run), bool)
+        while True:
+            first = self._first[run]
+            place = begin + first % self._most
+            due = (first < self._end[run]) & (self._time[place] <= time - latency + _ROUNDING)
+            if not due.any():
+                return found, full
+            found = np.where(due, self._demand[place], found)
+            full = np.where(due, self._is_full[place], full)
+            self._first[run[due]] += 1

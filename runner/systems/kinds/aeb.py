@@ -4,10 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
-from runner.systems.encounters import AheadParticipant, choose, encounters, greatest, least
+from runner.systems.encounters import (
+    AheadParticipant,
+    choose,
+    encounters,
+    encounters_batch,
+    greatest,
+    least,
+)
+
+if TYPE_CHECKING:
+    from runner.systems.arrays import BatchObservation, BatchParticipants
+    from schemas.common.array_types import IntArray
 
 SYSTEMS = {
     "aeb": (
@@ -66,18 +80,27 @@ class EmergencyBraking:
         )
         return Control(self.acceleration(self._stage), reason=reason)
 
-    def threat(self, found: AheadParticipant) -> float:
+    def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Forget the last runs."""
+        self._stages = np.full(len(seeds), _FOLLOWS)
+
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
+        """`control` in many runs."""
+        ahead, found = encounters_batch(observations)
+        time = np.where(ahead, self.threat(found), np.inf).min(axis=0, initial=np.inf)
+        held = (ahead & self.holds(found, observations.ego.speed)).any(axis=0)
+        stage = self.stage(time, held, self._stages[observations.run])
+        self._stages[observations.run] = stage
+        return BatchControl(self.acceleration(stage), stage != _FOLLOWS)
+
+    def threat(self, found: AheadParticipant) -> Any:
         """Return the time (s) until the ego reaches the entity, if it is or will be in the path; else infinity."""
         time = found.time_to_collision
-        reached: float = choose(
-            (found.gap <= self.sensor_range) & self._in_way(found), time, math.inf
-        )
-        return reached
+        return choose((found.gap <= self.sensor_range) & self._in_way(found), time, math.inf)
 
-    def holds(self, found: AheadParticipant, speed: float) -> bool:
+    def holds(self, found: AheadParticipant, speed: Any) -> Any:
         """Whether an entity in the path is so near that, having braked at a speed (m/s), it does not speed up again."""
-        near: bool = (found.gap <= self.hold + self.partial_time * speed) & self._in_way(found)
-        return near
+        return (found.gap <= self.hold + self.partial_time * speed) & self._in_way(found)
 
     def stage(self, time: Any, held: Any, stage: Any) -> Any:
         """Return the next stage, for the time (s) to reach an object or for a near object, and the current stage."""
@@ -90,7 +113,7 @@ class EmergencyBraking:
         """The acceleration (m/s²) of what it does."""
         return choose(stage == _FULL, -self.full, choose(stage == _PARTIAL, -self.partial, 0.0))
 
-    def _in_way(self, found: AheadParticipant) -> bool:
+    def _in_way(self, found: AheadParticipant) -> Any:
         left = found.aside - greatest(found.approach, 0.0) * least(
             found.time_to_collision, _FORESEEN
         )

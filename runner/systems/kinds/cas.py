@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from runner.engine.motion.rss import (
     RssParameters,
@@ -19,11 +21,24 @@ from runner.engine.participants.boxes import (
     outlook,
     reach,
     spans,
+)
+from runner.engine.participants.boxes import vertical_gap as vertical
+from runner.engine.participants.declaration import BoundingBox
+from runner.engine.participants.outlines import (
+    box_distance,
+    extents,
+    interval_gaps,
+    seen_by,
     vertical_gap,
 )
+from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import choose
 from schemas.common.errors import UsageError
+
+if TYPE_CHECKING:
+    from runner.systems.arrays import BatchObservation, BatchParticipants
+    from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _NOTHING = Control()
 _ROUNDING = 1e-6
@@ -35,15 +50,70 @@ SYSTEMS = {
 }
 
 
-def safe_sideways(left: Any, own: Any, its: Any, p: RssParameters) -> Any:
-    """Least safe lateral gap (m) to another one; numbers, or arrays of them over many cases.
+def unsafe_ahead(ahead: Any, own: Any, its: Any, p: RssParameters) -> tuple[Any, Any]:
+    """Whether a longitudinal gap (m) is less than the safe one, and the safe one, m; of numbers or arrays.
 
     Args:
-        left: whether the other one is to the left.
+        own, its: speeds in the ego's direction of travel, m/s.
+    """
+    safe = longitudinal_distance(own, its, p)
+    return (ahead <= 0.0) | (ahead < safe), safe
+
+
+def unsafe_aside(is_left: Any, aside: Any, own: Any, its: Any, p: RssParameters) -> tuple[Any, Any]:
+    """Whether a lateral gap (m) is less than the safe one, and the safe one, m; of numbers or arrays.
+
+    Args:
+        is_left: whether the other one is to the left.
         own, its: lateral speeds to the right, as RSS counts them, m/s.
     """
     if_left = lateral_distance(its, own, p.response_other, p.response, p)
-    return choose(left, if_left, lateral_distance(own, its, p.response, p.response_other, p))
+    if_right = lateral_distance(own, its, p.response, p.response_other, p)
+    safe = choose(is_left, if_left, if_right)
+    return aside < safe, safe
+
+
+def rightwards(one: Any, c: Any, s: Any) -> Any:
+    """Speed of a participant to the right of a heading with that cosine and sine, m/s."""
+    return one.vx * s - one.vy * c
+
+
+class _Seen(NamedTuple):
+    """Participants of some pairs: what decides, each an array (m,)."""
+
+    box: BoundingBox
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    speed: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    cos: FloatArray
+    sin: FloatArray
+
+    @property
+    def facing(self) -> tuple[FloatArray, FloatArray]:
+        """Cosine and sine of the heading."""
+        return self.cos, self.sin
+
+    @classmethod
+    def of(cls, some: BatchParticipants, at: tuple[IntArray, ...]) -> _Seen:
+        """Those at places of arrays."""
+        values = some.x, some.y, some.z, some.speed, some.vx, some.vy, *some.facing
+        return cls(_boxes(some.box, at), *(each[at] for each in values))
+
+    def at(self, rows: IntArray) -> _Seen:
+        """Some of them."""
+        return _Seen(_boxes(self.box, rows), *(each[rows] for each in self[1:]))
+
+
+def _boxes(box: Any, at: Any) -> BoundingBox:
+    return BoundingBox(*(each[at] for each in box))
+
+
+def _reach(box: BoundingBox) -> Any:
+    """`runner.engine.participants.boxes.reach` of boxes in arrays, m."""
+    return np.hypot(np.abs(box.x) + box.length / 2, np.abs(box.y) + box.width / 2)
 
 
 @dataclass(slots=True)
@@ -88,9 +158,40 @@ class CollisionAvoidance:
                     return Control(acceleration=-way * self.brake, reason=danger)
         return _NOTHING
 
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
+        """`control` in many runs."""
+        ego, others = observations.ego, observations.others
+        ahead_first = np.where(ego.speed != 0.0, ego.speed, observations.target_speed)
+        way = np.where(ahead_first < 0.0, -1.0, 1.0)
+        far = self.sensor_range + _reach(ego.box) + _reach(others.box)
+        near = others.present & (np.hypot(others.x - ego.x, others.y - ego.y) <= far)
+        danger = np.zeros(len(way), bool)
+        row, run = np.nonzero(near)
+        if row.size:
+            pairs = _Seen.of(ego, (run,)), _Seen.of(others, (row, run))
+            danger[run[self._dangers(*pairs, way[run])]] = True
+        return BatchControl(-way * self.brake, danger)
+
+    def _dangers(self, ego: _Seen, other: _Seen, way: FloatArray) -> BoolArray:
+        """`_danger` of many pairs (m,)."""
+        seen, p = seen_by(ego, other), self._parameters
+        rear, front, right, left = extents(seen, other.box)
+        ahead = np.abs(interval_gaps(-ego.box.length / 2, ego.box.length / 2, rear, front))
+        aside = np.abs(interval_gaps(-ego.box.width / 2, ego.box.width / 2, right, left))
+        c, s = ego.facing
+        own = way * ego.speed, rightwards(ego, c, s)
+        its = way * (other.vx * c + other.vy * s), rightwards(other, c, s)
+        found: BoolArray = (way * seen.x > 0.0) & unsafe_ahead(ahead, own[0], its[0], p)[0]
+        found &= unsafe_aside(seen.y > 0.0, aside, own[1], its[1], p)[0]
+        rows = np.flatnonzero(found)
+        a, b = ego.at(rows), other.at(rows)
+        gaps = np.hypot(box_distance(a, b), vertical_gap(a, b))
+        found[rows] = gaps <= self.sensor_range
+        return found
+
     def _in_range(self, ego: Participant, other: Participant, seen: Outlook) -> bool:
         """Whether the gap is at most the sensor range; the distance of the boxes' centres, never less, mostly says so already."""
-        if math.hypot(seen.x, seen.y, vertical_gap(ego, other)) < self.sensor_range - _ROUNDING:
+        if math.hypot(seen.x, seen.y, vertical(ego, other)) < self.sensor_range - _ROUNDING:
             return True
         return gap(ego, other) <= self.sensor_range
 
@@ -102,19 +203,18 @@ class CollisionAvoidance:
             return ""
         rear, front, right, left = spans(seen, other.box)
         ahead = abs(interval_gap(-ego.box.length / 2, ego.box.length / 2, rear, front))
-        aside = interval_gap(-ego.box.width / 2, ego.box.width / 2, right, left)
         c, s = math.cos(ego.h), math.sin(ego.h)
-        safe_ahead = longitudinal_distance(way * ego.speed, way * (other.vx * c + other.vy * s), p)
-        if 0.0 < ahead >= safe_ahead:
+        its = way * (other.vx * c + other.vy * s)
+        is_near, safe_ahead = unsafe_ahead(ahead, way * ego.speed, its, p)
+        if not is_near:
             return ""
-        safe_aside = safe_sideways(
-            seen.y > 0.0, ego.vx * s - ego.vy * c, other.vx * s - other.vy * c, p
+        aside = abs(interval_gap(-ego.box.width / 2, ego.box.width / 2, right, left))
+        is_near, safe_aside = unsafe_aside(
+            seen.y > 0.0, aside, rightwards(ego, c, s), rightwards(other, c, s), p
         )
-        if abs(aside) >= safe_aside or not self._in_range(
-            ego, other, seen
-        ):  # the range last: it takes longest
+        if not is_near or not self._in_range(ego, other, seen):  # the range last: it takes longest
             return ""
         return (
-            f"{other.name} is {ahead:.1f} m ahead and {abs(aside):.1f} m aside, "
+            f"{other.name} is {ahead:.1f} m ahead and {aside:.1f} m aside, "
             f"RSS asks for {safe_ahead:.1f} m or {safe_aside:.1f} m"
         )

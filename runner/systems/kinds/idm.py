@@ -4,9 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
+from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
-from runner.systems.encounters import AheadParticipant, encounters, greatest, ratio, stop_line
+from runner.systems.encounters import (
+    AheadParticipant,
+    encounters,
+    encounters_batch,
+    greatest,
+    nearest,
+    ratio,
+    stop_line,
+    stop_line_batch,
+)
+
+if TYPE_CHECKING:
+    from runner.systems.arrays import BatchObservation
 
 SYSTEMS = {
     "idm": (
@@ -57,12 +71,20 @@ class IntelligentDriver:
         reason = f"{found.name} is {found.gap:.1f} m ahead, {found.closing:.1f} m/s slower"
         return Control(self.acceleration(found, speed, target), reason=reason)
 
-    def acceleration(self, found: AheadParticipant, speed: float, target: float) -> float:
-        """Return the model's acceleration behind an entity, at a speed and with a desired one (m/s)."""
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
+        """`control` in many runs."""
+        speed, target = observations.ego.speed, observations.target_speed
+        ahead, found = encounters_batch(observations)
+        ahead &= found.aside < self.clearance
+        is_met, first = nearest(ahead, found, *stop_line_batch(observations))
+        acts = is_met & (speed >= 0.0) & (target >= 0.0)
+        return BatchControl(self.acceleration(first, speed, target), acts)
+
+    def acceleration(self, found: AheadParticipant, speed: Any, target: Any) -> Any:
+        """Return the model's acceleration behind an entity, at a speed and with a desired one (m/s); numbers or arrays."""
         dynamic = speed * self.headway + speed * found.closing / (
             2.0 * math.sqrt(self.accelerate * self.comfortable)
         )
         needed = (self.standstill + greatest(dynamic, 0.0)) / greatest(found.gap, 0.1)
         free = ratio(speed, target, 1.0) ** 4
-        wanted: float = greatest(self.accelerate * (1.0 - free - needed * needed), -self.brake)
-        return wanted
+        return greatest(self.accelerate * (1.0 - free - needed * needed), -self.brake)

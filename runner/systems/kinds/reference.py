@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
 
 from runner.engine.motion.rss import (
     RssParameters,
@@ -18,16 +20,23 @@ from runner.engine.motion.rss import (
     longitudinal_distance,
     parameter_set,
 )
+from runner.systems.arrays import BatchControl
 from runner.systems.base import Control, Observation, Participant
 from runner.systems.encounters import (
     AheadParticipant,
     choose,
     encounters,
+    encounters_batch,
     greatest,
     least,
     ratio,
     stop_line,
+    stop_line_batch,
 )
+
+if TYPE_CHECKING:
+    from runner.systems.arrays import BatchObservation, BatchParticipants
+    from schemas.common.array_types import IntArray
 
 SYSTEMS = {
     "r157-cc": (
@@ -61,12 +70,12 @@ class Moving(Protocol):
     """Ego state of the drivers; numbers, or arrays over many cases."""
 
     @property
-    def speed(self) -> float:
+    def speed(self) -> Any:
         """Along the heading, m/s."""
         ...
 
     @property
-    def acceleration(self) -> float:
+    def acceleration(self) -> Any:
         """Along the heading, m/s²."""
         ...
 
@@ -99,11 +108,9 @@ class ReferenceDriver:
         ]
         line = stop_line(observation)
         if line is not None and not dangers:
-            needed = ratio(line.closing, 2.0 * (line.gap - _BEFORE_LINE), math.inf) * line.closing
-            if line.gap <= 2.0 * _BEFORE_LINE or needed >= _FOR_SIGNALS:
-                return Control(
-                    -least(needed, HARDEST), reason=f"{line.name} says stop in {line.gap:.1f} m"
-                )
+            stops, deceleration = self.for_signal(line)
+            if stops:
+                return Control(-deceleration, reason=f"{line.name} says stop in {line.gap:.1f} m")
         if not dangers:
             return (
                 Control(acceleration=0.0, reason="the danger is over")
@@ -119,13 +126,44 @@ class ReferenceDriver:
         )
         return Control(acceleration=-self._deceleration, reason=reason)
 
-    def dangerous(self, found: AheadParticipant, ego: Moving) -> bool:
-        """Whether a participant ahead calls for a reaction."""
+    def reset_batch(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Forget the last runs."""
+        n = len(seeds)
+        self._waiting, self._braking = np.full(n, self.reaction), np.zeros(n)
+        self._alarms = np.zeros(n, bool)
+
+    def control_batch(self, observations: BatchObservation, dt: float) -> BatchControl:
+        """`control` in many runs."""
+        run, ego = observations.run, observations.ego
+        ahead, found = encounters_batch(observations)
+        with np.errstate(invalid="ignore"):  # both sides of choices are worked out
+            dangers = ahead & self.dangerous(found, ego)
+            demands = np.where(dangers, self.demand(found, ego), 0.0)
+            line_there, line = stop_line_batch(observations)
+            stops, deceleration = self.for_signal(line)
+        danger, demand = dangers.any(axis=0), demands.max(axis=0, initial=0.0)
+        waiting, braking = self.react(self._waiting[run], self._braking[run], demand, dt)
+        self._waiting[run] = np.where(danger, waiting, self._waiting[run])
+        self._braking[run] = np.where(danger, braking, self._braking[run])
+        self._alarms[run] |= danger
+        stops = line_there & stops & ~danger
+        wanted = np.where(danger, -braking, np.where(stops, -deceleration, 0.0))
+        return BatchControl(wanted, self._alarms[run] | stops)
+
+    def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
+        """Whether a participant ahead calls for a reaction; of numbers or arrays."""
         raise NotImplementedError
 
-    def demand(self, found: AheadParticipant, ego: Moving) -> float:
-        """Deceleration that a dangerous participant calls for, m/s²."""
+    def demand(self, found: AheadParticipant, ego: Moving) -> Any:
+        """Deceleration that a dangerous participant calls for, m/s²; of numbers or arrays."""
         return HARDEST
+
+    def for_signal(self, line: AheadParticipant) -> tuple[Any, Any]:
+        """Whether a stop at a signal's line begins or goes on, and its deceleration, m/s²; of numbers or arrays."""
+        needed = ratio(line.closing, 2.0 * (line.gap - _BEFORE_LINE), math.inf) * line.closing
+        is_due = (line.gap <= 2.0 * _BEFORE_LINE) | (needed >= _FOR_SIGNALS)
+        stops = (line.closing >= 0.0) & is_due  # one that reverses drives away from it
+        return stops, least(needed, HARDEST)
 
     def react(self, waiting: Any, before: Any, demand: Any, dt: float) -> tuple[Any, Any]:
         """Reaction time that is left, and deceleration for the coming dt (s), in danger.
@@ -155,7 +193,7 @@ class CarefulCompetent(ReferenceDriver):
     release: float = 0.4
     critical: float = 2.0
 
-    def dangerous(self, found: AheadParticipant, ego: Moving) -> bool:
+    def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
         """In the way, and reached within the critical time."""
         return (found.aside <= ROUNDING) & (found.time_to_collision <= self.critical)
 
@@ -179,13 +217,13 @@ class Regulation157(ReferenceDriver):
     lateral: float = 0.5
     jerk: ClassVar[float] = math.inf
 
-    def dangerous(self, found: AheadParticipant, ego: Moving) -> bool:
+    def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
         """Cutting in, too near for what the regulation grants."""
         enough = found.closing / (2.0 * self.brake) + self.reaction + 0.1
         near = (found.closing > 0.0) & (abs(found.gap) <= enough * found.closing)
         return near & (found.aside <= self.lateral + ROUNDING)
 
-    def demand(self, found: AheadParticipant, ego: Moving) -> float:
+    def demand(self, found: AheadParticipant, ego: Moving) -> Any:
         """The same for everyone, m/s²."""
         return self.brake
 
@@ -208,21 +246,17 @@ class SafeDistance(ReferenceDriver):
     def __post_init__(self) -> None:
         self._set = parameter_set(self.parameters)
 
-    def dangerous(self, found: AheadParticipant, ego: Moving) -> bool:
+    def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
         """Less than both safe distances away."""
         aside = lateral_distance(abs(found.approach), 0.0, self._set.response, 0.0, self._set)
-        near: bool = (found.aside < aside) & (
-            found.gap < longitudinal_distance(ego.speed, found.speed, self._set)
-        )
-        return near
+        ahead = longitudinal_distance(ego.speed, found.speed, self._set)
+        return (found.aside < aside) & (found.gap < ahead)
 
 
-def _between(value: float, safe: float, unsafe: float) -> float:
+def _between(value: Any, safe: Any, unsafe: Any) -> Any:
     """0 from `safe` on, 1 below `unsafe`, linear between."""
-    found: float = choose(
-        value > safe, 0.0, choose(value < unsafe, 1.0, ratio(safe - value, safe - unsafe, 0.0))
-    )
-    return found
+    between = ratio(safe - value, safe - unsafe, 0.0)
+    return choose(value > safe, 0.0, choose(value < unsafe, 1.0, between))
 
 
 @dataclass
@@ -254,30 +288,28 @@ class FuzzySafety(ReferenceDriver):
     margin: float = 2.0
     ahead_of_time: float = 0.1
 
-    def dangerous(self, found: AheadParticipant, ego: Moving) -> bool:
+    def dangerous(self, found: AheadParticipant, ego: Moving) -> Any:
         """In the way or about to be, and not safe by one of the metrics."""
         return self._in_the_way(found) & (
             (self.critical(found, ego) > 0.0) | (self.proactive(found, ego) > 0.0)
         )
 
-    def _in_the_way(self, found: AheadParticipant) -> bool:
+    def _in_the_way(self, found: AheadParticipant) -> Any:
         comes, passed = (
             ratio(found.aside, found.approach, math.inf),
             ratio(found.gap + found.length, found.closing, -math.inf),
         )
-        there: bool = (found.aside <= ROUNDING) | (
-            (found.approach > 0.0) & (comes <= passed + self.ahead_of_time)
-        )
-        return there
+        enters = (found.approach > 0.0) & (comes <= passed + self.ahead_of_time)
+        return (found.aside <= ROUNDING) | enters
 
-    def proactive(self, found: AheadParticipant, ego: Moving) -> float:
+    def proactive(self, found: AheadParticipant, ego: Moving) -> Any:
         """PFS, 0 (safe) to 1."""
         u, own = ego.speed, found.speed
         reaction, its = u * self.reaction, own * own / (2.0 * self.other)
         safe = reaction + u * u / (2.0 * self.comfortable) - its + self.margin
         return _between(found.gap - self.margin, safe, reaction + u * u / (2.0 * self.hard) - its)
 
-    def critical(self, found: AheadParticipant, ego: Moving) -> float:
+    def critical(self, found: AheadParticipant, ego: Moving) -> Any:
         """CFS, 0 (safe) to 1."""
         acceleration = greatest(ego.acceleration, -self.comfortable)
         left = found.closing + acceleration * self.reaction
@@ -289,14 +321,11 @@ class FuzzySafety(ReferenceDriver):
             within + left * left / (2.0 * self.hard),
         )
         standing = choose(found.gap < stopping, 1.0, 0.0)
-        unsafe: float = choose(found.closing <= 0.0, 0.0, choose(left < 0.0, standing, moving))
-        return unsafe
+        return choose(found.closing <= 0.0, 0.0, choose(left < 0.0, standing, moving))
 
-    def demand(self, found: AheadParticipant, ego: Moving) -> float:
+    def demand(self, found: AheadParticipant, ego: Moving) -> Any:
         """The more, the less safe, m/s²; no human brakes harder than `HARDEST`."""
         critical = self.critical(found, ego)
         hard = self.comfortable + critical * (self.hard - self.comfortable)
-        needed: float = least(
-            choose(critical > 0.0, hard, self.proactive(found, ego) * self.comfortable), HARDEST
-        )
-        return needed
+        gentle = self.proactive(found, ego) * self.comfortable
+        return least(choose(critical > 0.0, hard, gentle), HARDEST)

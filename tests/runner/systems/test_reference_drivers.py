@@ -10,6 +10,7 @@ import pytest
 import runner
 from runner.engine.motion.rss import PARAMETERS, longitudinal_distance
 from runner.engine.participants.declaration import BoundingBox
+from runner.engine.worlds.signals_ahead import StopLine
 from runner.engine.worlds.surroundings import Environment
 from runner.systems import Control, Observation, Participant, SystemUnderTest, load_system
 from runner.systems.encounters import encounters
@@ -227,3 +228,12 @@ def test_who_collides_is_what_was_published(
             CUT_IN, parameters=given, sut=name, timestep=0.1, world="kinematic"
         ).verdict.passed
         assert passed == (name not in collide), name
+
+
+@pytest.mark.parametrize("name", ["rss", "fsm", "r157-cc", "r157-reg"])
+def test_an_ego_that_reverses_does_not_stop_at_a_line_ahead(name: str) -> None:
+    system = ready(load_system(name))  # type: ignore[arg-type]
+    observation = seen(-3.0)._replace(stop_line=StopLine("S1", 2.5))
+    assert system.control(observation, 0.1).acceleration is None  # type: ignore[union-attr]
+    standing = seen(0.0)._replace(stop_line=StopLine("S1", 2.5))
+    assert system.control(standing, 0.1).acceleration == pytest.approx(-0.774 * 9.81)  # type: ignore[union-attr]
