@@ -25,24 +25,20 @@ from generation.twin.motion import (
     read,
     value,
 )
-from runner.engine.motion.rss import RssParameters, longitudinal_distance, parameter_set
-from runner.engine.participants.boxes import Outlook, reach
-from runner.engine.participants.outlines import Outline, Sight, box_distance, boxes_overlap, seen_by
+from runner.engine.motion.rss import RssParameters, parameter_set
+from runner.engine.participants.declaration import BoundingBox, Performance
+from runner.engine.participants.outlines import boxes_overlap
+from runner.engine.worlds.signals_ahead import StopLine
 from runner.judging.measures.criticality import lateral_violation, longitudinal_violation
-from runner.judging.measures.relations import MotionRows, in_ego_frame
+from runner.judging.measures.relations import MotionRows
 from runner.judging.settings import RunSettings
 from runner.systems import System, load_system
-from runner.systems.encounters import AheadParticipant, encounter
+from runner.systems.arrays import BatchObservation, BatchParticipants
+from runner.systems.batch_systems import BatchSystem, open_batch
 from runner.systems.kinds.aeb import EmergencyBraking
-from runner.systems.kinds.cas import CollisionAvoidance, safe_sideways
+from runner.systems.kinds.cas import CollisionAvoidance
 from runner.systems.kinds.idm import IntelligentDriver
-from runner.systems.kinds.reference import (
-    CarefulCompetent,
-    FuzzySafety,
-    ReferenceDriver,
-    Regulation157,
-    SafeDistance,
-)
+from runner.systems.kinds.reference import ReferenceDriver
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.errors import Unsupported
 
@@ -437,18 +433,53 @@ class Situation(NamedTuple):
         speed, acceleration, target = self.speed[rows], self.acceleration[rows], self.target[rows]
         return Situation(self.ego.at(rows), others, speed, acceleration, target, self.changed[rows])
 
-    def encounters(self) -> list[tuple[BoolArray, AheadParticipant]]:
-        """Everyone: where they are ahead (n,), and how they are met there."""
-        found = []
-        for other in self.others:
-            x, y, c, s = seen_by(self.ego, other)
-            leftwards = other.speed * s
-            boxes = (self.ego.box, other.box)
-            towards = other.speed * c
-            view = Outlook(x, y, c, s)  # type: ignore[arg-type]
-            met = encounter(other.name, view, boxes, self.speed, towards, leftwards)  # type: ignore[arg-type]
-            found.append((x > 0.0, met))
-        return found
+    def observed(self, run: IntArray) -> BatchObservation:
+        """Observations of a system under test in the cases, which are runs by these numbers (n,)."""
+        n = len(run)
+        nothing, nobody = np.zeros(n), np.full(n, None, object)
+        line: Any = StopLine(np.full(n, "", object), np.full(n, np.inf))  # type: ignore[arg-type]
+        ego = _participants([self.ego], self.acceleration).row(0)
+        others = _participants(self.others, nothing)
+        return BatchObservation(
+            run, nothing, ego, others, self.target, nobody, nobody, line, nobody
+        )
+
+
+def _participants(motions: Sequence[MotionRows], acceleration: FloatArray) -> BatchParticipants:
+    """Vehicles as a system under test sees them (p, n), with the acceleration (n,) of each."""
+    shape = len(motions), len(acceleration)
+
+    def same(values: Sequence[Any], kind: Any = float) -> Any:
+        return np.broadcast_to(np.array(values, kind)[:, None], shape)
+
+    def rows(values: list[FloatArray]) -> FloatArray:
+        return np.array(values) if values else np.zeros(shape)
+
+    zero, nothing = np.zeros(shape), same([{}] * shape[0], object)
+    cos, sin = (rows([each.facing[axis] for each in motions]) for axis in (0, 1))
+    speed, pulled = rows([each.speed for each in motions]), np.broadcast_to(acceleration, shape)
+    box: Any = BoundingBox(*map(same, zip(*(each.box for each in motions), strict=True)))
+    unlimited: Any = np.full(shape, np.inf)
+    found = BatchParticipants(
+        name=same([each.name for each in motions], object),
+        kind=same([each.kind for each in motions], object),
+        category=same([each.category for each in motions], object),
+        box=box,
+        **{name: rows([getattr(each, name) for each in motions]) for name in ("x", "y", "z", "h")},
+        **dict.fromkeys(("pitch", "roll", "odometer", "front_axle", "max_steering", "mass"), zero),
+        speed=speed,
+        acceleration=pulled,
+        vx=speed * cos,
+        vy=speed * sin,
+        ax=pulled * cos,
+        ay=pulled * sin,
+        performance=Performance(*[unlimited] * 5),
+        lights=nothing,
+        overrides=nothing,
+        present=np.ones(shape, bool),
+    )
+    found.__dict__["facing"] = cos, sin  # need not be worked out
+    return found
 
 
 class DriverModel(Protocol):
@@ -503,92 +534,21 @@ class _Several:
         self._whose = self._whose[rows]
 
 
-class _Avoidance(_Memory):
-    def __init__(self, system: CollisionAvoidance, n: int) -> None:
-        self._system, self._rss = system, parameter_set(system.rss)
+class _Asked(_Memory):
+    """A system that decides in many runs at once; they keep their numbers."""
+
+    def __init__(self, system: BatchSystem, n: int) -> None:
+        self._system, self._run, self._all = system, np.arange(n), n
+        self._begun = False
 
     def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
-        """Brake fully where RSS distances to vehicles in range are violated."""
-        danger = np.zeros(len(seen.speed), bool)
-        for other in seen.others:
-            near = np.hypot(
-                other.x - seen.ego.x, other.y - seen.ego.y
-            ) <= self._system.sensor_range + _reach(seen.ego, other)
-            rows = np.flatnonzero(near & ~danger)
-            if rows.size:
-                danger[rows] = self._dangerous(Outline.of(seen.ego, rows), Outline.of(other, rows))
-        return danger, np.full(len(danger), -self._system.brake)
-
-    def _dangerous(self, ego: Outline, other: Outline) -> BoolArray:
-        seen = seen_by(ego, other)
-        x, y, _, _ = seen
-        view = in_ego_frame(ego, other, seen)
-        ahead, aside = np.abs(view.ahead), np.abs(view.aside)
-        found: BoolArray = (ahead == 0.0) | (
-            ahead < longitudinal_distance(view.speed, view.other_speed, self._rss)
-        )
-        found &= (x > 0.0) & (
-            aside < safe_sideways(y > 0.0, np.zeros_like(y), -view.other_sideways, self._rss)
-        )
-        rows = np.flatnonzero(found)
-        if rows.size:
-            sight = Sight(*(values[rows] for values in seen))
-            found[rows] = (
-                box_distance(ego.at(rows), other.at(rows), sight) <= self._system.sensor_range
-            )
-        return found
-
-
-class _Emergency(_Memory):
-    def __init__(self, system: EmergencyBraking, n: int) -> None:
-        self._system, self._stage = system, np.zeros(n, int)
-
-    def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
-        """Brake partly or fully, or keep the speed, where the time to collision is or was short."""
-        time, held = np.full(len(seen.speed), np.inf), np.zeros(len(seen.speed), bool)
-        for ahead, found in seen.encounters():
-            time = np.minimum(time, np.where(ahead, self._system.threat(found), np.inf))
-            held |= ahead & self._system.holds(found, seen.speed)  # type: ignore[arg-type]
-        self._stage = self._system.stage(time, held, self._stage)
-        return self._stage > 0, self._system.acceleration(self._stage)
-
-
-class _Following(_Memory):
-    def __init__(self, system: IntelligentDriver, n: int) -> None:
-        self._system = system
-
-    def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
-        """Behind the nearest one ahead, with the model's acceleration."""
-        gap, wanted = np.full(len(seen.speed), np.inf), np.zeros(len(seen.speed))
-        for ahead, found in seen.encounters():
-            nearer = ahead & (found.aside < self._system.clearance) & (found.gap < gap)
-            behind = self._system.acceleration(found, seen.speed, seen.target)  # type: ignore[arg-type]
-            wanted = np.where(nearer, behind, wanted)
-            gap = np.where(nearer, found.gap, gap)
-        return np.isfinite(gap), wanted
-
-
-class _Reference(_Memory):
-    def __init__(self, system: ReferenceDriver, n: int) -> None:
-        self._system = system
-        self._waiting, self._deceleration = np.full(n, system.reaction), np.zeros(n)
-        self._alarmed = np.zeros(n, bool)
-
-    def control(self, seen: Situation, dt: float) -> tuple[BoolArray, FloatArray]:
-        """Brake with the model's deceleration after its reaction time where there was danger."""
-        danger, demand = np.zeros(len(seen.speed), bool), np.zeros(len(seen.speed))
-        moving: Any = seen
-        for ahead, found in seen.encounters():
-            dangerous = ahead & self._system.dangerous(found, moving)
-            demand = np.where(
-                dangerous, np.maximum(demand, self._system.demand(found, moving)), demand
-            )
-            danger |= dangerous
-        waiting, deceleration = self._system.react(self._waiting, self._deceleration, demand, dt)
-        self._waiting = np.where(danger, waiting, self._waiting)
-        self._deceleration = np.where(danger, deceleration, self._deceleration)
-        self._alarmed |= danger
-        return self._alarmed.copy(), np.where(danger, -self._deceleration, 0.0)
+        """As the system decides."""
+        observed = seen.observed(self._run)
+        if not self._begun:
+            self._system.reset(observed.ego, dt, np.arange(self._all))  # no law reads the egos
+            self._begun = True
+        answers = self._system.control(observed, dt)
+        return answers.accelerates, answers.acceleration
 
 
 class _Bound(_Memory):
@@ -601,13 +561,8 @@ class _Bound(_Memory):
         return self._begun.copy(), np.full(len(seen.speed), -self._system.brake)
 
 
-_KINDS: dict[type, Callable[[Any, int], DriverModel]] = {
-    CollisionAvoidance: _Avoidance,
-    EmergencyBraking: _Emergency,
-    IntelligentDriver: _Following,
-    FullBraking: _Bound,
-    **dict.fromkeys((CarefulCompetent, Regulation157, SafeDistance, FuzzySafety), _Reference),
-}
+_ASKED = (CollisionAvoidance, EmergencyBraking, IntelligentDriver, ReferenceDriver)
+"""Systems that decide by what is known of the cases: nobody's acceleration but the ego's, no lights"""
 
 
 def driver(system: str | System | None, n: int) -> DriverModel:
@@ -620,12 +575,11 @@ def driver(system: str | System | None, n: int) -> DriverModel:
     found = load_system(system)
     if found is None:
         return _Scripted()
-    if type(found) not in _KINDS:
+    if isinstance(found, FullBraking):
+        return _Bound(found, n)
+    asked = open_batch(found) if isinstance(found, _ASKED) else None
+    if asked is None:
         raise Unsupported(
             f"the system under test {system!r} can't be asked for many points at once"
         )
-    return _KINDS[type(found)](found, n)
-
-
-def _reach(ego: MotionRows, other: MotionRows) -> float:
-    return reach(ego.box) + reach(other.box)
+    return _Asked(asked, n)

@@ -88,16 +88,20 @@ class BatchParticipants:
 
     def take(self, runs: Any) -> BatchParticipants:
         """The same of some of the runs: their places (m,), or a mask (n,)."""
-        return BatchParticipants(*(_taken(getattr(self, name), runs) for name in _FIELDS))
+        return BatchParticipants(*(_taken(getattr(self, name), (..., runs)) for name in _FIELDS))
+
+    def row(self, number: int) -> BatchParticipants:
+        """The participant of that number in each run (n,), of arrays (p, n)."""
+        return BatchParticipants(*(_taken(getattr(self, name), number) for name in _FIELDS))
 
 
 _FIELDS = tuple(each.name for each in fields(BatchParticipants))
 
 
-def _taken(values: Any, runs: Any) -> Any:
+def _taken(values: Any, at: Any) -> Any:
     if isinstance(values, tuple):
-        return type(values)(*(each[..., runs] for each in values))
-    return values[..., runs]
+        return type(values)(*(each[at] for each in values))
+    return values[at]
 
 
 class BatchObservation(NamedTuple):
@@ -174,7 +178,9 @@ class BatchObservation(NamedTuple):
     def take(self, places: Any) -> BatchObservation:
         """The observations of some of the runs: their places (m,), or a mask (n,)."""
         parts: Any = (
-            each.take(places) if isinstance(each, BatchParticipants) else _taken(each, places)
+            each.take(places)
+            if isinstance(each, BatchParticipants)
+            else _taken(each, (..., places))
             for each in self
         )
         return BatchObservation(*parts)

@@ -5,12 +5,12 @@ Arrays are of any shapes that broadcast; sizes of boxes are numbers or arrays.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from runner.engine.participants.declaration import BoundingBox
-from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.array_types import BoolArray, FloatArray
 
 
 class OutlineRows(Protocol):
@@ -53,31 +53,6 @@ def seen_by(a: OutlineRows, b: OutlineRows) -> Sight:
         cb * ca + sb * sa,
         sb * ca - cb * sa,
     )
-
-
-class Outline(NamedTuple):
-    """Boxes in the plane and how fast they drive: quickly taken of rows."""
-
-    box: BoundingBox
-    x: FloatArray
-    y: FloatArray
-    facing: tuple[FloatArray, FloatArray]
-    speed: FloatArray
-
-    @classmethod
-    def of(cls, motion: Any, rows: Any) -> Outline:
-        """Some rows of `OutlineRows` with speeds, whose box is the same in all of them."""
-        cos, sin = motion.facing
-        return cls(
-            motion.box, motion.x[rows], motion.y[rows], (cos[rows], sin[rows]), motion.speed[rows]
-        )
-
-    def at(self, rows: IntArray) -> Outline:
-        """The same in some of its rows."""
-        cos, sin = self.facing
-        return Outline(
-            self.box, self.x[rows], self.y[rows], (cos[rows], sin[rows]), self.speed[rows]
-        )
 
 
 def boxes_overlap(a: BoxRows, b: BoxRows) -> BoolArray:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from runner.engine.participants.declaration import BoundingBox
 from runner.engine.participants.outlines import (
-    Outline,
     Sight,
     box_distance,
     extents,
@@ -215,7 +214,7 @@ def _common(time: FloatArray, theirs: FloatArray, who: IntArray) -> tuple[IntArr
     return rows[found], found
 
 
-def in_ego_frame(a: MotionRows | Outline, b: MotionRows | Outline, seen: Sight) -> View:
+def in_ego_frame(a: MotionRows, b: MotionRows, seen: Sight) -> View:
     """Return b in the frame of a, along and across its heading, row by row.
 
     Args:
