@@ -436,13 +436,11 @@ class Situation(NamedTuple):
     def observed(self, run: IntArray) -> BatchObservation:
         """Observations of a system under test in the cases, which are runs by these numbers (n,)."""
         n = len(run)
-        nothing, nobody = np.zeros(n), np.full(n, None, object)
+        nothing, none = np.zeros(n), np.full(n, None, object)
         line: Any = StopLine(np.full(n, "", object), np.full(n, np.inf))  # type: ignore[arg-type]
         ego = _participants([self.ego], self.acceleration).row(0)
         others = _participants(self.others, nothing)
-        return BatchObservation(
-            run, nothing, ego, others, self.target, nobody, nobody, line, nobody
-        )
+        return BatchObservation(run, nothing, ego, others, self.target, none, none, line, none)
 
 
 def _participants(motions: Sequence[MotionRows], acceleration: FloatArray) -> BatchParticipants:
@@ -562,7 +560,7 @@ class _Bound(_Memory):
 
 
 _ASKED = (CollisionAvoidance, EmergencyBraking, IntelligentDriver, ReferenceDriver)
-"""Systems that decide by what is known of the cases: nobody's acceleration but the ego's, no lights"""
+"""Systems that decide by what is known of the cases: the acceleration of the ego alone, no lights"""
 
 
 def driver(system: str | System | None, n: int) -> DriverModel:

@@ -2,8 +2,8 @@
 
 Shapes: n runs, p participants beside the ego. What belongs to a run is (n,); what belongs to the
 other participants of a run is (p, n): row k holds participant k of each run, the same one at all
-instants, so that `others.x - ego.x` has one distance for each pair. Where `present` is False, nobody
-is there that sensors see: numbers are 0 and texts empty. Units and frames are those of
+instants, so that `others.x - ego.x` has one distance for each pair. Where `present` is False, sensors
+see no such participant: numbers are 0 and texts empty. Units and frames are those of
 `runner.systems.base.Observation`, field by field. Arrays may be views that can't be written to.
 """
 
@@ -23,7 +23,7 @@ from runner.systems.base import Control, Observation, Participant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 ObjectArray = NDArray[np.object_]
-_NOBODY = Participant("", "", "", BoundingBox(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), performance=Performance(0.0, 0.0, 0.0, 0.0, 0.0))  # fmt: skip
+_ABSENT = Participant("", "", "", BoundingBox(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), performance=Performance(0.0, 0.0, 0.0, 0.0, 0.0))  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +221,7 @@ def stack_participants(
 ) -> BatchParticipants:
     """Participants as arrays of a shape, (n,) where none is given; None where one is absent."""
     shape = shape or (len(participants),)
-    everyone = [_NOBODY if each is None else each for each in participants]
+    everyone = [_ABSENT if each is None else each for each in participants]
     columns = list(zip(*everyone, strict=True)) or [()] * len(Participant._fields)
     values: dict[str, Any] = {}
     for name, column in zip(Participant._fields, columns, strict=True):

@@ -138,17 +138,23 @@ def nearest(
     ahead: BoolArray, found: AheadParticipant, there: BoolArray, line: AheadParticipant
 ) -> tuple[BoolArray, AheadParticipant]:
     """The nearest of participants (p, n) and stop lines (n,) in each run, the first of equal ones; and where there is one (n,)."""
-    gaps = np.vstack((np.where(ahead, found.gap, np.inf), np.where(there, line.gap, np.inf)))
+    if not len(ahead):
+        return there, line
+    gaps = np.where(ahead, found.gap, np.inf)
     row = gaps.argmin(axis=0)
-    picked = [
-        at_row(np.vstack((some, np.broadcast_to(one, row.shape))), row)
-        for some, one in zip(found[1:], line[1:], strict=True)
-    ]
-    return np.isfinite(gaps.min(axis=0)), AheadParticipant("", *picked)  # type: ignore[arg-type]
+    first = AheadParticipant("", *(at_row(values, row) for values in found[1:]))  # type: ignore[arg-type]
+    is_met = np.isfinite(gaps.min(axis=0))
+    if not there.any():
+        return is_met, first
+    stops = there & ~(is_met & (first.gap <= line.gap))
+    both = zip(first[1:], line[1:], strict=True)
+    return is_met | there, AheadParticipant("", *(np.where(stops, b, a) for a, b in both))  # type: ignore[arg-type]
 
 
 def at_row(values: FloatArray, row: IntArray) -> FloatArray:
     """The value of a row (n,) of each column of (p, n)."""
+    if len(values) == 1:
+        return values[0]
     found: FloatArray = values[row, np.arange(len(row))]
     return found
 

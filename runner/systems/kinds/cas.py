@@ -98,7 +98,7 @@ class _Seen(NamedTuple):
 
     @classmethod
     def of(cls, some: BatchParticipants, at: tuple[IntArray, ...]) -> _Seen:
-        """Those at places of arrays."""
+        """Participants at places of arrays."""
         values = some.x, some.y, some.z, some.speed, some.vx, some.vy, *some.facing
         return cls(_boxes(some.box, at), *(each[at] for each in values))
 
