@@ -33,8 +33,8 @@ from runner.judging.measures.criticality import lateral_violation, longitudinal_
 from runner.judging.measures.relations import MotionRows
 from runner.judging.settings import RunSettings
 from runner.systems import System, load_system
-from runner.systems.arrays import BatchObservation, BatchParticipants
-from runner.systems.batch_systems import BatchSystem, open_batch
+from runner.systems.arrays import BatchObservation, BatchParticipants, BatchSystem
+from runner.systems.batch_systems import open_batch
 from runner.systems.kinds.aeb import EmergencyBraking
 from runner.systems.kinds.cas import CollisionAvoidance
 from runner.systems.kinds.idm import IntelligentDriver

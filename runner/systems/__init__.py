@@ -141,7 +141,12 @@ def open_system(sut: str | System | None, in_process: bool, limit: float) -> Sys
         return load_system(sut)
     from runner.systems.isolation.boundary import isolated
 
-    return isolated(split(sut, _own())[0], sut, limit)
+    return isolated(class_name(sut), sut, limit)
+
+
+def class_name(sut: str) -> str:
+    """Name of a system under test without its parameters."""
+    return split(sut, _own())[0]
 
 
 def check_system(sut: str, in_process: bool, limit: float) -> None:
@@ -209,7 +214,7 @@ def _described(sut: str, limit: float) -> ClassOrigin:
     """Origin of a class, which is imported in a process of its own."""
     from runner.systems.isolation.boundary import facts
 
-    package, origin, folders, imports = facts(split(sut, _own())[0], sut, limit)
+    package, origin, folders, imports = facts(class_name(sut), sut, limit)
     return ClassOrigin(package, origin, tuple(folders), tuple(imports))
 
 

@@ -9,6 +9,7 @@ see no such participant: numbers are 0 and texts empty. Units and frames are tho
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -344,3 +345,40 @@ def _checked(what: str, values: Any, mask: Any, n: int) -> tuple[FloatArray, Boo
             f"control_batch() returned {what} {numbers[place]} at place {place}, finite numbers are expected"
         )
     return np.where(counts, numbers, 0.0), counts
+
+
+class BatchSystem(ABC):
+    """A system under test in the runs of one batch.
+
+    Example:
+        >>> import numpy as np
+        >>> import xosc_toolchain as xt
+        >>> from runner.systems.arrays import stack
+        >>> from runner.systems.batch_systems import open_batch
+        >>> with xt.Session("xosc/library/simple_cut_in.xosc", world="kinematic") as session:
+        ...     observations = stack([session.observation] * 3)
+        >>> system = open_batch("cas")
+        >>> system.reset(observations.ego, timestep=0.05, seeds=np.arange(3))
+        >>> system.control(observations, 0.05).accelerates
+        array([False, False, False])
+    """
+
+    together = False
+    """Whether it decides in all runs by one call, not run by run"""
+
+    @abstractmethod
+    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Begin the runs of a batch, N of them, with their egos (N,) and seeds (N,); timestep in s."""
+
+    @abstractmethod
+    def control(self, observations: BatchObservation, dt: float) -> Answers:
+        """Decide for the coming dt (s) in the runs that are observed.
+
+        Raises:
+            SystemUnderTestError: `control_batch` raises an error, or returns something else than
+                finite numbers of the right shapes.
+        """
+
+    def close(self) -> None:
+        """End the runs."""
+        return

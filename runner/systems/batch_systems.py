@@ -9,14 +9,18 @@ of its own.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
-from runner.systems import System, builder, find_system, is_foreign, open_system, system_name
-from runner.systems.arrays import Answers, BatchObservation, BatchParticipants, checked
+from runner.systems import System, builder, class_name, find_system, is_foreign, system_name
+from runner.systems.arrays import (
+    Answers,
+    BatchObservation,
+    BatchParticipants,
+    BatchSystem,
+    checked,
+)
 from runner.systems.base import (
     RAISED,
     Control,
@@ -33,42 +37,10 @@ ONE_RUN = "one_run"
 """Attribute of systems that can't drive in several runs at once: the reason"""
 
 
-class BatchSystem(ABC):
-    """A system under test in the runs of one batch.
-
-    Example:
-        >>> import numpy as np
-        >>> import xosc_toolchain as xt
-        >>> from runner.systems.arrays import stack
-        >>> from runner.systems.batch_systems import open_batch
-        >>> with xt.Session("xosc/library/simple_cut_in.xosc", world="kinematic") as session:
-        ...     observations = stack([session.observation] * 3)
-        >>> system = open_batch("cas")
-        >>> system.reset(observations.ego, timestep=0.05, seeds=np.arange(3))
-        >>> system.control(observations, 0.05).accelerates
-        array([False, False, False])
-    """
-
-    @abstractmethod
-    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
-        """Begin the runs of a batch, N of them, with their egos (N,) and seeds (N,); timestep in s."""
-
-    @abstractmethod
-    def control(self, observations: BatchObservation, dt: float) -> Answers:
-        """Decide for the coming dt (s) in the runs that are observed.
-
-        Raises:
-            SystemUnderTestError: `control_batch` raises an error, or returns something else than
-                finite numbers of the right shapes.
-        """
-
-    def close(self) -> None:
-        """End the runs."""
-        return
-
-
 class _Together(BatchSystem):
     """One instance that decides in all runs by its `control_batch`."""
+
+    together = True
 
     def __init__(self, system: Any) -> None:
         self._system = system
@@ -172,7 +144,11 @@ def open_batch(
         UsageError: no such system, or it can't be built.
         Unsupported: it drives one run a process, or is an instance without `control_batch`.
     """
-    name, build = system_name(sut), _builder(sut, in_process, limit)
+    if isinstance(sut, str) and not in_process and is_foreign(sut):
+        from runner.systems.isolation.boundary import isolated_batch
+
+        return isolated_batch(class_name(sut), sut, limit)
+    name, build = system_name(sut), _builder(sut)
     first = None if build is None else build()
     if build is None or first is None:
         return None
@@ -187,13 +163,9 @@ def open_batch(
     return _OneByOne(_instances(first, build))
 
 
-def _builder(
-    sut: str | System | None, in_process: bool, limit: float
-) -> Callable[[], System | None] | None:
+def _builder(sut: str | System | None) -> Callable[[], System | None] | None:
     if not isinstance(sut, str):
         return lambda: sut
-    if not in_process and is_foreign(sut):
-        return partial(open_system, sut, in_process, limit)
     factory = find_system(sut)
     _refuse(getattr(factory, "func", factory), sut)  # before it opens what it needs
     return builder(sut)

@@ -19,15 +19,18 @@ import time
 from contextlib import suppress
 from typing import Any
 
+from runner.systems.arrays import Answers, BatchObservation, BatchParticipants, BatchSystem
 from runner.systems.base import (
     Control,
     Observation,
     Participant,
     Pose,
     SystemFailure,
+    SystemUnderTestError,
     Value,
     WorldDriven,
 )
+from runner.systems.isolation.batch_messages import BUILD_MANY, BatchWriter, read_answers
 from runner.systems.isolation.frames import FrameConnection, PeerGone, PeerSilent
 from runner.systems.isolation.messages import (
     BUILD,
@@ -40,6 +43,7 @@ from runner.systems.isolation.messages import (
     declared_json,
     read_answer,
 )
+from schemas.common.array_types import IntArray
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError
 from schemas.common.storage import Stamp, stamp
 
@@ -361,6 +365,73 @@ class IsolatedSystem(_Isolated):
 
 class IsolatedDriver(_Isolated, WorldDriven):
     """A class of the user by which the world's own driver drives the ego."""
+
+
+class IsolatedBatch(BatchSystem):
+    """A class of the user in another process, in the runs of a batch.
+
+    Args:
+        together: whether it has a `control_batch`; if not, each of its instances has the time limit
+            for its answer.
+    """
+
+    def __init__(self, name: str, process: _SystemProcess, limit: float, together: bool) -> None:
+        self.together = together
+        self._system, self._process, self._limit = name, process, limit
+        self._writer = BatchWriter()
+        self._open = True
+
+    def reset(self, egos: BatchParticipants, timestep: float, seeds: IntArray) -> None:
+        """Begin the runs."""
+        self._writer = BatchWriter()
+        self._ask(self._writer.begin(egos, timestep, seeds), len(seeds))
+
+    def control(self, observations: BatchObservation, dt: float) -> Answers:
+        """The answers of the system."""
+        message = self._writer.step(observations, dt)
+        return read_answers(self._ask(message, len(observations.run)))
+
+    def _ask(self, message: bytes, runs: int) -> bytes:
+        try:
+            return self._process.ask(message, self._limit * (1 if self.together else max(runs, 1)))
+        except SystemFailure as error:
+            raise SystemUnderTestError(
+                f"the system under test {self._system} failed in a batch: {error}"
+            ) from error
+
+    def close(self) -> None:
+        """End the runs; the process is kept."""
+        if not self._open:
+            return
+        self._open = False
+        try:
+            if self._process.is_usable:
+                self._ask(CLOSE + b"{}", 1)
+        finally:
+            _give_back(self._system, self._process)
+
+
+def isolated_batch(name: str, text: str, limit: float) -> IsolatedBatch:
+    """A class of the user for the runs of a batch, in a process of its own.
+
+    Args:
+        name, text, limit: as of `isolated`.
+
+    Raises:
+        UsageError: it can't be imported or built.
+        Unsupported: it can't drive many runs at once.
+    """
+    process = _take(name)
+    try:
+        request = BUILD_MANY + json.dumps({"system": text}).encode()
+        answer = json.loads(process.ask(request, max(limit, _STARTING)))
+    except BaseException as error:
+        _give_back(name, process)
+        if isinstance(error, SystemFailure):
+            raise UsageError(f"the system under test {name!r} can't be built: {error}") from error
+        raise
+    process.keep(answer["files"])
+    return IsolatedBatch(name, process, limit, answer["together"])
 
 
 def isolated(name: str, text: str, limit: float) -> IsolatedSystem | IsolatedDriver:

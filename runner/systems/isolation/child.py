@@ -30,12 +30,22 @@ from runner.systems import (
     load_system,
     system_name,
 )
+from runner.systems.arrays import BatchSystem
 from runner.systems.base import WorldDriven, parameters_of, plain
+from runner.systems.batch_systems import open_batch
+from runner.systems.isolation.batch_messages import (
+    BEGIN_MANY,
+    BUILD_MANY,
+    STEP_MANY,
+    BatchReader,
+    write_answers,
+)
 from runner.systems.isolation.frames import FrameConnection, PeerGone
 from runner.systems.isolation.messages import (
     BUILD,
     CLOSE,
     DESCRIBE,
+    DONE,
     ERROR,
     FAILURE,
     RESET,
@@ -104,9 +114,12 @@ class _Server:
         self._process = os.getpid()
         self._system: System | None = None
         self._reader = ObservationReader(_RoadsOnDemand)
+        self._batch: BatchSystem | None = None
+        self._batch_reader = BatchReader(_RoadsOnDemand)
         self._actions: dict[bytes, Callable[[Any], Any]] = {
             DESCRIBE: self._describe,
             BUILD: self._build,
+            BUILD_MANY: self._build_many,
             RESET: self._reset,
             CLOSE: self._close,
         }
@@ -117,10 +130,15 @@ class _Server:
         try:
             if kind == STEP:
                 found = write_answer(plain(self._system.control(*self._reader.read(request))))  # type: ignore[union-attr]
+            elif kind == STEP_MANY:
+                found = write_answers(self._batch.control(*self._batch_reader.step(request)))  # type: ignore[union-attr]
+            elif kind == BEGIN_MANY:
+                self._batch.reset(*self._batch_reader.begin(request))  # type: ignore[union-attr]
+                found = DONE + b"}"
             else:
                 found = json.dumps(self._actions[kind](json.loads(request[1:] or b"{}"))).encode()
         except ToolchainError as error:
-            if kind in (DESCRIBE, BUILD):
+            if kind in (DESCRIBE, BUILD, BUILD_MANY):
                 found = (
                     ERROR + json.dumps([type(error).__name__, error.message, error.path]).encode()
                 )
@@ -152,7 +170,7 @@ class _Server:
         )
 
     def _build(self, request: dict[str, Any]) -> dict[str, Any]:
-        self._system = None
+        self._system, self._batch = None, None
         gc.collect()  # what the system of the last run holds, as memory of a device, is free before the next one is built
         self._system = system = load_system(request["system"])
         return {
@@ -165,6 +183,13 @@ class _Server:
         origin, files = class_origin(request["system"]), files_of_user()
         return origin._replace(imports=tuple(files)), files
 
+    def _build_many(self, request: dict[str, Any]) -> dict[str, Any]:
+        self._system, self._batch = None, None
+        gc.collect()
+        self._batch = open_batch(request["system"], in_process=True)
+        self._batch_reader = BatchReader(_RoadsOnDemand)
+        return {"together": self._batch.together, "files": files_of_user()}  # type: ignore[union-attr]
+
     def _reset(self, request: dict[str, Any]) -> dict[str, Any]:
         self._reader = ObservationReader(_RoadsOnDemand)
         assert self._system is not None
@@ -172,6 +197,10 @@ class _Server:
         return parameters_of(self._system)
 
     def _close(self, request: dict[str, Any]) -> dict[str, Any]:
+        if self._batch is not None:
+            batch, self._batch = self._batch, None
+            batch.close()
+            return {}
         end = getattr(self._system, "close", None)
         if end is not None:
             end()

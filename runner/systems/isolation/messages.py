@@ -70,7 +70,7 @@ class ObservationWriter:
             news["network"] = path and [path, os.path.abspath(path)]
         if observation.environment is not self._environment:
             self._environment = observation.environment
-            news["environment"] = _environment_json(self._environment)
+            news["environment"] = environment_json(self._environment)
         stop = observation.stop_line
         if stop is not None and stop.signal != self._signal:
             news["signal"] = self._signal = stop.signal
@@ -146,7 +146,7 @@ class ObservationReader:
         if "network" in news:
             self._network = self._load(*news["network"]) if news["network"] else None
         if "environment" in news:
-            self._environment = _environment_of(news["environment"])
+            self._environment = environment_of(news["environment"])
         self._signal = news.get("signal", self._signal)
         self._signals = news.get("signals", self._signals)
 
@@ -172,7 +172,8 @@ def participant_of(values: dict[str, Any]) -> Participant:
     )
 
 
-def _environment_json(environment: Environment) -> dict[str, Any]:
+def environment_json(environment: Environment) -> dict[str, Any]:
+    """All of an environment by name, as JSON has it."""
     day = environment.day
     return {
         "name": environment.name,
@@ -184,7 +185,8 @@ def _environment_json(environment: Environment) -> dict[str, Any]:
     }
 
 
-def _environment_of(values: dict[str, Any]) -> Environment:
+def environment_of(values: dict[str, Any]) -> Environment:
+    """The environment of `environment_json`."""
     day = values["day"]
     return Environment(
         **values

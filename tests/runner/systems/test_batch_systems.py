@@ -17,10 +17,11 @@ from runner.systems import Control, Observation, Participant
 from runner.systems.arrays import BatchControl, BatchObservation, BatchParticipants, stack
 from runner.systems.base import SystemUnderTestError
 from runner.systems.batch_systems import decides_together, open_batch
+from runner.systems.isolation.batch_messages import BatchReader, BatchWriter
 from runner.systems.kinds.commanded import SumoDriver
 from runner.systems.kinds.fmu import Fmu
 from schemas.common.errors import Unsupported, UsageError
-from tests.runner.systems.situations import observations
+from tests.runner.systems.situations import observations, situation
 
 CAR = BoundingBox(0.0, 0.0, 0.75, 4.0, 2.0, 1.5)
 ONE_BY_ONE = '''
@@ -207,3 +208,104 @@ def test_an_answer_is_read_run_by_run() -> None:
     control = BatchControl(np.array([-1.0, 2.0]), np.array([True, False]), np.array([0.1, 0.2]))
     assert control.control(0) == Control(-1.0, 0.1)
     assert control.control(1) == Control(None, 0.2)
+
+
+# classes of users, in a process of their own ------------------------------------------------
+
+TOGETHER = '''
+import os
+import numpy as np
+from runner.systems import Control, WorldDriven
+from runner.systems.arrays import BatchControl
+
+class Keeps:
+    """Brakes by what it sees."""
+
+    def reset(self, ego, timestep, seed):
+        self.before = ego.speed
+
+    def control(self, seen, dt):
+        raise AssertionError("run by run")
+
+    def reset_batch(self, egos, timestep, seeds):
+        self.seeds, self.names = seeds, egos.name
+
+    def control_batch(self, observations, dt):
+        there = observations.others.present.sum(axis=0)
+        red = np.array([len(each) for each in observations.signals])
+        wet = np.array([each.friction for each in observations.environment])
+        wanted = self.seeds[observations.run] + there + 10.0 * red + 100.0 * wet + observations.time
+        return BatchControl(wanted, observations.ego.name == "Ego")
+
+class Exits(Keeps):
+    def control_batch(self, observations, dt):
+        os._exit(3)
+
+class World(WorldDriven):
+    pass
+'''
+
+
+@settings(max_examples=30)
+@given(st.lists(observations, min_size=1, max_size=4), st.integers(0, 1 << 30))
+def test_messages_of_a_batch_hold_all_that_is_seen(many: list[Observation], seed: int) -> None:
+    writer, reader = BatchWriter(), BatchReader(lambda path, file: pytest.fail("no roads"))
+    egos, timestep, seeds = reader.begin(
+        writer.begin(stack(many).ego, 0.1, np.arange(len(many), dtype=np.int64))
+    )
+    assert (egos.participants(), timestep) == ([each.ego for each in many], 0.1)
+    assert seeds.tolist() == list(range(len(many)))
+    again = [each._replace(time=1.0, target_speed=3.0) for each in many]
+    for step in (many, again, again[1:] or again):
+        found, dt = reader.step(writer.step(stack(step), 0.1))
+        assert dt == 0.1
+        assert all(map(equal, found.observations(), step))
+
+
+def test_a_class_of_the_user_decides_for_a_batch_in_one_process_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "keeps.py").write_text(TOGETHER)
+    many = stack([situation(seed, seed % 3) for seed in range(6)])
+    found = []
+    for in_process in (False, True):
+        system = open_batch(f"{tmp_path}/keeps.py:Keeps", in_process=in_process)
+        assert system is not None
+        assert system.together
+        system.reset(many.ego, 0.1, np.arange(6))
+        some = [many, many.take([1, 4]), many._replace(time=many.time + 1.0)]
+        found.append([system.control(each, 0.1) for each in some])
+        system.close()
+    for one, other in zip(*found, strict=True):
+        assert [each.tolist() for each in one] == [each.tolist() for each in other]
+
+
+def test_one_without_a_batch_is_asked_run_by_run_in_one_process(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(ONE_BY_ONE)
+    system, many = open_batch(f"{tmp_path}/mine.py:Counting:gain=2"), several(5)
+    assert system is not None
+    assert not system.together
+    for _ in range(2):  # a second batch begins anew
+        system.reset(many.ego, 0.1, np.arange(5))
+        assert system.control(many, 0.1).acceleration.tolist() == [-2.0, -2.0, 0.0, 0.0, 0.0]
+        found = system.control(many.take([0, 1]), 0.1)
+        assert (found.acceleration.tolist(), found.unanswered.tolist()) == (
+            [-4.0, 0.0],
+            [False, True],
+        )
+    system.close()
+
+
+def test_a_process_that_ends_is_an_error_of_the_system_and_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(TOGETHER)
+    system, many = open_batch(f"{tmp_path}/mine.py:Exits"), several(2)
+    assert system is not None
+    system.reset(many.ego, 0.1, np.arange(2))
+    with pytest.raises(SystemUnderTestError, match=r"mine.py:Exits failed .*ended with code 3"):
+        system.control(many, 0.1)
+    system.close()
+    again = open_batch(f"{tmp_path}/mine.py:Keeps")
+    assert again is not None
+    again.reset(many.ego, 0.1, np.arange(2))
+    assert again.control(many, 0.1).acceleration.tolist() == [100.0, 101.0]
+    again.close()
+    with pytest.raises(Unsupported, match="World can't drive many runs at once"):
+        open_batch(f"{tmp_path}/mine.py:World")
