@@ -30,18 +30,20 @@ from runner.systems.base import (
     Value,
     WorldDriven,
 )
-from runner.systems.isolation.batch_messages import BUILD_MANY, BatchWriter, read_answers
 from runner.systems.isolation.frames import FrameConnection, PeerGone, PeerSilent
 from runner.systems.isolation.messages import (
     BUILD,
+    BUILD_MANY,
     CLOSE,
     DESCRIBE,
     ERROR,
     FAILURE,
     RESET,
+    BatchWriter,
     ObservationWriter,
     declared_json,
     read_answer,
+    read_answers,
 )
 from schemas.common.array_types import IntArray
 from schemas.common.errors import InvalidFile, ToolchainError, Unsupported, UsageError

@@ -33,16 +33,11 @@ from runner.systems import (
 from runner.systems.arrays import BatchSystem
 from runner.systems.base import WorldDriven, parameters_of, plain
 from runner.systems.batch_systems import open_batch
-from runner.systems.isolation.batch_messages import (
-    BEGIN_MANY,
-    BUILD_MANY,
-    STEP_MANY,
-    BatchReader,
-    write_answers,
-)
 from runner.systems.isolation.frames import FrameConnection, PeerGone
 from runner.systems.isolation.messages import (
+    BEGIN_MANY,
     BUILD,
+    BUILD_MANY,
     CLOSE,
     DESCRIBE,
     DONE,
@@ -50,9 +45,12 @@ from runner.systems.isolation.messages import (
     FAILURE,
     RESET,
     STEP,
+    STEP_MANY,
+    BatchReader,
     ObservationReader,
     participant_of,
     write_answer,
+    write_answers,
 )
 from schemas.common.errors import ToolchainError, blame
 from xodr.graph.network import RoadNetwork

@@ -17,7 +17,7 @@ from runner.systems import Control, Observation, Participant
 from runner.systems.arrays import BatchControl, BatchObservation, BatchParticipants, stack
 from runner.systems.base import SystemUnderTestError
 from runner.systems.batch_systems import decides_together, open_batch
-from runner.systems.isolation.batch_messages import BatchReader, BatchWriter
+from runner.systems.isolation.messages import BatchReader, BatchWriter
 from runner.systems.kinds.commanded import SumoDriver
 from runner.systems.kinds.fmu import Fmu
 from schemas.common.errors import Unsupported, UsageError
