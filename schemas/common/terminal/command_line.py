@@ -21,7 +21,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.models import OptionInfo
 
-from schemas.common.errors import ToolchainError, UsageError, describe
+from schemas.common.errors import ExitCode, ToolchainError, UsageError, describe
 from schemas.common.packages import leave_working_folder_out, missing, version
 from schemas.common.policy import (
     UNTRUSTED,
@@ -385,8 +385,8 @@ def guarded(
         code = PIPE_CLOSED
     except Exception as raised:
         error = missing(raised, extra) or raised
-        expected = isinstance(error, ToolchainError | OSError)
         message, code = describe(error)
+        expected = code != ExitCode.INTERNAL or isinstance(error, ToolchainError)
         with suppress(OSError):
             if not expected or (traced and ("-v" in sys.argv or "--verbose" in sys.argv)):
                 say(*traceback.format_exc().splitlines(), to=sys.stderr)

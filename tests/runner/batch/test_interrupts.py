@@ -91,6 +91,17 @@ def test_a_shortage_of_memory_is_told_as_such() -> None:
     }
 
 
+def test_a_shortage_of_memory_has_no_traceback(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: Command
+) -> None:
+    def short(*_: object, **__: object) -> None:
+        raise ImportError("libssl.so.3: failed to map segment from shared object")
+
+    monkeypatch.setattr("runner.batch.jobs.jobs_of", short)
+    answer = command("xosc-run", scenario(tmp_path))
+    assert (answer.code, len(answer.err.splitlines())) == (4, 1)
+
+
 def test_a_signal_that_a_library_has_kept_ends_the_command_at_the_next_file() -> None:
     try:
         end_by(signal.SIGTERM)
