@@ -435,9 +435,6 @@ def _adding_first(due: list[Event]) -> list[Event]:
 # actions and their actors, before any run -------------------------------------------------------
 
 
-_Puts = list[tuple["Entity", "Position | None"]]
-
-
 def check_actors(storyboard: Storyboard) -> None:
     """Have every action look at the actors that it is sure to have.
 
@@ -445,12 +442,16 @@ def check_actors(storyboard: Storyboard) -> None:
         InvalidFile: one makes no sense for one of its actors.
     """
     starts = list(_starts(storyboard))
-    puts: _Puts = [put for action, actors in starts for put in _puts(action, actors)]
+    puts: dict[Entity, list[Position | None]] = {}
+    for action, actors in starts:
+        for entity, position in _puts(action, actors):
+            puts.setdefault(entity, []).append(position)
+    places = {entity: _fixed(positions) for entity, positions in puts.items()}
     selects = any(event.group.select_triggering for act in storyboard.acts for event in act.events)
     for action, actors in starts:
         if isinstance(action, PrivateAction):
             for actor in actors:
-                action.check(actor, None if selects else _places(puts, actor))
+                action.check(actor, None if selects else places.get(actor, []))
 
 
 def placeable(storyboard: Storyboard) -> set[Entity] | None:
@@ -481,9 +482,8 @@ def _puts(action: Action, actors: list[Entity]) -> Iterator[tuple[Entity, Positi
         yield from action.puts()
 
 
-def _places(puts: _Puts, actor: Entity) -> list[Placement] | None:
-    """All places where an actor can be put; None where one of them changes."""
-    positions = [position for entity, position in puts if entity is actor]
+def _fixed(positions: list[Position | None]) -> list[Placement] | None:
+    """The places of positions; None where one of them changes."""
     fixed = [
         position.fixed
         for position in positions
