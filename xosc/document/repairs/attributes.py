@@ -334,7 +334,8 @@ _TOLD = 3
 def _left_out_together(node: Node, unknown: list[str]) -> Remark:
     """Leave out many unknown attributes of an element; the remark names the first of them."""
     absent = set(unknown)
-    kept = {name: value for name, value in node.element.attrib.items() if name not in absent}
+    # Names are a list, a value is a search through all before it: only those kept are asked for
+    kept = {name: node.element.get(name, "") for name in node.element.attrib if name not in absent}
     node.element.attrib.clear()
     node.element.attrib.update(kept)
     named = ", ".join(map(repr, unknown[:_TOLD]))

@@ -142,7 +142,9 @@ def _foreign(root: Node, version: Version) -> Iterator[str]:
             if child.tag in known_children[tag] and child.tag not in inside[tag]:
                 yield f"{lacks} {child.tag} in {tag}"
         for name in map(str, node.element.attrib) if tag in declared else ():
-            if name in known_attributes[tag] and name not in declared[tag]:
+            if name not in known_attributes[tag]:
+                continue  # a look at its value takes a search through all before it
+            if name not in declared[tag]:
                 yield f"{lacks} attribute {name!r} of {tag}"
             elif version < _EXPRESSIONS_SINCE and name != "name" and is_expression(node.get(name)):
                 yield f"{lacks} expressions, as {name}={node.get(name)!r}"
