@@ -1,49 +1,177 @@
-"""Command-line options of runs besides their settings: values of parameters, parameter sets, limits."""
+"""Options of batches of runs besides the settings of a run, and options that commands share."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from runner.judging.measures.measure import EVENTS, NEW_FAILURE, UNITS
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ToolchainError, UsageError
-from schemas.common.terminal.options import option_of
+from schemas.common.policy import current
+from schemas.common.terminal.options import WRITTEN, option, option_of, writable_folder
 
 if TYPE_CHECKING:
     from xosc.distributions.space import Selection
 
-Param = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--param", "-p", metavar="NAME=VALUE", help="Value of a global parameter (repeatable)."
-    ),
-]
-Only = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NUMBERS", help="These parameter sets of variation files only, as 3,7-9, from 0."
-    ),
-]
-Sample = Annotated[
-    int | None,
-    typer.Option(
-        min=1, metavar="N", help="N parameter sets of each variation file, drawn by --seed."
-    ),
-]
-Sut = Annotated[str, option_of(RunSettings, "sut")]
-FailIf = Annotated[
-    list[str] | None,
-    typer.Option(
+
+def _assessments() -> tuple[str, list[tuple[str, str]]]:
+    from runner.judging.assessment.profiles import profiles
+
+    return "Protocols of --assess", list(profiles().items())
+
+
+@dataclass(frozen=True)
+class BatchOptions:
+    """Options of a batch, besides the settings of its runs.
+
+    Raises:
+        UsageError: some exclude each other, or need one that is absent.
+    """
+
+    param: Mapping[str, str] = option(
+        {}, "Value of a global parameter (repeatable).", "--param", "-p", metavar="NAME=VALUE"
+    )
+    only: str | None = option(
+        None,
+        "These parameter sets of variation files only, as 3,7-9, from 0.",
+        metavar="NUMBERS",
+    )
+    sample: int | None = option(
+        None, "N parameter sets of each variation file, drawn by --seed.", min=1, metavar="N"
+    )
+    repeat: int | None = option(
+        None, "Run everything N times, with seeds that count up from --seed.", min=1, metavar="N"
+    )
+    fail_if: tuple[str, ...] = option(
+        (),
+        f"Fail runs by a measure, as min_ttc<1 ({', '.join(UNITS)}), or by "
+        f"{', '.join((*EVENTS, NEW_FAILURE))} (repeatable).",
         "--fail-if",
         metavar="LIMIT",
-        help=f"Fail runs by a measure, as min_ttc<1 ({', '.join(UNITS)}), or by {', '.join((*EVENTS, NEW_FAILURE))} "
-        "(repeatable).",
-    ),
-]
+    )
+    out: Path | None = option(
+        None,
+        "Folder for trajectories, event log and result of each run.",
+        metavar="DIR",
+        callback=writable_folder,
+    )
+    osi: Path | None = option(
+        None,
+        "Write one run's ground truth as an OSI trace: FILE.osi or FILE.mcap.",
+        files=WRITTEN,
+        metavar="FILE",
+    )
+    plot: bool = option(False, "Add a picture of each run to --out.", "--plot")
+    replay: bool = option(
+        False,
+        "Write an HTML page that plays each run, to --out with a report, else to this folder.",
+        "--replay",
+    )
+    against: Path | None = option(
+        None,
+        "Folder of an earlier batch to compare with; --fail-if new-failure needs it.",
+        metavar="BATCH",
+    )
+    assess: str | None = option(
+        None,
+        "Write the runs as the table of a test protocol to --out: assessment.html and .csv.",
+        section=_assessments,
+        metavar="PROTOCOL",
+    )
+    gui: bool = option(False, "Play each run in SUMO's own window.", "--gui")
+    resume: bool = option(False, "Go on with the batch that --out holds.", "--resume")
+    overwrite: bool = option(
+        False, "Replace what an earlier call has written to --out.", "--overwrite"
+    )
+    junit: Path | None = option(None, "Write a JUnit report.", files=WRITTEN, metavar="FILE")
+    junit_inconclusive: str = option(
+        "skipped",
+        "What an inconclusive run is in the JUnit report.",
+        type=Literal["skipped", "error"],
+    )
+    allow_inconclusive: bool = option(
+        False,
+        "Exit as if runs that did not test what their file describes had passed.",
+        "--allow-inconclusive",
+    )
+    jobs: int = option(1, "Number of processes.", "--jobs", "-j", min=1, metavar="N")
+    ray: str | None = option(
+        None,
+        "Run on this Ray cluster; 'local' starts one of --jobs processes on this machine.",
+        metavar="ADDRESS",
+    )
+    dry_run: bool = option(False, "Load, compile and begin everything, run nothing.", "--dry-run")
+    verbose: bool = option(False, "Print tracebacks of errors.", "--verbose", "-v")
+    quiet: bool = option(
+        False, "Print failures, inconclusive runs and errors only.", "--quiet", "-q"
+    )
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """Limits of `fail_if`, without blanks around."""
+        return tuple(limit.strip() for limit in self.fail_if)
+
+    def __post_init__(self) -> None:
+        if self.out is None and (self.resume or self.plot):
+            raise UsageError("--resume and --plot need the --out folder of the results")
+        if self.assess is not None:
+            self._check_assessment(self.assess)
+        if self.resume and (self.osi is not None or self.gui):
+            option, instead = (
+                ("--gui", "xosc-replay shows them")
+                if self.gui
+                else ("--osi", "xosc-export --to osi writes their traces")
+            )
+            raise UsageError(
+                f"{option} is of runs that are played, and --resume leaves out finished ones: {instead}"
+            )
+        if self.overwrite and (self.out is None or self.resume or self.dry_run):
+            raise UsageError(
+                "--overwrite replaces the batch of --out by one that is run: without --resume and --dry-run"
+            )
+        self._check_comparison()
+
+    def _check_assessment(self, name: str) -> None:
+        """Refuse an unknown protocol, and an assessment of runs that are not kept."""
+        from runner.judging.assessment.profiles import profile
+
+        profile(name)
+        if self.out is None or self.dry_run:
+            raise UsageError(
+                "--assess reads the results of runs: it needs --out DIR"
+                + " and no --dry-run" * self.dry_run
+            )
+
+    def _check_comparison(self) -> None:
+        """Refuse to compare with a batch that is replaced, or one that is not run; and new failures without another batch."""
+        if self.against is None:
+            if NEW_FAILURE in self.limits:
+                raise UsageError(
+                    f"--fail-if {NEW_FAILURE} needs the earlier batch: --against BATCH"
+                )
+            return
+        if NEW_FAILURE in self.limits and current().untrusted:
+            from runner.batch.journal import SEAL_KEY, seal_key
+
+            if seal_key() is None:
+                reason = f"--untrusted does not believe a stored batch, which may hide new failures, without {SEAL_KEY}"
+                raise UsageError(reason, path=self.against)
+        if self.dry_run:
+            raise UsageError("--against compares runs, and --dry-run has none")
+        if self.overwrite and self.out is not None and self.against.resolve() == self.out.resolve():
+            raise UsageError(
+                "--against names the folder that --overwrite replaces", path=self.against
+            )
+
+
+Param = Annotated[list[str] | None, option_of(BatchOptions, "param")]
+Only = Annotated[str | None, option_of(BatchOptions, "only")]
+Sample = Annotated[int | None, option_of(BatchOptions, "sample")]
+FailIf = Annotated[list[str] | None, option_of(BatchOptions, "fail_if")]
+Sut = Annotated[str, option_of(RunSettings, "sut")]
 Timestep = Annotated[float, option_of(RunSettings, "timestep")]
 
 
