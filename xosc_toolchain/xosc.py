@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from schemas.common.errors import UsageError, exit_codes
-from schemas.common.terminal.command_line import Verbose, Version, guarded, new_app
+from schemas.common.terminal.command_line import (
+    Verbose,
+    Version,
+    guarded,
+    new_app,
+    out_folder,
+    say,
+)
 from xosc_toolchain.start import load
 
 NAME = "xosc"
@@ -61,6 +69,26 @@ _EPILOG = "xosc COMMAND --help explains a command; xosc-COMMAND is the same. " +
 @app.callback(epilog=_EPILOG)
 def xosc(_verbose: Verbose = False, _version: Version = False) -> None:
     """Run, check, vary, recognise and export OpenSCENARIO scenarios."""
+
+
+new = new_app("new")
+app.add_typer(new, name="new")
+
+
+@new.callback()
+def new_of() -> None:
+    """Write a template to begin with."""
+
+
+@new.command()
+def plugin(
+    name: Annotated[str, typer.Argument(help="Name of the package.")],
+    out: Annotated[Path, out_folder("Folder in which the package is written.")] = Path(),
+) -> None:
+    """Write a package with a measure and an export target, which pip installs beside the toolchain."""
+    from xosc_toolchain.plugin import write_plugin
+
+    say(*map(str, write_plugin(name, out)))
 
 
 @app.command()

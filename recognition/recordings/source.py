@@ -284,17 +284,16 @@ def open(path: str | PathLike[str], roads: str | PathLike[str] | None = None) ->
 def _find(path: Path, roads: Path) -> tuple[list[Source], list[Path]]:
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
     by_content = packages.described(FORMATS, "BY_CONTENT")
-    formats = [
-        import_module(f"{FORMATS}.{name}")
-        for name in sorted(by_content, key=lambda name: by_content[name])
-    ]
+    modules = [import_module(f"{FORMATS}.{name}") for name in by_content]
+    modules += packages.plugins("xosc.dataset").values()
+    formats = sorted(modules, key=lambda module: bool(module.BY_CONTENT))
     by_file = {file: _sources(file, formats, roads) for file in files}
     found = _told_apart([source for sources in by_file.values() for source in sources], path)
     skipped = [
         file for file, sources in by_file.items() if not sources and not _belongs(file, found)
     ]
     if not found:
-        known = ", ".join(packages.described(FORMATS, "TITLE").values())
+        known = ", ".join(module.TITLE for module in modules)
         others = f"; skipped: {named(skipped)}" if path.is_dir() and skipped else ""
         raise InvalidFile(f"no recording of a known format is here ({known}){others}", path=path)
     for source in found:

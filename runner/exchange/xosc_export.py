@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from runner.batch.options import Only, Param, Sample, selection_of
-from runner.exchange.exports import TARGETS
+from runner.exchange.exports import TARGETS, target_lines, target_of
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest
 from schemas.common.remarks import told_quietly
@@ -45,8 +45,8 @@ app = new_app()
 
 def _print_targets(wanted: bool) -> None:
     if wanted:
-        for target in TARGETS.values():
-            print(f"{target.name:12}{'a run' if target.of_run else 'the file':10}{target.summary}")
+        for name, source, summary in target_lines():
+            print(f"{name:12}{source:10}{summary}")
         raise typer.Exit
 
 
@@ -83,7 +83,7 @@ def xosc_export(
     from runner.exchange.exports.exporting import export_documents, export_runs
     from xosc.exports.draft import Folder
 
-    target = TARGETS.get(to)
+    target = target_of(to)
     if target is None:
         raise UsageError(f"there is no target {to!r}, only {', '.join(TARGETS)}")
     sources = _sources(paths)

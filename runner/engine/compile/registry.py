@@ -3,7 +3,9 @@
 A family's classes announce themselves with `@action("SpeedAction")`, `@condition("SpeedCondition")`
 or `@position("LanePosition")`, each in a module of the family's folder. Where the standard uses one
 element name for two things, the key is `Parent/Name` (`VariableAction/SetAction`). What is
-deliberately not executed is entered by `refuse` with the reason that the user reads.
+deliberately not executed is entered by `refuse` with the reason that the user reads. Installed
+packages add modules of classes by the entry-point groups `xosc.action`, `xosc.condition` and
+`xosc.position`; they replace no class that is there.
 `docs/coverage.md` is generated from these tables.
 """
 
@@ -88,7 +90,10 @@ class Registry:
             InvalidFile: no version of the standard has it.
         """
         self.load()
-        for name in ([f"{parent}/{node.tag}"] if parent else []) + [node.tag]:
+        names = ([f"{parent}/{node.tag}"] if parent else []) + [node.tag]
+        if not any(name in self.classes for name in names):
+            packages.plugins(f"xosc.{self.family}")  # looked for only where they are needed
+        for name in names:
             if name in self.classes:
                 return self.classes[name]
             if name in self.refused:

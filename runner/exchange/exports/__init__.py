@@ -11,7 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from schemas.common.packages import described
+from schemas.common.errors import UsageError
+from schemas.common.packages import described, installed, plugins
+from schemas.common.policy import current
 
 
 class ExportTarget(NamedTuple):
@@ -38,7 +40,43 @@ def _in_folder(of_run: bool) -> Iterator[ExportTarget]:
 
 
 TARGETS = find_targets()
-"""All targets by name."""
+"""The toolchain's own targets by name."""
+GROUP = "xosc.export"
+"""Entry points of installed packages: modules of targets, called by the target's name"""
+
+
+def target_of(name: str) -> ExportTarget | None:
+    """The target of that name, of the toolchain or of an installed package; None where there is none.
+
+    A module of a package has `TARGETS` and `export` as one of `runner.exchange.exports` has; with
+    `OF_RUN = False` as one of `xosc.exports`.
+
+    Raises:
+        UsageError: its module can't be imported, or has no such target; or --untrusted, which loads
+            no code of others.
+    """
+    if name in TARGETS or name not in installed(GROUP):
+        return TARGETS.get(name)
+    current().admit_code(f"the target {name!r}")
+    module = plugins(GROUP)[name]
+    summary = getattr(module, "TARGETS", {}).get(name)
+    if summary is None or not hasattr(module, "export"):
+        raise UsageError(f"{module.__name__} has no function export, or no target {name!r}")
+    return ExportTarget(name, module.__name__, getattr(module, "OF_RUN", True), summary)
+
+
+def target_lines() -> list[tuple[str, str, str]]:
+    """Name, source (a run, the file, a plug-in) and summary of all targets; no plug-in is imported."""
+    own = [
+        (each.name, "a run" if each.of_run else "the file", each.summary)
+        for each in TARGETS.values()
+    ]
+    others = sorted(installed(GROUP).items())
+    return own + [
+        (name, "plug-in", f"of {entry.module}, installed by pip")
+        for name, entry in others
+        if name not in TARGETS
+    ]
 
 
 RUN_FIELDS = {

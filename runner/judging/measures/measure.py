@@ -19,7 +19,8 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 from schemas.common.errors import UsageError
-from schemas.common.packages import load
+from schemas.common.packages import load, plugins
+from schemas.common.policy import current
 
 if TYPE_CHECKING:
     import numpy as np
@@ -138,13 +139,38 @@ def measure(kind: _Class) -> _Class:
 
 
 def register(each: RunMeasure) -> None:
-    """Register a measure."""
+    """Register a measure.
+
+    Raises:
+        ValueError: there is one of that name.
+    """
+    if each.name in _registered:
+        raise ValueError(f"the measure {each.name} is registered twice")
     _registered[each.name] = each
 
 
 @cache
+def _own() -> dict[str, RunMeasure]:
+    """Measures of the folder `kinds`."""
+    load("runner.judging.measures.kinds")
+    return dict(
+        sorted(_registered.items(), key=lambda each: type(each[1]).__module__)
+    )  # whichever was imported first
+
+
+@cache
+def _of_plugins() -> dict[str, RunMeasure]:
+    """Measures of installed packages."""
+    own = _own()
+    plugins("xosc.measure")
+    return {name: each for name, each in sorted(_registered.items()) if name not in own}
+
+
 def measures() -> dict[str, RunMeasure]:
-    """All measures by name, in the order of their families and of their places in these.
+    """All measures by name, in the order of their families and of their places in these; then those of installed packages.
+
+    Packages name modules of measures by the entry-point group `xosc.measure`. --untrusted leaves
+    them out.
 
     Example:
         >>> import xosc_toolchain as xt
@@ -152,10 +178,7 @@ def measures() -> dict[str, RunMeasure]:
         >>> measure.label, measure.unit
         ('Least time to collision', 's')
     """
-    load("runner.judging.measures.kinds")
-    return dict(
-        sorted(_registered.items(), key=lambda each: type(each[1]).__module__)
-    )  # whichever was imported first
+    return _own() if current().untrusted else {**_own(), **_of_plugins()}
 
 
 def units() -> dict[str, str]:
@@ -167,8 +190,8 @@ _RSS = "rss_risk_ad_rss"
 """Measure that `rss` stands for"""
 NEW_FAILURE = "new-failure"
 """Word of `xosc-run --fail-if` that is no limit of a run: a batch fails by failures that an earlier one does not have"""
-UNITS = units() | {"end_time": "s"}
-"""Measures of a run by name, and their units; see `runner.judging.measures.measure` and `RunResult`."""
+UNITS = {name: each.unit for name, each in _own().items()} | {"end_time": "s"}
+"""Measures of a run by name, without those of plug-ins, and their units; see `runner.judging.measures.measure` and `RunResult`."""
 EVENTS = {"off-road": "offRoad", "road-end": "roadEnd", "timeout": "", "rss": ""}
 """Limits without a number, each with the kind of its event in the log: the ego leaves the road or reaches its end; the time
 limit is reached first; RSS distances (parameter set `ad-rss`) are violated."""
@@ -227,9 +250,9 @@ class Limit:
                 f"{NEW_FAILURE} compares batches, no run fails by it alone: type xosc-run --against BATCH"
             )
         match = _FORM.fullmatch(text)
-        if match is None or match[1] not in (UNITS if match[2] else EVENTS):
+        if match is None or match[1] not in (UNITS | units() if match[2] else EVENTS):
             raise UsageError(
-                f"--fail-if {text!r}: a measure with a limit is expected, such as min_ttc<1 (of {', '.join(UNITS)}), "
+                f"--fail-if {text!r}: a measure with a limit is expected, such as min_ttc<1 (of {', '.join(UNITS | units())}), "
                 f"or one of {', '.join(EVENTS)}, or with --against {NEW_FAILURE}"
             )
         try:
