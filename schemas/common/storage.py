@@ -551,6 +551,7 @@ def _is_special(path: Path) -> bool:
     """Whether a path is that of a device or a pipe, or leads to what a process has opened, as /dev/stdout does."""
     folder = f"{os.path.realpath(path.parent)}/"
     opened = folder.startswith(("/dev/", "/proc/")) and not folder.startswith("/dev/shm/")  # noqa: S108  # a disk in memory
+    opened = opened and os.path.isdir(folder)  # /dev/null/report.xml is none
     return opened or (os.path.exists(path) and not path.is_file())
 
 
