@@ -552,7 +552,7 @@ def _is_special(path: Path) -> bool:
     folder = f"{os.path.realpath(path.parent)}/"
     opened = folder.startswith(("/dev/", "/proc/")) and not folder.startswith("/dev/shm/")  # noqa: S108  # a disk in memory
     opened = opened and os.path.isdir(folder)  # /dev/null/report.xml is none
-    return opened or (os.path.exists(path) and not path.is_file())
+    return opened or not (path.is_file() or path.is_dir() or not os.path.exists(path))
 
 
 def sync(paths: Iterable[Path]) -> None:
