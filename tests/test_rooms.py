@@ -27,7 +27,7 @@ def test_every_room_lists_its_entries_with_an_example(package: str) -> None:
     assert {room: names for room, names in missing.items() if names} == {}
 
 
-REACH = {"schemas.xosc_check": 51, "runner.xosc_run": 146}
+REACH = {"schemas.xosc_check": 51, "runner.xosc_run": 156}
 """Modules, without packages, that a command has loaded when it has done its work, a tenth more than measured on 2026-11-28"""
 WORK = {
     "schemas.xosc_check": ["xosc/library/simple_cut_in.xosc"],

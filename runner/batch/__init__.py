@@ -2,6 +2,7 @@
 
 Modules:
 
+- `arrays`: parameter sets of one scenario played at once, where all its elements can
 - `batch`: many runs: every parameter set of every file, in one process or several
 - `inputs`: all that decides what a run gives, by content
 - `jobs`: jobs of a batch: their creation from files, and their outcomes

@@ -25,15 +25,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from runner.engine.actions.controller import AssignControllerAction
 from runner.engine.compile.element import LATERAL, LONGITUDINAL, PrivateAction
+from runner.engine.participants.declaration import BoundingBox, Performance
+from runner.engine.participants.rows import RunRows
 from runner.engine.participants.scenario_objects import EXTERNAL, module_of
 from runner.engine.storyboard.driver import Decision, EgoDriver
 from runner.engine.worlds.base import DriverRequest
-from runner.engine.worlds.signals_ahead import stop_line
+from runner.engine.worlds.signals_ahead import StopLine, stop_line
 from runner.systems import System, system_name
+from runner.systems.arrays import BatchObservation, BatchParticipants, objects
 from runner.systems.base import (
     PEDAL,
     RAISED,
@@ -48,13 +53,20 @@ from runner.systems.base import (
     seen,
 )
 from schemas.common.errors import ToolchainError, UsageError, blame
+from schemas.expressions.columns import NotInArrays
 from xosc.document.node import EGO_NAME
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.compiler import Scenario
     from runner.engine.compile.run import Run
     from runner.engine.participants.entity import Entity
+    from runner.engine.participants.rows import EntityRows
     from runner.engine.worlds.signals_ahead import SignalAhead
+    from runner.systems.batch_systems import BatchSystem
+    from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 
 CRUISE = 20.0 / 3.6
@@ -314,6 +326,161 @@ class SystemDriver(EgoDriver):
             run.note("interventionStart", ego.name, reason)
 
 
+class BatchSystemDriver(RunRows):
+    """`SystemDriver` in many runs at once: the ego's speed by a system under test; it does not steer here.
+
+    Args:
+        system: the system under test; it is reset.
+        scenario: the compiled scenario.
+        ego: the ego.
+        n: number of runs.
+        timestep: s.
+        seed: of each run.
+
+    Attributes:
+        commanded: steps in which it was in command of the ego (n,).
+
+    Raises:
+        NotInArrays: traffic lights may be lit, or the ego's speed is not said.
+    """
+
+    def __init__(
+        self,
+        system: BatchSystem,
+        scenario: Scenario,
+        ego: Entity,
+        n: int,
+        timestep: float,
+        seed: int,
+    ) -> None:
+        if scenario.signals.lit:
+            raise NotInArrays("traffic lights are shown to systems in single runs only")
+        if cruise_speed(scenario, ego) is not None:
+            raise NotInArrays(f"{ego.name} is driven from outside at no speed of the scenario")
+        self._system, self._ego, self._network = system, ego, scenario.network
+        handed_over = ego.name not in scenario.activated
+        self._domains = {name: np.full(n, handed_over) for name in (LONGITUDINAL, LATERAL)}
+        self._runs, self._returning = np.arange(n), np.zeros(n, bool)
+        self.commanded = np.zeros(n, np.int64)
+        self._settings = timestep, np.full(n, seed)
+        self._constant: dict[str, Any] = {}
+
+    def take(self, kept: BoolArray) -> None:
+        """Keep some runs only."""
+        super().take(kept)
+        self._domains = {name: values[kept] for name, values in self._domains.items()}
+        self._constant = {}
+
+    def hand_over(self, rows: BoolArray, domains: Mapping[str, bool]) -> None:
+        """Let it drive, or no longer drive, in control domains, in some runs (n,)."""
+        for name, values in self._domains.items():
+            if name in domains:
+                values[rows] = domains[name]
+
+    def begin(self, run: BatchRun) -> None:
+        """Reset the system, for all runs."""
+        timestep, seeds = self._settings
+        egos = BatchParticipants(**_constants([run.ego], run.n, ()), **_state([run.ego], ()))
+        self._system.reset(egos, timestep, seeds)
+
+    def decide(self, run: BatchRun, ego: EntityRows) -> FloatArray:
+        """Speeds (n,) at the end of the step: by the system's accelerations within the ego's limits, or the scripted ones."""
+        longitudinal = self._domains[LONGITUDINAL]
+        asked = longitudinal | self._domains[LATERAL]
+        wanted, accelerates = np.zeros(run.n), np.zeros(run.n, bool)
+        if asked.any():
+            rows = np.flatnonzero(asked)
+            answers = self._system.control(self._observations(run, ego, rows), run.dt)
+            wanted[rows], accelerates[rows] = answers.acceleration, answers.accelerates
+            left = np.zeros(run.n, bool)
+            left[rows] = answers.unanswered | answers.steers
+            run.leave(left)
+            self.commanded[asked & run.going] += 1
+            accelerates &= longitudinal
+        limits, target, dt = ego.declared.performance, ego.target_speed, run.dt
+        grip = _GRAVITY * run.environment.friction
+        least, most = -min(limits.max_deceleration, grip), min(limits.max_acceleration, grip)
+        speed = ego.speed + np.maximum(least, np.minimum(most, wanted)) * dt
+        forward = np.minimum(np.maximum(speed, 0.0), np.maximum(limits.max_speed, ego.speed))
+        driven = np.where(ego.speed >= 0.0, forward, np.minimum(speed, 0.0))
+        back = returning_batch(ego, target, dt)
+        was = self._returning
+        self._returning = accelerates | (was & (np.abs(back - target) >= _SAME))
+        found: FloatArray = np.where(accelerates, driven, np.where(was, back, target))
+        return found
+
+    def _observations(self, run: BatchRun, ego: EntityRows, rows: IntArray) -> BatchObservation:
+        n = run.n
+        others = [each for each in run.entities.values() if each is not ego]
+        if not self._constant:
+            nobody: Any = objects([""] * n)
+            self._constant = {
+                "ego": _constants([ego], n, ()),
+                "others": _constants(others, n, (len(others),)),
+                "environment": (None, np.empty(0)),
+                "network": np.full(n, self._network, object),
+                "stop_line": StopLine(nobody, np.full(n, np.inf)),  # type: ignore[arg-type]
+                "signals": objects([()] * n),
+            }
+        if self._constant["environment"][0] is not run.environment:
+            self._constant["environment"] = run.environment, objects([run.environment] * n)
+        found = BatchObservation(
+            self._runs,
+            np.full(n, run.time),
+            BatchParticipants(**self._constant["ego"], **_state([ego], ())),
+            BatchParticipants(**self._constant["others"], **_state(others, (len(others), n))),
+            ego.target_speed,
+            self._constant["network"],
+            self._constant["environment"][1],
+            self._constant["stop_line"],
+            self._constant["signals"],
+        )
+        return found if len(rows) == n else found.take(rows)
+
+
+_MOVING = (
+    "x", "y", "z", "h", "pitch", "roll", "speed", "acceleration", "vx", "vy", "ax", "ay", "odometer",
+)  # fmt: skip
+
+
+def _state(rows: Sequence[EntityRows], shape: tuple[int, ...]) -> dict[str, Any]:
+    """Fields of participants that change from step to step."""
+    return {
+        name: np.array([getattr(each, name) for each in rows]).reshape(shape)
+        if shape
+        else getattr(rows[0], name)
+        for name in _MOVING
+    }
+
+
+def _constants(rows: Sequence[EntityRows], n: int, shape: tuple[int, ...]) -> dict[str, Any]:
+    """Fields of participants that stay, for n runs."""
+    people = [seen(each.entity) for each in rows]
+    shape = (*shape, n)
+
+    def spread(values: Sequence[Any], kind: Any = float) -> Any:
+        column = objects(values) if kind is object else np.array(values, kind)
+        return np.broadcast_to(column.reshape(-1, 1) if len(shape) > 1 else column, shape)
+
+    found: dict[str, Any] = {
+        name: spread([getattr(each, name) for each in people], object)
+        for name in ("name", "kind", "category", "lights", "overrides")
+    }
+    for name in ("front_axle", "max_steering", "mass"):
+        found[name] = spread([getattr(each, name) for each in people])
+    for name, kind in (("box", BoundingBox), ("performance", Performance)):
+        columns = list(zip(*(getattr(each, name) for each in people), strict=True))
+        found[name] = (
+            kind(*(spread(column) for column in columns))
+            if people
+            else kind(
+                *(np.zeros(shape) for _ in kind._fields)  # type: ignore[arg-type]
+            )
+        )
+    found["present"] = np.broadcast_to(np.array(True), shape)
+    return found
+
+
 def observe(run: Run, ego: Entity, target: float) -> Observation:
     """Return the driver's current observation for a target speed (m/s)."""
     others = [
@@ -361,6 +528,14 @@ def returning(ego: Entity, target: float, dt: float) -> float:
     faster = change * ego.speed >= 0.0
     most = dt * (min(_RETURN, limits.max_acceleration) if faster else limits.max_deceleration)
     return ego.speed + max(-most, min(most, change))
+
+
+def returning_batch(ego: EntityRows, target: FloatArray, dt: float) -> FloatArray:
+    """`returning` in many runs (n,)."""
+    limits, change = ego.declared.performance, target - ego.speed
+    faster = min(_RETURN, limits.max_acceleration)
+    most = dt * np.where(change * ego.speed >= 0.0, faster, limits.max_deceleration)
+    return ego.speed + np.maximum(-most, np.minimum(most, change))
 
 
 def _held(ego: Entity) -> bool:

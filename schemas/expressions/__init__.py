@@ -8,6 +8,7 @@ result that is no finite number is an error.
 
 Modules:
 
+- `columns`: a number in many parameter sets at once
 - `values`: the types of parameters and variables: reading their values from text
 
 Example::

@@ -50,6 +50,10 @@ _DATE_TIME = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|[+-]\d\d:
 _QUOTED_LENGTH = 80
 
 
+MARK = "\u27e8"
+"""Beginning of a text that stands for a number in many parameter sets (`schemas.expressions.columns`); no literal begins so"""
+
+
 def type_named(name: str) -> str:
     """The type of that name, one of `TYPES`.
 

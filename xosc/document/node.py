@@ -15,7 +15,7 @@ from lxml import etree
 from schemas.catalogs import referred
 from schemas.common.errors import InvalidFile, Unsupported
 from schemas.common.remarks import Remark
-from schemas.expressions.values import boolean, number
+from schemas.expressions.values import MARK, boolean, number
 
 SOURCE = "{urn:xosc-toolchain}source"
 """Attribute naming the file that an element came from, where that is not the document's own (catalogue entries)."""
@@ -84,19 +84,24 @@ class Node:
         return default
 
     def float(self, name: str, default: Any = _REQUIRED) -> Any:
-        """Attribute as float. `INF` is a value of the standard's type, NaN is refused."""
+        """Attribute as float. `INF` is a value of the standard's type, NaN is refused.
+
+        In a document that is read for many parameter sets it may be a `NumberColumn`.
+        """
         text = self.get(name, default)
         if text is default:
             return default
         try:
             return number(text)
         except ValueError as error:
+            if text.startswith(MARK):
+                return _column(text)
             raise self.invalid(f"{name}: {error}") from None
 
     def finite(self, name: str, default: Any = _REQUIRED) -> Any:
         """Attribute as a finite float."""
         value = self.float(name, default)
-        if value is not default and math.isinf(value):
+        if value is not default and abs(value) == math.inf:
             raise self.invalid(f"{name}={value!r} must be a finite number")
         return value
 
@@ -192,6 +197,13 @@ class Node:
     def unsupported(self, message: str) -> Unsupported:
         """An Unsupported at this element, to be raised by the caller."""
         return Unsupported(message, path=self.path, line=self.line, element=self.tag)
+
+
+def _column(text: str) -> Any:
+    """A number of a document that is read for many parameter sets."""
+    from schemas.expressions.columns import current
+
+    return current().of(text)
 
 
 @lru_cache(maxsize=256)

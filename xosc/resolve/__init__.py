@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from numbers import Integral, Real
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from lxml import etree
 
@@ -48,6 +48,9 @@ from xosc.resolve.parameters import (
     monitors,
     variables,
 )
+
+if TYPE_CHECKING:
+    from schemas.expressions.columns import NumberColumn
 
 Argument = str | float | int | bool
 
@@ -112,6 +115,7 @@ def resolve(
     enforce_constraints: bool = True,
     strict: bool = False,
     catalog_path: Folders = (),
+    columns: Mapping[str, NumberColumn] | None = None,
 ) -> Resolved:
     """A copy of a scenario in which everything known at load time has been worked out.
 
@@ -132,8 +136,11 @@ def resolve(
             among them.
         catalog_path: folders in which directories of catalogues are looked for that are not where
             the scenario says.
+        columns: values of global parameters in many sets, for a document that is read for all of
+            them (`schemas.expressions.columns.reading`).
 
     Raises:
+        NotInArrays: a document can't be read for many sets.
         UsageError: a given parameter does not exist or is not of its type; the document is no
             scenario.
         InvalidFile: an unknown parameter or malformed expression is used, a constraint is violated,
@@ -148,7 +155,9 @@ def resolve(
     if document.kind != "scenario":
         raise UsageError(f"this is a {document.kind}, a scenario is expected", path=document.path)
     with with_ignored(document.remarks):
-        return _resolved(document, parameters or {}, enforce_constraints, strict, catalog_path)
+        return _resolved(
+            document, parameters or {}, enforce_constraints, strict, catalog_path, columns or {}
+        )
 
 
 def _resolved(
@@ -157,10 +166,13 @@ def _resolved(
     enforce_constraints: bool,
     strict: bool,
     catalog_path: Folders,
+    columns: Mapping[str, NumberColumn],
 ) -> Resolved:
     root = copy.deepcopy(document.root.getroottree()).getroot()
     node = Node(root, document.path)
     assigned = {name: _argument(value, node) for name, value in parameters.items()}
+    for name, values in columns.items():
+        assigned[name] = replace(_argument(float(values[0]), node), column=values)
     violations: list[ToolchainError] = []
     report = _refuse if enforce_constraints else violations.append
     remarks = Remarks(strict)

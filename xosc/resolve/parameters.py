@@ -10,12 +10,22 @@ import re
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
+from typing import TYPE_CHECKING
 
 from schemas.common.errors import ToolchainError, nearest
 from schemas.common.remarks import Remark, Remarks
 from schemas.common.xml import canonical
-from schemas.expressions import ExpressionError, is_wellformed, references, substitute
+from schemas.expressions import (
+    ExpressionError,
+    evaluate,
+    is_expression,
+    is_wellformed,
+    references,
+    substitute,
+)
+from schemas.expressions import literal as expression_literal
 from schemas.expressions.values import (
+    MARK,
     Value,
     holds,
     literal,
@@ -27,6 +37,9 @@ from schemas.expressions.values import (
     typed,
 )
 from xosc.document.node import Node
+
+if TYPE_CHECKING:
+    from schemas.expressions.columns import NumberColumn
 
 TYPED = "asam.net:xosc:1.0.0:parameters.parameter_declaration_parameter_type_inference"
 ASSIGNED = "xosc.toolchain:xosc:1.0.0:parameters.assigned_parameter_is_declared"
@@ -53,6 +66,8 @@ class ParameterDeclaration:
     type: str
     value: Value
     text: str
+    column: NumberColumn | None = None
+    """its values, in a document that is read for many parameter sets, where they vary"""
 
 
 class Variable(ParameterDeclaration):
@@ -71,12 +86,14 @@ class Assignment:
         symbolic: whether the text may refer to parameters of the declaring scope, as a default may.
         remark: makes the remark, from a rule and a message, that is added where the assignment is
             repaired; None where what does not fit is an error.
+        column: its values in many parameter sets, of which the text is the first; None for one set.
     """
 
     text: str
     error: Callable[[str], ToolchainError]
     symbolic: bool = False
     remark: Callable[[str, str], Remark] | None = None
+    column: NumberColumn | None = None
 
 
 class ParameterScope:
@@ -103,6 +120,7 @@ class ParameterScope:
     ) -> None:
         self._remarks = remarks or Remarks()
         self._visible: dict[str, ParameterDeclaration] = dict(outer._visible) if outer else {}
+        self._varying: frozenset[str] = frozenset()
         self._declared: dict[str, Node] = dict(outer._declared) if outer else {}
         self.declarations = _by_name(declarations)
         self._declared |= self.declarations
@@ -120,6 +138,9 @@ class ParameterScope:
         }
         for name in _in_order(sources):
             self._visible[name] = self._evaluate(name, sources[name])
+            self._varying = frozenset(
+                name for name, each in self._visible.items() if each.column is not None
+            )
 
     @property
     def own(self) -> dict[str, ParameterDeclaration]:
@@ -142,6 +163,8 @@ class ParameterScope:
         parameter = self._visible.get(text[1:]) if text.startswith("$") else None
         if parameter:
             return parameter.text
+        if self._varying and is_expression(text) and references(text) & self._varying:
+            return self._in_each_set(text)
         try:
             return substitute(text, self._operand)
         except ExpressionError as error:
@@ -165,6 +188,23 @@ class ParameterScope:
                 place.remark(rule, f"{error.message}; the texts are joined: {quoted(joined)}")
             )
             return joined
+
+    def _in_each_set(self, text: str) -> str:
+        """The mark of an expression's values in many parameter sets."""
+        from schemas.expressions.columns import current
+
+        columns = current()
+        visible = self._visible
+
+        def of(number: int) -> Value:
+            def lookup(name: str) -> float | int | bool | str:
+                values = visible[name].column
+                return self._operand(name) if values is None else float(values[number])
+
+            return evaluate(text, lookup)
+
+        found = columns.each(of)
+        return found if isinstance(found, str) else expression_literal(found)
 
     def violations(self) -> Iterator[ToolchainError]:
         """An error for each parameter declared here whose constraints don't hold.
@@ -215,6 +255,8 @@ class ParameterScope:
             )
         except ExpressionError as error:
             raise source.error(f"the value of the parameter {name}: {error.message}") from None
+        if source.column is not None or text.startswith(MARK):
+            return _in_many_sets(name, kind, text, source.column)
         try:
             spelled = meant(kind, text)
         except ValueError as error:
@@ -245,6 +287,20 @@ class ParameterScope:
             raise constraint.invalid(
                 f"the constraint of the parameter {parameter.name}: {error}"
             ) from None
+
+
+def _in_many_sets(
+    name: str, kind: str, text: str, column: NumberColumn | None
+) -> ParameterDeclaration:
+    """A parameter whose value varies between sets; one that is no double makes another structure of each value."""
+    from schemas.expressions.columns import current
+
+    values = current().of(text) if column is None else column
+    if kind == "double":
+        return ParameterDeclaration(name, kind, float(values[0]), current().mark(values), values)
+    current().agree(values)
+    first = expression_literal(float(values[0]))
+    return ParameterDeclaration(name, kind, typed(kind, first), first)
 
 
 def typed_value(node: Node, kind: str, rule: str, remarks: Remarks) -> Value:

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from runner.engine.compile.batch import BatchProcess
 from runner.engine.compile.element import PrivateAction
 from runner.engine.compile.registry import action
 from runner.engine.participants.entity import Entity
@@ -18,8 +21,11 @@ from xosc.document.node import Node
 from xosc.rules.references import CONTROLLER_UID
 
 if TYPE_CHECKING:
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Run
+    from runner.engine.participants.rows import EntityRows
+    from schemas.common.array_types import BoolArray
 
 _DOMAINS = ("longitudinal", "lateral", "lighting", "animation")
 _PEDALS = ("Throttle", "Brake", "Clutch", "ParkingBrake")
@@ -77,6 +83,10 @@ class AssignControllerAction(PrivateAction):
         run.note("controller", actor.name, f"assigned {self.name}")
         _activate(actor, self.switches, run)
 
+    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+        """Activate: an assigned controller has no other effect."""
+        return _Activation(self.switches, actor, run)
+
 
 @action("ActivateControllerAction")
 @dataclass(frozen=True, slots=True)
@@ -105,6 +115,27 @@ class ActivateControllerAction(PrivateAction):
     def start(self, actor: Entity, run: Run) -> None:
         """Activate or deactivate at once."""
         _activate(actor, self.switches, run)
+
+    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+        """The same, in many runs."""
+        return _Activation(self.switches, actor, run)
+
+
+class _Activation(BatchProcess):
+    """Activation of controllers in many runs."""
+
+    def __init__(self, switches: dict[str, bool], actor: EntityRows, run: BatchRun) -> None:
+        super().__init__(run)
+        self._switches, self._actor, self._run = switches, actor, run
+
+    def start(self, rows: BoolArray) -> BoolArray:
+        """Activate or deactivate at once."""
+        run = self._run
+        if self._actor is run.ego and run.driver is not None:
+            run.driver.hand_over(rows, self._switches)
+        if any(self._switches.values()):
+            self._actor.activated |= rows
+        return np.zeros_like(rows)
 
 
 @action("OverrideControllerValueAction")

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from runner.engine.compile import registry
+from runner.engine.compile.batch import BatchProcess
 from runner.engine.compile.element import GlobalAction, PrivateAction
 from runner.engine.compile.registry import action
 from runner.engine.participants.entity import Entity
@@ -15,10 +18,13 @@ from xosc.document.node import Node
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.element import Position
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Run
     from runner.engine.motion.placement import Placement
+    from runner.engine.participants.rows import EntityRows
+    from schemas.common.array_types import BoolArray
 
 
 def _entity(node: Node, context: Context) -> Entity:
@@ -108,6 +114,43 @@ class TeleportAction(PrivateAction):
     def start(self, actor: Entity, run: Run) -> None:
         """Jump."""
         run.place(actor, self.position.resolve(run, actor))
+
+    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+        """The same, in many runs."""
+        return _Teleport(self.position, actor, run)
+
+
+class _Teleport(BatchProcess):
+    """A teleport in many runs."""
+
+    def __init__(self, position: Position, actor: EntityRows, run: BatchRun) -> None:
+        super().__init__(run)
+        self._position, self._actor, self._run = position, actor, run
+
+    def start(self, rows: BoolArray) -> BoolArray:
+        """Jump: once where the position is the same in all runs, else run by run."""
+        run, actor, position = self._run, self._actor, self._position
+        rows = rows & run.going
+        if position.fixed is not None and rows.any():
+            first = int(np.flatnonzero(rows)[0])
+            run.one_by_one(
+                actor,
+                np.arange(run.n) == first,
+                (),
+                lambda each: run.roads.place(each, position.resolve(run.single, each)),
+            )
+            actor.copy(first, rows)
+            return np.zeros_like(rows)
+        places = iter(np.flatnonzero(rows).tolist())
+
+        def put(entity: Entity) -> None:
+            place = next(places)
+            there = position.at_set(int(run.sets[place]))
+            run.doubtful[place] |= there.repaired
+            run.roads.place(entity, there.resolve(run.single, entity))
+
+        run.one_by_one(actor, rows, position.references(), put)
+        return np.zeros_like(rows)
 
 
 @registry.action("ConnectTrailerAction")

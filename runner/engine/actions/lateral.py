@@ -13,6 +13,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
+from runner.engine.compile.batch import BatchProcess
 from runner.engine.compile.element import LATERAL, PrivateAction, need_places
 from runner.engine.compile.registry import action
 from runner.engine.compile.run import Running
@@ -25,14 +28,18 @@ from runner.engine.motion.dynamics import (
 )
 from runner.engine.participants.entity import Entity
 from runner.engine.positions.lane import LAYERS
+from schemas.expressions.columns import NotInArrays
 from xodr.model import PERMANENT, TEMPORARY, RoadPoint
 from xosc.document.node import TO_RIGHT, Node
 from xosc.rules.references import KEPT_LANE_OFFSET_UID, OTHER_ENTITY_UID
 
 if TYPE_CHECKING:
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Run
     from runner.engine.motion.on_roads import Roads
+    from runner.engine.participants.rows import EntityRows
+    from schemas.common.array_types import BoolArray, FloatArray
     from xodr.graph.network import RoadNetwork
 
 _DEFAULT_ACCELERATION = 0.5
@@ -93,14 +100,12 @@ class LaneChangeAction(PrivateAction):
         """Express the entity's place in the target lane, and begin to move there."""
         follow_road(actor, run, self.node)
         before = actor.road, actor.kept_lane
-        lane = self._lane(actor, run)
-        assert actor.road is not None
-        actor.kept_offset = actor.t - actor.road.lane_t(actor.s, lane)
+        self.aim(actor, run)
+        lane = actor.kept_lane
         change = (self.offset - actor.kept_offset) * actor.direction
         if (actor.road, lane) == before and abs(change) <= _SAME_PLACE:
             text = f"{actor.name} is in lane {lane} already, at that offset: the lane change moves nothing"
             run.remarks.note(self.node.remark(OTHER_ENTITY_UID, text))
-        actor.kept_lane = lane
         extent = self.dynamics.extent(change)
         goal = self.offset * actor.direction
         over_distance = self.dynamics.dimension == "distance"
@@ -114,6 +119,18 @@ class LaneChangeAction(PrivateAction):
             compensated=True,
         )
         return _begin(running, extent, actor, run)
+
+    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+        """The change of lane; its lane is found run by run."""
+        return _Crossing(self, actor, run)
+
+    def aim(self, actor: Entity, run: Run) -> None:
+        """Express an entity's place in the target lane."""
+        follow_road(actor, run, self.node)
+        lane = self._lane(actor, run)
+        assert actor.road is not None
+        actor.kept_offset = actor.t - actor.road.lane_t(actor.s, lane)
+        actor.kept_lane = lane
 
     def _lane(self, actor: Entity, run: Run) -> int:
         """The target lane; the entity keeps to that lane's layer from now on."""
@@ -240,6 +257,32 @@ class LaneOffsetAction(PrivateAction):
             running,
             lambda: goal if self.reference is None or from_itself else self.goal(actor, run),
         )
+
+    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+        """The offset from the centre of the own lane."""
+        if self.reference is not None:
+            raise NotInArrays(
+                "an offset relative to another entity is followed in single runs only"
+            )
+        return _Shifting(self, actor, run)
+
+    def aim(self, actor: Entity, run: Run) -> None:
+        """Have an entity keep to the lane that it is on."""
+        follow_road(actor, run, self.node)
+        run.roads.settle(actor)
+
+    def durations(self, change: FloatArray, run: BatchRun) -> FloatArray:
+        """Time (s) of changes (m) in many runs (n,)."""
+        acceleration = run.value(self.acceleration) * np.ones_like(change)
+        way = np.sqrt(
+            np.divide(
+                self.shape.bend * np.abs(change),
+                acceleration,
+                out=np.full_like(change, np.inf),
+                where=acceleration > 0.0,
+            )
+        )
+        return np.where((change == 0.0) | (self.shape.bend == 0.0), 0.0, way)
 
     def goal(self, actor: Entity, run: Run) -> float:
         """Offset (m) to be reached, positive to the actor's left."""
@@ -380,6 +423,102 @@ class _Transition(Running):
     def stop(self) -> None:
         """Have the entity keep to the lane that it is on, which may not be the one it was bound for or began in."""
         self._roads.stay(self._actor)
+
+
+class _Sideways(BatchProcess):
+    """`_Transition` of an actor in many runs."""
+
+    compensated: ClassVar[bool]
+
+    def __init__(self, actor: EntityRows, run: BatchRun, shape: TransitionShape) -> None:
+        super().__init__(run)
+        self._actor, self._run, self._shape = actor, run, shape
+        self._over_distance = self._kept = False
+        n = run.n
+        self._goal, self._start, self._extent, self._origin, self._past, self._asked = (
+            np.zeros(n) for _ in range(6)
+        )
+
+    def _begin(self, rows: BoolArray, goal: FloatArray, extent: FloatArray) -> BoolArray:
+        actor, run = self._actor, self._run
+        self._goal[rows], self._extent[rows] = goal[rows], extent[rows]
+        self._start[rows] = (actor.kept_offset * actor.direction)[rows]
+        self._asked[rows] = self._start[rows]
+        self._origin[rows], self._past[rows] = actor.odometer[rows], 0.0
+        if run.initialising and not self._kept and (rows & (extent <= 0.0)).any():
+            at_once = rows & (extent <= 0.0)
+            actor.target_offset[at_once] = (goal * actor.direction)[at_once]
+            actor.path_compensated[at_once] = self.compensated
+            run.one_by_one(
+                actor, at_once, (), lambda each: each.controls.motion.advance(each, 0.0, run.dt)
+            )
+            run.roads.stay_batch(actor, at_once)
+            return rows & ~at_once
+        return rows.copy()
+
+    def step(self, dt: float) -> BoolArray:
+        """Ask for the shape's offset at the end of the step, limited to what the entity's motion reaches."""
+        actor, active = self._actor, self.active & self._run.going
+        way, left = np.abs(actor.speed) * dt, actor.kept_offset * actor.direction
+        moved = active & (np.abs(left - self._asked) > _SAME_PLACE)
+        self._run.leave(moved & np.isnan(actor.target_offset))  # an Easing follows
+        self._past = actor.odometer - self._origin + way if self._over_distance else self._past + dt
+        progress = np.divide(
+            self._past, self._extent, out=np.ones_like(way), where=self._extent > 0.0
+        )
+        over = progress >= 1.0 - EPSILON
+        shape = self._shape.values(np.minimum(progress, 1.0))
+        offset = np.where(over, self._goal, self._start + (self._goal - self._start) * shape)
+        bounded = np.minimum(np.maximum(offset, left - way), left + way)
+        offset = np.where(self._extent > 0.0, bounded, offset)
+        self._asked = np.where(active, offset, self._asked)
+        actor.target_offset = np.where(active, offset * actor.direction, actor.target_offset)
+        actor.path_compensated = np.where(active, self.compensated, actor.path_compensated)
+        return active & over & (offset == self._goal) & (not self._kept)
+
+    def stop(self, rows: BoolArray) -> None:
+        """Have the entity keep to the lane that it is on."""
+        self._run.roads.stay_batch(self._actor, rows)
+
+
+class _Crossing(_Sideways):
+    """A LaneChangeAction of an actor in many runs."""
+
+    compensated = True
+
+    def __init__(self, action: LaneChangeAction, actor: EntityRows, run: BatchRun) -> None:
+        super().__init__(actor, run, action.dynamics.shape)
+        self._action = action
+        self._over_distance = action.dynamics.dimension == "distance"
+
+    def start(self, rows: BoolArray) -> BoolArray:
+        """Express the entity's place in the target lane, and begin to move there."""
+        action, actor, run = self._action, self._actor, self._run
+        run.one_by_one(actor, rows, action.references(), lambda each: action.aim(each, run.single))
+        offset = run.value(action.offset)
+        change = (offset - actor.kept_offset) * actor.direction
+        extent = action.dynamics.extent_batch(change, run.value(action.dynamics.value))
+        return self._begin(rows, offset * actor.direction, extent)
+
+
+class _Shifting(_Sideways):
+    """A LaneOffsetAction of an actor in many runs."""
+
+    compensated = False
+
+    def __init__(self, action: LaneOffsetAction, actor: EntityRows, run: BatchRun) -> None:
+        super().__init__(actor, run, action.shape)
+        self._action, self._kept = action, action.continuous
+
+    def start(self, rows: BoolArray) -> BoolArray:
+        """Begin to move sideways."""
+        action, actor, run = self._action, self._actor, self._run
+        run.one_by_one(actor, rows, (), lambda each: action.aim(each, run.single))
+        value = run.value(action.value)
+        goal = (-value if action.to_right else value * actor.direction) * np.ones(run.n)
+        return self._begin(
+            rows, goal, action.durations(goal - actor.kept_offset * actor.direction, run)
+        )
 
 
 class _Kept(Running):

@@ -7,7 +7,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from runner.engine.compile import registry
+from runner.engine.compile.batch import BatchProcess
 from runner.engine.compile.element import PrivateAction
 from runner.engine.compile.run import Running
 from runner.engine.motion.routes import AssignedRoute, RandomRoute, Route
@@ -16,11 +19,14 @@ from runner.engine.positions.lane import LAYERS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.element import Position
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Run
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.entity import Entity
+    from runner.engine.participants.rows import EntityRows
+    from schemas.common.array_types import BoolArray
     from xodr.graph.network import RoadNetwork
     from xodr.model import RoadPoint
     from xosc.document.node import Node
@@ -58,6 +64,26 @@ class AssignRouteAction(PrivateAction):
         actor.controls.route = route
         nodes = [waypoint.node for waypoint in self.route.waypoints]
         tell_missed(route, actor, run, [*nodes, nodes[0]])
+
+    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+        """Assign, run by run."""
+        return _Assignment(self, actor, run)
+
+
+class _Assignment(BatchProcess):
+    """An assignment of a route in many runs."""
+
+    def __init__(self, action: AssignRouteAction, actor: EntityRows, run: BatchRun) -> None:
+        super().__init__(run)
+        self._action, self._actor, self._run = action, actor, run
+
+    def start(self, rows: BoolArray) -> BoolArray:
+        """Assign; each run has a route of its own, which remembers its legs."""
+        run, action = self._run, self._action
+        run.one_by_one(
+            self._actor, rows, action.references(), lambda each: action.start(each, run.single)
+        )
+        return np.zeros_like(rows)
 
 
 def _voice(node: Node, actor: Entity, run: Run) -> Callable[[str], object]:

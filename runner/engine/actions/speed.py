@@ -8,6 +8,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
+from runner.engine.compile.batch import BatchProcess
 from runner.engine.compile.element import LONGITUDINAL, PrivateAction
 from runner.engine.compile.registry import action
 from runner.engine.compile.run import Rest, Running
@@ -22,11 +25,15 @@ from runner.engine.motion.dynamics import (
 from runner.engine.motion.speed_plans import ProfileEntry, ProfilePiece, plan
 from runner.engine.participants.declaration import Performance
 from runner.engine.participants.entity import Entity
+from schemas.expressions.columns import NotInArrays
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Run
+    from runner.engine.participants.rows import EntityRows
+    from schemas.common.array_types import BoolArray, FloatArray
 
 
 RELATIVE: dict[str, Callable[[float, float], float]] = {
@@ -113,6 +120,92 @@ class SpeedAction(PrivateAction):
             pieces = plan(actor.speed, [ProfileEntry(duration, target)], limits, True)
             return _Profile(actor, None, pieces, self.goal)
         return _Transition(actor, target, duration, self.dynamics.shape, self.goal)
+
+    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+        """The change of speed, unless jerk limits make a profile of it."""
+        limits = actor.declared.performance
+        jerk = min(limits.max_acceleration_rate, limits.max_deceleration_rate)
+        if self.lasting or (jerk < math.inf and not self.dynamics.strict):
+            raise NotInArrays("a SpeedAction with a limit of jerk plays in single runs only")
+        return _Changes(self, actor, run)
+
+
+class _Changes(BatchProcess):
+    """A SpeedAction of an actor in many runs: `_Transition` and `_Tracking`."""
+
+    def __init__(self, action: SpeedAction, actor: EntityRows, run: BatchRun) -> None:
+        super().__init__(run)
+        self._action, self._actor, self._run = action, actor, run
+        self._reference = (
+            run.entities[action.reference.name] if action.reference is not None else None
+        )
+        self._start, self._target = np.zeros(run.n), np.zeros(run.n)
+        self._duration, self._elapsed = np.zeros(run.n), np.zeros(run.n)
+
+    @property
+    def _asked(self) -> FloatArray:
+        """Speed asked for now (n,), m/s."""
+        value: FloatArray = self._run.value(self._action.value) * np.ones(self._run.n)
+        if self._reference is not None:
+            value = RELATIVE[self._action.relation](self._reference.speed, value)  # type: ignore[arg-type, assignment]
+        return value
+
+    @property
+    def _goal(self) -> FloatArray:
+        """The target speed now (n,), m/s: that as far as the Performance bounds it."""
+        strict = self._action.dynamics.strict
+        limit = math.inf if strict else self._actor.declared.performance.max_speed
+        return np.minimum(np.maximum(self._asked, -limit), limit)
+
+    def start(self, rows: BoolArray) -> BoolArray:
+        """Begin; a change that takes no time is complete at once, unless it never ends."""
+        action, actor, run = self._action, self._actor, self._run
+        target = self._goal
+        duration = action.dynamics.speed_duration_batch(
+            actor.speed, target, actor.declared.performance, run.value(action.dynamics.value)
+        )
+        run.leave(rows & np.isnan(duration))
+        at_once = rows & (duration <= 0.0)
+        actor.target_speed[at_once] = target[at_once]
+        if run.initialising:
+            actor.speed[at_once] = target[at_once]
+        self._start[rows], self._target[rows] = actor.speed[rows], target[rows]
+        self._duration[rows], self._elapsed[rows] = duration[rows], 0.0
+        if action.continuous:
+            return rows.copy()
+        short = at_once & (not run.initialising) & (target != self._asked)
+        return rows & (~at_once | short)
+
+    def step(self, dt: float) -> BoolArray:
+        """Ask for the speed at the end of the step."""
+        self._elapsed = self._elapsed + dt
+        if self._action.continuous:
+            return self._track(dt)
+        actor, active = self._actor, self.active
+        progress = np.divide(
+            self._elapsed, self._duration, out=np.zeros_like(self._elapsed), where=active
+        )
+        done = active & (progress >= 1.0 - EPSILON)
+        shape = self._action.dynamics.shape.values(np.minimum(progress, 1.0))
+        wanted = np.where(done, self._target, self._start + (self._target - self._start) * shape)
+        actor.target_speed = np.where(active, wanted, actor.target_speed)
+        return done
+
+    def _track(self, dt: float) -> BoolArray:
+        actor, dynamics = self._actor, self._action.dynamics
+        target = self._goal
+        if dynamics.dimension == "rate" and dynamics.shape.slope > 0.0:
+            reach = self._run.value(dynamics.value) * dt
+            target = np.minimum(np.maximum(target, actor.speed - reach), actor.speed + reach)
+        else:
+            under = self.active & (self._elapsed < self._duration)
+            progress = np.divide(
+                self._elapsed, self._duration, out=np.zeros_like(target), where=under
+            )
+            way = self._start + (target - self._start) * dynamics.shape.values(progress)
+            target = np.where(under, way, target)
+        actor.target_speed = np.where(self.active, target, actor.target_speed)
+        return np.zeros_like(self.active)
 
 
 def _reached(actor: Entity, goal: float) -> Rest:

@@ -11,6 +11,9 @@ from collections.abc import Callable, MutableMapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from runner.engine.compile.batch import BatchProcess
 from runner.engine.compile.element import GlobalAction
 from runner.engine.compile.registry import action
 from runner.engine.worlds.surroundings import Environment
@@ -20,8 +23,10 @@ from xosc.resolve.parameters import typed_value
 from xosc.rules.values import DECLARED_TYPE_UID
 
 if TYPE_CHECKING:
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Run
+    from schemas.common.array_types import BoolArray
 
 
 _NUMBERS = ("double", "int", "unsignedInt", "unsignedShort")
@@ -179,6 +184,27 @@ class EnvironmentAction(GlobalAction):
         environment = run.environment.after(self.environment, run.time)
         run.set_environment(environment)
         run.note("environment", environment.name, f"friction {environment.friction:g}")
+
+    def in_arrays(self, run: BatchRun) -> BatchProcess:
+        """Apply at once, in all runs: it is an initial action."""
+        return _Weather(self.environment, run)
+
+
+class _Weather(BatchProcess):
+    """An EnvironmentAction in many runs."""
+
+    def __init__(self, environment: Node, run: BatchRun) -> None:
+        super().__init__(run)
+        self._environment, self._run = environment, run
+
+    def start(self, rows: BoolArray) -> BoolArray:
+        """Apply; runs in which it comes later than in others are left."""
+        run = self._run
+        if run.time > 0.0:
+            run.leave(rows)
+        else:
+            run.environment = run.environment.after(self._environment, run.time)
+        return np.zeros_like(rows)
 
 
 @action("TrafficSignalStateAction")

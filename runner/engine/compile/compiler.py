@@ -12,7 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runner.engine.compile import registry
-from runner.engine.compile.element import Action, ByEntityCondition, Condition, PrivateAction
+from runner.engine.compile.element import (
+    Action,
+    ByEntityCondition,
+    Condition,
+    PrivateAction,
+    VaryingPosition,
+)
 from runner.engine.participants.entity import Entities, Entity
 from runner.engine.participants.scenario_objects import read_entities
 from runner.engine.storyboard.departures import absence
@@ -31,6 +37,8 @@ from runner.engine.storyboard.triggers import OneShotCondition, TimedCondition, 
 from runner.engine.worlds.surroundings import TrafficSignals
 from schemas.checks.structure import SCHEMA_UID
 from schemas.common.remarks import Remark, Remarks, with_ignored
+from schemas.expressions.columns import is_reading
+from schemas.expressions.values import MARK
 from xosc.document.node import Node
 from xosc.rules.references import ACTORS_UID, OTHER_ENTITY_UID, SIGNAL_UID
 from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
@@ -131,6 +139,8 @@ class ScenarioContext:
             *(network.remarks if network is not None else ())
         )  # where strict, it was read without repairs
         self._late: list[Callable[[], None]] = []
+        self.many = is_reading()
+        """whether the document is read for many parameter sets"""
         self.observers: list[Callable[[Run], None]] = (
             [self.signals.advance] if self.signals.controllers else []
         )
@@ -244,8 +254,21 @@ class ScenarioContext:
 
     def position(self, node: Node) -> Position:
         """The position inside an element that holds exactly one (Position, TargetPosition, …)."""
-        position: Position = self._build(registry.position, node.only())
+        inside = node.only()
+        if self.many and any(
+            MARK in text for each in inside.iter() for text in each.element.attrib.values()
+        ):
+            return VaryingPosition(inside, self._rebuilt)
+        position: Position = self._build(registry.position, inside)
         return position
+
+    def _rebuilt(self, node: Node) -> tuple[Position, bool]:
+        """A position of an element whose numbers have changed, and whether it was repaired."""
+        kept, self.remarks = self.remarks, Remarks(self.remarks.strict)
+        try:
+            return self._build(registry.position, node), bool(self.remarks.found)
+        finally:
+            self.remarks = kept
 
     def _build(self, family: registry.Registry, node: Node) -> Any:
         parent = node.element.getparent()

@@ -15,14 +15,21 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from runner.engine.participants.entity import LATERAL as LATERAL
+from schemas.expressions.columns import NotInArrays, current
+from schemas.expressions.values import MARK
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
+    from runner.engine.compile.batch import BatchProcess, BatchRun
     from runner.engine.compile.run import Instant, Run, Running, Surroundings
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.entity import Entity
+    from runner.engine.participants.rows import EntityRows
+    from schemas.common.array_types import BoolArray
     from xosc.document.node import Node
 
 
@@ -34,7 +41,10 @@ class Position(ABC):
         fixed: where it is, for positions that are the same throughout every run.
         oriented: whether the file prescribes an orientation.
         grounded: whether the height is that of the road's surface.
+        repaired: whether it was read with a repair for its one of many parameter sets.
     """
+
+    repaired = False
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -54,6 +64,10 @@ class Position(ABC):
             InvalidFile: there is no such place at the moment: with the line of the position's
                 element.
         """
+
+    def at_set(self, number: int) -> Position:
+        """The position in one of the parameter sets for which the scenario was read."""
+        return self
 
     def references(self) -> tuple[Entity, ...]:
         """Entities whose place must be known before this position can be resolved."""
@@ -80,6 +94,44 @@ class FixedPosition(Position):
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
         """The place."""
         return self.fixed
+
+
+class VaryingPosition(Position):
+    """A position with numbers that vary between the parameter sets for which the scenario is read.
+
+    Args:
+        node: its element, with the marks of columns.
+        build: makes a position of an element, and says whether it was repaired.
+    """
+
+    def __init__(self, node: Node, build: Callable[[Node], tuple[Position, bool]]) -> None:
+        super().__init__(node)
+        self._build = build
+        self._varying = [
+            (each.element, name, current().of(str(text)).view(np.ndarray))
+            for each in node.iter()
+            for name, text in each.element.attrib.items()
+            if str(text).startswith(MARK)
+        ]
+        self._number = -1
+        self._known = self.at_set(0)
+
+    def at_set(self, number: int) -> Position:
+        """Built of the numbers of that set."""
+        if number != self._number:
+            for element, name, values in self._varying:
+                element.set(name, repr(float(values[number])))
+            self._number, (self._known, repaired) = number, self._build(self.node)
+            self._known.repaired = repaired
+        return self._known
+
+    def references(self) -> tuple[Entity, ...]:
+        """Return those of the first set."""
+        return self._known.references()
+
+    def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
+        """Refused: it is at another place in each set."""
+        raise NotInArrays(f"{self.node.tag} varies between the runs")
 
 
 _SLEEPLESS = 8
@@ -122,6 +174,14 @@ class Condition(ABC):
     def evaluate(self, run: Instant) -> bool:
         """The logical expression at the simulation's current time."""
 
+    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+        """Return a function that evaluates the expression in many runs at once: masks (n,) at their current time.
+
+        Raises:
+            NotInArrays: it is evaluated in single runs only, as by default.
+        """
+        raise _single(self)
+
     @abstractmethod
     def describe(self, run: Instant) -> str:
         """The expression with the values of now, e.g. `time headway Ego–Lead = 1.31 s < 1.5 s`."""
@@ -148,6 +208,10 @@ class EntityCondition(ABC):
     @abstractmethod
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the expression is true for this entity now; an undefined quantity makes it false."""
+
+    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+        """Same as `Condition.in_arrays`, for this entity."""
+        raise _single(self)
 
     @abstractmethod
     def describe(self, entity: Entity, run: Instant) -> str:
@@ -217,6 +281,19 @@ class ByEntityCondition(Condition):
         if self._near is not None and not held and run.step_index % _SLEEPLESS == 0:
             self._asleep = run.displacement.after(self._way(self._near, run))
         return len(held) == len(self.entities) if self.every else bool(held)
+
+    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+        """The expressions of all entities, combined."""
+        each = [self.condition.in_arrays(run.entities[e.name], run) for e in self.entities]
+        combine = np.logical_and if self.every else np.logical_or
+
+        def evaluate() -> BoolArray:
+            found = np.full(run.n, self.every)
+            for holds in each:
+                found = combine(found, holds())
+            return found
+
+        return evaluate
 
     def _way(self, condition: NearCondition, run: Instant) -> float:
         """Return the distance each entity may move before the expression, false for all, can hold for one of them."""
@@ -291,6 +368,14 @@ class PrivateAction(ABC):
     def start(self, actor: Entity, run: Run) -> Running | None:
         """Begin for this actor now; None when the action is complete at once."""
 
+    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
+        """Make of it what does the same for this actor in many runs at once.
+
+        Raises:
+            NotInArrays: it plays in single runs only, as by default.
+        """
+        raise _single(self)
+
 
 class GlobalAction(ABC):
     """An action on the simulation at large."""
@@ -306,6 +391,14 @@ class GlobalAction(ABC):
     @abstractmethod
     def start(self, run: Run) -> Running | None:
         """Begin now; None when the action is complete at once."""
+
+    def in_arrays(self, run: BatchRun) -> BatchProcess:
+        """Same as `PrivateAction.in_arrays`."""
+        raise _single(self)
+
+
+def _single(element: object) -> NotInArrays:
+    return NotInArrays(f"{type(element).__name__} plays in single runs only")
 
 
 Action = PrivateAction | GlobalAction

@@ -6,8 +6,10 @@ Source: OpenSCENARIO XML 1.3, EntityCondition.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from runner.engine.compile.element import EntityCondition
 from runner.engine.compile.registry import condition
@@ -18,9 +20,12 @@ from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
 from xosc.rules.values import NOT_NEGATIVE_UID
 
 if TYPE_CHECKING:
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Instant
     from runner.engine.participants.entity import Entity
+    from runner.engine.participants.rows import EntityRows
+    from schemas.common.array_types import BoolArray, FloatArray
 
 _CLOSE = 1e-3
 """Way (m) before a distance travelled in which it is looked at in each step: much more than sums of steps round off"""
@@ -41,6 +46,10 @@ class _Lasting(EntityCondition):
 
     def _lasted(self, since: float) -> bool:
         return since > 0.0 and since >= self.duration - TOLERANCE
+
+    def _lasted_batch(self, since: FloatArray, run: BatchRun) -> BoolArray:
+        found: BoolArray = (since > 0.0) & (since >= run.value(self.duration) - TOLERANCE)
+        return found
 
     def _text(self, entity: Entity, state: str, since: float) -> str:
         return f"{entity.name} {state} for {since:.2f} s ≥ {self.duration:g} s"
@@ -63,6 +72,10 @@ class EndOfRoadCondition(_Lasting):
         """Whether the road has ended long enough ago."""
         return self._lasted(entity.road_end)
 
+    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+        """The runs in which the road has ended long enough ago."""
+        return lambda: self._lasted_batch(entity.road_end, run)
+
     def describe(self, entity: Entity, run: Instant) -> str:
         """Time at the end of the road."""
         return self._text(entity, "at the end of the road", entity.road_end)
@@ -82,6 +95,10 @@ class StandStillCondition(_Lasting):
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether it stands long enough."""
         return self._lasted(entity.standstill)
+
+    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+        """The runs in which it stands long enough."""
+        return lambda: self._lasted_batch(entity.standstill, run)
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """Time of standing still."""
@@ -169,6 +186,18 @@ class CollisionCondition(EntityCondition):
         """Whether a contact exists now."""
         return any(other.name in self.others for other in run.touching(entity))
 
+    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+        """The runs in which a contact exists now."""
+        others = [name for name in run.entities if name in self.others and name != entity.name]
+
+        def evaluate() -> BoolArray:
+            found = np.zeros(run.n, bool)
+            for name in others:
+                found |= run.contact(entity.name, name)
+            return found
+
+        return evaluate
+
     def describe(self, entity: Entity, run: Instant) -> str:
         """Describe the collision partner."""
         touched = ", ".join(other.name for other in run.touching(entity)) or "no one"
@@ -196,6 +225,16 @@ class SpeedCondition(EntityCondition):
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the comparison is true."""
         return self.comparison.holds(self._speed(entity))
+
+    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+        """The comparison."""
+
+        def speed() -> FloatArray:
+            if self.direction is None:
+                return entity.speed
+            return _project_batch(entity, entity.vx, entity.vy, self.direction)
+
+        return lambda: self.comparison.holds_batch(speed(), run)
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """The speed compared."""
@@ -234,6 +273,18 @@ class RelativeSpeedCondition(EntityCondition):
         """Whether the comparison is true."""
         return self.comparison.holds(self._speed(entity))
 
+    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+        """The comparison."""
+        other = run.entities[self.other.name]
+
+        def speed() -> FloatArray:
+            if self.direction is None:
+                return entity.speed - other.speed
+            vx, vy = entity.vx - other.vx, entity.vy - other.vy
+            return _project_batch(entity, vx, vy, self.direction)
+
+        return lambda: self.comparison.holds_batch(speed(), run)
+
     def describe(self, entity: Entity, run: Instant) -> str:
         """The relative speed compared."""
         what = _called(self.direction, "relative speed", f"{entity.name}–{self.other.name}")
@@ -271,6 +322,18 @@ class AccelerationCondition(EntityCondition):
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the comparison is true."""
         return self.comparison.holds(self._acceleration(entity))
+
+    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+        """The comparison."""
+
+        def acceleration() -> FloatArray:
+            if self.direction == "longitudinal":
+                return entity.acceleration
+            if self.direction is None:
+                return np.hypot(entity.ax, entity.ay)
+            return _project_batch(entity, entity.ax, entity.ay, self.direction)
+
+        return lambda: self.comparison.holds_batch(acceleration(), run)
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """The acceleration compared."""
@@ -320,6 +383,15 @@ class TraveledDistanceCondition(EntityCondition):
         """Whether it has gone so far."""
         return self._travelled(entity) >= self.distance - TOLERANCE
 
+    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+        """The runs in which it has gone so far."""
+
+        def evaluate() -> BoolArray:
+            found: BoolArray = entity.odometer >= run.value(self.distance) - TOLERANCE
+            return found
+
+        return evaluate
+
     def describe(self, entity: Entity, run: Instant) -> str:
         """The distance travelled."""
         return f"distance travelled by {entity.name} = {self._travelled(entity):.2f} m ≥ {self.distance:g} m"
@@ -334,6 +406,14 @@ def project(entity: Entity, x: float, y: float, direction: str) -> float:
     if direction == "vertical":
         return 0.0
     c, s = math.cos(entity.h), math.sin(entity.h)
+    return x * c + y * s if direction == "longitudinal" else y * c - x * s
+
+
+def _project_batch(entity: EntityRows, x: FloatArray, y: FloatArray, direction: str) -> FloatArray:
+    """`project` in many runs (n,)."""
+    if direction == "vertical":
+        return np.zeros_like(x)
+    c, s = np.cos(entity.h), np.sin(entity.h)
     return x * c + y * s if direction == "longitudinal" else y * c - x * s
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from runner.engine.compile.element import Condition
 from runner.engine.compile.registry import condition
@@ -20,8 +22,10 @@ from xosc.resolve.parameters import typed_value
 from xosc.rules.values import DECLARED_TYPE_UID
 
 if TYPE_CHECKING:
+    from runner.engine.compile.batch import BatchRun, ElementRows
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Instant
+    from schemas.common.array_types import BoolArray
     from xosc.resolve.parameters import ParameterDeclaration
 
 
@@ -66,6 +70,10 @@ class SimulationTimeCondition(Condition):
     def evaluate(self, run: Instant) -> bool:
         """Whether the comparison is true now."""
         return self.comparison.holds(run.time - self._since)
+
+    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+        """The comparison, whose value may vary between the runs."""
+        return lambda: self.comparison.holds_batch(np.full(run.n, run.time), run)
 
     def describe(self, run: Instant) -> str:
         """The simulation time."""
@@ -357,6 +365,33 @@ class StoryboardElementStateCondition(Condition):
         return self.state in element.seen_transitions or (
             self.around and self.state in element.transitions
         )
+
+    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+        """The element's states and transitions."""
+        element: ElementRows
+
+        from runner.engine.compile.batch import STATES, TRANSITIONS
+
+        def find() -> None:
+            nonlocal element
+            element = run.element(self.element)
+
+        def evaluate() -> BoolArray:
+            found: BoolArray
+            if self._is_state:
+                seen = element.state if self.around else element.seen_state
+                found = seen == STATES[ElementState(self.state)]
+                return found
+            wanted = TRANSITIONS[Transition(self.state)]
+            if self.around and run.step_index > 0:
+                found = (element.transitions & wanted) != 0
+                return found
+            seen = element.seen_transitions | (element.transitions if self.around else 0)
+            found = (seen & wanted) != 0
+            return found
+
+        run.late(find)
+        return evaluate
 
     def describe(self, run: Instant) -> str:
         """The element's state and transitions."""

@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from xosc.document.node import Node
+
+if TYPE_CHECKING:
+    from runner.engine.compile.batch import BatchRun
+    from schemas.common.array_types import BoolArray, FloatArray
 
 TOLERANCE = 1e-6
 """Quantities closer than this count as equal, and as neither less nor greater, so that sums of time steps and rounded
@@ -75,6 +79,11 @@ class Comparison:
     def holds(self, quantity: float | None) -> bool:
         """Whether the comparison is true; an undefined quantity (None) makes it false."""
         return quantity is not None and self._holds(quantity, self._border)
+
+    def holds_batch(self, quantity: FloatArray, run: BatchRun) -> BoolArray:
+        """`holds` in many runs (n,); NaN is an undefined quantity."""
+        found: BoolArray = self._holds(quantity, run.value(self._border))  # type: ignore[arg-type, assignment]
+        return found
 
     def describe(self, what: str, quantity: float | None) -> str:
         """`what = quantity unit < value unit`, or that the quantity is undefined."""

@@ -8,21 +8,30 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
 
 from runner.engine.compile.element import EntityCondition, NearCondition
 from runner.engine.compile.registry import condition
 from runner.engine.conditions.comparison import TOLERANCE, Comparison
 from runner.engine.motion import spacing
 from runner.engine.participants.entity import Entity, Separation
+from runner.engine.participants.rows import RunRows
 from schemas.common.errors import InvalidFile
+from schemas.expressions.columns import NotInArrays
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.element import Position
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Instant
     from runner.engine.motion.placement import Placement
+    from runner.engine.participants.rows import EntityRows
+    from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _TYPES = {
     "longitudinal": "longitudinal",
@@ -30,6 +39,8 @@ _TYPES = {
     "euclidianDistance": "euclidean",
     "cartesianDistance": "euclidean",
 }
+_FAR = 50.0
+"""Distance (m) in the plane, beyond twice a way along roads, from which that way is certainly longer"""
 _STILL = 1e-6
 """Speed (m/s) from which a time headway is defined"""
 
@@ -85,6 +96,38 @@ class DistanceMeasure(NamedTuple):
         )
         return rate(run.roads, a, b, self.system, self.routing)
 
+    def between_batch(
+        self, run: BatchRun, a: EntityRows, b: EntityRows | PlaceRows, below: FloatArray | float
+    ) -> FloatArray:
+        """`between` in many runs (n,); NaN where it is undefined, or in the plane certainly not `below` a distance (m)."""
+        found, known = (
+            spacing.euclidean_batch(a, b, self.freespace)
+            if self.kind == "euclidean"
+            else spacing.directed_batch(
+                a, b, self.kind == "longitudinal", self.system, self.freespace
+            )
+        )
+        left = run.going & ~known
+        if left.any() and np.ndim(below) == 0 and below == math.inf:
+            near = left
+        elif left.any():
+            near = left & (np.hypot(b.x - a.x, b.y - a.y) - a.reach - b.reach <= 2.0 * below + _FAR)
+        else:
+            return found
+        found = np.where(left, np.nan, found)
+        for row in np.flatnonzero(near):
+            value = self.between(run.single, a.load(row), b.load(row))
+            found[row] = math.nan if value is None else value
+        return found
+
+    def closing_batch(self, run: BatchRun, a: EntityRows, b: EntityRows | PlaceRows) -> FloatArray:
+        """`closing` in many runs (n,); NaN where it is undefined."""
+        found = np.full(run.n, np.nan)
+        for row in np.flatnonzero(run.going):
+            value = self.closing(run.single, a.load(row), b.load(row))
+            found[row] = math.nan if value is None else value
+        return found
+
     def named(self, what: str) -> str:
         """Return its name for descriptions."""
         name = what if self.kind == "euclidean" else f"{self.kind} {what} ({self.system})"
@@ -133,6 +176,44 @@ class DistanceTarget:
         ):  # relative to something that has no such place at the moment: undefined, not wrong
             return None
 
+    def in_arrays(self, run: BatchRun) -> EntityRows | PlaceRows:
+        """The entity or place in many runs.
+
+        Raises:
+            NotInArrays: the place depends on entities.
+        """
+        if self.entity is not None:
+            return run.entities[self.entity.name]
+        assert self.position is not None
+        return run.own(PlaceRows(self.position, run.sets))
+
+
+class PlaceRows(RunRows):
+    """A place in many runs: x, y, z (n,), m."""
+
+    reach = 0.0
+
+    def __init__(self, position: Position, sets: IntArray) -> None:
+        if position.at_set(0).fixed is None:
+            raise NotInArrays(
+                f"{position.node.tag} is a place relative to entities, which conditions know in single runs only"
+            )
+        if position.fixed is not None:
+            places = [position.fixed] * len(sets)
+        else:
+            known = {int(number): position.at_set(int(number)).fixed for number in np.unique(sets)}
+            places = [known[int(number)] for number in sets]  # type: ignore[misc]
+        self._places = np.empty(len(sets), object)
+        self._places[:] = [(place,) for place in places]
+        self.x, self.y, self.z = (
+            np.array([getattr(place, name) for place in places]) for name in "xyz"
+        )
+
+    def load(self, row: Any) -> Placement:
+        """The place in a run."""
+        place: Placement = self._places[row][0]
+        return place
+
 
 class _Measured(EntityCondition):
     """Compares what is measured from an entity to a target; false where that is undefined."""
@@ -158,6 +239,17 @@ class _Measured(EntityCondition):
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether the comparison is true."""
         return self.comparison.holds(self._value(entity, run))
+
+    def between_batch(
+        self, entity: EntityRows, target: EntityRows | PlaceRows, run: BatchRun
+    ) -> FloatArray:
+        """`between` in many runs (n,); NaN where it is undefined, or is certainly too great for the comparison."""
+        raise NotInArrays(f"{type(self).__name__} is evaluated in single runs only")
+
+    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+        """The comparison."""
+        target = self.target.in_arrays(run)
+        return lambda: self.comparison.holds_batch(self.between_batch(entity, target, run), run)
 
     def describe(self, entity: Entity, run: Instant) -> str:
         """The value compared."""
@@ -223,6 +315,13 @@ class _DistanceCondition(_Measured, NearCondition):
         distance = self.measure.between(run, entity, target)
         return abs(distance) if distance is not None else None
 
+    def between_batch(
+        self, entity: EntityRows, target: EntityRows | PlaceRows, run: BatchRun
+    ) -> FloatArray:
+        """The distance without its sign."""
+        below = run.value(self.comparison.greatest)
+        return np.abs(self.measure.between_batch(run, entity, target, below))
+
 
 @condition("DistanceCondition")
 class DistanceCondition(_DistanceCondition):
@@ -279,6 +378,17 @@ class ReachPositionCondition(NearCondition):
         distance = self._distance(entity, run)
         return distance is not None and distance < self.tolerance + TOLERANCE
 
+    def in_arrays(self, entity: EntityRows, run: BatchRun) -> Callable[[], BoolArray]:
+        """The runs in which the entity is inside the circle."""
+        place = self.target.in_arrays(run)
+
+        def evaluate() -> BoolArray:
+            distance = np.hypot(place.x - entity.x, place.y - entity.y)
+            found: BoolArray = distance < run.value(self.tolerance) + TOLERANCE
+            return found
+
+        return evaluate
+
     def describe(self, entity: Entity, run: Instant) -> str:
         """The distance from the circle's centre."""
         return Comparison("lessOrEqual", self.tolerance, "m").describe(
@@ -309,6 +419,17 @@ class TimeHeadwayCondition(_Measured):
         if distance is None or not self._ahead(entity, target, distance, run):
             return None
         return abs(distance) / entity.speed
+
+    def between_batch(
+        self, entity: EntityRows, target: EntityRows | PlaceRows, run: BatchRun
+    ) -> FloatArray:
+        """The time headway."""
+        distance = self.measure.between_batch(run, entity, target, math.inf)
+        ahead = spacing.directed_batch(entity, target, True, "entity", False)[0] > TOLERANCE
+        if self.measure.kind == "longitudinal":
+            ahead = np.where(distance != 0.0, distance > 0.0, ahead)
+        valid = ahead & (entity.speed >= _STILL)
+        return np.divide(np.abs(distance), entity.speed, out=np.full(run.n, np.nan), where=valid)
 
     def _ahead(
         self, entity: Entity, target: Entity | Placement, distance: float, run: Instant
@@ -341,3 +462,11 @@ class TimeToCollisionCondition(_Measured):
             return None
         speed = self.measure.closing(run, entity, target)
         return abs(distance) / speed if speed is not None and speed > _STILL else None
+
+    def between_batch(
+        self, entity: EntityRows, target: EntityRows | PlaceRows, run: BatchRun
+    ) -> FloatArray:
+        """The time to collision."""
+        distance = self.measure.between_batch(run, entity, target, math.inf)
+        speed = self.measure.closing_batch(run, entity, target)
+        return np.divide(np.abs(distance), speed, out=np.full(run.n, np.nan), where=speed > _STILL)

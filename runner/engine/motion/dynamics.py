@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from runner.engine.participants.declaration import Performance
 
 if TYPE_CHECKING:
+    from schemas.common.array_types import FloatArray
     from xosc.document.node import Node
 
 EPSILON = 1e-9
@@ -61,12 +64,24 @@ class TransitionShape(NamedTuple):
     slope: float
     bend: float
 
+    def values(self, p: FloatArray) -> FloatArray:
+        """The values over p in many runs (n,)."""
+        return _VALUES[self.value](p)
+
 
 SHAPES: dict[str, TransitionShape] = {
     "linear": TransitionShape(_linear, 1.0, 6.0),
     "cubic": TransitionShape(_cubic, 1.5, 6.0),
     "sinusoidal": TransitionShape(_sinusoidal, math.pi / 2, math.pi**2 / 2),
     "step": TransitionShape(_step, 0.0, 0.0),
+}
+
+
+_VALUES: dict[Callable[[float], float], Callable[[FloatArray], FloatArray]] = {
+    _linear: lambda p: p,
+    _cubic: lambda p: p * p * (3.0 - 2.0 * p),
+    _sinusoidal: lambda p: 0.5 * (1.0 - np.cos(math.pi * p)),
+    _step: np.ones_like,
 }
 
 
@@ -110,6 +125,32 @@ class TransitionDynamics(NamedTuple):
         if self.dimension == "rate":
             return self.shape.slope * abs(change) / self.value if self.value > 0.0 else math.inf
         return self.value
+
+    def extent_batch(self, change: FloatArray, value: Any) -> FloatArray:
+        """`extent` in many runs (n,), in which the value is a number or an array (n,)."""
+        value = value * np.ones_like(change)
+        if self.shape.slope == 0.0:
+            return np.zeros_like(change)
+        if self.dimension == "rate":
+            way = self.shape.slope * np.abs(change)
+            value = np.divide(way, value, out=np.full_like(change, np.inf), where=value > 0.0)
+        return np.where(change == 0.0, 0.0, value)
+
+    def speed_duration_batch(
+        self, start: FloatArray, target: FloatArray, performance: Performance, value: Any
+    ) -> FloatArray:
+        """`speed_duration` in many runs (n,); NaN for a change over a distance from forward to backward motion."""
+        duration = self.extent_batch(target - start, value)
+        if self.dimension == "distance":
+            mean = np.where(start * target >= 0.0, np.abs(start + target) / 2.0, np.nan)
+            duration = np.divide(duration, mean, out=duration.copy(), where=duration > 0.0)
+        if self.strict:
+            return duration
+        faster = np.abs(target) > np.abs(start)
+        limit = np.where(faster, performance.max_acceleration, performance.max_deceleration)
+        way = self.shape.slope * np.abs(target - start)
+        least = np.divide(way, limit, out=np.full_like(way, np.inf), where=limit > 0.0)
+        return np.where(duration == 0.0, 0.0, np.maximum(duration, least))
 
     def speed_duration(self, start: float, target: float, performance: Performance) -> float:
         """Seconds that a change of speed from `start` to `target` (m/s) takes.

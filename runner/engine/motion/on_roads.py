@@ -14,6 +14,8 @@ import math
 from math import cos, sin
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from runner.engine.motion.dynamics import Easing
 from runner.engine.motion.placement import Placement, in_world, lane_heading, pose_of, slant, wrap
 from runner.engine.participants.entity import LATERAL, STRAIGHT_AHEAD
@@ -22,6 +24,8 @@ from xodr.model.geometry import Line
 
 if TYPE_CHECKING:
     from runner.engine.participants.entity import Entity, Guide
+    from runner.engine.participants.rows import EntityRows
+    from schemas.common.array_types import BoolArray, FloatArray
     from xodr.graph.network import RoadNetwork
     from xodr.model import LaneSection
     from xodr.model.road import Road
@@ -125,6 +129,44 @@ class LaneMotion:
         h = h + entity.heading_offset + turn
         entity.h = h + math.pi if direction < 0 else h
         return True
+
+    def advance_batch(
+        self, rows: EntityRows, speed: FloatArray, dt: float, going: BoolArray
+    ) -> FloatArray:
+        """`advance` in many runs (n,), where they are `going`; steps that leave a line or arc are done one by one."""
+        offset, turn = rows.kept_offset, np.zeros_like(speed)
+        distance = speed * dt
+        steered = ~np.isnan(rows.target_offset)
+        if steered.any():
+            distance, turn = _sidestep_batch(rows, distance, steered)
+            offset = np.where(steered, rows.target_offset, offset)
+        ahead = rows.direction * distance
+        bent = bool(rows.curvature.any())
+        if bent:
+            ahead = ahead / np.maximum(1.0 - rows.curvature * rows.t, _SHARPEST)
+        s, aside = rows.s + ahead, rows.center + offset
+        glides = going & rows.gliding & (rows.low <= s) & (s < rows.high)
+        along = s - rows.start_s
+        x = rows.start_x + along * rows.start_cos - aside * rows.start_sin
+        y = rows.start_y + along * rows.start_sin + aside * rows.start_cos
+        h = rows.start_h
+        if bent:
+            x, y, h = _on_arc(rows, along, aside, (x, y, h))
+        h = h + rows.heading_offset + turn
+        h = np.where(rows.direction < 0, h + math.pi, h)
+        rows.s, rows.t = np.where(glides, s, rows.s), np.where(glides, aside, rows.t)
+        rows.x, rows.y = np.where(glides, x, rows.x), np.where(glides, y, rows.y)
+        rows.h = np.where(glides, h, rows.h)
+        rows.kept_offset = np.where(glides, offset, rows.kept_offset)
+        left = going & rows.on_lane & ~glides
+        rows.target_offset = np.where(glides, np.nan, rows.target_offset)
+        left &= (speed != 0.0) | ~np.isnan(rows.target_offset)
+        speed = speed.copy()
+        for row in np.flatnonzero(left):
+            entity = rows.load(row)
+            speed[row] = self.advance(entity, float(speed[row]), dt)
+            rows.store(row, entity)
+        return speed
 
     def _change(self, entity: Entity, route: Guide, speed: float) -> None:
         """Begin to change to the lane of a route, unless something moves the entity sideways already.
@@ -273,6 +315,41 @@ class LaneMotion:
         return -distance if distance is not None and entity.speed < 0.0 else distance
 
 
+def _sidestep_batch(
+    rows: EntityRows, distance: FloatArray, steered: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """`LaneMotion._sidestep` in many runs, where they are steered; nothing of the rows changes."""
+    left = np.where(steered, (rows.target_offset - rows.kept_offset) * rows.direction, 0.0)
+    rest = np.copysign(np.sqrt(np.maximum(distance * distance - left * left, 0.0)), distance)
+    part = np.divide(left, distance, out=np.zeros_like(left), where=distance != 0.0)
+    across = np.arcsin(np.clip(part, -1.0, 1.0))
+    beside = np.where(np.abs(left) <= np.abs(distance), np.arctan(part), 0.0)
+    compensated = steered & rows.path_compensated
+    return (
+        np.where(compensated, rest, distance),
+        np.where(compensated, across, np.where(steered, beside, 0.0)),
+    )
+
+
+def _on_arc(
+    rows: EntityRows,
+    along: FloatArray,
+    aside: FloatArray,
+    straight: tuple[FloatArray, FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Place and heading on arcs, `straight` where the rows are on lines."""
+    half = 0.5 * rows.curvature * along
+    chord = np.divide(along * np.sin(half), half, out=along.copy(), where=half != 0.0)
+    middle = rows.start_h + half
+    h = middle + half
+    x = rows.start_x + chord * np.cos(middle) - aside * np.sin(h)
+    y = rows.start_y + chord * np.sin(middle) + aside * np.cos(h)
+    bent = rows.curvature != 0.0
+    found = (np.where(bent, arc, line) for arc, line in zip((x, y, h), straight, strict=True))
+    x, y, h = found
+    return x, y, h
+
+
 def _drift(entity: Entity) -> float:
     """Return the lateral drift (m to +t per m of s) of the centre of an entity's lane."""
     assert entity.section is not None
@@ -289,7 +366,7 @@ class Roads:
 
     def __init__(self, network: RoadNetwork | None) -> None:
         self.network = network
-        self._lane_motion = LaneMotion(network) if network is not None else None
+        self.lane_motion = LaneMotion(network) if network is not None else None
         self.plain = network is not None and _plain(network)
         """Whether there is one straight, level road and no way round: s changes no faster than the place in the plane."""
 
@@ -382,6 +459,26 @@ class Roads:
             self.follow_lane(entity, point, placement.direction, placement.heading_offset)
             self.settle(entity)
 
+    def advance_batch(
+        self, rows: EntityRows, speed: FloatArray, dt: float, going: BoolArray
+    ) -> FloatArray:
+        """Move an entity in the runs (n,) that are `going`, along its lane or straight ahead; return its speeds."""
+        if self.lane_motion is None or not rows.on_lane.all():
+            STRAIGHT_AHEAD.advance_batch(rows, speed, dt, going & ~rows.on_lane)
+        if self.lane_motion is None:
+            return speed
+        return self.lane_motion.advance_batch(rows, speed, dt, going)
+
+    def stay_batch(self, rows: EntityRows, ended: BoolArray) -> None:
+        """`stay` in the runs (n,) in which lateral action has ended."""
+        moved = np.where(np.isnan(rows.target_offset), rows.kept_offset, rows.target_offset)
+        within = np.abs(moved) <= 0.5 * rows.width + _MOVED
+        guided = np.not_equal(rows.route, np.array(None, object)).astype(bool)
+        for row in np.flatnonzero(ended & rows.on_lane & (guided | ~within)):
+            entity = rows.load(row)
+            self.stay(entity)
+            rows.store(row, entity)
+
     def stay(self, entity: Entity) -> None:
         """After lateral action, have an entity keep to the lane that it is on, and not to the lanes that its route wishes for."""
         self.settle(entity)
@@ -424,7 +521,7 @@ class Roads:
         self, entity: Entity, point: RoadPoint, direction: int, heading_offset: float = 0.0
     ) -> None:
         """Let an entity follow the lane it is on, facing along (+1) or against (−1) increasing s."""
-        assert self.network is not None and self._lane_motion is not None
+        assert self.network is not None and self.lane_motion is not None
         entity.road, entity.layer = self.network.road_of(point), point.layer
         entity.section = entity.road.section(point.s)
         entity.kept_lane, entity.s, entity.t, entity.kept_offset = (
@@ -434,7 +531,7 @@ class Roads:
             point.offset,
         )
         entity.direction, entity.heading_offset, entity.on_lane = direction, heading_offset, True
-        entity.controls.motion = self._lane_motion
+        entity.controls.motion = self.lane_motion
 
     def leave_lane(self, entity: Entity) -> None:
         """Let an entity go straight ahead, off any lane."""

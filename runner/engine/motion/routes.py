@@ -228,6 +228,14 @@ class AssignedRoute:
         self._known = now if wanted == lane else None
         return wanted, abs(found.end - s)
 
+    def settled(self, entity: Entity, forward: bool) -> float:
+        """The end of the cell in whose lane it is."""
+        road, cell = entity.road, self._cell
+        if self.path.lanes is None or road is None:
+            return math.inf if forward else -math.inf
+        now = (road.id, forward, entity.kept_lane, self.released)
+        return entity.s if now != self._known or cell is None else cell.end
+
     def _pass(self, cell: LaneCell | None, entity: Entity, road_id: str) -> None:
         """Say that the waypoint at the end of a cell was passed in another lane."""
         asked = cell.checkpoint if cell is not None else None
@@ -305,6 +313,10 @@ class RandomRoute:
     def lane(self, entity: Entity, forward: bool) -> tuple[int, float]:
         """Its own."""
         return entity.kept_lane, math.inf
+
+    def settled(self, entity: Entity, forward: bool) -> float:
+        """For good."""
+        return math.inf if forward else -math.inf
 
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
         """Any lane does."""

@@ -19,7 +19,9 @@ overlap in the direction measured; without, that of the reference points. A posi
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
 
 from runner.engine.motion.following import PathMotion
 from runner.engine.motion.paths import nearest
@@ -27,11 +29,13 @@ from runner.engine.motion.routes import AssignedRoute
 from runner.engine.participants.boxes import Spot, gap, interval_gap, outlook, spans
 from runner.engine.participants.declaration import BoundingBox
 from runner.engine.participants.entity import Entity
+from runner.engine.participants.rows import EntityRows
 
 if TYPE_CHECKING:
     from runner.engine.motion.on_roads import Roads
     from runner.engine.motion.paths import Path
     from runner.engine.motion.placement import Placement
+    from schemas.common.array_types import BoolArray, FloatArray
     from xodr.model import RoadPoint
     from xodr.model.road import Road
 
@@ -305,6 +309,68 @@ def _trace(path: Path, b: Entity | Placement, freespace: bool) -> Footprint:
         return Footprint(s, s, t, t)
     rear, front, right, left = spans(outlook(Spot(b.x, b.y, b.z, h), b), b.box)
     return Footprint(s + rear, s + front, t + right, t + left)
+
+
+# many runs ----------------------------------------------------------------------------------
+
+
+class PointRows(Protocol):
+    """Reference points in many runs, m (n,): of an entity's rows, or of a place."""
+
+    @property
+    def x(self) -> FloatArray: ...
+    @property
+    def y(self) -> FloatArray: ...
+    @property
+    def z(self) -> FloatArray: ...
+
+
+def euclidean_batch(a: EntityRows, b: PointRows, freespace: bool) -> tuple[FloatArray, BoolArray]:
+    """`euclidean` in many runs (n,), and where it is known; gaps of boxes are worked out where they are near."""
+    distance = np.sqrt((b.x - a.x) ** 2 + (b.y - a.y) ** 2 + (b.z - a.z) ** 2)
+    return distance, np.full(len(distance), not freespace)
+
+
+def directed_batch(
+    a: EntityRows, b: PointRows, ahead: bool, system: str, freespace: bool
+) -> tuple[FloatArray, BoolArray]:
+    """`longitudinal` (ahead) or `lateral` in many runs (n,), and where it is known: on one straight road, or in entity axes."""
+    if system == "entity":
+        return _in_axes_batch(a, b, ahead, freespace)
+    if not isinstance(b, EntityRows) or system == "trajectory":
+        return np.full(len(a.x), np.nan), np.zeros(len(a.x), bool)
+    known = a.gliding & b.gliding & a.straight & (a.road_key == b.road_key)
+    if system == "lane":
+        known &= a.section_key == b.section_key
+    side = a.direction
+    apart = b.s - a.s if ahead else b.t - a.t
+    if not freespace:
+        return side * apart, known
+    (low_a, high_a), (low_b, high_b) = (_extent_batch(each, ahead) for each in (a, b))
+    gap = np.maximum(apart + low_b - high_a, 0.0) + np.minimum(apart + high_b - low_a, 0.0)
+    return side * gap, known
+
+
+def _extent_batch(rows: EntityRows, along: bool) -> tuple[FloatArray, FloatArray]:
+    """Extent of boxes along or across a straight road, m from the reference point (n,)."""
+    turn, box = rows.h - rows.start_h, rows.box
+    c, s = np.cos(turn), np.sin(turn)
+    middle = box.x * c - box.y * s if along else box.x * s + box.y * c
+    half = (
+        box.length * np.abs(c) + box.width * np.abs(s)
+        if along
+        else box.length * np.abs(s) + box.width * np.abs(c)
+    ) / 2
+    return middle - half, middle + half
+
+
+def _in_axes_batch(
+    a: EntityRows, b: PointRows, ahead: bool, freespace: bool
+) -> tuple[FloatArray, BoolArray]:
+    """Distance along the axes of a (n,); with freespace it is worked out run by run."""
+    c, s, dx, dy = np.cos(a.h), np.sin(a.h), b.x - a.x, b.y - a.y
+    found = dx * c + dy * s if ahead else dy * c - dx * s
+    return found, np.full(len(found), not freespace)
 
 
 # closing speeds: how fast distances shrink with the present velocities, positions standing still (m/s) -------------

@@ -8,9 +8,14 @@ left out.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
 
 from runner.engine.participants.declaration import BoundingBox
+
+if TYPE_CHECKING:
+    from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 _TOUCHING = 1e-9
 """Distance (m) that is rounding: boxes so near to each other touch, whichever of them looks."""
@@ -27,6 +32,21 @@ class Boxed(Protocol):
     def z(self) -> float: ...
     @property
     def h(self) -> float: ...
+    @property
+    def box(self) -> BoundingBox: ...
+
+
+class BoxedRows(Protocol):
+    """The same in many runs, arrays (n,): an entity's rows."""
+
+    @property
+    def x(self) -> FloatArray: ...
+    @property
+    def y(self) -> FloatArray: ...
+    @property
+    def z(self) -> FloatArray: ...
+    @property
+    def h(self) -> FloatArray: ...
     @property
     def box(self) -> BoundingBox: ...
 
@@ -77,6 +97,25 @@ def vertical_gap(a: Boxed, b: Boxed) -> float:
 def overlap(a: Boxed, b: Boxed) -> bool:
     """Whether two boxes overlap or touch, by the separating-axis theorem in the plane and their vertical spans."""
     return vertical_gap(a, b) == 0.0 and not _separated(outlook(a, b), a.box, b.box)
+
+
+def overlap_batch(a: BoxedRows, b: BoxedRows, rows: IntArray) -> BoolArray:
+    """`overlap` of two participants in some of many runs, given by their indices (k,)."""
+    ah, bh = a.h[rows], b.h[rows]
+    ca, sa, cb, sb = np.cos(ah), np.sin(ah), np.cos(bh), np.sin(bh)
+    dx = b.x[rows] - a.x[rows] + cb * b.box.x - sb * b.box.y
+    dy = b.y[rows] - a.y[rows] + sb * b.box.x + cb * b.box.y
+    x, y = dx * ca + dy * sa - a.box.x, dy * ca - dx * sa - a.box.y
+    c, s = cb * ca + sb * sa, sb * ca - cb * sa
+    al, aw = a.box.length / 2 + _TOUCHING, a.box.width / 2 + _TOUCHING
+    bl, bw = b.box.length / 2, b.box.width / 2
+    cos, sin = np.abs(c), np.abs(s)
+    apart = (np.abs(x) > al + bl * cos + bw * sin) | (np.abs(y) > aw + bl * sin + bw * cos)
+    apart |= np.abs(x * c + y * s) > bl + al * cos + aw * sin
+    apart |= np.abs(y * c - x * s) > bw + al * sin + aw * cos
+    middle = np.abs(b.z[rows] + b.box.z - a.z[rows] - a.box.z)
+    found: BoolArray = ~apart & (middle <= (a.box.height + b.box.height) / 2)
+    return found
 
 
 def _separated(seen: Outlook, a: BoundingBox, b: BoundingBox) -> bool:

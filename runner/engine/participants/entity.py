@@ -8,12 +8,15 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 from runner.engine.participants.boxes import plane_gap, reach
 from runner.engine.participants.declaration import Declaration, EntityState
 
 if TYPE_CHECKING:
     from runner.engine.motion.dynamics import Easing
     from runner.engine.motion.placement import Placement
+    from schemas.common.array_types import BoolArray, FloatArray
     from xodr.model import LaneLink, RoadPoint
 
 LATERAL = "lateral"
@@ -74,6 +77,10 @@ class Guide(Protocol):
         """The lane for an entity on the road to keep to, its own or one to change to, and the way (m) left for the change."""
         ...
 
+    def settled(self, entity: Entity, forward: bool) -> float:
+        """The s (m) up to which `lane` keeps an entity's lane as it is; the entity's own where that is not known."""
+        ...
+
     def leads(self, road_id: str, forward: bool, links: Sequence[LaneLink]) -> bool:
         """Whether one of the lanes reached at a road's end goes on along the way that is followed."""
         ...
@@ -103,6 +110,14 @@ class Driver(Protocol):
         ...
 
 
+class PoseRows(Protocol):
+    """Places and headings in many runs, (n,)."""
+
+    x: FloatArray
+    y: FloatArray
+    h: FloatArray
+
+
 class FreeMotion:
     """Straight ahead in the direction faced, off any lane."""
 
@@ -114,6 +129,12 @@ class FreeMotion:
         entity.x += distance * math.cos(entity.h)
         entity.y += distance * math.sin(entity.h)
         return speed
+
+    def advance_batch(self, rows: PoseRows, speed: FloatArray, dt: float, going: BoolArray) -> None:
+        """`advance` in many runs (n,), where they are `going`."""
+        distance = np.where(going, speed * dt, 0.0)
+        rows.x = rows.x + distance * np.cos(rows.h)
+        rows.y = rows.y + distance * np.sin(rows.h)
 
     def distance_to(self, entity: EntityState, placement: Placement) -> float | None:
         """Return the distance to the place ahead."""

@@ -17,7 +17,7 @@ from runner.judging.measures.measure import GREATEST_DECELERATION
 from runner.systems.drivers import SystemDriver
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from runner.engine.compile.compiler import Scenario
     from runner.engine.participants.entity import Entity
@@ -113,16 +113,23 @@ def displaced(scenario: Scenario, recording: Recording) -> Iterator[str]:
             continue
         node = entity.declared.node
         where = f"{node.where}: " if node is not None else ""
-        box = track.box
-        beside = max(
-            abs(box.x) - box.length / 2, abs(box.y) - box.width / 2, abs(box.z) - box.height / 2
-        )
-        if track.kind != "miscellaneous" and beside > _ASTRAY:
-            yield f"{where}the bounding box of {track.name} lies {beside:.2f} m beside its reference point"
+        yield from displaced_boxes([entity])
         height = _height(track, scenario.network)
         if abs(height) > _ALOFT:
             side = "above" if height > 0.0 else "below"
             yield f"{where}{track.name} begins {abs(height):.2f} m {side} the road"
+
+
+def displaced_boxes(entities: Iterable[Entity]) -> Iterator[str]:
+    """Sentences on participants whose box is not about them."""
+    for entity in entities:
+        box, node = entity.box, entity.declared.node
+        where = f"{node.where}: " if node is not None else ""
+        beside = max(
+            abs(box.x) - box.length / 2, abs(box.y) - box.width / 2, abs(box.z) - box.height / 2
+        )
+        if entity.declared.kind != "miscellaneous" and beside > _ASTRAY:
+            yield f"{where}the bounding box of {entity.name} lies {beside:.2f} m beside its reference point"
 
 
 def _height(track: Track, network: RoadNetwork | None) -> float:
@@ -199,19 +206,19 @@ def contact_after(own: Track, other: Track, time: float) -> PredictedContact:
     mine, its = _row(own, time), _row(other, time)
     if mine is None or its is None:
         return _NEVER
-    a, va = mine
-    b, vb = its
+    return next_contact(mine, its, other.name)
+
+
+def next_contact(own: tuple[Spot, float], other: tuple[Spot, float], name: str) -> PredictedContact:
+    """The contact of two boxes that keep their headings and speeds (m/s), the other one of that name."""
+    (a, va), (b, vb) = own, other
     if vertical_gap(a, b) > 0.0:
         return _NEVER
     seen = outlook(a, b)
     vx, vy = vb * math.cos(b.h) - va * math.cos(a.h), vb * math.sin(b.h) - va * math.sin(a.h)
     c, s = math.cos(a.h), math.sin(a.h)
     after = entry(seen, a.box, b.box, vx * c + vy * s, vy * c - vx * s)
-    return (
-        PredictedContact(after, math.hypot(vx, vy), other.name)
-        if 0.0 < after < math.inf
-        else _NEVER
-    )
+    return PredictedContact(after, math.hypot(vx, vy), name) if 0.0 < after < math.inf else _NEVER
 
 
 def _row(track: Track, time: float) -> tuple[Spot, float] | None:

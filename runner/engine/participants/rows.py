@@ -1,0 +1,210 @@
+"""State of an entity in many runs at once: the arrays of `EntityState`, and single runs of them as entities."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from runner.engine.participants.entity import STRAIGHT_AHEAD, Controls, Entity
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from xodr.model.geometry import Arc, Line
+
+if TYPE_CHECKING:
+    from runner.engine.participants.entity import Motion
+
+_FLOATS = (
+    "x", "y", "z", "h", "pitch", "roll", "speed", "acceleration", "vx", "vy", "ax", "ay",
+    "odometer", "standstill", "road_end", "s", "t", "kept_offset", "heading_offset",
+)  # fmt: skip
+_FLAGS = ("placed", "at_road_end", "on_lane")
+_WHOLE = ("kept_lane", "direction")
+_COPIED = (*_FLOATS, *_FLAGS, *_WHOLE)
+
+
+class RunRows:
+    """State in many runs: the arrays among the attributes have an entry for each run."""
+
+    def take(self, kept: BoolArray) -> None:
+        """Keep some runs only."""
+        for name, values in vars(self).items():
+            if type(values) is np.ndarray and len(values) == len(kept):
+                setattr(self, name, values[kept])
+
+
+class EntityRows(RunRows):
+    """An entity in n runs: arrays (n,) with the names, units and frames of `EntityState` and `Controls`.
+
+    A run in which something rare happens to it is a step of the interpreter: `load` makes the
+    entity what it is there, `store` takes it back.
+
+    Args:
+        entity: of the compiled scenario.
+        n: number of runs.
+        lane_motion: along lanes; None without roads.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    h: FloatArray
+    pitch: FloatArray
+    roll: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    ax: FloatArray
+    ay: FloatArray
+    odometer: FloatArray
+    standstill: FloatArray
+    road_end: FloatArray
+    s: FloatArray
+    t: FloatArray
+    kept_offset: FloatArray
+    heading_offset: FloatArray
+    kept_lane: IntArray
+    direction: IntArray
+    placed: BoolArray
+    at_road_end: BoolArray
+    on_lane: BoolArray
+
+    def __init__(self, entity: Entity, n: int, lane_motion: Motion | None) -> None:
+        self.entity, self.name, self.box, self.reach = entity, entity.name, entity.box, entity.reach
+        self.declared = entity.declared
+        self._lane_motion = lane_motion
+        for name in _FLOATS:
+            setattr(self, name, np.zeros(n))
+        for name in _FLAGS:
+            setattr(self, name, np.zeros(n, bool))
+        self.kept_lane, self.direction = np.zeros(n, np.int64), np.ones(n, np.int64)
+        self.target_speed = np.zeros(n)
+        self.target_offset = np.full(n, np.nan)
+        """lane offset that is asked for (m); NaN for none"""
+        self.path_compensated = np.ones(n, bool)
+        self.owners: dict[str, IntArray] = {}
+        """number of the process that owns a control domain, −1 for none, by domain"""
+        self.road = np.full(n, None, object)
+        self.route, self.easing = np.full(n, None, object), np.full(n, None, object)
+        self.section = np.full(n, None, object)
+        self.edge_right, self.edge_left = np.full(n, np.nan), np.full(n, np.nan)
+        """t of the edges of the road (m) where these and the lanes between stay; NaN elsewhere"""
+        self.road_key, self.section_key = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        """identities of road and lane section, 0 off lanes: quickly compared"""
+        self.activated = np.zeros(n, bool)
+        self.layer = np.full(n, entity.layer, object)
+        self.width = np.full(n, np.nan)
+        """width of the kept lane (m) where it is constant; NaN elsewhere"""
+        self.gliding = np.zeros(n, bool)
+        """where the entity is within one line or arc of a level road, on a lane whose centre keeps its t"""
+        self.straight = np.zeros(n, bool)
+        """where its road is straight"""
+        self.low, self.high = np.zeros(n), np.zeros(n)
+        """least s of that stretch, and the s of its end, m"""
+        self.start_s, self.start_x, self.start_y, self.start_h = (np.zeros(n) for _ in range(4))
+        """start of the line or arc"""
+        self.start_cos, self.start_sin, self.curvature = (np.zeros(n) for _ in range(3))
+        self.center = np.zeros(n)
+        """t of the kept lane's centre, m"""
+
+    def take(self, kept: BoolArray) -> None:
+        """Keep some runs only."""
+        super().take(kept)
+        self.owners = {domain: values[kept] for domain, values in self.owners.items()}
+
+    def load(self, row: Any) -> Entity:
+        """The entity of the compiled scenario, as it is in a run."""
+        entity = self.entity
+        for name in _COPIED:
+            setattr(entity, name, getattr(self, name)[row].item())
+        entity.road, entity.section, entity.layer = (
+            self.road[row],
+            self.section[row],
+            self.layer[row],
+        )
+        offset = self.target_offset[row]
+        entity.controls = controls = Controls(
+            route=self.route[row],
+            easing=self.easing[row],
+            target_speed=float(self.target_speed[row]),
+            target_offset=None if np.isnan(offset) else float(offset),
+            path_compensated=bool(self.path_compensated[row]),
+            activated=bool(self.activated[row]),
+        )
+        for domain, owners in self.owners.items():
+            if owners[row] >= 0:
+                controls.owners[domain] = None  # type: ignore[assignment]
+        motion = self._lane_motion
+        controls.motion = motion if entity.on_lane and motion is not None else STRAIGHT_AHEAD
+        entity.located = entity.located_at = None
+        return entity
+
+    def store(self, row: Any, entity: Entity) -> None:
+        """Take back what a run has made of the entity."""
+        for name in _COPIED:
+            getattr(self, name)[row] = getattr(entity, name)
+        controls = entity.controls
+        self.road[row], self.section[row], self.layer[row] = (
+            entity.road,
+            entity.section,
+            entity.layer,
+        )
+        self.route[row], self.easing[row] = controls.route, controls.easing
+        self.target_speed[row] = controls.target_speed
+        offset = controls.target_offset
+        self.target_offset[row] = np.nan if offset is None else offset
+        self.path_compensated[row] = controls.path_compensated
+        self._survey(row, entity)
+
+    def copy(self, row: int, rows: BoolArray) -> None:
+        """Make some runs what one of them is, but for what is asked of the entity."""
+        kept = ("target_speed", "speed", "acceleration", "odometer", "activated")
+        for name, values in vars(self).items():
+            if isinstance(values, np.ndarray) and name not in kept:
+                values[rows] = values[row]
+
+    def _survey(self, row: Any, entity: Entity) -> None:
+        """Find the stretch of its lane along which the entity moves by one formula."""
+        self.gliding[row] = False
+        road, section = entity.road, entity.section
+        if not entity.on_lane or road is None or section is None:
+            self.width[row], self.road_key[row], self.section_key[row] = np.nan, 0, 0
+            return
+        if self.section_key[row] != id(section):
+            known = all(
+                each.outer.constant is not None and (not each.id or each.type != "none")
+                for each in section.lanes.values()
+            )
+            self.edge_right[row], self.edge_left[row] = (
+                road.edges(entity.s) if known else (np.nan, np.nan)
+            )
+        self.road_key[row], self.section_key[row] = id(road), id(section)
+        lane = section.lanes[entity.kept_lane]
+        self.width[row] = np.nan if lane.width.constant is None else lane.width.constant
+        start, end, element = road.line.element(entity.s)
+        center, route = lane.center.constant, entity.controls.route
+        if (
+            center is None
+            or not road.flat
+            or entity.controls.easing is not None
+            or not isinstance(element, Line | Arc)
+        ):
+            return
+        low, high = max(start, section.s), min(end, section.end)
+        if route is not None:
+            until = route.settled(entity, entity.direction > 0)
+            low, high = (
+                (max(low, entity.s), min(high, until))
+                if entity.direction > 0
+                else (max(low, until), min(high, np.nextafter(entity.s, np.inf)))
+            )
+        if not low <= entity.s < high:
+            return
+        self.gliding[row], self.straight[row] = True, road.line.straight
+        self.low[row], self.high[row], self.center[row] = low, high, center
+        self.start_s[row], self.start_x[row], self.start_y[row] = start, element.x, element.y
+        self.start_h[row] = element.h
+        self.start_cos[row], self.start_sin[row] = np.cos(element.h), np.sin(element.h)
+        if isinstance(element, Line):
+            self.start_cos[row], self.start_sin[row] = element.cos, element.sin
+        self.curvature[row] = element.curvature(0.0)

@@ -1,0 +1,453 @@
+"""Many runs of one compiled scenario at once, kinematically: `Simulation` in arrays.
+
+An element plays in arrays if its class says so beside what it does in one run (`in_arrays`); none
+is named here. What is rare in a run (crossing a road's border, say) is a step of the interpreter's
+classes; a run in which something happens that has no counterpart here is left (`leave`), to be
+played by the interpreter.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterable
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+import numpy as np
+
+from runner.engine.compile.batch import BatchDriver, BatchProcess
+from runner.engine.motion.on_roads import Roads
+from runner.engine.participants.boxes import overlap_batch
+from runner.engine.participants.rows import EntityRows, RunRows
+from runner.engine.storyboard.batch_elements import (
+    BatchAct,
+    BatchActionElement,
+    BatchElement,
+    BatchEvent,
+    BatchGroup,
+    BatchTrigger,
+)
+from runner.engine.storyboard.storyboard import Act, Event, ManeuverGroup, ordered_init
+from runner.engine.worlds.surroundings import Environment
+from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.common.errors import ToolchainError
+from schemas.common.remarks import Remarks
+from schemas.expressions.columns import NotInArrays, NumberColumn
+
+if TYPE_CHECKING:
+    from runner.engine.compile.compiler import Scenario
+    from runner.engine.compile.run import StoryboardElement
+    from runner.engine.participants.entity import Entity
+    from runner.engine.storyboard.story_elements import Element
+
+_STANDSTILL = 1e-3
+"""m/s below which an entity stands still, as in `Simulation`"""
+_SHARE = 0.85
+"""Share of runs at most that go on when those that are over are taken out"""
+_Part = TypeVar("_Part", bound=RunRows)
+
+
+class BatchObserver(Protocol):
+    """Observer of many runs."""
+
+    def step(self, run: BatchSimulation) -> None:
+        """An instant of the runs that are `going`."""
+        ...
+
+    def end(self, run: BatchSimulation, ended: BoolArray) -> None:
+        """Some of the runs (n,) are over."""
+        ...
+
+
+class Single:
+    """View of one of many runs, for actions and positions of the interpreter."""
+
+    def __init__(self, run: BatchSimulation, seed: int) -> None:
+        self._run = run
+        self.roads, self.random, self.remarks = run.roads, random.Random(seed), Remarks()
+        self.entities = run.scenario.entities
+
+    @property
+    def time(self) -> float:
+        """Simulation time, s."""
+        return self._run.time
+
+    @property
+    def dt(self) -> float:
+        """Time step, s."""
+        return self._run.dt
+
+    @property
+    def initialising(self) -> bool:
+        """Whether the initial actions and the events of time 0 are starting."""
+        return self._run.initialising
+
+    def note(self, kind: str, subject: str, text: str = "") -> None:
+        """Nothing: there is no event log."""
+
+    def wake(self) -> None:
+        """Nothing: nothing rests."""
+
+
+class BatchSimulation(RunRows):
+    """n runs of a compiled scenario.
+
+    Args:
+        scenario: compiled once for all sets; numbers that vary are columns.
+        sets: the sets to be played (n,), as indices into these columns.
+        timestep: s.
+        seed: of everything random in a run.
+        ego: name of the ego.
+        driver: of the ego; None for what is scripted.
+        steps: most steps of a run.
+        steps_after_contact: steps that are played on after the ego's first contact; None for all.
+        observer: of each instant, and of the ends of runs.
+
+    Attributes:
+        sets: of the runs that are still here (n,); those that are over are taken out.
+        going: which of these are not over (n,).
+        finished: which the stop trigger has ended (n,).
+
+    Raises:
+        NotInArrays: something of the scenario plays in single runs only.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        sets: IntArray,
+        timestep: float,
+        seed: int,
+        ego: str,
+        driver: BatchDriver | None,
+        steps: int,
+        steps_after_contact: int | None,
+        observer: BatchObserver,
+    ) -> None:
+        scenario.reset()
+        self.scenario, self.sets, self.dt = scenario, sets, timestep
+        self.n = n = len(sets)
+        self.roads = Roads(scenario.network)
+        self.environment = Environment()
+        self.time, self.step_index, self.initialising = 0.0, 0, True
+        self.single: Any = Single(self, seed)
+        self.elements: dict[Element, BatchElement] = {}
+        self.changed: dict[BatchElement, None] = {}
+        self._published: list[BatchElement] = []
+        self._parts: list[RunRows] = []
+        self._values: dict[int, tuple[NumberColumn, FloatArray]] = {}
+        self._processes: list[
+            tuple[BatchProcess, BatchActionElement, EntityRows | None, tuple[str, ...]]
+        ] = []
+        self._numbers: dict[BatchProcess, int] = {}
+        self.going, self.finished = np.ones(n, bool), np.zeros(n, bool)
+        self.fired = np.zeros(n, np.int64)
+        """index of the group of conditions by which the stop trigger has ended a run"""
+        self._last = np.full(n, steps, np.int64)
+        self.steps_after_contact = steps_after_contact
+        self.doubtful = np.zeros(n, bool)
+        """where the interpreter has to judge the run"""
+        self.first_contact = np.full(n, math.inf)
+        self.partner = np.full(n, -1, np.int64)
+        """index of the entity of the ego's first contact"""
+        self.entities = {
+            name: EntityRows(entity, n, self.roads.lane_motion)
+            for name, entity in scenario.entities.items()
+        }
+        self._parts += self.entities.values()
+        self.ego = self.entities[ego]
+        self.driver, self._observer = driver, observer
+        self._pairs = list(combinations(self.entities.values(), 2))
+        self.touching: dict[tuple[str, str], BoolArray] = {}
+        self._later: list[Callable[[], None]] = []
+        self._check()
+        self._build()
+
+    def _check(self) -> None:
+        scenario = self.scenario
+        if scenario.observers or scenario.signals.controllers:
+            raise NotInArrays(
+                "signals and conditions that watch each step play in single runs only"
+            )
+        if scenario.storyboard.ends_with_stories:
+            raise NotInArrays("files for CARLA play in single runs only")
+        for entity in scenario.entities.values():
+            if entity.controls.trailer is not None or entity.controls.tractor is not None:
+                raise NotInArrays(f"{entity.name}: trailers move in single runs only")
+            if any(isinstance(limit, NumberColumn) for limit in entity.declared.performance):
+                raise NotInArrays(f"{entity.name}: its Performance varies")
+
+    def _build(self) -> None:
+        board = self.scenario.storyboard
+        self._stories = [self._element(story, None) for story in board.stories]
+        acts = [act for act in self.elements.values() if isinstance(act, BatchAct)]
+        self._acts = acts
+        self.events = [each for each in self.elements.values() if isinstance(each, BatchEvent)]
+        self._groups = [each for each in self.elements.values() if isinstance(each, BatchGroup)]
+        self._init = [
+            BatchActionElement(element, None, self, [self.entities[actor.name]] if actor else [])
+            for actor, element in ordered_init(board.init)
+        ]
+        self._stop = (
+            BatchTrigger(board.stop_trigger, self, "StopTrigger")
+            if board.stop_trigger is not None
+            else None
+        )
+        for check in self._later:
+            check()
+
+    def _element(self, element: Element, parent: BatchElement | None) -> BatchElement:
+        if isinstance(element, Event):
+            assert parent is not None
+            return BatchEvent(element, parent, self)
+        if isinstance(element, ManeuverGroup):
+            assert parent is not None
+            found: BatchElement = BatchGroup(element, parent, self)
+        elif isinstance(element, Act):
+            assert parent is not None
+            found = BatchAct(element, parent, self)
+        else:
+            found = BatchElement(element, parent, self)
+        for child in element.children:
+            self._element(child, found)
+        return found
+
+    # for elements ---------------------------------------------------------------------------
+
+    def own(self, part: _Part) -> _Part:
+        """Have a part follow when runs are taken out."""
+        self._parts.append(part)
+        return part
+
+    def late(self, check: Callable[[], None]) -> None:
+        """Have something done once all elements are there."""
+        self._later.append(check)
+
+    def value(self, number: Any) -> Any:
+        """A number of the scenario: as it is, or where it varies its values in the runs (n,)."""
+        if not isinstance(number, NumberColumn):
+            return number
+        known = self._values.get(id(number))
+        if known is None:
+            known = self._values[id(number)] = (number, number.view(np.ndarray)[self.sets])
+        return known[1]
+
+    def leave(self, rows: BoolArray) -> None:
+        """Have the interpreter play some runs: they end here without a result."""
+        self.going &= ~rows
+
+    def one_by_one(
+        self,
+        actor: EntityRows,
+        rows: BoolArray,
+        others: Iterable[Entity],
+        act: Callable[[Entity], object],
+    ) -> None:
+        """Do something with an entity in some runs as the interpreter does it; a run in which it is refused is left.
+
+        Args:
+            others: entities whose state is needed as well.
+            act: called with the entity of the compiled scenario, as it is in a run.
+        """
+        needed = [self.entities[other.name] for other in others if other.name != actor.name]
+        for row in np.flatnonzero(rows & self.going):
+            for each in needed:
+                each.load(row)
+            entity = actor.load(row)
+            try:
+                act(entity)
+            except ToolchainError:
+                self.going[row] = False
+                continue
+            if any(remark.cause for remark in self.single.remarks.found):
+                self.doubtful[row] = True
+            self.single.remarks = Remarks()
+            actor.store(row, entity)
+
+    def element(self, element: StoryboardElement) -> BatchElement:
+        """A storyboard element in the runs."""
+        return self.elements[element]  # type: ignore[index]
+
+    # processes ------------------------------------------------------------------------------
+
+    def add_process(
+        self,
+        process: BatchProcess,
+        element: BatchActionElement,
+        actor: EntityRows | None,
+        domains: tuple[str, ...],
+    ) -> None:
+        """Take an action in, for one of its actors."""
+        self._numbers[process] = len(self._processes)
+        self._processes.append((process, element, actor, domains))
+        self.own(process)
+        if actor is not None:
+            for domain in domains:
+                actor.owners.setdefault(domain, np.full(self.n, -1, np.int64))
+
+    def take_over(self, actor: EntityRows, domain: str, rows: BoolArray) -> None:
+        """End whatever owns a control domain of an entity, in some runs."""
+        owners = actor.owners[domain]
+        for number in np.unique(owners[rows]):
+            if number >= 0:
+                process, element, _, _ = self._processes[number]
+                element.override(process, rows & (owners == number))
+
+    def give(
+        self, process: BatchProcess, actor: EntityRows, domains: tuple[str, ...], rows: BoolArray
+    ) -> None:
+        """Make a process the owner of control domains."""
+        for domain in domains:
+            actor.owners[domain][rows] = self._numbers[process]
+
+    def release(self, process: BatchProcess, rows: BoolArray) -> None:
+        """End a process in some runs."""
+        number = self._numbers[process]
+        _, _, actor, domains = self._processes[number]
+        if actor is not None:
+            for domain in domains:
+                owners = actor.owners[domain]
+                owners[rows & (owners == number)] = -1
+        process.active &= ~rows
+        process.stop(rows)
+
+    # the runs -------------------------------------------------------------------------------
+
+    def play(self) -> None:
+        """Play all to their ends."""
+        if self.driver is not None:
+            self.driver.begin(self)
+        self._begin()
+        self._end()
+        while self.n:
+            self._tick()
+            self._end()
+
+    def _begin(self) -> None:
+        everyone = np.ones(self.n, bool)
+        for element in self._init:
+            element.execute(everyone & self.going)
+        for story in self._stories:
+            story.start(everyone)
+        for entity in self.entities.values():
+            if not entity.placed[self.going].all():
+                raise NotInArrays(f"{entity.name}: it appears in the course of a run")
+        self._contacts()
+        self._set_velocities()
+        self._evaluate()
+        self._set_velocities()
+        self.initialising = False
+        self._observer.step(self)
+
+    def _set_velocities(self) -> None:
+        for e in self.entities.values():
+            e.acceleration[:] = 0.0
+            e.vx, e.vy = e.speed * np.cos(e.h), e.speed * np.sin(e.h)
+
+    def _tick(self) -> None:
+        dt = self.dt
+        for process, element, _, _ in self._processes:
+            if process.active.any():
+                done = process.step(dt) & process.active & self.going
+                if done.any():
+                    element.finished(process, done)
+        for entity in self.entities.values():
+            speed = entity.target_speed
+            if entity is self.ego and self.driver is not None:
+                speed = self.driver.decide(self, entity)
+            self._move(entity, speed)
+        self.step_index += 1
+        self.time = round(self.step_index * dt, 9)
+        self._contacts()
+        self._observer.step(self)
+        self._evaluate()
+
+    def _move(self, e: EntityRows, speed: FloatArray) -> None:
+        dt, going = self.dt, self.going
+        x, y, waiting = e.x, e.y, e.at_road_end.copy()
+        speed = self.roads.advance_batch(e, speed, dt, going)
+        if e.at_road_end.any():
+            ended = e.at_road_end & ~(waiting & (speed != 0.0))
+            e.road_end = np.where(
+                e.at_road_end, np.where(waiting & (speed == 0.0), e.road_end + dt, 0.0), e.road_end
+            )
+            e.at_road_end = ended
+        vx, vy = (e.x - x) / dt, (e.y - y) / dt
+        e.ax, e.ay = (vx - e.vx) / dt, (vy - e.vy) / dt
+        e.vx, e.vy = vx, vy
+        e.acceleration = (speed - e.speed) / dt
+        e.speed = speed
+        e.odometer = e.odometer + np.abs(speed) * dt
+        e.standstill = np.where(np.abs(speed) < _STANDSTILL, e.standstill + dt, 0.0)
+
+    def _contacts(self) -> None:
+        for a, b in self._pairs:
+            reach = a.reach + b.reach + _STANDSTILL
+            near = (np.abs(b.x - a.x) <= reach) & (np.abs(b.y - a.y) <= reach)
+            touching = near
+            rows = np.flatnonzero(near)
+            if rows.size:
+                touching = near.copy()
+                touching[rows] = overlap_batch(a, b, rows)
+            self.touching[a.name, b.name] = touching
+            if self.ego in (a, b) and touching.any():
+                other = b if a is self.ego else a
+                first = touching & (self.first_contact == math.inf) & self.going
+                self.first_contact[first] = self.time
+                self.partner[first] = list(self.entities).index(other.name)
+                if self.steps_after_contact is not None:
+                    last = self.step_index + self.steps_after_contact
+                    self._last[first] = np.minimum(self._last[first], last)
+
+    def contact(self, one: str, other: str) -> BoolArray:
+        """Runs in which two entities touch now (n,)."""
+        found = self.touching.get((one, other))
+        return self.touching[other, one] if found is None else found
+
+    def _evaluate(self) -> None:
+        for element in dict.fromkeys((*self._published, *self.changed)):
+            element.publish()
+        self._published, self.changed = [*self.changed], {}
+        for group in self._groups:
+            group.restart()
+        rows = self.going
+        if self._stop is not None:
+            fired = self._stop.fires(rows)
+            if fired.any():
+                self.fired[fired] = self._stop.fired[fired]
+                self.finished |= fired
+                rows = rows & ~fired
+        for act in self._acts:
+            act.evaluate(rows)
+        due = []
+        for event in self.events:
+            waiting = rows & event.waits
+            if waiting.any():
+                fired = waiting if event.trigger is None else event.trigger.fires(waiting)
+                if fired.any():
+                    due.append((event, fired))
+        for event, fired in due:
+            fired = fired & event.waits
+            if fired.any():
+                event.begin(fired)
+
+    def _end(self) -> None:
+        """End runs, and take those out that are over once they are many."""
+        ended = self.going & (self.finished | (self.step_index >= self._last))
+        if ended.any():
+            self._observer.end(self, ended)
+            self.going &= ~ended
+        if self.going.sum() <= _SHARE * self.n:
+            self.take(self.going.copy())
+
+    def take(self, kept: BoolArray) -> None:
+        """Keep some runs only."""
+        super().take(kept)
+        for part in self._parts:
+            part.take(kept)
+        if self.driver is not None:
+            self.driver.take(kept)
+        self.touching = {pair: values[kept] for pair, values in self.touching.items()}
+        self._values.clear()
+        self.n = len(self.sets)
