@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -92,7 +92,7 @@ def xosc_run(
         discard(batch.out)
     with _reporting(batch.junit, batch.junit_inconclusive) as kept:
         work = WorkDone(source)
-        outcomes = _counted(_outcomes(chosen, settings, batch, also), work)
+        outcomes = _counted(_outcomes(chosen, settings, batch, also, table.tell), work)
         code = _follow(outcomes, table, kept, batch, source.left_out, earlier)
         if work.total > 1 and not batch.dry_run:
             table.tell(f"planned and done: {work_text(work.rows())}")
@@ -118,15 +118,21 @@ def _outcomes(
     settings: RunSettings,
     batch: BatchOptions,
     also: Sequence[Also],
+    tell: Callable[[str], None],
 ) -> Generator[Outcome]:
-    """Return the outcomes of jobs, which are run, or only rehearsed."""
+    """Return the outcomes of jobs, which are run, or only rehearsed; what arrays leave out is told."""
     from runner.batch.batch import run_batch
     from runner.view.rehearsal import rehearse_batch
 
     if batch.dry_run:
         return rehearse_batch(chosen, settings, batch.jobs)
-    return run_batch(
-        chosen,
+    together = None
+    if batch.in_arrays:
+        from runner.batch.arrays import Together
+
+        together = Together(chosen, settings, batch.out, tell)
+    outcomes = run_batch(
+        chosen if together is None else iter(together),
         settings,
         out=batch.out,
         needs=_needed(batch.replay),
@@ -136,6 +142,7 @@ def _outcomes(
         also=also,
         ray=batch.ray,
     )
+    return outcomes if together is None else together.checked(outcomes)
 
 
 def _tell_results(

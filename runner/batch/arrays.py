@@ -6,24 +6,28 @@ structure are compiled apart. What can't be played so is named, and is left to t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from heapq import heappop, heappush
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import xosc
+from runner.batch.jobs import CODES, Job, Outcome
 from runner.engine.compile.compiler import Scenario, compile_scenario
 from runner.engine.compile.road_network import load_roads
 from runner.engine.storyboard.batch_run import BatchSimulation
 from runner.judging.criteria.criterion import declared
-from runner.judging.evidence.batch import BatchJudge, BatchOutcomes
+from runner.judging.evidence.batch import OPEN, BatchJudge, BatchOutcomes
+from runner.judging.result import FAILED, PASSED
 from runner.judging.settings import RunSettings
 from runner.systems.batch_systems import open_batch
 from runner.systems.drivers import BatchSystemDriver, find_ego
 from schemas.common.array_types import IntArray
-from schemas.common.errors import Unsupported
+from schemas.common.errors import ToolchainError, Unsupported
+from schemas.common.policy import current
 from schemas.expressions.columns import Columns, NotInArrays, NumberColumn, reading
 from schemas.expressions.values import type_named
 
@@ -31,6 +35,12 @@ BLOCK = 1024
 """Sets that are played at a time: their states fit into the processor's caches"""
 _AFTER_COLLISION = 1.0
 """Time that is played on after the ego's first contact, where that ends a run, s"""
+SETS = "sets.parquet"
+"""Table of the sets that were played in arrays, in the folder of a batch"""
+NEAREST = 10
+"""Runs without a failure that come nearest to one, and that are recorded"""
+_CHUNK = 4096
+"""Jobs that are settled at a time"""
 _MOST_STRUCTURES = 32
 """Structures that are compiled for the sets of a scenario; sets beyond are played one by one"""
 Sets = Sequence[Mapping[str, str]]
@@ -159,6 +169,172 @@ def play(structure: CompiledSets, settings: RunSettings) -> Iterator[Played]:
         run, judge = _run(structure, sets, settings)
         run.play()
         yield Played(structure.members[sets], judge.outcomes(run))
+
+
+class Together:
+    """The jobs of a batch, those that pass in arrays as outcomes; the interpreter plays the others.
+
+    A run that failed in arrays counts only if it fails in the interpreter; one that does not is a
+    disagreement, a defect of ours. The nearest misses are played by the interpreter as well, so that
+    there are recordings of them.
+
+    Args:
+        jobs: of the batch.
+        settings: of the runs.
+        out: folder for `sets.parquet`, a row for each set that was played in arrays; None for none.
+        tell: called with a line on what is left to the interpreter, and with the sum.
+    """
+
+    def __init__(
+        self,
+        jobs: Iterable[Job | Outcome],
+        settings: RunSettings,
+        out: Path | None,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._jobs, self._settings, self._out, self._tell = jobs, settings, out, tell
+        self._single: set[Path] = set()
+        """scenarios that do not play in arrays"""
+        self._failed: set[str] = set()
+        self._near: list[tuple[float, int, Outcome]] = []
+        """nearest misses, the farthest first: minus its distance (m)"""
+        self._writer: Any = None
+        self._passed = self.disagreements = 0
+
+    def __iter__(self) -> Iterator[Job | Outcome]:
+        try:
+            for chunk in _chunks(self._jobs):
+                if isinstance(chunk, Outcome):
+                    yield chunk
+                else:
+                    yield from self._settle(chunk)
+            yield from (outcome.job for _, _, outcome in sorted(self._near, key=lambda e: e[1]))
+        finally:
+            if self._writer is not None:
+                self._writer.close()
+
+    def checked(self, outcomes: Iterable[Outcome]) -> Generator[Outcome]:
+        """The outcomes of the batch; those that contradict the arrays are told."""
+        for outcome in outcomes:
+            if outcome.job.name in self._failed and outcome.state != "failed":
+                self.disagreements += 1
+                self._tell(f"{outcome.job.name}: failed in arrays, {outcome.state} one by one")
+            yield outcome
+        told = f"{self._passed} sets passed in arrays, {len(self._failed)} failed there"
+        self._tell(f"{told}, of which {self.disagreements} did not fail one by one")
+
+    def _settle(self, jobs: list[Job]) -> Iterator[Job | Outcome]:
+        path = jobs[0].scenario
+        if path in self._single:
+            yield from jobs
+            return
+        seed = jobs[0].seed
+        settings = self._settings if seed is None else replace(self._settings, seed=seed)
+        known: dict[int, tuple[BatchOutcomes, int]] = {}
+        try:
+            if current().bounded:
+                raise NotInArrays(
+                    "runs with limits of memory or time are in processes of their own"
+                )
+            for structure in structures(path, [job.parameters for job in jobs], settings):
+                for block in play(structure, settings):
+                    numbers = block.members.tolist()
+                    known |= {each: (block.outcomes, at) for at, each in enumerate(numbers)}
+        except (NotInArrays, Unsupported) as error:
+            self._single.add(path)
+            self._tell(f"{path}: not in arrays: {error}")
+        except ToolchainError:  # the interpreter names what is wrong with which set
+            self._single.add(path)
+        rows = []
+        for number, job in enumerate(jobs):
+            found = known.get(number)
+            if found is None:
+                yield job
+                continue
+            row = _measures(*found)
+            rows.append({"run": job.name, **job.parameters, **row})
+            state = row["outcome"]
+            if state == PASSED:
+                yield from self._pass(job, row)
+                continue
+            if state == FAILED:
+                self._failed.add(job.name)
+            yield job
+        self._write(rows)
+
+    def _pass(self, job: Job, row: dict[str, Any]) -> Iterator[Outcome]:
+        self._passed += 1
+        measures = {name: row[name] for name in ("min_ttc", "min_distance", "max_drac")}
+        outcome = Outcome(job, PASSED, CODES[PASSED], "", row["status"], row["end_time"], measures)
+        distance = row["min_distance"]
+        if self._out is None or distance is None:
+            yield outcome
+            return
+        heappush(self._near, (-distance, self._passed, outcome))
+        if len(self._near) > NEAREST:
+            yield heappop(self._near)[2]
+
+    def _write(self, rows: list[dict[str, Any]]) -> None:
+        if self._out is None or not rows:
+            return
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        table = pa.Table.from_pylist(rows)
+        if self._writer is None:
+            self._out.mkdir(parents=True, exist_ok=True)
+            self._writer = pq.ParquetWriter(self._out / SETS, table.schema)
+        if table.schema == self._writer.schema:
+            self._writer.write_table(table)
+
+
+def _chunks(jobs: Iterable[Job | Outcome]) -> Iterator[list[Job] | Outcome]:
+    """Consecutive jobs of one scenario and seed with the same parameters, and outcomes as they are."""
+    chunk: list[Job] = []
+    for job in jobs:
+        if isinstance(job, Outcome):
+            if chunk:
+                yield chunk
+            chunk = []
+            yield job
+            continue
+        if chunk and (len(chunk) >= _CHUNK or _kind(job) != _kind(chunk[0])):
+            yield chunk
+            chunk = []
+        chunk.append(job)
+    if chunk:
+        yield chunk
+
+
+def _kind(job: Job) -> tuple[Path, Path, int | None, frozenset[str]]:
+    return job.source, job.scenario, job.seed, frozenset(job.parameters)
+
+
+def _measures(outcomes: BatchOutcomes, at: int) -> dict[str, Any]:
+    """Columns of a run in `sets.parquet`."""
+    found: dict[str, Any] = {
+        "outcome": str(outcomes.outcome[at]),
+        "status": str(outcomes.status[at]),
+        "end_time": float(outcomes.end_time[at]),
+        "contact": float(outcomes.contact[at]),
+        "partner": str(outcomes.partner[at]),
+        "min_ttc": None,
+        "min_distance": None,
+        "max_drac": None,
+        "risk": None,
+    }
+    if found["outcome"] == OPEN:
+        return found
+    seen = outcomes.criticality(at)
+    for name, series, reduce in (
+        ("min_ttc", seen.ttc, np.min),
+        ("min_distance", seen.distance, np.min),
+        ("max_drac", seen.drac, np.max),
+    ):
+        values = series.value[series.valid]
+        found[name] = float(reduce(values)) if values.size else None
+    found["risk"] = seen.risk("ad-rss")
+    return found
 
 
 def _run(

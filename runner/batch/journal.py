@@ -39,7 +39,7 @@ from schemas.common.terminal.text import many
 _JOURNAL, _SETTINGS = "runs.jsonl", "batch.json"
 _TABLE, _PAGES = (
     "runs.parquet",
-    ("report.html", "history.html", "assessment.html", "assessment.csv"),
+    ("sets.parquet", "report.html", "history.html", "assessment.html", "assessment.csv"),
 )
 """Further files of a batch in its folder"""
 _GROUP = 1.0

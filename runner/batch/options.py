@@ -98,6 +98,11 @@ class BatchOptions:
         "--allow-inconclusive",
     )
     jobs: int = option(1, "Number of processes.", "--jobs", "-j", min=1, metavar="N")
+    in_arrays: bool = option(
+        False,
+        "Play parameter sets in arrays where all elements can; record failures and nearest misses only.",
+        "--batch",
+    )
     ray: str | None = option(
         None,
         "Run on this Ray cluster; 'local' starts one of --jobs processes on this machine.",
@@ -132,6 +137,8 @@ class BatchOptions:
             raise UsageError(
                 "--overwrite replaces the batch of --out by one that is run: without --resume and --dry-run"
             )
+        if self.in_arrays and self.dry_run:
+            raise UsageError("--batch plays parameter sets, and --dry-run plays nothing")
         self._check_comparison()
 
     def _check_assessment(self, name: str) -> None:

@@ -63,19 +63,27 @@ class BatchOutcomes:
     partner: Any
     motions: dict[str, tuple[FloatArray, Any]] = field(repr=False)
     steps: IntArray
-    boxes: dict[str, Any] = field(repr=False)
+    declared: dict[str, Any] = field(repr=False)
     roads: dict[int, str] = field(repr=False)
+    network: Any = field(repr=False)
     dt: float
 
     def motion(self, name: str, run: int) -> MotionRows:
         """Motion of a participant in a run."""
         count = int(self.steps[run])
         values, roads = self.motions[name]
-        columns = dict(zip(_FRAME, values[run, :count].T, strict=True))
+        columns = dict(zip(_FRAME, values[run, :count].T.copy(), strict=True))
         time = np.round(np.arange(count) * self.dt, 9)
         keys, inverse = np.unique(roads[run, :count], return_inverse=True)
         road = np.array([*map(self.roads.get, keys.tolist()), None], object)[inverse]
-        return MotionRows(name, self.boxes[name], time, road=road, **columns)
+        hint = None
+        for row in np.flatnonzero(keys[inverse] == 0) if self.network is not None else ():
+            x, y, z, h = (float(columns[axis][row]) for axis in "xyzh")
+            hint = self.network.locate(x, y, z, h, hint)
+            road[row], columns["s"][row], columns["t"][row] = hint.road_id, hint.s, hint.t
+        who = self.declared[name]
+        about: dict[str, Any] = {"kind": who.kind, "category": who.category, "mass": who.mass}
+        return MotionRows(name, who.box, time, road=road, **about, **columns)
 
     def criticality(self, run: int) -> Criticality:
         """Measures of a run."""
@@ -228,8 +236,9 @@ class BatchJudge:
             self._partner,
             motions,
             self._steps,
-            {each.name: each.box for each in everyone},
+            {each.name: each.declared for each in everyone},
             _road_names(run),
+            run.roads.network,
             run.dt,
         )
 

@@ -3,14 +3,16 @@
 from datetime import UTC, datetime
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
 import runner
 import xosc
 from benchmarks.arrays import compare, drawn, played
-from runner.batch.arrays import obstacle, structures
+from runner.batch.arrays import NEAREST, Together, obstacle, structures
+from runner.batch.batch import run_batch
+from runner.batch.jobs import Outcome, jobs_of
 from runner.judging.settings import RunSettings
-from schemas.expressions.columns import NotInArrays
 
 LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
 WEEK = int(datetime.now(UTC).strftime("%G%V"))
@@ -79,15 +81,74 @@ def test_a_run_that_the_arrays_can_not_place_is_left_to_the_interpreter() -> Non
     )
 
 
-def test_a_file_that_no_set_can_read_is_refused_as_one_by_one(tmp_path: Path) -> None:
+VARIATION = """<?xml version='1.0' encoding='UTF-8'?>
+<OpenSCENARIO>
+  <FileHeader revMajor="1" revMinor="3" description="gaps" author="a" date="2026-11-28T00:00:00"/>
+  <ParameterValueDistribution>
+    <ScenarioFile filepath="{scenario}"/>
+    <Deterministic>
+      <DeterministicSingleParameterDistribution parameterName="CutIn_Gap_m">
+        <DistributionRange stepWidth="1"><Range lowerLimit="5" upperLimit="24"/></DistributionRange>
+      </DeterministicSingleParameterDistribution>
+      <DeterministicSingleParameterDistribution parameterName="Ego_Speed_mps">
+        <DistributionSet><Element value="34.5"/></DistributionSet>
+      </DeterministicSingleParameterDistribution>
+    </Deterministic>
+  </ParameterValueDistribution>
+</OpenSCENARIO>
+"""
+
+
+def test_a_batch_in_arrays_has_the_verdicts_of_one_by_one_and_records_few(tmp_path: Path) -> None:
+    variation, out = tmp_path / "gaps.xosc", tmp_path / "out"
+    variation.write_text(VARIATION.format(scenario=LIBRARY / "cut_in_highway.xosc"), "utf-8")
+    told: list[str] = []
+    chosen = settings("cas")
+    source = jobs_of([variation], {}, True)
+    together = Together(source, chosen, out, told.append)
+    outcomes = list(together.checked(run_batch(iter(together), chosen, out=out)))
+    singly = {each.job.name: each for each in run_batch(jobs_of([variation], {}, True), chosen)}
+    assert {each.job.name: each.state for each in outcomes} == {
+        name: each.state for name, each in singly.items()
+    }
+    failed = {each.job.name for each in outcomes if each.state == "failed"}
+    recorded = {folder.name for folder in out.iterdir() if folder.is_dir()}
+    assert failed and failed <= recorded and len(recorded) == len(failed) + NEAREST
+    rows = pq.read_table(out / "sets.parquet").to_pylist()
+    assert {row["run"]: row["outcome"] for row in rows} == {
+        name: each.state for name, each in singly.items()
+    }
+    assert told == [
+        f"{20 - len(failed)} sets passed in arrays, {len(failed)} failed there, "
+        "of which 0 did not fail one by one"
+    ]
+
+
+def test_a_failure_in_arrays_alone_is_told_as_a_disagreement(tmp_path: Path) -> None:
+    variation = tmp_path / "gaps.xosc"
+    variation.write_text(VARIATION.format(scenario=LIBRARY / "cut_in_highway.xosc"), "utf-8")
+    told: list[str] = []
+    together = Together(jobs_of([variation], {}, True), settings("cas"), None, told.append)
+    failed = [each for each in together if not isinstance(each, Outcome)]
+    passed = Outcome(failed[0], "passed", 0)
+    assert list(together.checked([passed])) == [passed]
+    assert "failed in arrays, passed one by one" in told[0]
+    assert together.disagreements == 1
+
+
+def test_a_batch_of_what_does_not_play_in_arrays_goes_one_by_one(tmp_path: Path) -> None:
+    told: list[str] = []
+    source = jobs_of([LIBRARY / "r157_cut_in_variation.xosc"], {}, True)
+    together = Together(source, settings(), tmp_path, told.append)
+    assert not any(isinstance(each, Outcome) for each in together)
+    assert "FollowTrajectoryAction" in told[0]
+
+
+def test_a_set_that_is_no_valid_file_is_left_to_the_interpreter(tmp_path: Path) -> None:
     path = tmp_path / "scenario.xosc"
     text = (LIBRARY / "cut_in_highway.xosc").read_text("utf-8")
     path.write_text(text.replace("../../xodr/library", str(LIBRARY.parents[1] / "xodr/library"))
                     .replace("catalogs/", f"{LIBRARY}/catalogs/")
                     .replace('dLane="1"', 'dLane="${$Ego_Speed_mps / 30}"'), encoding="utf-8")  # fmt: skip
     sets = [{"Ego_Speed_mps": each} for each in ("30", "30.3")]
-    try:
-        found = played(path, sets, settings())
-    except NotInArrays:
-        return
-    assert 1 not in found
+    assert set(played(path, sets, settings())) == {0}
