@@ -51,6 +51,15 @@ class BoxedRows(Protocol):
     def box(self) -> BoundingBox: ...
 
 
+class MovedRows(BoxedRows, Protocol):
+    """The same with the velocities over ground in the last step (m/s)."""
+
+    @property
+    def vx(self) -> FloatArray: ...
+    @property
+    def vy(self) -> FloatArray: ...
+
+
 class Spot(NamedTuple):
     """A position as a box without extent, so that distances to positions and to entities are one thing."""
 
@@ -101,12 +110,7 @@ def overlap(a: Boxed, b: Boxed) -> bool:
 
 def overlap_batch(a: BoxedRows, b: BoxedRows, rows: IntArray) -> BoolArray:
     """`overlap` of two participants in some of many runs, given by their indices (k,)."""
-    ah, bh = a.h[rows], b.h[rows]
-    ca, sa, cb, sb = np.cos(ah), np.sin(ah), np.cos(bh), np.sin(bh)
-    dx = b.x[rows] - a.x[rows] + cb * b.box.x - sb * b.box.y
-    dy = b.y[rows] - a.y[rows] + sb * b.box.x + cb * b.box.y
-    x, y = dx * ca + dy * sa - a.box.x, dy * ca - dx * sa - a.box.y
-    c, s = cb * ca + sb * sa, sb * ca - cb * sa
+    x, y, c, s = _outlooks(a, b, rows)
     al, aw = a.box.length / 2 + _TOUCHING, a.box.width / 2 + _TOUCHING
     bl, bw = b.box.length / 2, b.box.width / 2
     cos, sin = np.abs(c), np.abs(s)
@@ -116,6 +120,32 @@ def overlap_batch(a: BoxedRows, b: BoxedRows, rows: IntArray) -> BoolArray:
     middle = np.abs(b.z[rows] + b.box.z - a.z[rows] - a.box.z)
     found: BoolArray = ~apart & (middle <= (a.box.height + b.box.height) / 2)
     return found
+
+
+def may_have_touched(a: MovedRows, b: MovedRows, dt: float, rows: IntArray) -> BoolArray:
+    """Whether two participants that are apart may have touched within the last step, dt (s), in some of many runs (k,).
+
+    They are nearer to each other, on an axis of one of them, than their way towards each other.
+    """
+    x, y, c, s = _outlooks(a, b, rows)
+    al, aw, bl, bw = a.box.length / 2, a.box.width / 2, b.box.length / 2, b.box.width / 2
+    cos, sin = np.abs(c), np.abs(s)
+    way = np.hypot(b.vx[rows] - a.vx[rows], b.vy[rows] - a.vy[rows]) * dt + _TOUCHING
+    gap = np.maximum(np.abs(x) - al - bl * cos - bw * sin, np.abs(y) - aw - bl * sin - bw * cos)
+    gap = np.maximum(gap, np.abs(x * c + y * s) - bl - al * cos - aw * sin)
+    gap = np.maximum(gap, np.abs(y * c - x * s) - bw - al * sin - aw * cos)
+    near: BoolArray = gap <= way
+    return near
+
+
+def _outlooks(a: BoxedRows, b: BoxedRows, rows: IntArray) -> tuple[FloatArray, ...]:
+    """`outlook` in some of many runs (k,)."""
+    ah, bh = a.h[rows], b.h[rows]
+    ca, sa, cb, sb = np.cos(ah), np.sin(ah), np.cos(bh), np.sin(bh)
+    dx = b.x[rows] - a.x[rows] + cb * b.box.x - sb * b.box.y
+    dy = b.y[rows] - a.y[rows] + sb * b.box.x + cb * b.box.y
+    x, y = dx * ca + dy * sa - a.box.x, dy * ca - dx * sa - a.box.y
+    return x, y, cb * ca + sb * sa, sb * ca - cb * sa
 
 
 def _separated(seen: Outlook, a: BoundingBox, b: BoundingBox) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 
 from runner.engine.compile.batch import BatchDriver, BatchProcess
 from runner.engine.motion.on_roads import Roads
-from runner.engine.participants.boxes import overlap_batch
+from runner.engine.participants.boxes import first_touch, may_have_touched, overlap_batch
 from runner.engine.participants.rows import EntityRows, RunRows
 from runner.engine.storyboard.batch_elements import (
     BatchAct,
@@ -28,6 +28,7 @@ from runner.engine.storyboard.batch_elements import (
     BatchGroup,
     BatchTrigger,
 )
+from runner.engine.storyboard.collision import jumped
 from runner.engine.storyboard.storyboard import Act, Event, ManeuverGroup, ordered_init
 from runner.engine.worlds.surroundings import Environment
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -160,6 +161,8 @@ class BatchSimulation(RunRows):
         self.driver, self._observer = driver, observer
         self._pairs = list(combinations(self.entities.values(), 2))
         self.touching: dict[tuple[str, str], BoolArray] = {}
+        self._overlapping: dict[tuple[str, str], BoolArray] = {}
+        """who touches at the end of the last step; `touching` has contacts within it too"""
         self._later: list[Callable[[], None]] = []
         self._check()
         self._build()
@@ -382,23 +385,43 @@ class BatchSimulation(RunRows):
         e.standstill = np.where(np.abs(speed) < _STANDSTILL, e.standstill + dt, 0.0)
 
     def _contacts(self) -> None:
+        """Find who touches now, or has touched within the step (`Contacts`)."""
         for a, b in self._pairs:
-            reach = a.reach + b.reach + _STANDSTILL
-            near = (np.abs(b.x - a.x) <= reach) & (np.abs(b.y - a.y) <= reach)
-            touching = near
-            rows = np.flatnonzero(near)
+            pair = a.name, b.name
+            way = np.hypot(b.vx - a.vx, b.vy - a.vy) * self.dt
+            reach = a.reach + b.reach + _STANDSTILL + way
+            rows = np.flatnonzero(
+                (np.abs(b.x - a.x) <= reach) & (np.abs(b.y - a.y) <= reach) & self.going
+            )
+            before = self._overlapping.get(pair)
+            overlapping = np.zeros(self.n, bool)
+            since = np.full(self.n, math.inf)
             if rows.size:
-                touching = near.copy()
-                touching[rows] = overlap_batch(a, b, rows)
-            self.touching[a.name, b.name] = touching
+                overlapping[rows] = overlap_batch(a, b, rows)
+                since[overlapping] = self.time
+                apart = rows[~overlapping[rows]]
+                if before is not None and apart.size:
+                    apart = apart[~before[apart]]
+                    for row in apart[may_have_touched(a, b, self.dt, apart)]:
+                        since[row] = self._touched_within(a, b, row)
+            self._overlapping[pair] = overlapping
+            touching = self.touching[pair] = since < math.inf
             if self.ego in (a, b) and touching.any():
                 other = b if a is self.ego else a
                 first = touching & (self.first_contact == math.inf) & self.going
-                self.first_contact[first] = self.time
+                self.first_contact[first] = since[first]
                 self.partner[first] = list(self.entities).index(other.name)
                 if self.steps_after_contact is not None:
                     last = self.step_index + self.steps_after_contact
                     self._last[first] = np.minimum(self._last[first], last)
+
+    def _touched_within(self, a: EntityRows, b: EntityRows, row: int) -> float:
+        """Time (s) of a contact of one run that began and ended within the last step; infinite for none."""
+        one, other = a.load(row), b.load(row)
+        if jumped(one, self.dt) or jumped(other, self.dt):
+            return math.inf
+        share = first_touch(one, other, self.dt)
+        return math.inf if share is None else self.time - (1.0 - share) * self.dt
 
     def contact(self, one: str, other: str) -> BoolArray:
         """Runs in which two entities touch now (n,)."""
@@ -448,6 +471,8 @@ class BatchSimulation(RunRows):
             part.take(kept)
         if self.driver is not None:
             self.driver.take(kept)
-        self.touching = {pair: values[kept] for pair, values in self.touching.items()}
+        for held in (self.touching, self._overlapping):
+            for pair, values in held.items():
+                held[pair] = values[kept]
         self._values.clear()
         self.n = len(self.sets)

@@ -108,7 +108,7 @@ class Contacts:
         way = math.hypot((b.vx - a.vx) * dt, (b.vy - a.vy) * dt)
         if before or separation.exceeds(way) or not run.step_index:
             return
-        share = first_touch(a, b, dt) if not (_jumped(a, dt) or _jumped(b, dt)) else None
+        share = first_touch(a, b, dt) if not (jumped(a, dt) or jumped(b, dt)) else None
         if share is not None:
             found.append((a, b, run.time - (1.0 - share) * dt))
 
@@ -168,7 +168,7 @@ def _longest(a: Entity, b: Entity, dt: float) -> float:
     return _TOLERANCE * fastest * dt
 
 
-def _jumped(entity: Entity, dt: float) -> bool:
+def jumped(entity: Entity, dt: float) -> bool:
     """Whether an entity was put elsewhere in this step: it has moved further than its speed allows."""
     fastest = max(abs(entity.speed), abs(entity.speed - entity.acceleration * dt))
     return math.hypot(entity.vx, entity.vy) * dt > fastest * dt + JUMP

@@ -26,7 +26,8 @@ from xodr.model import PERMANENT
 
 if TYPE_CHECKING:
     from runner.engine.compile.compiler import Scenario
-    from runner.engine.participants.rows import EntityRows
+    from runner.engine.participants.entity import JUMP
+from runner.engine.participants.rows import EntityRows
     from runner.engine.storyboard.batch_run import BatchSimulation
     from runner.judging.measures.criticality import Criticality
 
@@ -34,7 +35,6 @@ _TOLERANCE = 1.01
 _SUSTAINED = 0.5
 _SHORTEST = 0.1
 """As in `continuity` and `rows`"""
-_JUMP = 10.0
 OPEN = "open"
 """Outcome of a run that the interpreter has to play"""
 _FRAME = ("x", "y", "z", "h", "speed", "s", "t")

@@ -1,5 +1,6 @@
 """Runs in arrays are those of the interpreter: verdicts, ends, places and measures."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -27,6 +28,23 @@ def settings(sut: str = "none") -> RunSettings:
 def test_cutting_in_is_played_as_by_the_interpreter(sut: str) -> None:
     runs, found, _ = compare(LIBRARY / "cut_in_highway.xosc", settings(sut), 6, 3)
     assert (runs, found) == (6, [])
+
+
+def test_contacts_within_long_steps_are_those_of_the_interpreter() -> None:
+    """At steps of 1 s vehicles pass through each other between the ends of two steps."""
+    chosen = replace(settings(), timestep=1.0)
+    sets = [
+        {"Ego_Speed_mps": "50", "CutIn_Gap_m": gap, "CutIn_StartTime_s": "0.2"}
+        for gap in ("5", "9", "14", "20")
+    ]
+    path = LIBRARY / "cut_in_highway.xosc"
+    found = played(path, sets, chosen)
+    single = [runner.run(path, chosen, parameters=each) for each in sets]
+    assert {each.verdict.outcome for each in single} == {"failed"}
+    for index, (outcomes, row) in found.items():
+        assert outcomes.outcome[row] == "failed"
+        assert outcomes.contact[row] == pytest.approx(single[index].collisions[0].time)
+    assert len(found) == 4
 
 
 def test_a_junction_is_crossed_as_by_the_interpreter() -> None:
