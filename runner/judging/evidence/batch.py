@@ -26,8 +26,7 @@ from xodr.model import PERMANENT
 
 if TYPE_CHECKING:
     from runner.engine.compile.compiler import Scenario
-    from runner.engine.participants.entity import JUMP
-from runner.engine.participants.rows import EntityRows
+    from runner.engine.participants.rows import EntityRows
     from runner.engine.storyboard.batch_run import BatchSimulation
     from runner.judging.measures.criticality import Criticality
 
