@@ -60,7 +60,7 @@ class CompiledSets:
 
 
 @dataclass(frozen=True, eq=False)
-class Played:
+class PlayedRow:
     """Sets that were played at once.
 
     Args:
@@ -157,7 +157,7 @@ def obstacle(path: Path, settings: RunSettings, parameters: Mapping[str, Any] | 
     return ""
 
 
-def play(structure: CompiledSets, settings: RunSettings) -> Iterator[Played]:
+def play(structure: CompiledSets, settings: RunSettings) -> Iterator[PlayedRow]:
     """Play the sets of a structure, a block at a time.
 
     Raises:
@@ -168,7 +168,7 @@ def play(structure: CompiledSets, settings: RunSettings) -> Iterator[Played]:
         sets = np.arange(start, min(start + BLOCK, count))
         run, judge = _run(structure, sets, settings)
         run.play()
-        yield Played(structure.members[sets], judge.outcomes(run))
+        yield PlayedRow(structure.members[sets], judge.outcomes(run))
 
 
 class Together:
