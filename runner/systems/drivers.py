@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from runner.engine.participants.entity import Entity
     from runner.engine.participants.rows import EntityRows
     from runner.engine.worlds.signals_ahead import SignalAhead
-    from runner.systems.batch_systems import BatchSystem
+    from runner.systems.arrays import BatchSystem
     from schemas.common.array_types import BoolArray, FloatArray, IntArray
 
 
