@@ -19,7 +19,7 @@ GENERATED = {ROOT / "docs" / "coverage.md", *(ROOT / "docs" / "reference").glob(
 WRITTEN = ("README.md", "docs/**/*.md", "recognition/models/*/README.md", "generation/**/*.md")
 PAGES = sorted({page for pattern in WRITTEN for page in ROOT.glob(pattern)} - GENERATED)
 RESULTS = ("performance.md", "recognition-results.md", "generation-results.md", "parity.md")
-ALL_PAGES, A_RESULT = 30_500, 1_500
+ALL_PAGES, A_RESULT = 31_000, 1_500
 
 
 def words(page: Path) -> int:
