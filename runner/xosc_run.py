@@ -120,7 +120,7 @@ def _outcomes(
     also: Sequence[Also],
     tell: Callable[[str], None],
 ) -> Generator[Outcome]:
-    """Return the outcomes of jobs, which are run, or only rehearsed; what arrays leave out is told."""
+    """Return the outcomes of jobs, which are run, or only rehearsed, and tell what arrays leave out."""
     from runner.batch.batch import run_batch
     from runner.view.rehearsal import rehearse_batch
 
