@@ -150,8 +150,9 @@ def arrow_type(name: str) -> pa.DataType:
 _FIELDS = [
     (name, "int64" if name == "lane_id" else "float64") for name in COLUMNS if name != "road_id"
 ]
-_pack = Struct("=" + "".join("q" if type_ == "int64" else "d" for _, type_ in _FIELDS)).pack
+_ROW = Struct("=" + "".join("q" if type_ == "int64" else "d" for _, type_ in _FIELDS))
 """The numbers of `COLUMNS` at one instant as bytes: objects for each row would keep Python's garbage collector busy."""
+_pack = _ROW.pack
 
 
 class _Rows:
@@ -192,10 +193,19 @@ class Recorder:
         self._entities, self._timestep, self._network = entities, timestep, network
         self._rows: dict[Entity, _Rows] = {}
 
-    def record(self, time: float) -> None:
-        """Write down the state of everyone at a time (s)."""
+    def correct(self, time: float, entities: Iterable[Entity]) -> None:
+        """Write down the state of some anew, in the place of their rows of the same time (s)."""
+        changed = dict.fromkeys(entities)
+        for entity in changed:
+            written = self._rows.get(entity)
+            if written is not None and _ROW.unpack_from(written.numbers, -_ROW.size)[0] == time:
+                del written.numbers[-_ROW.size :], written.roads[-1]
+        self.record(time, changed)
+
+    def record(self, time: float, entities: Iterable[Entity] | None = None) -> None:
+        """Write down the state of everyone, or of some, at a time (s)."""
         rows, pack = self._rows, _pack
-        for e in self._entities.values():
+        for e in self._entities.values() if entities is None else entities:
             if not (e.active and e.placed):
                 continue
             written = rows.get(e)

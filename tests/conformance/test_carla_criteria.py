@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +122,30 @@ def test_a_criterion_of_an_unknown_name_is_no_pass() -> None:
     assert result.verdict.causes[0].text.startswith(
         "not judged: PolitenessTest: there is no criterion of this name; criteria: ActorBlockedTest,"
     )
+
+
+COLLISION = (
+    '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef='
+    '"hero"/></TriggeringEntities><EntityCondition><CollisionCondition><ByType type="vehicle"/>'
+    "</CollisionCondition></EntityCondition></ByEntityCondition>"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "state"), [("PolitenessTest", "not judged"), ("KeepLaneTest", "passed")]
+)
+def test_a_collision_condition_with_the_name_of_a_criterion_is_one(
+    tmp_path: Path, name: str, state: str
+) -> None:
+    inside = '<ParameterCondition parameterRef="distance_success" value="$Value" rule="lessThan"/>'
+    text = f"<ByValueCondition>{inside}</ByValueCondition>"
+    path = changed(SCENARIO, tmp_path, (inside, inside))
+    content = re.sub(r">\s+<", "><", path.read_text(encoding="utf-8"))
+    assert text in content
+    path.write_text(content.replace(text, COLLISION), encoding="utf-8")
+    result = run(path, Criterion=f"criteria_{name}")
+    assert results(result)[name] == state
+    assert run(SCENARIO).end_time == result.end_time
 
 
 def test_a_value_for_a_criterion_without_parameters_is_a_remark() -> None:

@@ -12,6 +12,7 @@ from runner.systems import Control
 from runner.systems.base import Observation
 from schemas.common.errors import InvalidFile
 from tests.conformance.support import at, changed, events, track
+from tests.runner.files import ROADS, car, scenario, speed_action
 
 SCENARIO = Path(__file__).parent / "carla" / "dialect.xosc"
 PLACE = '<WorldPosition x="150" y="1.75" h="0"/>'
@@ -38,6 +39,27 @@ def start(result: runner.RunResult, entity: str = "adversary") -> tuple[float, f
     columns = track(result, entity)
     x, y, h = (float(columns[name][0]) for name in ("x", "y", "h"))
     return round(x, 6), round(y, 6), round(math.remainder(h, math.tau), 6)
+
+
+def test_axes_that_put_all_positions_off_the_roads_are_told_and_inconclusive(
+    tmp_path: Path,
+) -> None:
+    plain = scenario(
+        tmp_path,
+        entities=[car("Ego")],
+        init='<Private entityRef="Ego"><PrivateAction><TeleportAction><Position>'
+        '<WorldPosition x="150" y="8.75" h="0"/></Position></TeleportAction></PrivateAction>'
+        f"{speed_action(10)}</Private>",
+    )
+    text = plain.read_text().replace('description="test"', 'description="CARLA:test"')
+    for y, misplaced in (("8.75", False), ("-5.25", False), ("300", False)):
+        plain.write_text(text.replace("8.75", y))
+        assert any("off the roads" in each for each in run(plain).remarks) is misplaced
+    one_sided = ROADS.parents[2] / "xodr" / "library" / "highway_straight.xodr"
+    plain.write_text(text.replace("8.75", "-1.75").replace("straight.xodr", str(one_sided)))
+    result = run(plain)
+    assert any("so all WorldPositions are off the roads" in each for each in result.remarks)
+    assert "misplaced" in [cause.name for cause in result.verdict.causes]
 
 
 @pytest.mark.parametrize(

@@ -250,10 +250,12 @@ def test_times_are_scaled_then_shifted_from_the_start_of_the_action_or_the_simul
     assert at(columns, origin + scale * 3.0, "speed") == pytest.approx(15.0 / scale)
 
 
-def test_before_its_first_time_the_entity_waits_and_after_the_last_it_keeps_its_speed() -> None:
+def test_before_its_first_time_the_entity_goes_on_and_after_the_last_it_keeps_its_speed() -> None:
     columns = drive("Timing", Offset=3)
-    assert at(columns, 3.9, "x") == pytest.approx(100.0)
-    assert at(columns, 3.9, "speed") == 0.0
+    assert at(columns, 3.9, "x") == pytest.approx(139.0)
+    assert at(columns, 3.9, "speed") == 10.0
+    assert at(columns, 4.0, "x") == pytest.approx(100.0, abs=1e-6)
+    assert at(columns, 5.5, "x") == pytest.approx(115.0, abs=1e-6)
     assert at(columns, 9.0, "x") == pytest.approx(165.0, abs=1e-6)
     assert at(columns, 9.0, "speed") == pytest.approx(15.0)
 

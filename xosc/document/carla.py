@@ -27,26 +27,33 @@ from xosc.document.node import TO_RIGHT, Node
 
 FLAG = "CARLA:"
 _RULE = "xosc.toolchain:xosc:1.0.0:carla.conditions"
-_FLAG_RULE = "xosc.toolchain:xosc:1.0.0:carla.coordinate_system"
+FLAG_RULE = "xosc.toolchain:xosc:1.0.0:carla.coordinate_system"
 _DISTANCE_RULE = "asam.net:xosc:1.1.0:data_type.distances_are_not_negative"
 CRITERION_PREFIX = "criteria_"
 
 
 def is_criterion(condition: Node) -> bool:
-    """Whether a Condition of a StopTrigger is a criterion, by its name and a ParameterCondition inside."""
-    named = condition.get("name", "").startswith(CRITERION_PREFIX)
-    return named and condition.find("ByValueCondition", "ParameterCondition") is not None
+    """Whether a Condition of a StopTrigger is a criterion, by its name and the condition inside.
+
+    That is a ParameterCondition, or a CollisionCondition.
+    """
+    if not condition.get("name", "").startswith(CRITERION_PREFIX):
+        return False
+    collision = "ByEntityCondition", "EntityCondition", "CollisionCondition"
+    inside = ("ByValueCondition", "ParameterCondition"), collision
+    return any(condition.find(*names) is not None for names in inside)
 
 
 def is_for_carla(scenario: Node) -> bool:
     """Whether a scenario is written for scenario_runner: by its flag, or by criteria in its stop triggers."""
     triggers = scenario.iter("StopTrigger")
-    return _is_flagged(scenario) or any(
+    return is_mirrored(scenario) or any(
         is_criterion(each) for trigger in triggers for each in trigger.iter("Condition")
     )
 
 
-def _is_flagged(scenario: Node) -> bool:
+def is_mirrored(scenario: Node) -> bool:
+    """Whether a scenario has CARLA's axes, by its flag."""
     header = scenario.find("FileHeader")
     return header is not None and str(header.get("description", "")).startswith(FLAG)
 
@@ -57,7 +64,7 @@ def to_standard(scenario: Node) -> list[Remark]:
     Returns:
         What was assumed.
     """
-    flagged, remarks = _is_flagged(scenario), []
+    flagged, remarks = is_mirrored(scenario), []
     if is_for_carla(scenario):
         header = scenario.need("FileHeader")
         text = "written for CARLA's scenario_runner: triggers, priorities, speed steps and lane changes are read as there"
@@ -69,7 +76,7 @@ def to_standard(scenario: Node) -> list[Remark]:
                 change(node)
         header.element.set("description", header.get("description").removeprefix(FLAG))
         text = f"the description begins with {FLAG!r}: y points to the right and headings count clockwise, as in CARLA"
-        remarks.append(header.remark(_FLAG_RULE, text))
+        remarks.append(header.remark(FLAG_RULE, text))
     for node in scenario.iter("LateralDistanceAction"):
         remarks += _lateral_distance(node, flagged)
     return remarks

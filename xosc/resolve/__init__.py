@@ -36,7 +36,7 @@ from schemas.common.remarks import Remark, Remarks, with_ignored
 from schemas.expressions import ExpressionError, is_expression
 from schemas.expressions.values import quoted
 from xosc.document import Document, load
-from xosc.document.carla import is_for_carla, to_standard
+from xosc.document.carla import is_for_carla, is_mirrored, to_standard
 from xosc.document.node import LINE, SOURCE, Node
 from xosc.document.repairs import attributes
 from xosc.resolve.parameters import (
@@ -89,6 +89,7 @@ class Resolved(Document):
             an error.
         for_carla: whether it is written for CARLA's scenario_runner, whose triggers are others than
             the standard's.
+        mirrored: whether its axes were CARLA's, and its lateral values have changed their signs.
     """
 
     parameters: dict[str, ParameterDeclaration]
@@ -98,6 +99,7 @@ class Resolved(Document):
     scene_graph_file: Path | None
     violations: tuple[ToolchainError, ...] = ()
     for_carla: bool = False
+    mirrored: bool = False
 
     @cached_property
     def first_clock_time(self) -> float:
@@ -184,7 +186,7 @@ def _resolved(
         each.get("value") in attributes.NOTHING for each in root.iter("ParameterDeclaration")
     ):  # literals: see `load`
         remarks.add(*attributes.leave_out_absent_values(node, document.version))
-    for_carla = is_for_carla(node)
+    for_carla, mirrored = is_for_carla(node), is_mirrored(node)
     remarks.add(*to_standard(node))
     return Resolved(
         path=document.path,
@@ -199,6 +201,7 @@ def _resolved(
         violations=tuple(violations),
         remarks=remarks.found,
         for_carla=for_carla,
+        mirrored=mirrored,
     )
 
 

@@ -33,6 +33,26 @@ def _entity(node: Node, context: Context) -> Entity:
     return context.entity(above)
 
 
+_TILT = "xosc.toolchain:xosc:1.0.0:positioning.surface_while_driving"
+
+
+def _position(node: Node, context: Context) -> Position:
+    """The position of an action, with a remark on angles that it has only while the entity stands."""
+    holder = node.need("Position")
+    tilted = next((each for each in holder.iter() if each.has("p") or each.has("r")), None)
+    if (
+        context.network is not None
+        and tilted is not None
+        and (tilted.finite("p", 0.0) or tilted.finite("r", 0.0))
+    ):
+        text = (
+            "pitch and roll hold while the entity stands; while it drives along a lane, "
+            "they are those of the road's surface"
+        )
+        context.remarks.note(tilted.remark(_TILT, text))
+    return context.position(holder)
+
+
 @action("AddEntityAction")
 @dataclass(frozen=True, slots=True)
 class AddEntityAction(GlobalAction):
@@ -48,7 +68,7 @@ class AddEntityAction(GlobalAction):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> AddEntityAction:
         """Build from an AddEntityAction element."""
-        return cls(_entity(node, context), context.position(node.need("Position")))
+        return cls(_entity(node, context), _position(node, context))
 
     def puts(self) -> Iterable[tuple[Entity, Position | None]]:
         """The position."""
@@ -96,7 +116,7 @@ class TeleportAction(PrivateAction):
     @classmethod
     def from_xml(cls, node: Node, context: Context) -> TeleportAction:
         """Read the position."""
-        return cls(context.position(node.need("Position")))
+        return cls(_position(node, context))
 
     @property
     def places(self) -> bool:

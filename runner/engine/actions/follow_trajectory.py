@@ -175,18 +175,18 @@ class FollowTrajectoryAction(PrivateAction):
         oriented = self.trajectory.shape.faces or (pace is not None and track.rests is Rests.SOME)
         motion = PathMotion(run.roads, path, s, again, track.grounded, pace is not None, oriented)
         motion.turns = track.rests is not Rests.ALL or not actor.placed
+        following = _Following(actor, run, motion, pace, self._limits(actor))
         if self.follow and actor.placed:
             _join(motion, actor, pace, run.time)
+        elif actor.placed and pace is not None and pace.begin > run.time + _SAME_TIME:
+            return _Waiting(actor, run, following, pace)
         else:
             if pace is not None and self.trajectory.moved:
                 actor.controls.target_speed = pace.speed(run.time)
-            here = actor.x, actor.y
-            motion.put(actor, actor.controls.target_speed)
-            if not actor.placed or math.dist(here, (actor.x, actor.y)) > _ROUNDING:
-                line_up(run.roads, actor)
-            actor.placed = True
-        actor.controls.motion, actor.on_lane, actor.controls.target_offset = motion, False, None
-        return _Following(actor, run, motion, pace, self._limits(actor))
+            _put(actor, motion, run)
+            run.relocated(actor)
+        _lead(actor, motion)
+        return following
 
     def _limits(self, actor: Entity) -> Performance:
         """Return the limits on changes of speed. Jerk is unlimited: accelerations constant between vertices jump there."""
@@ -235,6 +235,20 @@ class FollowTrajectoryAction(PrivateAction):
         return Pace(schedule, now - (schedule.time(skip) if skip else 0.0), [], free=True)
 
 
+def _put(actor: Entity, motion: PathMotion, run: Run) -> None:
+    """Put the actor on the path, its trailers behind it."""
+    here = actor.x, actor.y
+    motion.put(actor, actor.controls.target_speed)
+    if not actor.placed or math.dist(here, (actor.x, actor.y)) > _ROUNDING:
+        line_up(run.roads, actor)
+    actor.placed = True
+
+
+def _lead(actor: Entity, motion: PathMotion) -> None:
+    """Have the actor move along the path from now on."""
+    actor.controls.motion, actor.on_lane, actor.controls.target_offset = motion, False, None
+
+
 def _join(motion: PathMotion, actor: Entity, pace: Pace | None, now: float) -> None:
     """Let the actor steer to the path from where it is, at a time (s)."""
     ahead = pace.station(now + JOINING) if pace is not None else motion.s
@@ -264,6 +278,11 @@ class Pace:
         self, schedule: Schedule, origin: float, rests: Sequence[float], free: bool = False
     ) -> None:
         self._schedule, self._origin, self._rests, self._free = schedule, origin, rests, free
+
+    @property
+    def begin(self) -> float:
+        """Time of the simulation at which the path begins (s)."""
+        return self._schedule.times[0] + self._origin
 
     def due(self, time: float) -> bool:
         """Whether the path's end is due at a time of the simulation (s)."""
@@ -312,6 +331,28 @@ class Pace:
             smooth([now, arrival, *times], [0.0, length, *stations], speed, rests),
             0.0,
         )
+
+
+class _Waiting(Running):
+    """One actor whose trajectory begins later: it goes on as it did, and is put there at that time."""
+
+    def __init__(self, actor: Entity, run: Run, following: _Following, pace: Pace) -> None:
+        self.actor, self.run, self.following, self.pace = actor, run, following, pace
+        self.put = False
+
+    def step(self, dt: float) -> bool:
+        """Wait for the beginning, and follow from the step on in which it comes."""
+        if not self.put and self.pace.begin > self.run.time + dt + _SAME_TIME:
+            return False
+        if not self.put:
+            self.put = True
+            _put(self.actor, self.following.motion, self.run)
+            _lead(self.actor, self.following.motion)
+        return self.following.step(dt)
+
+    def stop(self) -> None:
+        """As the follower."""
+        self.following.stop()
 
 
 class _Following(Running):

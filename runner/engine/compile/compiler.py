@@ -39,6 +39,7 @@ from schemas.checks.structure import SCHEMA_UID
 from schemas.common.remarks import Remark, Remarks, with_ignored
 from schemas.expressions.columns import is_reading
 from schemas.expressions.values import MARK
+from xosc.document.carla import FLAG_RULE
 from xosc.document.node import Node
 from xosc.rules.references import ACTORS_UID, OTHER_ENTITY_UID, SIGNAL_UID
 from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
@@ -294,6 +295,7 @@ def compile_scenario(
     with with_ignored(document.remarks):
         context = ScenarioContext(document, network, strict)
         _check_signals(context)
+        _check_mirror(context)
         read_entities(document.node.need("Entities"), context)
         _read_storyboard(document.node.need("Storyboard"), context)
         check_actors(context.storyboard)
@@ -339,6 +341,27 @@ def _check_signals(context: ScenarioContext) -> None:
                 SIGNAL_UID,
                 f"{network.path.name} has no signal {name!r}; its state has no effect",
             )
+
+
+def _check_mirror(context: ScenarioContext) -> None:
+    """Have a remark where all positions of a scenario with CARLA's axes fit the roads without them only."""
+    network, document = context.network, context.document
+    positions = list(document.node.iter("WorldPosition")) if document.mirrored else []
+    if network is None or not positions:
+        return
+    places = [(each.finite("x"), each.finite("y")) for each in positions]
+    if any(_on_road(network, x, y) for x, y in places):
+        return
+    if all(_on_road(network, x, -y) for x, y in places):
+        text = (
+            "y is read as pointing to the right, as the description begins with 'CARLA:': so all "
+            "WorldPositions are off the roads, which they are on as they stand"
+        )
+        context.remarks.note(positions[0].remark(FLAG_RULE, text, "misplaced"))
+
+
+def _on_road(network: RoadNetwork, x: float, y: float) -> bool:
+    return network.on_road(network.locate(x, y))
 
 
 def _check_presence(context: ScenarioContext) -> None:

@@ -150,6 +150,10 @@ class Run(Instant, Protocol):
         """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
         ...
 
+    def relocated(self, entity: Entity) -> None:
+        """Show an entity, and its trailers, where an action has put it at this time, not only after the coming step."""
+        ...
+
     def activate(self, entity: Entity, placement: Placement) -> None:
         """Bring an entity into the world (AddEntityAction), at the speed that it was last asked for, its trailers with it."""
         ...

@@ -36,6 +36,8 @@ _BRISK = 2.0
 """Greatest lateral acceleration (m/s²) of that way where a route leaves little room"""
 _SLANT = 6.0
 """Least length of that way, in widths that it goes aside"""
+_SHORTEST = 1e-3
+"""Least length (m) of that way"""
 
 
 def _linear(p: float) -> float:
@@ -298,7 +300,7 @@ class Easing:
             abs(speed) * math.sqrt(6.0 * abs(self._aside) / lateral)
             for lateral in (_GENTLE, _BRISK)
         )
-        self._length = max(brisk, min(gentle, within), _SLANT * abs(self._aside))
+        self._length = max(brisk, min(gentle, within), _SLANT * abs(self._aside), _SHORTEST)
         steepest = -3.0 * self._aside / self._length  # beyond it the cubic would go past the place
         self.slope = max(min(slope, max(steepest, 0.0)), min(steepest, 0.0))
 

@@ -99,6 +99,8 @@ class Simulation:
         self.finished = False
         self.processes: list[Process] = []
         self.ended: list[Process] = []
+        self.put: list[Entity] = []
+        """entities that actions have put somewhere since the last row was recorded"""
         self.rests: list[str] = []
         """sentences on actions that have ended short of their goals"""
         self.log: list[LogEntry] = []
@@ -131,6 +133,7 @@ class Simulation:
         self._evaluate()
         self._set_velocities()
         self.initialising = False
+        self.put.clear()
         self.recorder.record(self.time)
 
     def _set_velocities(self) -> None:
@@ -181,6 +184,9 @@ class Simulation:
             observe(self)
         self.recorder.record(self.time)
         self._evaluate()
+        if self.put:  # they are where an action has put them at this time, as at time 0
+            self.recorder.correct(self.time, self.put)
+            self.put.clear()
         return True
 
     def _look_back(self) -> None:
@@ -277,7 +283,10 @@ class Simulation:
                 entity.road_end += self.dt
             return
         before = repr(_state(entity))  # distinguishes 0.0 from -0.0
+        pitch, roll = entity.pitch, entity.roll
         self._move(entity, controls.target_speed, self.dt)
+        if still:
+            entity.pitch, entity.roll = pitch, roll  # a position may have put it at an angle
         if still and repr(_state(entity)) == before:
             entity.settled = self.changes
 
@@ -391,10 +400,15 @@ class Simulation:
         """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
         self.wake()
         self.roads.place(entity, placement)
+        self.relocated(entity)
         if entity.controls.trailer is not None:
             line_up(self.roads, entity)
         if entity.controls.world_driven:
             self.drive(entity)
+
+    def relocated(self, entity: Entity) -> None:
+        """Show an entity, and its trailers, where an action has put it at this time, not only after the coming step."""
+        self.put += train(entity)
 
     def drive(self, entity: Entity) -> bool:
         """Hand an entity to the world's own driver; false, and it goes on as scripted, where that can't drive."""

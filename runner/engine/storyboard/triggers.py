@@ -48,6 +48,7 @@ class TimedCondition:
     """
 
     __slots__ = (
+        "_held",
         "_history",
         "_previous",
         "condition",
@@ -87,12 +88,15 @@ class TimedCondition:
     def rearm(self) -> None:
         """Forget all earlier evaluations."""
         self._previous: bool | None = None
+        self._held = False
         self._history: deque[tuple[float, bool]] = deque()
 
     def _remembered(self, run: Instant) -> bool:
         value = self.condition.evaluate(run)
         if self.edge != "none":
             before, self._previous = self._previous, value
+            if before is not value:
+                self._held = before is None and value
             rising, falling = before is False and value, before is True and not value
             value = (
                 rising
@@ -142,8 +146,9 @@ class TimedCondition:
 
     @property
     def missed(self) -> bool:
-        """Whether it waits for a rise that has been, and that there can be only one of."""
-        past = self.edge == "rising" and self._previous is True and self.condition.stays_true
+        """Whether it waits for a rise that has been, and that there can be only one of, or was true throughout."""
+        true = self.edge == "rising" and self._previous is True
+        past = true and (self._held or self.condition.stays_true)
         return past and not any(rose for _, rose in self._history)
 
     def describe(self, run: Instant) -> str:

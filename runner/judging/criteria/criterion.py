@@ -321,7 +321,7 @@ def declared(storyboard: Node) -> tuple[Criterion, ...]:
 def _read(condition: Node) -> Criterion:
     name, parameter = (
         condition.get("name").removeprefix(CRITERION_PREFIX),
-        condition.need("ByValueCondition", "ParameterCondition"),
+        condition.find("ByValueCondition", "ParameterCondition"),
     )
     kind, delay = kinds().get(name.casefold()), condition.finite("delay", 0.0)
     if kind is None:
@@ -334,6 +334,8 @@ def _read(condition: Node) -> Criterion:
             condition.where,
             f"there is no criterion of this name; criteria: {known}",
         )
+    if parameter is None:  # a CollisionCondition, which gives no values
+        return Criterion(kind.name, kind, dict(kind.parameters), delay, condition.where)
     reference, text = parameter.get("parameterRef", ""), parameter.get("value", "")
     if not kind.parameters:
         remark = (

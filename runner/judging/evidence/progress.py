@@ -44,7 +44,10 @@ def idleness(board: Storyboard, end: Instant) -> Iterator[str]:
             waiting.setdefault(reason, []).append(element)
     for reason, (first, *others) in waiting.items():
         more = f" (and {len(others)} more)" if others else ""
-        yield f"{first.kind} {first.name!r}{more} can't start: {reason} was true too early, and does not rise again"
+        yield (
+            f"{first.kind} {first.name!r}{more} does not start: {reason} was true too early, and did "
+            "not rise again: the first check is no edge, conditionEdge='none' needs none"
+        )
 
 
 def untested_remarks(sim: Simulation) -> Iterator[str]:

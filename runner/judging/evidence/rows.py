@@ -214,8 +214,9 @@ def _actors(run: Observed) -> Count:
     "yes",
     1,
     "participants are where their positions say, on the road, inside their boxes",
-    "a position is more than 10 m beyond the end of its road, and the end was taken; or a "
-    "participant begins more than 5 m above or below the road, or 5 m beside its bounding box",
+    "a position is more than 10 m beyond the end of its road, and the end was taken; CARLA's axes "
+    "put all positions off the roads, on which they are without; or a participant begins more "
+    "than 5 m above or below the road, or 5 m beside its bounding box",
     early=True,
 )
 def _places(run: Observed) -> Count:

@@ -34,9 +34,25 @@ def test_a_rise_before_the_trigger_waits_is_a_remark(tmp_path: Path) -> None:
     early = at_time(0.2, "early").replace('conditionEdge="none"', RISES)
     remarks = play(tmp_path, 0.3, 0.2, changes={at_time(0.2): early, at_time(0): at_time(0.4)})
     reason = (
-        "early: simulation time = 1 s ≥ 0.2 s (rising) was true too early, and does not rise again"
+        "early: simulation time = 1 s ≥ 0.2 s (rising) was true too early, and did not rise again"
     )
-    assert remarks == (f"event 'event1' can't start: {reason}",)
+    option = "the first check is no edge, conditionEdge='none' needs none"
+    assert remarks == (f"event 'event1' does not start: {reason}: {option}",)
+
+
+def test_a_condition_that_is_true_from_its_first_check_on_is_a_remark(tmp_path: Path) -> None:
+    fast = (
+        f'<ConditionGroup><Condition name="fast" delay="0" {RISES}><ByEntityCondition>'
+        '<TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/>'
+        '</TriggeringEntities><EntityCondition><SpeedCondition value="8" rule="greaterThan"/>'
+        "</EntityCondition></ByEntityCondition></Condition></ConditionGroup>"
+    )
+    (remark,) = play(tmp_path, 0.3, 0.5, changes={at_time(0.5): fast, 'value="5"': 'value="9"'})
+    assert remark.startswith("event 'event1' does not start: fast:")
+    assert "conditionEdge='none' needs none" in remark
+    # a condition that has been false since may yet rise
+    falling = play(tmp_path, 0.3, 0.5, changes={at_time(0.5): fast})
+    assert not any("does not start" in each for each in falling)
 
 
 def test_events_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
@@ -47,7 +63,7 @@ def test_events_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
         0.2,
         changes={at_time(0.2): early, at_time(0): at_time(0.25), '"event1"': '"event0"'},
     )
-    assert remark.startswith("event 'event0' can't start: early")
+    assert remark.startswith("event 'event0' does not start: early")
 
 
 def test_an_act_that_waits_for_the_beginning_to_come_is_a_remark(tmp_path: Path) -> None:
@@ -55,7 +71,7 @@ def test_an_act_that_waits_for_the_beginning_to_come_is_a_remark(tmp_path: Path)
         tmp_path, 0.3, changes={at_time(0): at_time(0).replace('conditionEdge="none"', RISES)}
     )
     assert first.startswith(
-        "act 'act' can't start: time: simulation time = 1 s ≥ 0 s (rising) was true too early"
+        "act 'act' does not start: time: simulation time = 1 s ≥ 0 s (rising) was true too early"
     )
 
 

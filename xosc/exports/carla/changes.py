@@ -22,7 +22,7 @@ from lxml import etree
 from schemas.common.errors import Unsupported, nearest
 from schemas.common.xml import parse
 from xosc.document import Document
-from xosc.document.carla import FLAG
+from xosc.document.carla import FLAG, is_criterion
 from xosc.document.node import EGO_NAME, TO_RIGHT, Node
 from xosc.document.road_files import RoadFile
 from xosc.exports.carla.ways import follow_on
@@ -352,7 +352,7 @@ def _stop(document: Document) -> str:
 
 
 def _criteria(group: Node) -> bool:
-    return all(condition.get("name", "").startswith("criteria_") for condition in group.children())
+    return all(is_criterion(condition) for condition in group.children("Condition"))
 
 
 def _hero(document: Document) -> str:
