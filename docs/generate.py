@@ -103,20 +103,34 @@ def matrices() -> dict[Path, str]:
     """Pages with tables of fields and formats between their text."""
     from runner.exchange.exports import RUN_FIELDS, TARGETS
     from xodr.formats.maps.converting import FATES, MAP_FIELDS
+    from xosc.exports import DOCUMENT_FIELDS
 
     runs = {
         target.name: import_module(target.module).FATES
         for target in TARGETS.values()
         if target.of_run
     }
+    documents = {
+        target.name: import_module(target.module).FATES[target.name]
+        for target in TARGETS.values()
+        if not target.of_run
+    }
+    page = ROOT / "docs" / "exports.md"
+    text = page.read_text(encoding="utf-8")
+    text = _with_matrix(text, "matrix of documents", DOCUMENT_FIELDS, documents)
     return {
-        ROOT / "docs" / "exports.md": _with_matrix("exports", "matrix of runs", RUN_FIELDS, runs),
-        ROOT / "docs" / "roads.md": _with_matrix("roads", "matrix of maps", MAP_FIELDS, FATES),
+        page: _with_matrix(text, "matrix of runs", RUN_FIELDS, runs),
+        ROOT / "docs" / "roads.md": _with_matrix(
+            (ROOT / "docs" / "roads.md").read_text(encoding="utf-8"),
+            "matrix of maps",
+            MAP_FIELDS,
+            FATES,
+        ),
     }
 
 
 def _with_matrix(
-    page: str, name: str, fields: Mapping[str, str], tables: Mapping[str, fates.Fates]
+    text: str, name: str, fields: Mapping[str, str], tables: Mapping[str, fates.Fates]
 ) -> str:
     kept, count = fates.share_kept(tables)
     lines = [
@@ -125,7 +139,6 @@ def _with_matrix(
         "",
         f"Kept: {kept} of {count} ({kept / count:.0%}).",
     ]
-    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
     return fates.replaced(text, name, [*lines, ""])
 
 

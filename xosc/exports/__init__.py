@@ -19,3 +19,32 @@ Example::
 
     xosc-export scenarios --to 1.2 --out older
 """
+
+DOCUMENT_FIELDS = {
+    "names and categories": "of entities",
+    "bounding boxes": "",
+    "performance": "",
+    "roles": "",
+    "properties": "of entities",
+    "controllers": "`ObjectController`",
+    "initial places": "",
+    "initial speeds": "",
+    "parameters": "",
+    "expressions": "",
+    "variables": "",
+    "stories, acts, groups, events": "names",
+    "priorities": "of events",
+    "times of triggers": "",
+    "distances of triggers": "",
+    "edges": "of conditions",
+    "delays": "of conditions",
+    "end": "`StopTrigger`",
+    "shapes of transitions": "",
+    "followingMode": "of transitions",
+    "lane changes": "",
+    "routes": "",
+    "polylines": "with times",
+    "weather": "",
+    "lights of vehicles": "",
+}
+"""Fields of a scenario, with what is meant; each target of documents declares their fates (`FATES`)."""

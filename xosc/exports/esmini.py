@@ -10,8 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from schemas.common.fates import kept, lost
 from xosc.distributions import ParameterSpace
 from xosc.document import Document, load, to_bytes
+from xosc.exports import DOCUMENT_FIELDS
 from xosc.exports.concrete import in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.omissions import Rule, refuse, remarks
@@ -20,6 +22,13 @@ from xosc.exports.standard import distribution, scenario, write_sets
 from xosc.resolve import resolve
 
 TARGETS = {"esmini": "scenarios that esmini plays as they are meant"}
+FATES = {
+    "esmini": {
+        **dict.fromkeys(DOCUMENT_FIELDS, kept()),
+        "followingMode": lost("refused: esmini ignores `follow`"),
+    }
+}
+"""Fates of the fields of a scenario"""
 _REFUSED = (
     *(
         Rule(f"//{tag}", "esmini does not have this action")

@@ -11,8 +11,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from schemas.common.errors import InvalidFile, Unsupported
+from schemas.common.fates import changed, kept, lost
 from schemas.expressions import ExpressionError, references
 from xosc.document import Document, load, to_bytes
+from xosc.exports import DOCUMENT_FIELDS
 from xosc.exports.concrete import concrete, concrete_scenarios, copied, in_version
 from xosc.exports.draft import DEFAULTS, Draft, ExportSettings, Folder
 from xosc.exports.omissions import omit
@@ -28,6 +30,28 @@ TARGETS = {
     "1.3": "OpenSCENARIO XML 1.3",
     "1.4": "OpenSCENARIO XML 1.4",
 }
+_OLD = {
+    "roles": lost("no attribute before 1.2"),
+    "variables": changed("parameters, which actions may set before 1.2"),
+    "followingMode": lost("no attribute before 1.2; vehicles keep their Performance"),
+    "lights of vehicles": lost("no element before 1.2"),
+}
+_ALL = dict.fromkeys(DOCUMENT_FIELDS, kept())
+FATES = {
+    "1.0": {
+        **_ALL,
+        **_OLD,
+        "expressions": changed("values: 1.0 has no expressions"),
+    },
+    "1.1": {**_ALL, **_OLD},
+    "1.2": {
+        **_ALL,
+        "lights of vehicles": lost("refused: 1.2's schema asks for both kinds of light at once"),
+    },
+    "1.3": _ALL,
+    "1.4": _ALL,
+}
+"""Fates of the fields of a scenario of 1.4 by target"""
 _CLOSED_SINCE = (1, 2)
 """Before, the entries of catalogues also saw the parameters at the place of the reference."""
 

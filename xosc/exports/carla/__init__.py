@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from schemas.common.fates import changed, kept, lost
 from xosc.document import Document, load, to_bytes
 from xosc.document.carla import is_for_carla
 from xosc.document.node import Node
+from xosc.exports import DOCUMENT_FIELDS
 from xosc.exports.carla.changes import (
     IGNORED,
     REFUSED,
@@ -41,6 +43,31 @@ from xosc.exports.shapes import earlier, in_world, polylines, to_init
 from xosc.exports.starts import InitialState, RoadGeometry, as_expected, as_started, starts
 
 TARGETS = {"carla": "the part of 1.0 that CARLA's scenario_runner reads"}
+_UNREAD = lost("scenario_runner does not read it")
+FATES = {
+    "carla": {
+        **dict.fromkeys(DOCUMENT_FIELDS, kept()),
+        "names and categories": changed("the ego is `hero`"),
+        "bounding boxes": lost("scenario_runner does not read it: CARLA's models have their sizes"),
+        **dict.fromkeys(("performance", "controllers", "priorities", "edges"), _UNREAD),
+        "roles": lost("no attribute before 1.2"),
+        "properties": changed("with a `type` that tells egos from others"),
+        "parameters": changed("values"),
+        "expressions": changed("values"),
+        "variables": changed("values"),
+        "delays": changed("of time alone: the time itself"),
+        "end": lost("a run ends when all acts have"),
+        "shapes of transitions": lost(
+            "scenario_runner does not read it: speeds are its controller's"
+        ),
+        "followingMode": lost("no attribute before 1.2"),
+        "lane changes": changed("relative to the actor, over a distance"),
+        "routes": changed("trajectories, or none where the lanes lead that way"),
+        "polylines": changed("closer vertices, from the time 0 on"),
+        "lights of vehicles": lost("no element before 1.2"),
+    }
+}
+"""Fates of the fields of a scenario"""
 _CURVES = ("Clothoid", "ClothoidSpline", "Nurbs")
 _POSITIONS = ("RoutePosition", "TrajectoryPosition", "GeoPosition")
 
