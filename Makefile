@@ -9,7 +9,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # Modules are compiled when they are first imported: most of what is installed never is.
 PIP := pip install --no-compile --quiet --disable-pip-version-check
 
-.PHONY: demo test test-slow test-studies readers lint types install docs docs-site clean
+.PHONY: demo test test-slow test-studies readers lint types install docs docs-site compiled clean
 
 # What an extra brings. The pip of Python 3.11 takes a third more processor time for it than today's.
 $(VENV)/.with-%: pyproject.toml constraints.txt
@@ -62,6 +62,9 @@ docs: install  ## write the generated pages of docs/ anew
 
 docs-site: install  ## the documentation as a site in out/site; links are checked, no network is used
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+
+compiled: install  ## the wheel with compiled modules in dist; the library's trajectories are the same bytes by it and by Python
+	.ci/compiled
 
 clean:
 	rm -rf $(VENV) $(READERS) out build dist

@@ -132,6 +132,17 @@ def version() -> str:
         return "unknown"
 
 
+def compiled() -> bool:
+    """Whether the installed wheel has compiled modules; false in a checkout."""
+    from importlib import metadata
+
+    try:
+        wheel = metadata.distribution("xosc-toolchain").read_text("WHEEL")
+    except metadata.PackageNotFoundError:
+        return False
+    return "Root-Is-Purelib: false" in (wheel or "").splitlines()
+
+
 def public(
     package: str, homes: Mapping[str, str]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:

@@ -45,6 +45,7 @@ PAGES = [*READING, *EXTENDING]
 PRODUCT = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "studies")
 
 NOT_RUN = {
+    "make compiled": "takes minutes; continuous integration runs it each week",
     "make demo": "installs everything anew; its target is looked up below, and what it consists of is in the tutorials",
     "make docs": "installs everything anew; test_reference and tests/studies/test_coverage compare what it writes",
     "make lint types test": "installs everything anew; continuous integration runs it",

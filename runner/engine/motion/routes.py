@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from runner.engine.compile.element import Position
 from xodr.graph.ways import Way
+from xosc.document.node import Node
 
 if TYPE_CHECKING:
     from random import Random
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from xodr.graph.network import RoadNetwork
     from xodr.graph.routes import RoadPath
     from xodr.model import LaneLink, RoadPoint
-    from xosc.document.node import Node
 
 STRATEGIES = ("shortest", "fastest", "leastIntersections", "random")
 """Values of RouteStrategy."""

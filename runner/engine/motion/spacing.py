@@ -30,13 +30,13 @@ from runner.engine.participants.boxes import Spot, gap, interval_gap, outlook, s
 from runner.engine.participants.declaration import BoundingBox
 from runner.engine.participants.entity import Entity
 from runner.engine.participants.rows import EntityRows
+from xodr.model import RoadPoint
 
 if TYPE_CHECKING:
     from runner.engine.motion.on_roads import Roads
     from runner.engine.motion.paths import Path
     from runner.engine.motion.placement import Placement
     from schemas.common.array_types import BoolArray, FloatArray
-    from xodr.model import RoadPoint
     from xodr.model.road import Road
 
 SYSTEMS = ("entity", "lane", "road", "trajectory")

@@ -22,7 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.models import OptionInfo
 
 from schemas.common.errors import ExitCode, ToolchainError, UsageError, describe
-from schemas.common.packages import leave_working_folder_out, missing, version
+from schemas.common.packages import compiled, leave_working_folder_out, missing, version
 from schemas.common.policy import (
     UNTRUSTED,
     CommandPolicy,
@@ -268,7 +268,7 @@ def new_app(name: str | None = None, group: type[TyperGroup] = TyperGroup) -> ty
 def _print_version(context: typer.Context, requested: bool) -> None:
     if requested:
         names = [each.command.name for each in (context.parent, context) if each is not None]
-        print(f"{' '.join(filter(None, names))} {version()}")
+        print(f"{' '.join(filter(None, names))} {version()}{' (compiled)' if compiled() else ''}")
         raise typer.Exit
 
 
