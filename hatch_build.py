@@ -1,7 +1,8 @@
 """Compile the modules that a step of a run spends its time in, with mypyc, into a wheel of the platform.
 
 Off by default. `make compiled` switches it on by `HATCH_BUILD_HOOK_ENABLE_CUSTOM`. The Python files
-stay in the wheel; Python imports the extension modules beside them.
+stay in the wheel; Python imports the extension modules beside them. A module with a
+`cached_property` stays out: mypyc computes it anew each time.
 """
 
 from __future__ import annotations
@@ -30,7 +31,6 @@ MODULES = (
     "runner/engine/storyboard/story_elements.py",
     "runner/engine/storyboard/storyboard.py",
     "runner/engine/storyboard/triggers.py",
-    "runner/recording.py",
     "xodr/graph/links.py",
     "xodr/graph/locate.py",
     "xodr/graph/travel.py",
