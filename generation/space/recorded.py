@@ -264,7 +264,7 @@ def _units(path: Path | None) -> Samples:
 
 
 def kind_of(scenario: Path) -> str:
-    """The kind of recorded units that a scenario is about, by its name (the library's) or by the tag of its class.
+    """The kind of recorded units that a scenario is about, by its name (the library's) or, for a recorded one, the tag of its class.
 
     Raises:
         UsageError: it has neither, or is not there.
@@ -277,10 +277,10 @@ def kind_of(scenario: Path) -> str:
     }
     found = next(
         (kind for name, kind in kinds.items() if scenario.stem.startswith(f"{name}_")), None
-    ) or _KINDS_OF_CLASSES.get(_property(xosc.load(scenario).node, _CLASS) or "")
+    ) or _kind_of_recording(xosc.load(scenario).node)
     if found is None:
         raise UsageError(
-            "nothing says which values are likely: it has no tag of a class, and its name is not that of a manoeuvre, as "
+            "nothing says which values are likely: it is no recorded scenario of a known class, and its name is not that of a manoeuvre, as "
             f"cut_in_highway.xosc. Give ranges, as {free_option(numbers(scenario))}, or --density uniform for all that has limits, "
             "or name recorded units that are like it by --kind",
             path=scenario,
@@ -461,6 +461,12 @@ def _declared(file: Path) -> tuple[tuple[str, ...], FloatArray, str] | None:
         np.array([float(values[name]) for name in names]),
         _property(document.node, _RECORDING) or file.stem,
     )
+
+
+def _kind_of_recording(root: Node) -> str | None:
+    """The kind by the class of a recorded scenario; None for others, whose parameters may be of any kind."""
+    recorded = _property(root, _RECORDING) is not None
+    return _KINDS_OF_CLASSES.get(_property(root, _CLASS) or "") if recorded else None
 
 
 def _property(root: Node, name: str) -> str | None:

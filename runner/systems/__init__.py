@@ -204,9 +204,12 @@ _OUR_PACKAGES = tuple(
 
 
 def files_of_user() -> list[str]:
-    """Files of the imported modules that are neither installed nor the toolchain's."""
+    """Files of the imported modules that are neither installed nor the toolchain's.
+
+    Modules that libraries make up as they run, as torch does, name files that are not there.
+    """
     files = {getattr(module, "__file__", None) or "" for module in list(sys.modules.values())}
-    real = {os.path.realpath(file) for file in files if file}
+    real = {os.path.realpath(file) for file in files if os.path.isfile(file)}
     return sorted(file for file in real if not file.startswith((*_INSTALLED, *_OUR_PACKAGES)))
 
 

@@ -110,7 +110,8 @@ def test_writing_gives_the_same_bytes_without_our_attributes(scenario, catalog, 
 
 def test_an_unwritable_file_is_a_usage_error(scenario, tmp_path):
     with pytest.raises(UsageError, match="the file can't be written"):
-        xosc.write(xosc.load(scenario()), tmp_path / "no" / "folder.xosc")
+        (tmp_path / "file").write_text("")
+        xosc.write(xosc.load(scenario()), tmp_path / "file" / "folder.xosc")
 
 
 def test_elements_with_names_that_xpath_does_not_take_are_read(scenario):

@@ -190,7 +190,7 @@ def entry(seen: Outlook, a: BoundingBox, b: BoundingBox, vx: float, vy: float) -
 
 
 class Moved(Boxed, Protocol):
-    """Something boxed with its pitch (rad, downwards positive) and its velocity over ground in the last step (m/s)."""
+    """Something boxed with its pitch (rad, downwards positive), its velocity over ground (m/s) and its turn (rad) in the last step."""
 
     @property
     def pitch(self) -> float: ...
@@ -198,10 +198,10 @@ class Moved(Boxed, Protocol):
     def vx(self) -> float: ...
     @property
     def vy(self) -> float: ...
+    @property
+    def turn(self) -> float: ...
 
 
-_SLIP = 0.8
-"""Angle (rad) between way and heading above which an entity has slid in a straight line, and not steered"""
 _STRAIGHT = 0.06
 """Turn (rad) in a part of a step in which entities move straight on"""
 
@@ -209,11 +209,10 @@ _STRAIGHT = 0.06
 def first_touch(a: Moved, b: Moved, dt: float) -> float | None:
     """Return the share (0 to 1) of the last step, dt (s), after which two boxes first touched; None if they did not.
 
-    Reference points of entities that steer move along their headings, so that their ways are taken
-    as arcs which end at the present poses. Those that slid, or stood, keep their headings. The step
+    Reference points move along arcs, which end at the present poses, by the turns of the step. It
     has equal parts in which both move straight on.
     """
-    turns = _turn(a, dt), _turn(b, dt)
+    turns = math.remainder(a.turn, math.tau), math.remainder(b.turn, math.tau)
     parts = max(math.ceil(max(map(abs, turns)) / _STRAIGHT), 1)
     own, its = _way(a, dt, turns[0], parts), _way(b, dt, turns[1], parts)
     for part in range(parts):
@@ -234,16 +233,6 @@ def first_touch(a: Moved, b: Moved, dt: float) -> float | None:
 def _forward(moved: Moved) -> float:
     """1 for an entity that moves ahead or stands, -1 for one in reverse."""
     return 1.0 if moved.vx * math.cos(moved.h) + moved.vy * math.sin(moved.h) >= 0.0 else -1.0
-
-
-def _turn(moved: Moved, dt: float) -> float:
-    """Change of an entity's heading in the last step, rad: twice the angle from its way to its heading."""
-    if math.hypot(moved.vx, moved.vy) * dt <= _TOUCHING:
-        return 0.0
-    forward = _forward(moved)
-    direction = math.atan2(forward * moved.vy, forward * moved.vx)
-    turn = 2.0 * math.remainder(moved.h - direction, math.tau)
-    return turn if abs(turn) <= 2.0 * _SLIP else 0.0
 
 
 def _way(moved: Moved, dt: float, turn: float, parts: int) -> list[Spot]:

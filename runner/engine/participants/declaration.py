@@ -130,7 +130,8 @@ class EntityState:
     vy: float = 0.0
     ax: float = 0.0
     ay: float = 0.0
-    """velocity (m/s) and acceleration (m/s²) over ground in the world frame"""
+    turn: float = 0.0
+    """velocity (m/s) and acceleration (m/s²) over ground in the world frame, and change of heading (rad), in the last step"""
     odometer: float = 0.0
     """distance travelled, m"""
     milestone: float = math.inf

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from runner.engine.participants.entity import Motion
 
 _FLOATS = (
-    "x", "y", "z", "h", "pitch", "roll", "speed", "acceleration", "vx", "vy", "ax", "ay",
+    "x", "y", "z", "h", "pitch", "roll", "speed", "acceleration", "vx", "vy", "ax", "ay", "turn",
     "odometer", "standstill", "road_end", "s", "t", "kept_offset", "heading_offset",
 )  # fmt: skip
 _FLAGS = ("placed", "at_road_end", "on_lane")
@@ -56,6 +56,7 @@ class EntityRows(RunRows):
     vy: FloatArray
     ax: FloatArray
     ay: FloatArray
+    turn: FloatArray
     odometer: FloatArray
     standstill: FloatArray
     road_end: FloatArray

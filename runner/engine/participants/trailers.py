@@ -70,8 +70,9 @@ def tow(roads: Roads, tractor: Entity, dt: float) -> None:
     trailer = tractor.controls.trailer
     if trailer is None or not trailer.active:
         return
-    x, y = trailer.x, trailer.y
+    x, y, h = trailer.x, trailer.y, trailer.h
     _place(tractor, trailer, _pulled(tractor, trailer))
+    trailer.turn = trailer.h - h
     trailer.vx, trailer.vy = (trailer.x - x) / dt, (trailer.y - y) / dt
     trailer.speed = trailer.controls.target_speed = tractor.speed
     trailer.acceleration = tractor.acceleration

@@ -368,7 +368,7 @@ class BatchSimulation(RunRows):
 
     def _move(self, e: EntityRows, speed: FloatArray) -> None:
         dt, going = self.dt, self.going
-        x, y, waiting = e.x, e.y, e.at_road_end.copy()
+        x, y, h, waiting = e.x, e.y, e.h.copy(), e.at_road_end.copy()
         speed = self.roads.advance_batch(e, speed, dt, going)
         if e.at_road_end.any():
             ended = e.at_road_end & ~(waiting & (speed != 0.0))
@@ -378,7 +378,7 @@ class BatchSimulation(RunRows):
             e.at_road_end = ended
         vx, vy = (e.x - x) / dt, (e.y - y) / dt
         e.ax, e.ay = (vx - e.vx) / dt, (vy - e.vy) / dt
-        e.vx, e.vy = vx, vy
+        e.vx, e.vy, e.turn = vx, vy, e.h - h
         e.acceleration = (speed - e.speed) / dt
         e.speed = speed
         e.odometer = e.odometer + np.abs(speed) * dt

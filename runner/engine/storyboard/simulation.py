@@ -246,7 +246,7 @@ class Simulation:
             ego.controls.target_speed = ego.speed
 
     def _move(self, entity: Entity, speed: float, dt: float) -> None:
-        x, y, controls = entity.x, entity.y, entity.controls
+        x, y, h, controls = entity.x, entity.y, entity.h, entity.controls
         waiting = entity.at_road_end
         speed = controls.motion.advance(entity, speed, dt)
         if entity.at_road_end:
@@ -254,7 +254,7 @@ class Simulation:
             entity.road_end = entity.road_end + dt if waiting and not speed else 0.0
         vx, vy = (entity.x - x) / dt, (entity.y - y) / dt
         entity.ax, entity.ay = ax, ay = (vx - entity.vx) / dt, (vy - entity.vy) / dt
-        entity.vx, entity.vy = vx, vy
+        entity.vx, entity.vy, entity.turn = vx, vy, entity.h - h
         entity.acceleration = acceleration = (speed - entity.speed) / dt
         if not isfinite(ax + ay + acceleration):
             raise entity.declared.invalid(
@@ -310,7 +310,7 @@ class Simulation:
         dt = self.dt
         vx, vy = (reading.x - entity.x) / dt, (reading.y - entity.y) / dt
         entity.ax, entity.ay = (vx - entity.vx) / dt, (vy - entity.vy) / dt
-        entity.vx, entity.vy = vx, vy
+        entity.vx, entity.vy, entity.turn = vx, vy, reading.h - entity.h
         entity.acceleration = (reading.speed - entity.speed) / dt
         entity.odometer += abs(reading.speed) * dt
         if entity.odometer >= entity.milestone:

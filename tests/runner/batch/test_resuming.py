@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Callable
 from importlib import invalidate_caches
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -104,6 +106,9 @@ def test_an_edited_module_beside_the_system_is_run_anew(
     module.write_text("GAIN = 1.0\n")
     invalidate_caches()
     name = f"{tmp_path / 'resumed_main.py'}:Mine"
+    made_up = ModuleType("made_up")
+    made_up.__file__ = "_made_up.py"  # as torch.classes has one
+    monkeypatch.setitem(sys.modules, "made_up", made_up)
     settings = RunSettings(sut=name, world="kinematic", sut_in_process=in_process)
     batch = Batch(tmp_path)
     assert batch.resume(settings)[0] == [0, 1, 2]

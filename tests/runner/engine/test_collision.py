@@ -141,6 +141,7 @@ def driven(
 ) -> None:
     """One step of 1 s: entities at (x, y, h) that have moved at (vx, vy)."""
     for member, (x, y, h, vx, vy) in ways.items():
+        member.turn = h - member.h
         member.x, member.y, member.h, member.vx, member.vy = x, y, h, vx, vy
         member.speed = math.copysign(math.hypot(vx, vy), vx * math.cos(h) + vy * math.sin(h))
     sim.step_index += 1
@@ -178,6 +179,15 @@ def test_passing_in_the_next_lane_or_turning_away_is_no_contact() -> None:
     contacts, sim = contacts_of(a, b)
     contacts.update()
     driven(sim, contacts, {a: (0.0, 5.0, math.pi, -5.0, 5.0)})
+    assert contacts.history == []
+
+
+def test_who_slides_into_the_next_lane_does_not_swing_round() -> None:
+    """A lane change at 1 m/s with the heading of the lane, 20 cm beside another one."""
+    a, b = entity("a", x=-1.0, y=3.0), entity("b", y=0.0)
+    contacts, sim = contacts_of(a, b)
+    contacts.update()
+    driven(sim, contacts, {a: (1.0, 2.2, 0.0, 2.0, -0.8)})
     assert contacts.history == []
 
 

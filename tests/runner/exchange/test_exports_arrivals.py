@@ -199,7 +199,8 @@ def test_distances_among_others_than_the_ego_are_ways_for_carla(how: str, tmp_pa
         "LongitudinalDistanceAction: written as the way that Third takes" in remark
         for remark in remarks
     )
-    assert stops_at(xosc.load(copy).root) == [] and distance(path, copy) < CLOSE
+    # Third jumps to its distance: a trajectory does at the instant of its start, the action a step later
+    assert stops_at(xosc.load(copy).root) == [] and distance(path, copy, but=1.0) < CLOSE
     path.write_text(
         path.read_text("utf-8").replace('entityRef="Lead" freespace', 'entityRef="Ego" freespace'),
         "utf-8",

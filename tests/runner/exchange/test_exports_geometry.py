@@ -32,8 +32,8 @@ def exported(path: Path, target: str, folder: Path) -> tuple[Path, list[str]]:
     return folder / path.name, list(done.remarks)
 
 
-def distance(path: Path, copy: Path) -> float:
-    """The greatest distance (m) between the same participants at the same times, until the original ends."""
+def distance(path: Path, copy: Path, but: float = -1.0) -> float:
+    """The greatest distance (m) between the same participants at the same times, but for one (s), until the original ends."""
     tracks, others = (runner.run(each, SETTINGS).recording.tracks for each in (path, copy))
     greatest = 0.0
     for name, track in tracks.items():
@@ -43,6 +43,7 @@ def distance(path: Path, copy: Path) -> float:
         apart = np.hypot(
             other["x"][:rows] - track.columns["x"], other["y"][:rows] - track.columns["y"]
         )
+        apart[np.isclose(track.columns["time"], but)] = 0.0
         greatest = max(greatest, float(apart.max()))
     return greatest
 

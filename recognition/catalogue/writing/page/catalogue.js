@@ -6,7 +6,8 @@ const COUNT = data.texts.file.length,
 const every = Array.from({ length: COUNT }, (_, row) => row);
 const name = (kind, row) => data.names[kind][data.coded[kind][row]] ?? "–";
 const wanted = { class: "", site: "", trust: "", text: "", measure: "ego_speed", low: "", high: "", sort: "", playAll: false };
-const searched = every.map(row => `${data.texts.file[row]} ${data.texts.why[row] ?? ""} ${data.texts.critical[row] ?? ""}`.toLowerCase());
+const searched = every.map(row =>
+  [data.texts.file[row], data.texts.why[row], data.texts.critical[row]].join(" ").toLowerCase());
 const many = (count, one) => `${count.toLocaleString("en")} ${one}${count === 1 ? "" : "s"}`;
 const link = path => path.split("/").map(encodeURIComponent).join("/");
 let shown = every;

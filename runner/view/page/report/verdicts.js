@@ -51,7 +51,10 @@ function evidence() {
   const told = lacking.length
     ? `Below the least value: ${lacking.map(row => `${row.name} (${many(row.below, "run")})`).join(", ")}`
     : `${many(rows.length, "kind")} of evidence, enough in all runs`;
-  const inWords = (value, unit) => (unit === "yes" ? (value ? "yes" : "no") : unit === "share" ? `${short(100 * value)} %` : `${short(value)} ${unit}`);
+  const inWords = (value, unit) => {
+    if (unit === "yes") return value ? "yes" : "no";
+    return unit === "share" ? `${short(100 * value)} %` : `${short(value)} ${unit}`;
+  };
   const line = row =>
     el(
       "tr",
@@ -63,7 +66,8 @@ function evidence() {
       el("td", { class: row.below ? "number lacking" : "number" }, String(row.below)),
       el("td", { class: "muted" }, row.meaning),
     );
-  const heads = [["evidence"], ["runs", "number"], ["least found", "number"], ["least needed", "number"], ["below", "number"], ["counted"]];
+  const numbers = ["runs", "least found", "least needed", "below"].map(text => [text, "number"]);
+  const heads = [["evidence"], ...numbers, ["counted"]];
   return el(
     "section",
     { class: "panel", "aria-label": "Evidence" },
@@ -73,7 +77,11 @@ function evidence() {
       "details",
       null,
       el("summary", { class: lacking.length ? "lacking" : "muted" }, told),
-      wideTable("Evidence of all runs", heads.map(([text, kind]) => el("th", { scope: "col", class: kind ?? null }, text)), el("tbody", null, ...ordered.map(line))),
+      wideTable(
+        "Evidence of all runs",
+        heads.map(([text, kind]) => el("th", { scope: "col", class: kind ?? null }, text)),
+        el("tbody", null, ...ordered.map(line)),
+      ),
     ),
   );
 }
