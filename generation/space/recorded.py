@@ -280,7 +280,8 @@ def kind_of(scenario: Path) -> str:
     ) or _kind_of_recording(xosc.load(scenario).node)
     if found is None:
         raise UsageError(
-            "nothing says which values are likely: it is no recorded scenario of a known class, and its name is not that of a manoeuvre, as "
+            "nothing says which values are likely: it is no recorded scenario of a known class, "
+            "and its name is not that of a manoeuvre, as "
             f"cut_in_highway.xosc. Give ranges, as {free_option(numbers(scenario))}, or --density uniform for all that has limits, "
             "or name recorded units that are like it by --kind",
             path=scenario,
