@@ -541,10 +541,10 @@ def check_writable(path: Path, what: str) -> None:
             return
         if not path.parent.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
-        is_new = not path.exists()
-        path.open("a").close()
-        if is_new:
-            path.unlink()
+        if path.exists():
+            path.open("a").close()
+        elif not os.access(path.parent, os.W_OK):  # a file made to try might not go away again
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 def _is_special(path: Path) -> bool:
