@@ -543,6 +543,8 @@ def check_writable(path: Path, what: str) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
             path.open("a").close()
+        elif not path.parent.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
         elif not os.access(path.parent, os.W_OK):  # a file made to try might not go away again
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
