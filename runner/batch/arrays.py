@@ -7,6 +7,7 @@ structure are compiled apart. What can't be played so is named, and is left to t
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 from pathlib import Path
@@ -43,6 +44,9 @@ _CHUNK = 4096
 """Jobs that are settled at a time"""
 _MOST_STRUCTURES = 32
 """Structures that are compiled for the sets of a scenario; sets beyond are played one by one"""
+_TEXTS = ("outcome", "status", "partner")
+_COLUMNS = (*_TEXTS, "end_time", "contact", "min_ttc", "min_distance", "max_drac", "risk")
+"""Columns of `sets.parquet` beside the name of the run and its parameters"""
 Sets = Sequence[Mapping[str, str]]
 
 
@@ -151,7 +155,8 @@ def obstacle(path: Path, settings: RunSettings, parameters: Mapping[str, Any] | 
     """
     try:
         for structure in structures(path, [dict(parameters or {})], settings):
-            _run(structure, np.zeros(1, np.int64), settings)
+            with _run(structure, np.zeros(1, np.int64), settings):
+                pass
     except (NotInArrays, Unsupported) as error:
         return str(error)
     return ""
@@ -166,8 +171,8 @@ def play(structure: CompiledSets, settings: RunSettings) -> Iterator[PlayedRow]:
     count = len(structure.members)
     for start in range(0, count, BLOCK):
         sets = np.arange(start, min(start + BLOCK, count))
-        run, judge = _run(structure, sets, settings)
-        run.play()
+        with _run(structure, sets, settings) as (run, judge):
+            run.play()
         yield PlayedRow(structure.members[sets], judge.outcomes(run))
 
 
@@ -252,7 +257,7 @@ class Together:
                 yield job
                 continue
             row = _measures(*found)
-            rows.append({"run": job.name, **job.parameters, **row})
+            rows.append({"run": job.name, "parameters": list(job.parameters.items()), **row})
             state = row["outcome"]
             if state == PASSED:
                 yield from self._pass(job, row)
@@ -280,12 +285,15 @@ class Together:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        table = pa.Table.from_pylist(rows)
+        text, number = pa.string(), pa.float64()
+        schema = pa.schema(
+            {"run": text, "parameters": pa.map_(text, text)}
+            | {name: text if name in _TEXTS else number for name in _COLUMNS}
+        )
         if self._writer is None:
             self._out.mkdir(parents=True, exist_ok=True)
-            self._writer = pq.ParquetWriter(self._out / SETS, table.schema)
-        if table.schema == self._writer.schema:
-            self._writer.write_table(table)
+            self._writer = pq.ParquetWriter(self._out / SETS, schema)
+        self._writer.write_table(pa.Table.from_pylist(rows, schema))
 
 
 def _chunks(jobs: Iterable[Job | Outcome]) -> Iterator[list[Job] | Outcome]:
@@ -313,15 +321,10 @@ def _kind(job: Job) -> tuple[Path, Path, int | None, frozenset[str]]:
 def _measures(outcomes: BatchOutcomes, at: int) -> dict[str, Any]:
     """Columns of a run in `sets.parquet`."""
     found: dict[str, Any] = {
-        "outcome": str(outcomes.outcome[at]),
-        "status": str(outcomes.status[at]),
+        **dict.fromkeys(_COLUMNS),
+        **{name: str(getattr(outcomes, name)[at]) for name in _TEXTS},
         "end_time": float(outcomes.end_time[at]),
         "contact": float(outcomes.contact[at]),
-        "partner": str(outcomes.partner[at]),
-        "min_ttc": None,
-        "min_distance": None,
-        "max_drac": None,
-        "risk": None,
     }
     if found["outcome"] == OPEN:
         return found
@@ -337,9 +340,11 @@ def _measures(outcomes: BatchOutcomes, at: int) -> dict[str, Any]:
     return found
 
 
+@contextmanager
 def _run(
     structure: CompiledSets, sets: IntArray, settings: RunSettings
-) -> tuple[BatchSimulation, BatchJudge]:
+) -> Iterator[tuple[BatchSimulation, BatchJudge]]:
+    """The runs of some sets; the system under test is closed after them."""
     scenario = structure.scenario
     if settings.fail_if or settings.least:
         raise NotInArrays("limits of verdicts are judged in single runs only")
@@ -347,22 +352,23 @@ def _run(
     if ego is None:
         raise NotInArrays("a scenario without an ego plays in single runs only")
     system = open_batch(settings.sut, settings.sut_in_process, settings.sut_timeout)
-    driver = (
-        BatchSystemDriver(system, scenario, ego, len(sets), settings.timestep, settings.seed)
-        if system is not None
-        else None
-    )
-    judge = BatchJudge(scenario, sets, system is not None)
-    after = round(_AFTER_COLLISION / settings.timestep)
-    run = BatchSimulation(
-        scenario,
-        sets,
-        settings.timestep,
-        settings.seed,
-        ego.name,
-        driver,
-        int(settings.max_time / settings.timestep + 1e-6),
-        after if settings.ends_after_collision else None,
-        judge,
-    )
-    return run, judge
+    with closing(system) if system is not None else nullcontext():
+        driver = (
+            BatchSystemDriver(system, scenario, ego, len(sets), settings.timestep, settings.seed)
+            if system is not None
+            else None
+        )
+        judge = BatchJudge(scenario, sets, system is not None)
+        after = round(_AFTER_COLLISION / settings.timestep)
+        run = BatchSimulation(
+            scenario,
+            sets,
+            settings.timestep,
+            settings.seed,
+            ego.name,
+            driver,
+            int(settings.max_time / settings.timestep + 1e-6),
+            after if settings.ends_after_collision else None,
+            judge,
+        )
+        yield run, judge

@@ -97,7 +97,6 @@ class BatchJudge:
         scenario: the compiled scenario.
         sets: of the runs, ascending (n,).
         system: whether a system under test drives the ego.
-        after_collision: whether a run ends after a contact.
     """
 
     def __init__(self, scenario: Scenario, sets: IntArray, system: bool) -> None:
@@ -110,8 +109,7 @@ class BatchJudge:
         self._status = np.full(n, "", object)
         self._steps, self._contact = np.zeros(n, np.int64), np.full(n, math.inf)
         self._partner = np.full(n, "", object)
-        self._sound, self._static = np.ones(n, bool), self._static_cause()
-        self._ended: dict[int, Any] = {}
+        self._static = self._static_cause()
         self._counts = np.zeros((2, n), np.int64)
         self._beyond, self._moved = np.zeros(n, bool), np.zeros(n, bool)
         self._doubt = np.zeros(n, bool)

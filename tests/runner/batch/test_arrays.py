@@ -173,3 +173,45 @@ def test_a_set_that_is_no_valid_file_is_left_to_the_interpreter(tmp_path: Path) 
                     .replace('dLane="1"', 'dLane="${$Ego_Speed_mps / 30}"'), encoding="utf-8")  # fmt: skip
     sets = [{"Ego_Speed_mps": each} for each in ("30", "30.3")]
     assert set(played(path, sets, settings())) == {0}
+
+
+PLUGIN = """
+from pathlib import Path
+from runner.systems import Control
+class Noted:
+    def reset(self, ego, timestep, seed):
+        pass
+    def control(self, observation, dt):
+        return Control()
+    def close(self):
+        with Path("closed.txt").open("a") as file:
+            file.write("x")
+"""
+
+
+def test_systems_are_closed_after_their_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "noted.py").write_text(PLUGIN)
+    sets = [{"CutIn_Gap_m": each} for each in ("40", "41", "42")]
+    chosen = replace(settings("noted.py:Noted"), sut_in_process=True, max_time=0.5)
+    assert set(played(LIBRARY / "cut_in_highway.xosc", sets, chosen)) == {0, 1, 2}
+    assert (tmp_path / "closed.txt").read_text() == "xxx"
+
+
+def test_sets_of_scenarios_with_other_parameters_are_in_one_table(tmp_path: Path) -> None:
+    alone, variation = tmp_path / "alone.xosc", tmp_path / "gaps.xosc"
+    text = (LIBRARY / "cut_in_highway.xosc").read_text("utf-8")
+    variation.write_text(VARIATION.format(scenario=LIBRARY / "cut_in_highway.xosc"), "utf-8")
+    alone.write_text(
+        text.replace("../../xodr/library", str(LIBRARY.parents[1] / "xodr/library"))
+        .replace("catalogs/", f"{LIBRARY}/catalogs/")
+        .replace('name="CutIn_Gap_m" parameterType="double" value="20.0"',
+                 'name="CutIn_Gap_m" parameterType="double" value="60.0"'), encoding="utf-8")  # fmt: skip
+    out = tmp_path / "out"
+    source = jobs_of([alone, variation], {}, True)
+    played_jobs = list(Together(source, settings(), out, lambda line: None))
+    rows = pq.read_table(out / "sets.parquet").to_pylist()
+    assert len(rows) == 21 <= len(played_jobs)
+    assert [len(row["parameters"]) for row in rows] == [0, *[2] * 20]
