@@ -60,6 +60,12 @@ def told(difference: maps.MapDifference) -> list[bool]:
     return [bool(difference.lost), bool(difference.gained), bool(difference.connections_lost)]
 
 
+def test_a_map_is_no_distance_from_itself(source: Path) -> None:
+    """Curved and banked: cross sections do not stand upright on the middle of a lane."""
+    difference = maps.compare(source, source)
+    assert difference.borders.largest < 1e-9 and difference.within == 1.0
+
+
 def test_what_differs_is_told() -> None:
     one, other = (of_network(xodr.load(LIBRARY / "intersection_four_way.xodr")) for _ in range(2))
     assert compare(one, other).borders.largest < 0.001

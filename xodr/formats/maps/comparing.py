@@ -99,7 +99,7 @@ class _Places(NamedTuple):
     """Places along the middle of all lanes of a map.
 
     lane: number of the lane of each. point: x, y, z, (n, 3). way: direction of travel, (n, 2).
-    width: m.
+    width: m. sides: x and y of the left and the right border beside it, (n, 2, 2).
     """
 
     names: list[str]
@@ -107,32 +107,47 @@ class _Places(NamedTuple):
     point: FloatArray
     way: FloatArray
     width: FloatArray
+    sides: FloatArray
 
 
 def _places(lanes: Iterable[MapLane]) -> _Places:
     names: list[str] = []
-    numbers, points, ways, widths = [], [], [], []
+    numbers, points, ways, widths, sides = [], [], [], [], []
     for lane in lanes:
         count = max(int(lane.length / STEP), 1)
         share = (np.arange(count) + 0.5) / count
-        left, right = (at_lengths(line, share * gone(line)[-1]) for line in (lane.left, lane.right))
         middle = at_lengths(lane.centre, share * gone(lane.centre)[-1])
         ahead = at_lengths(lane.centre, np.minimum(share * lane.length + 0.2, lane.length))
         behind = at_lengths(lane.centre, np.maximum(share * lane.length - 0.2, 0.0))
         way = (ahead - behind)[:, :2]
         way /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
-        normal = np.column_stack([-way[:, 1], way[:, 0]])
-        width = np.abs(np.einsum("ij,ij->i", (left - right)[:, :2], normal))
+        left, right = (_beside(line, middle) for line in (lane.left, lane.right))
         numbers.append(np.full(count, len(names)))
         names.append(lane.id)
         points.append(middle)
         ways.append(way)
-        widths.append(width)
+        widths.append(np.hypot(*(left - right).T))
+        sides.append(np.stack([left, right], axis=1))
     if not names:
-        return _Places([], np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0))
+        empty = np.zeros((0, 2))
+        return _Places(
+            [], np.zeros(0, np.int64), np.zeros((0, 3)), empty, np.zeros(0), np.zeros((0, 2, 2))
+        )
     return _Places(
-        names, np.concatenate(numbers), np.vstack(points), np.vstack(ways), np.concatenate(widths)
+        names,
+        np.concatenate(numbers),
+        np.vstack(points),
+        np.vstack(ways),
+        np.concatenate(widths),
+        np.concatenate(sides),
     )
+
+
+def _beside(line: FloatArray, points: FloatArray) -> FloatArray:
+    """The places of a line that are nearest to points from above: x and y, (n, 2)."""
+    whole, places = shapely.LineString(line[:, :2]), shapely.points(points[:, :2])
+    nearest = shapely.line_interpolate_point(whole, shapely.line_locate_point(whole, places))
+    return np.asarray(shapely.get_coordinates(nearest))
 
 
 class _Matches(NamedTuple):
@@ -223,13 +238,8 @@ def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -
     match, away = index.near(places.point, places.way, _reach(places)).nearest(len(places.lane))
     found = match >= 0
     missing = _lengths(places, ~found)
-    middle, way, half = places.point[found], places.way[found], 0.5 * places.width[found, None]
-    side = half * np.column_stack([-way[:, 1], way[:, 0]])
-    lanes = match[found]
-    borders = np.maximum(
-        index.border_distances(lanes, middle[:, :2] + side),
-        index.border_distances(lanes, middle[:, :2] - side),
-    )
+    middle, sides, lanes = places.point[found], places.sides[found], match[found]
+    borders = np.maximum(*(index.border_distances(lanes, sides[:, side]) for side in (0, 1)))
     heights = np.abs(index.heights(lanes, middle) - middle[:, 2])
     names = [places.names[number] for number in places.lane[found].tolist()]
     pairs: dict[str, Counter[str]] = {}
@@ -262,8 +272,14 @@ def compare(one: LaneMap, other: LaneMap, types: frozenset[str] | None = None) -
 def _wide(places: _Places) -> _Places:
     """The places at which lanes are wide enough to be compared."""
     wide = places.width >= _NARROW
-    lane, point, way, width = places.lane, places.point, places.way, places.width
-    return _Places(places.names, lane[wide], point[wide], way[wide], width[wide])
+    return _Places(
+        places.names,
+        places.lane[wide],
+        places.point[wide],
+        places.way[wide],
+        places.width[wide],
+        places.sides[wide],
+    )
 
 
 def _reach(places: _Places) -> FloatArray:
