@@ -16,7 +16,7 @@ from runner.engine.participants.declaration import BoundingBox
 from runner.engine.participants.entity import Displacement, Entities, Entity
 from runner.engine.storyboard.collision import Contacts
 from tests.runner.movement import Move, move, moves
-from tests.runner.scene import vehicle
+from tests.runner.scene import put, scene, vehicle
 
 CAR = BoundingBox(1.4, 0.0, 0.75, 4.5, 1.8, 1.5)
 
@@ -279,3 +279,15 @@ def test_the_sweep_finds_what_comparing_all_pairs_finds(
             for b in present[i + 1 :]
             if overlap(a, b)
         }
+
+
+def test_turns_are_the_changes_of_headings() -> None:
+    sim = scene("Ego", road="curve")
+    ego = put(sim, "Ego", -1, 5.0, speed=15.0)
+    ego.controls.target_speed = 15.0
+    before, turned = ego.h, 0.0
+    for _ in range(30):
+        sim.tick()
+        turned += ego.turn
+    assert abs(turned) > 0.05
+    assert math.remainder(ego.h - before - turned, math.tau) == pytest.approx(0.0, abs=1e-9)
