@@ -249,7 +249,7 @@ class _Timed:
     """A running action that is timed."""
 
     def __init__(self, running: Any, clock: Clock) -> None:
-        self.stop = running.stop
+        self.stop, self.rest = running.stop, running.rest
         self.step = running.step
         clock.around(self, "step", "actions")
 
