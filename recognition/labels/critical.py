@@ -330,7 +330,7 @@ def _encounters(
 
 
 def _on_course(ego: MotionRows, rows: IntArray, ttc: FloatArray) -> BoolArray:
-    """Rows at which the ego goes straight ahead until the collision: one that turns leaves what is before it aside."""
+    """Rows at which the ego drives straight on until the collision; an ego that turns would miss."""
     turning = np.gradient(np.unwrap(ego.h), ego.time)[rows] * ego.speed[rows]
     return np.asarray(0.5 * np.abs(turning) * ttc**2 < _AWAY, bool)
 

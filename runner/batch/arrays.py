@@ -177,7 +177,7 @@ def play(structure: CompiledSets, settings: RunSettings) -> Iterator[PlayedRow]:
 
 
 class Together:
-    """The jobs of a batch, those that pass in arrays as outcomes; the interpreter plays the others.
+    """Jobs and outcomes of a batch: sets that pass in arrays are outcomes, the others jobs for the interpreter.
 
     A run that failed in arrays counts only if it fails in the interpreter; one that does not is a
     disagreement, a defect of ours. The nearest misses are played by the interpreter as well, so that

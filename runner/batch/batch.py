@@ -245,7 +245,7 @@ def _finished(
 def _believed(
     outcome: Outcome, out: Path, settings: RunSettings, sealed: bool, tell: Callable[[str], None]
 ) -> bool:
-    """Whether a finished run is sealed, or follows from its files; `tell` says which does not."""
+    """Whether a finished run is sealed, or its result follows from its files; `tell` gets the reason if not."""
     if sealed:
         return True
     fault = contradiction(outcome, out / outcome.job.name, settings)

@@ -153,7 +153,7 @@ class BatchOptions:
             )
 
     def _check_comparison(self) -> None:
-        """Refuse to compare with a batch that is replaced, or one that is not run; and new failures without another batch."""
+        """Refuse --against with --dry-run or for a replaced batch, and new failures without --against."""
         if self.against is None:
             if NEW_FAILURE in self.limits:
                 raise UsageError(

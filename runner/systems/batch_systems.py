@@ -80,7 +80,7 @@ class _Together(BatchSystem):
 
 
 class _OneByOne(BatchSystem):
-    """An instance for each run; one that raises an error is asked no more.
+    """One instance for each run; after an error it is not asked again.
 
     Args:
         instances: new ones, as many as are asked for.

@@ -529,7 +529,7 @@ def drafted(path: Path) -> Iterator[Path]:
 
 
 def check_writable(path: Path, what: str) -> None:
-    """Refuse a file that can't be written, before the work whose result it gets.
+    """Refuse a path to which no file can be written, before any work for it.
 
     Raises:
         NotWritten: it can't be.

@@ -97,7 +97,7 @@ class EntityRows(RunRows):
         self.width = np.full(n, np.nan)
         """width of the kept lane (m) where it is constant; NaN elsewhere"""
         self.gliding = np.zeros(n, bool)
-        """where the entity is within one line or arc of a level road, on a lane whose centre keeps its t"""
+        """whether the entity is on one line or arc of a level road, on a lane of constant t"""
         self.straight = np.zeros(n, bool)
         """where its road is straight"""
         self.low, self.high = np.zeros(n), np.zeros(n)

@@ -85,10 +85,10 @@ class Single:
         return self._run.initialising
 
     def note(self, kind: str, subject: str, text: str = "") -> None:
-        """Nothing: there is no event log."""
+        """Do nothing: many runs have no event log."""
 
     def wake(self) -> None:
-        """Nothing: nothing rests."""
+        """Do nothing: conditions of many runs never sleep."""
 
 
 class BatchSimulation(RunRows):

@@ -1,7 +1,7 @@
 """Verdicts and measures of many runs that were played at once.
 
-A run that failed is to be played again by the interpreter before it counts. Evidence is counted as
-`rows` counts it where that takes little; a run whose evidence takes more is left to the interpreter.
+A failure counts once the interpreter has played it again. Evidence is counted as in `rows`; runs with
+rare kinds of evidence stay open, for the interpreter.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ _IDS = {
     "switch": (("switch", "id"), ("partner", "id")),
     "station": (("station", "id"),),
 }  # fmt: skip
-"""Elements and attributes by the kind of thing whose id they hold; the first of each declares it.
+"""Elements and attributes that hold ids, by kind; the first of each kind declares the id.
 
 Further ids are in `elementId`, whose kind `elementType` names.
 """
