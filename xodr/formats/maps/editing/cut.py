@@ -14,7 +14,7 @@ from xodr.formats.maps.editing.tree import EditedRoads, remove
 from xodr.graph.network import RoadNetwork
 from xodr.graph.ways import DRIVABLE
 from xodr.lookup.arrays import sample, stations
-from xodr.model import RoadError, RoadPoint
+from xodr.model import RoadPoint
 from xodr.model.road import Road
 
 
@@ -66,10 +66,14 @@ def along(network: RoadNetwork, roads: Iterable[str]) -> set[str]:
         UsageError: there is no such road.
     """
     named = set(roads)
-    unknown = sorted(named - network.roads.keys())
+    _check_known(network, named)
+    return with_junctions(network, named)
+
+
+def _check_known(network: RoadNetwork, roads: Iterable[str]) -> None:
+    unknown = sorted(set(roads) - network.roads.keys())
     if unknown:
         raise UsageError(f"there is no road {unknown[0]!r}", path=network.path)
-    return with_junctions(network, named)
 
 
 def on_way(network: RoadNetwork, roads: Sequence[str]) -> set[str]:
@@ -80,10 +84,8 @@ def on_way(network: RoadNetwork, roads: Sequence[str]) -> set[str]:
     """
     if len(roads) < 2:
         raise UsageError("a route has two roads or more: the first, and those that it leads over")
-    try:
-        points = [_on_lanes(network.road(name)) for name in roads]
-    except RoadError as error:
-        raise UsageError(str(error), path=network.path) from None
+    _check_known(network, roads)
+    points = [_on_lanes(network.road(name)) for name in roads]
     ways = [way for way in map(network.route, product(*points)) if way is not None]
     if not ways:
         raise UsageError(f"no way of traffic leads over {', '.join(roads)}", path=network.path)
