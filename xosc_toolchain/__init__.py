@@ -95,8 +95,10 @@ else:
     }
 
     def __getattr__(name):
-        from schemas.common.packages import public
+        from schemas.common.packages import offer, public
+        from xosc_toolchain.start import OFFERED
 
+        offer(OFFERED)
         return public(__name__, _HOMES)[0](name)
 
     def __dir__():

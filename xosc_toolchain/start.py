@@ -26,7 +26,10 @@ MODULES = {
     "xosc-road": "xodr.formats.maps.xosc_road",
 }
 """The module with the function `main` of each command"""
-OFFERED = {"triage": "runner.view.rehearsal:"}
+OFFERED = {
+    "triage": "runner.view.rehearsal:",
+    "project settings": "xosc_toolchain.settings:",
+}
 """Code that commands of lower floors ask for by name; see `schemas.common.packages.offer`"""
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 _SIGNALLED = 128

@@ -92,6 +92,31 @@ def plugin(
 
 
 @app.command()
+def init(
+    folder: Annotated[Path, out_folder("Folder in which xosc.toml is written.")] = Path(),
+) -> None:
+    """Write xosc.toml, the settings of a project."""
+    from xosc_toolchain.settings import write_settings
+
+    say(str(write_settings(folder)))
+
+
+@app.command()
+def config(
+    command: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[COMMAND]", help="All options of this command.", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Print settings, and where each comes from."""
+    from xosc_toolchain.settings import lines, rows
+
+    say(*lines(list(rows(command))))
+
+
+@app.command()
 def completion(shell: Annotated[str, typer.Argument(help=f"One of {', '.join(SHELLS)}.")]) -> None:
     """Print the script by which a shell completes all commands.
 

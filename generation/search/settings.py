@@ -36,7 +36,9 @@ def _method() -> Any:
 
 
 def _processes() -> Any:
-    return option(2, "Number of processes.", "--jobs", "-j", parameter="jobs", min=1, metavar="N")
+    return option(
+        2, "Number of processes.", "--jobs", "-j", parameter="jobs", min=1, metavar="N", shared=True
+    )
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ class SearchSettings:
     )
     method: str = _method()
     budget: int = option(3000, "Runs that the search may spend.", min=1, metavar="N")
-    seed: int = option(0, "Seed of the search.")
+    seed: int = option(0, "Seed of the search.", shared=True)
     density: str = JUDGE
     weight: float | None = option(
         None, "Weight of realism in the reward.  [default: the method's]", min=0.0
@@ -114,6 +116,7 @@ class SearchSettings:
         None,
         "Run on this Ray cluster; 'local' starts one of --jobs processes on this machine.",
         metavar="ADDRESS",
+        shared=True,
     )
     pinned: Mapping[str, str] = field(default_factory=dict)
     free: Sequence[str] = ()
@@ -229,7 +232,7 @@ class LoopSettings:
         metavar="N",
     )
     method: str = _method()
-    seed: int = option(0, "Seed of everything random.")
+    seed: int = option(0, "Seed of everything random.", shared=True)
     processes: int = _processes()
     ask: Ask = part(Ask)
     against: Path | None = option(

@@ -23,17 +23,20 @@ from runner.batch.outputs.folder import RESULT, digests
 from runner.batch.outputs.report import finite
 from runner.batch.outputs.work import WORK
 from schemas.common.errors import UsageError
+from schemas.common.packages import version
 from schemas.common.policy import current
 from schemas.common.storage import (
     DRAFT,
     Records,
     alone,
     check_settings,
+    fingerprint,
     read_object,
     sync,
     write_object,
     writing,
 )
+from schemas.common.terminal.settings_file import in_use
 from schemas.common.terminal.text import many
 
 _JOURNAL, _SETTINGS = "runs.jsonl", "batch.json"
@@ -42,6 +45,8 @@ _TABLE, _PAGES = (
     ("sets.parquet", "report.html", "history.html", "assessment.html", "assessment.csv"),
 )
 """Further files of a batch in its folder"""
+FORMAT = 1
+"""Version of the files in the folder of a batch; it changes where a reader of older ones would misread them"""
 _GROUP = 1.0
 """Time (s) in which finished runs are gathered: a disk syncs the files of many in little more time than those of one"""
 
@@ -201,10 +206,17 @@ def begin(
         done = {name: each for name, each in before.outcomes.items() if name not in faults}
         _tell(faults, before, records.path, tell)
         clear_drafts(out)
-    write_object(settings, manifest)
+    write_object({**settings, **_origin()}, manifest)
     records.replace(map(_entry, done.values()))
     sync([out.parent])
     return Journal(out, done)
+
+
+def _origin() -> dict[str, Any]:
+    """Version of the tool and of its files, and the settings file with its content's digest, where one counts."""
+    file = in_use()
+    used = {"path": file.path.as_posix(), "digest": fingerprint(file.content)} if file else None
+    return {"version": version(), "format": FORMAT, "settings_file": used}
 
 
 def _refuse_others(out: Path, before: Iterable[Outcome], sources: Collection[Path] | None) -> None:

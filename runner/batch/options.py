@@ -51,6 +51,7 @@ class BatchOptions:
         f"{', '.join((*EVENTS, NEW_FAILURE))} (repeatable).",
         "--fail-if",
         metavar="LIMIT",
+        shared=True,
     )
     out: Path | None = option(
         None,
@@ -91,13 +92,15 @@ class BatchOptions:
         "skipped",
         "What an inconclusive run is in the JUnit report.",
         type=Literal["skipped", "error"],
+        shared=True,
     )
     allow_inconclusive: bool = option(
         False,
         "Exit as if runs that did not test what their file describes had passed.",
         "--allow-inconclusive",
+        shared=True,
     )
-    jobs: int = option(1, "Number of processes.", "--jobs", "-j", min=1, metavar="N")
+    jobs: int = option(1, "Number of processes.", "--jobs", "-j", min=1, metavar="N", shared=True)
     in_arrays: bool = option(
         False,
         "Play parameter sets in arrays where all elements can; record failures and nearest misses only.",
@@ -107,6 +110,7 @@ class BatchOptions:
         None,
         "Run on this Ray cluster; 'local' starts one of --jobs processes on this machine.",
         metavar="ADDRESS",
+        shared=True,
     )
     dry_run: bool = option(False, "Load, compile and begin everything, run nothing.", "--dry-run")
     verbose: bool = option(False, "Print tracebacks of errors.", "--verbose", "-v")

@@ -81,6 +81,13 @@ def compile_file(
     return Compiled(compiled, dict(parameters or {}), criteria)
 
 
+def _chosen(settings: RunSettings | None, changes: Mapping[str, Any]) -> RunSettings:
+    """Return settings, or those of the project, with changes."""
+    if settings is None:
+        return RunSettings.of_project(**changes)
+    return replace(settings, **changes)
+
+
 _AFTER_COLLISION = 1.0
 """Time that is played on after the ego's first contact, where that ends a run, s"""
 
@@ -123,7 +130,7 @@ class Session:
     ) -> None:
         if settings is None and "sut" not in changes:
             changes = {"sut": Commanded(), "end_after_collision": False} | changes
-        self.settings = chosen = replace(settings or RunSettings(), **changes)
+        self.settings = chosen = _chosen(settings, changes)
         if isinstance(scenario, Compiled):
             if parameters is not None:
                 raise UsageError(
@@ -366,7 +373,7 @@ def run(
 
     Args:
         scenario: an OpenSCENARIO file of kind scenario.
-        settings: how to run it; the defaults of `RunSettings` where not given.
+        settings: how to run it; those of the project (`RunSettings.of_project`) where not given.
         parameters: values of its global parameters.
         progress: called after each step with the simulation time (s).
         changes: settings by name, as `timestep=0.1, sut="none"`, that replace those of `settings`.
@@ -382,7 +389,7 @@ def run(
         >>> result.status, result.verdict.outcome
         ('completed', 'passed')
     """
-    chosen = replace(settings or RunSettings(), **changes)
+    chosen = _chosen(settings, changes)
     return prepare(scenario, parameters, chosen).run(chosen, progress=progress)
 
 
@@ -424,7 +431,7 @@ class Prepared(Compiled):
         """
         from runner.engine.worlds.base import RehearsalWorld
 
-        chosen = settings or RunSettings()
+        chosen = settings or RunSettings.of_project()
         sim = Simulation(
             self.scenario, RehearsalWorld(), chosen.timestep, chosen.seed, strict=chosen.strict
         )
@@ -445,7 +452,7 @@ class Prepared(Compiled):
         **changes: Any,
     ) -> RunResult:
         """Run it to its end; arguments and errors as in `runner.run`."""
-        return Session(self, settings or RunSettings(), **changes).finish(progress)
+        return Session(self, settings or RunSettings.of_project(), **changes).finish(progress)
 
 
 def prepare(
@@ -464,5 +471,5 @@ def prepare(
         >>> prepared.parameters
         {'CutIn_Gap_m': 12}
     """
-    compiled = compile_file(scenario, parameters, replace(settings or RunSettings(), **changes))
+    compiled = compile_file(scenario, parameters, _chosen(settings, changes))
     return Prepared(compiled.scenario, compiled.parameters, compiled.criteria)

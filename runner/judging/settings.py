@@ -5,11 +5,20 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
-from runner.judging.measures.measure import Limit
+from runner.judging.measures.measure import NEW_FAILURE, Limit
 from schemas.common.errors import UsageError
-from schemas.common.terminal.options import CATALOG_PATH, READ, ROAD_PATH, option
+from schemas.common.policy import current
+from schemas.common.terminal.options import (
+    CATALOG_PATH,
+    READ,
+    ROAD_PATH,
+    FileUse,
+    option,
+    options_of,
+)
+from schemas.common.terminal.settings_file import Setting, read, settings_of, values_of
 
 if TYPE_CHECKING:
     from runner.systems import System
@@ -22,6 +31,8 @@ MADE = "auto"
 """Setting `road` for straight roads with the lanes and lengths that a scenario's positions use"""
 _TIMESTEPS = 0.001, 1.0
 _LONGEST = 1e6
+_FAIL_IF = Setting("fail-if", "fail_if", list[str], None, True, None)
+"""Limits in settings files, which are an option of batches"""
 
 
 def _systems() -> tuple[str, list[tuple[str, str]]]:
@@ -76,33 +87,44 @@ class RunSettings:
         1.0
     """
 
-    timestep: float = option(0.05, "Time step.", metavar="SECONDS")
+    timestep: float = option(0.05, "Time step.", metavar="SECONDS", shared=True)
     sut: str | System | None = option(
         DEFAULT_SYSTEM,
         "System under test that drives the ego, with arguments of its class.",
         type=str,
         section=_systems,
+        files=FileUse.WITHIN,
         metavar="NAME[:PARAMETER=VALUE,...]",
+        shared=True,
     )
     sut_timeout: float = option(
         60.0,
         "Time that a class of yours has for each answer, its start included.",
         metavar="SECONDS",
+        shared=True,
     )
     sut_in_process: bool = option(
         False,
         "Run a class of yours in this process: faster, but its end is the command's.",
         "--sut-in-process",
+        shared=True,
     )
-    ego: str | None = option(None, "The ego, where it is not found by itself.", metavar="NAME")
-    seed: int = option(0, "Seed of everything random.")
-    max_time: float = option(300.0, "Limit of simulated time for each run.", metavar="SECONDS")
-    world: str = option("sumo", "sumo, or kinematic: scripted motion without a simulator.")
+    ego: str | None = option(
+        None, "The ego, where it is not found by itself.", metavar="NAME", shared=True
+    )
+    seed: int = option(0, "Seed of everything random.", shared=True)
+    max_time: float = option(
+        300.0, "Limit of simulated time for each run.", metavar="SECONDS", shared=True
+    )
+    world: str = option(
+        "sumo", "sumo, or kinematic: scripted motion without a simulator.", shared=True
+    )
     end_after_collision: bool | None = option(
         None,
         "End a run one second after the ego's first contact.  [default: with a system under test]",
         "--end-after-collision/--continue-after-collision",
         show_default=False,
+        shared=True,
     )
     fail_if: tuple[str, ...] = ()
     least: tuple[str, ...] = option(
@@ -110,22 +132,26 @@ class RunSettings:
         "Least value of evidence without which a run is inconclusive, as ego_seconds=2 (see docs/batches.md).",
         "--least",
         metavar="NAME=VALUE",
+        shared=True,
     )
     enforce_constraints: bool = option(
         True,
         "Refuse parameter values that violate constraint groups; leave such sets of a distribution out.",
         "--constraints/--no-constraints",
+        shared=True,
     )
     strict: bool = option(
         False,
         "Refuse files that break their standard instead of repairing them with a remark.",
         "--strict",
+        shared=True,
     )
     road: str | None = option(
         None,
         "Where the road network is missing: an OpenDRIVE file; auto: straight roads as the positions use them.",
         files=READ,
         metavar="FILE|auto",
+        shared=True,
     )
     road_path: tuple[str, ...] = option(
         (),
@@ -133,6 +159,7 @@ class RunSettings:
         "--road-path",
         files=READ,
         metavar="DIR",
+        shared=True,
     )
     catalog_path: tuple[str, ...] = option(
         (),
@@ -140,6 +167,7 @@ class RunSettings:
         "--catalog-path",
         files=READ,
         metavar="DIR",
+        shared=True,
     )
 
     def __post_init__(self) -> None:
@@ -174,6 +202,35 @@ class RunSettings:
             from runner.systems import check_system
 
             check_system(self.sut, self.sut_in_process, self.sut_timeout)
+
+    @classmethod
+    def of_project(cls, **changes: Any) -> Self:
+        """Return the settings of the project's file (`xosc.toml`, see docs/settings.md), the defaults where there is none.
+
+        Under --untrusted it is not read.
+
+        Args:
+            changes: settings by name, that replace those of the file.
+
+        Raises:
+            InvalidFile: the file is malformed or has unknown keys.
+            UsageError: a value is out of its range.
+
+        Example:
+            >>> import xosc_toolchain as xt
+            >>> xt.RunSettings.of_project(sut="adas").sut
+            'adas'
+        """
+        file = None if current().untrusted else read()
+        if file is None:
+            return cls(**changes)
+        known = {**settings_of(options_of(cls)), "fail-if": _FAIL_IF}
+        values = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in values_of(file, known, "").items()
+        }
+        limits = tuple(each for each in values.get("fail_if", ()) if each.strip() != NEW_FAILURE)
+        return cls(**{**values, "fail_if": limits, **changes})
 
     @property
     def ends_after_collision(self) -> bool:

@@ -45,7 +45,7 @@ from runner.systems.base import (
     arguments,
     split,
 )
-from schemas.common.errors import ToolchainError, UsageError, blame
+from schemas.common.errors import ToolchainError, UsageError, blame, similar
 from schemas.common.packages import described, from_working_folder, import_file, installed, missing
 from schemas.common.policy import current
 
@@ -283,9 +283,10 @@ def _entry(name: str) -> _Entry | None:
         return _Entry(Path(file).stem, attribute, file)
     if match := re.fullmatch(r"([\w.]+):([\w.]+)", name):
         return _Entry(match[1], match[2])
-    there = ", ".join(sorted({*_own(), *_installed(), "none"}))
+    names = sorted({*_own(), *_installed(), "none"})
     hint = "; arguments follow a second colon: module:Class:NAME=VALUE" if ":" in name else ""
-    told = f"no system under test is called {name!r}; there are {there}, and module:Class or FILE.py:Class{hint}"
+    guess = f"{question} " if (question := similar(name, names)) else ""
+    told = f"no system under test is called {name!r}; {guess}there are {', '.join(names)}, and module:Class or FILE.py:Class{hint}"
     raise UsageError(told)
 
 

@@ -214,13 +214,17 @@ def _lacks_memory(error: Exception) -> bool:
     return is_refused or isinstance(error, MemoryError)
 
 
+def similar(name: str, names: Iterable[str]) -> str:
+    """Return the question for the most similar of `names`; empty where none is."""
+    names = [each for each in names if each]
+    found = difflib.get_close_matches(name[:_LONGEST_COMPARED], names[:_MOST_COMPARED], 1)
+    return f"did you mean {found[0]!r}?" if found else ""
+
+
 def nearest(name: str, names: Iterable[str]) -> str:
     """Return the hint for an unknown name: the most similar of `names`, or all of them."""
     names = [each for each in names if each]
-    similar = difflib.get_close_matches(name[:_LONGEST_COMPARED], names[:_MOST_COMPARED], 1)
-    if similar:
-        return f"did you mean {similar[0]!r}?"
-    return (
+    return similar(name, names) or (
         f"there are: {', '.join(names[:20])}{', …' if len(names) > 20 else ''}"
         if names
         else "there are none"

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
 from functools import wraps
@@ -37,12 +37,22 @@ from schemas.common.terminal.options import (
     CATALOG_PATH,
     READ,
     ROAD_PATH,
+    SHARED,
     WRITTEN,
     file_use,
     resign,
     sections,
     writable_folder,
 )
+from schemas.common.terminal.settings_file import (
+    Setting,
+    SettingsFile,
+    locate,
+    signature_settings,
+    use,
+    values_of,
+)
+from schemas.common.terminal.settings_file import read as read_settings
 from schemas.common.terminal.text import of_service, one_line
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -66,7 +76,67 @@ def epilog(codes: str, *examples: str) -> str:
 
 
 class GroupedCommand(TyperCommand):
-    """A command whose help has options under headings."""
+    """A command whose help has options under headings, and whose defaults are those of the settings file."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
+    ) -> Any:
+        """Read the settings file too, but for help, versions, completions and strangers' files."""
+        no_work = extra.get("resilient_parsing") or {"--help", "-h", "--version"} & set(args)
+        file = None if no_work else self._file("--untrusted" in args)
+        use(file)
+        if file is None:
+            return super().make_context(info_name, args, parent, **extra)
+        settings, (table, others), typed = self.settings(), self._table(parent), list(args)
+        values = values_of(file, settings, table, others)
+        try:
+            return super().make_context(info_name, args, parent, default_map=values, **extra)
+        except typer.BadParameter as error:
+            key, names = _setting_of(error.param, settings)
+            if key is None or any(each.split("=")[0] in names for each in typed):
+                raise
+            raise file.fault(
+                key, table if key in file.tables.get(table, ()) else "", error.message
+            ) from None
+
+    def _file(self, untrusted: bool) -> SettingsFile | None:
+        """The settings file, if the command works on files and is to read it."""
+        if all(param.name != "untrusted" for param in self.params):
+            return None
+        if not untrusted:
+            return read_settings()
+        if (path := locate()) is not None:
+            told = "settings are not read under --untrusted"
+            say(f"{command_name()}: remark: {path}: {told}", to=sys.stderr)
+        return None
+
+    def settings(self) -> dict[str, Setting]:
+        """Settings that a file may have for the command, by key."""
+        return signature_settings(self.callback) if self.callback is not None else {}
+
+    def _table(self, parent: Any) -> tuple[str, set[str]]:
+        """Name of the command's table, and the keys of other commands with the same one."""
+        if parent is None:
+            return str(getattr(self.callback, "__name__", "")).removeprefix("xosc_"), set()
+        group = parent.command
+        others = (each for each in group.commands.values() if isinstance(each, GroupedCommand))
+        return group.name.removeprefix("xosc-"), {key for each in others for key in each.settings()}
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; a usage error names the settings file that has a part in it."""
+        try:
+            return super().invoke(ctx)
+        except UsageError:
+            sources = (ctx.get_parameter_source(name) for name in ctx.default_map or ())
+            if any(getattr(source, "name", "") == "DEFAULT_MAP" for source in sources):
+                self._tell_settings(ctx)
+            raise
+
+    def _tell_settings(self, ctx: Any) -> None:
+        file = self._file(False)
+        if file is not None:
+            told = file.remark(self.settings(), self._table(ctx.parent)[0])
+            say(f"{command_name()}: remark: {told}", to=sys.stderr)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Arguments, options without a group, groups, sections."""
@@ -90,6 +160,18 @@ class GroupedCommand(TyperCommand):
             if records:
                 with formatter.section(title):
                     formatter.write_dl(records)
+
+
+def _setting_of(param: Any, settings: Mapping[str, Setting]) -> tuple[str | None, Sequence[str]]:
+    """Key of the setting of a parameter, None where it has none, and the names of its option."""
+    name = getattr(param, "name", None)
+    keys = (key for key, each in settings.items() if each.parameter == name)
+    return next(keys, None), getattr(param, "opts", ())
+
+
+def command_name() -> str:
+    """Name of the command that this process was started as."""
+    return Path(sys.argv[0]).stem
 
 
 class App(typer.Typer):
@@ -125,6 +207,7 @@ _LIMITS: dict[str, Any] = {
     ],
     "max_memory": Annotated[
         float | None,
+        SHARED,
         typer.Option(
             min=0.1,
             metavar="GIB",
@@ -133,6 +216,7 @@ _LIMITS: dict[str, Any] = {
     ],
     "max_seconds": Annotated[
         float | None,
+        SHARED,
         typer.Option(
             min=0.1,
             metavar="S",
@@ -141,11 +225,23 @@ _LIMITS: dict[str, Any] = {
     ],
     "max_runs": Annotated[
         int | None,
+        SHARED,
         typer.Option(
             min=1, metavar="N", help="Runs, or parameter sets, that one file may stand for."
         ),
     ],
 }
+
+
+def limits_parameters(*left_out: str) -> list[inspect.Parameter]:
+    """Return --untrusted and the limits, but for those left out, as parameters of a command."""
+    return [
+        inspect.Parameter(
+            name, inspect.Parameter.KEYWORD_ONLY, default=_NOT_GIVEN[name], annotation=option
+        )
+        for name, option in _LIMITS.items()
+        if name not in left_out
+    ]
 
 
 def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -173,23 +269,11 @@ def protected(*left_out: str) -> Callable[[Callable[..., None]], Callable[..., N
             with own_cache() as remark:
                 own = [*_PACKAGES, Path(sys.prefix), *_installed(), cache_folder(), *asked_for]
                 if remark:
-                    say(f"{Path(sys.argv[0]).stem}: remark: {remark}", to=sys.stderr)
+                    say(f"{command_name()}: remark: {remark}", to=sys.stderr)
                 with in_force(of_command(inputs, outputs, own, limits)):
                     command(**given)
 
-        parameters = [
-            *own_parameters.values(),
-            *(
-                inspect.Parameter(
-                    name,
-                    inspect.Parameter.KEYWORD_ONLY,
-                    default=_NOT_GIVEN[name],
-                    annotation=option,
-                )
-                for name, option in options.items()
-            ),
-        ]
-        resign(with_policy, parameters)
+        resign(with_policy, [*own_parameters.values(), *limits_parameters(*left_out)])
         return with_policy
 
     return decorate
@@ -273,13 +357,14 @@ def _print_version(context: typer.Context, requested: bool) -> None:
 
 
 RoadPath = Annotated[
-    list[str] | None, READ, typer.Option("--road-path", metavar="DIR", help=ROAD_PATH)
+    list[str] | None, READ, SHARED, typer.Option("--road-path", metavar="DIR", help=ROAD_PATH)
 ]
 CatalogPath = Annotated[
-    list[str] | None, READ, typer.Option("--catalog-path", metavar="DIR", help=CATALOG_PATH)
+    list[str] | None, READ, SHARED, typer.Option("--catalog-path", metavar="DIR", help=CATALOG_PATH)
 ]
 AllowInconclusive = Annotated[
     bool,
+    SHARED,
     typer.Option(
         "--allow-inconclusive",
         help="Exit as if runs that did not test what their file describes had passed.",
@@ -294,7 +379,9 @@ Version = Annotated[
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print tracebacks of errors.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
-Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")]
+Jobs = Annotated[
+    int, SHARED, typer.Option("--jobs", "-j", min=1, metavar="N", help="Number of processes.")
+]
 
 
 def out_folder(help: str) -> OptionInfo:

@@ -45,9 +45,21 @@ class FileUse(Enum):
 
     READ = "read"
     WRITTEN = "written"
+    WITHIN = "within"
+    """Parts of a text may be files, as those of a system under test."""
 
 
 READ, WRITTEN = FileUse.READ, FileUse.WRITTEN
+
+
+class SettingScope(Enum):
+    """Scope of an option in settings files; part of its annotation, as `FileUse`."""
+
+    SHARED = "shared"
+    """One value for all commands that have it (see `schemas.common.terminal.settings_file`)."""
+
+
+SHARED = SettingScope.SHARED
 
 
 def writable_folder(path: Path | None) -> Path | None:
@@ -105,6 +117,7 @@ class Declared(NamedTuple):
         type: of the value given, that of the field where it is None.
         section: what help says below the options: a heading, and names with a line each.
         files: use of the files that it names; a path is read where it is None.
+        shared: whether a settings file has one value of it for all commands.
         how: what `typer.Option` takes besides.
     """
 
@@ -114,6 +127,7 @@ class Declared(NamedTuple):
     type: Any
     section: Section | None
     files: FileUse | None
+    shared: bool
     how: Mapping[str, Any]
 
 
@@ -125,10 +139,11 @@ def option(
     type: Any = None,
     section: Section | None = None,
     files: FileUse | None = None,
+    shared: bool = False,
     **how: Any,
 ) -> Any:
     """A field of a settings dataclass that commands offer as an option; arguments as of `Declared`."""
-    metadata = {_OPTION: Declared(help, names, parameter, type, section, files, how)}
+    metadata = {_OPTION: Declared(help, names, parameter, type, section, files, shared, how)}
     return (
         field(default_factory=dict, metadata=metadata)
         if default == {}
@@ -144,6 +159,11 @@ def part(settings: type, *offered: str) -> Any:
 def option_of(settings: type, name: str) -> OptionInfo:
     """The option of one field, for commands that take no others of the settings."""
     return _info(next(each for each in fields(settings) if each.name == name))
+
+
+def options_of(settings: type) -> list[inspect.Parameter]:
+    """Return the options of a settings dataclass as parameters of a command."""
+    return list(_parameters(settings, ()))
 
 
 def with_settings(command: Callable[..., None]) -> Callable[..., None]:
@@ -212,7 +232,9 @@ def _parameters(settings: Any, offered: tuple[str, ...]) -> Iterator[inspect.Par
                 _name(each),
                 inspect.Parameter.KEYWORD_ONLY,
                 default=default,
-                annotation=Annotated[kind, declared.files, _info(each)],
+                annotation=Annotated[
+                    kind, declared.files, SHARED if declared.shared else None, _info(each)
+                ],
             )
 
 
