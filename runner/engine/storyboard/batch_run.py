@@ -355,11 +355,12 @@ class BatchSimulation(RunRows):
                 done = process.step(dt) & process.active & self.going
                 if done.any():
                     element.finished(process, done)
+        driven = self.ego if self.driver is not None else None
+        if self.driver is not None:  # first: it observes everyone as they are now (`Simulation`)
+            self._move(self.ego, self.driver.decide(self, self.ego))
         for entity in self.entities.values():
-            speed = entity.target_speed
-            if entity is self.ego and self.driver is not None:
-                speed = self.driver.decide(self, entity)
-            self._move(entity, speed)
+            if entity is not driven:
+                self._move(entity, entity.target_speed)
         self.step_index += 1
         self.time = round(self.step_index * dt, 9)
         self._contacts()

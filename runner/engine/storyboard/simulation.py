@@ -1,9 +1,10 @@
 """One run of one scenario: the tick, and what actions and conditions may ask of it.
 
-A tick is: actions act on [t, t + dt], systems under test, motion, world step, contacts, recording,
-triggers at t + dt. The triggers at time 0 are part of the beginning: what they start and takes no
-time sets the initial state, as initial actions do, so that a recording does not show entities where
-the scenario has put them only roughly.
+A tick is: actions act on [t, t + dt], the system under test, motion, world step, contacts,
+recording, triggers at t + dt. Actions and the system under test observe everyone at t: the ego is
+driven before anyone else moves, so the order of declarations has no effect. The triggers at time 0
+are part of the beginning: what they start and takes no time sets the initial state, as initial
+actions do, so that a recording does not show entities where the scenario has put them only roughly.
 """
 
 from __future__ import annotations
@@ -155,19 +156,26 @@ class Simulation:
         for process in tuple(self.processes):
             if process.running.step(dt):
                 process.element.finished(self, process)
+        ego = self._ego
+        if ego is not None and ego.active and ego.controls.tractor is None:
+            assert self._driver is not None
+            self._drive_ego(ego, self._driver)
         driven, scripted = [], []
         for entity in self.entities.values():
             controls = entity.controls
-            if entity.active and controls.tractor is None:
-                if entity is self._ego and self._driver is not None:
-                    self._drive_ego(entity, self._driver)
-                elif not controls.world_driven:
-                    speed = controls.target_speed
-                    if speed or entity.speed:
-                        self._move(entity, speed, dt)
-                    else:
-                        self._stay(entity)
-            if controls.world_driven:
+            world_driven = controls.world_driven
+            if (
+                entity.active
+                and not world_driven
+                and controls.tractor is None
+                and entity is not ego
+            ):
+                speed = controls.target_speed
+                if speed or entity.speed:
+                    self._move(entity, speed, dt)
+                else:
+                    self._stay(entity)
+            if world_driven:
                 driven.append(entity)
             elif entity.active:
                 scripted.append(entity)
