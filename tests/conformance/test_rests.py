@@ -54,6 +54,34 @@ def test_a_jerk_of_the_performance_shapes_a_change_of_speed_that_follows(tmp_pat
     assert (speed[89], speed[91]) == (pytest.approx(13.0, abs=0.01), 13.0)
 
 
+@pytest.mark.parametrize("most", [20, 8])
+def test_a_trajectory_that_comes_late_is_a_rest(most: int, tmp_path: Path) -> None:
+    """40 m in 4 s are possible with at most 20 m/s, and take a second more with 8 m/s."""
+    vertices = "".join(
+        f'<Vertex time="{time}"><Position><WorldPosition x="{150 + 10 * time}" y="-1.75"/></Position></Vertex>'
+        for time in (0, 4)
+    )
+    action = (
+        "<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef>"
+        f'<Trajectory name="t" closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory>'
+        '</TrajectoryRef><TimeReference><Timing domainAbsoluteRelative="relative" offset="0" scale="1"/>'
+        '</TimeReference><TrajectoryFollowingMode followingMode="follow"/></FollowTrajectoryAction>'
+        "</RoutingAction></PrivateAction>"
+    )
+    path = scenario(
+        tmp_path,
+        entities=[
+            car("Lead", performance=f'maxSpeed="{most}" maxAcceleration="10" maxDeceleration="10"')
+        ],
+        init=place("Lead", 150, min(most, 10)),
+        stories=story("Lead", [(0.5, action)]),
+        stop=8.0,
+    )
+    result = runner.run(path, sut=None, timestep=0.05, world="kinematic")
+    late = [remark for remark in rests(result) if "the end of its trajectory at" in remark]
+    assert len(late) == (most < 10)
+
+
 def test_a_synchronisation_whose_master_jumps_says_what_is_left(tmp_path: Path) -> None:
     synchronise = (
         '<PrivateAction><SynchronizeAction masterEntityRef="Ego" targetTolerance="0" targetToleranceMaster="0">'

@@ -187,6 +187,10 @@ class _Rigid(Running):
     def __init__(self, gap: _Gap) -> None:
         self._gap = gap
 
+    def follows(self) -> Entity | None:
+        """The reference."""
+        return self._gap.action.reference
+
     def step(self, dt: float) -> bool:
         """Correct what the last step has left, and move as the reference does."""
         self._gap.close()
@@ -203,6 +207,10 @@ class _Approach(Running):
         self._gap = gap
         self._controller = GapController(limits)
         self._continuous = continuous
+
+    def follows(self) -> Entity | None:
+        """The reference."""
+        return self._gap.action.reference
 
     def step(self, dt: float) -> bool:
         """Ask for the controller's speed; without a way to the reference the speed stays."""
@@ -336,6 +344,10 @@ class _Sidestep(Running):
             return None
         error = self._side * (self._distance + self._cover()) - left
         return error if math.cos(self._actor.h - self._action.reference.h) >= 0.0 else -error
+
+    def follows(self) -> Entity | None:
+        """The reference."""
+        return self._action.reference
 
     def step(self, dt: float) -> bool:
         """Ask for the offset at the end of the step."""

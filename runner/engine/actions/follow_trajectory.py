@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from runner.engine.actions.speed import demanded_speed
 from runner.engine.compile import registry
 from runner.engine.compile.element import LATERAL, LONGITUDINAL, PrivateAction
-from runner.engine.compile.run import Running
+from runner.engine.compile.run import Rest, Running
 from runner.engine.motion.dynamics import GapController
 from runner.engine.motion.following import JOINING, PathMotion, join
 from runner.engine.motion.paths import Chain, turns_back
@@ -34,6 +34,10 @@ _ROUNDING = 0.01
 """Distance (m) by which a trajectory may be shorter than its rounded vertices say, or begin beside its actor."""
 _STANDSTILL = 1e-3
 """Speed (m/s) below which a schedule ends in standstill."""
+_END_TOLERANCE = 0.1
+"""Way (m) to the end of a trajectory that counts as none"""
+_LATE = 0.05
+"""Time (s) beyond a step by which a trajectory may come late"""
 _SAME_TIME = 1e-9
 _MOMENT = 1e-4
 """Time (s) over which a speed is measured."""
@@ -284,9 +288,14 @@ class Pace:
         """Time of the simulation at which the path begins (s)."""
         return self._schedule.times[0] + self._origin
 
+    @property
+    def end(self) -> float:
+        """Time of the simulation at which the path ends (s)."""
+        return self._schedule.times[-1] + self._origin
+
     def due(self, time: float) -> bool:
         """Whether the path's end is due at a time of the simulation (s)."""
-        return time >= self._schedule.times[-1] + self._origin - _SAME_TIME
+        return time >= self.end - _SAME_TIME
 
     @property
     def length(self) -> float:
@@ -366,6 +375,19 @@ class _Following(Running):
         self.catch_up = GapController(limits)
         self.expected = motion.s
         self.done = False
+
+    def rest(self) -> Rest:
+        """The end of the trajectory: what is left is the way (m) to it, or the time (s) that it came late."""
+        motion, pace, dt = self.motion, self.pace, self.run.dt
+        if not self.done and not motion.left:
+            left = max((pace.length if pace is not None else motion.path.length) - motion.s, 0.0)
+            return Rest(
+                "the end of its trajectory", f"{left:.1f} m before it", left, _END_TOLERANCE
+            )
+        late = max(self.run.time - pace.end, 0.0) if pace is not None else 0.0
+        asked = f" at {pace.end:.2f} s" if pace is not None else ""
+        goal, reached = f"the end of its trajectory{asked}", f"it at {self.run.time:.2f} s"
+        return Rest(goal, reached, late, dt + _LATE)
 
     def step(self, dt: float) -> bool:
         """Ask for the speed that the times prescribe, and see whether this step leads to the end."""

@@ -256,6 +256,7 @@ class LaneOffsetAction(PrivateAction):
         return _Kept(
             running,
             lambda: goal if self.reference is None or from_itself else self.goal(actor, run),
+            self.reference,
         )
 
     def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
@@ -524,11 +525,18 @@ class _Shifting(_Sideways):
 class _Kept(Running):
     """A transition to a goal that may move, and that is then kept."""
 
-    __slots__ = ("_goal", "_transition")
+    __slots__ = ("_goal", "_reference", "_transition")
 
-    def __init__(self, transition: _Transition, goal: Callable[[], float]) -> None:
+    def __init__(
+        self, transition: _Transition, goal: Callable[[], float], reference: Entity | None
+    ) -> None:
         self._transition = transition
         self._goal = goal
+        self._reference = reference
+
+    def follows(self) -> Entity | None:
+        """The entity that the offset is relative to."""
+        return self._reference
 
     def step(self, dt: float) -> bool:
         """Move on, or keep."""

@@ -5,6 +5,7 @@ A route (`Entity.route`) decides at junctions; it holds until another one is ass
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +13,13 @@ import numpy as np
 from runner.engine.compile import registry
 from runner.engine.compile.batch import BatchProcess
 from runner.engine.compile.element import PrivateAction
-from runner.engine.compile.run import Running
+from runner.engine.compile.run import Rest, Running
+from runner.engine.motion.lane_gaps import blocker
 from runner.engine.motion.routes import AssignedRoute, RandomRoute, Route
 from runner.engine.positions.lane import LAYERS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
     from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.element import Position
@@ -31,7 +33,10 @@ if TYPE_CHECKING:
     from xodr.model import RoadPoint
     from xosc.document.node import Node
 
+Obstructed = Callable[["Entity", int, float], bool]
 _REACHED = 1e-6
+_SLOWEST = 0.1
+"""Speed (m/s) below which a lane change takes as long as with it"""
 LANES_UID = "xosc.toolchain:xosc:1.0.0:routing.lanes_of_waypoints_are_reached"
 
 
@@ -56,11 +61,17 @@ class AssignRouteAction(PrivateAction):
         """Entities that the waypoints are relative to."""
         return self.route.references()
 
-    def start(self, actor: Entity, run: Run) -> None:
-        """Assign."""
+    def start(self, actor: Entity, run: Run, obstructed: Obstructed | None = None) -> None:
+        """Assign.
+
+        Args:
+            obstructed: as of `AssignedRoute`; by default others are looked at.
+        """
         path = self.route.path(run, actor)
         node, closed = self.route.node, self.route.closed
-        route = AssignedRoute(path, closed, self.route.network, _voice(node, actor, run))
+        route = AssignedRoute(
+            path, closed, self.route.network, _voice(node, actor, run), obstructed or _Gaps(run)
+        )
         actor.controls.route = route
         nodes = [waypoint.node for waypoint in self.route.waypoints]
         tell_missed(route, actor, run, [*nodes, nodes[0]])
@@ -79,11 +90,45 @@ class _Assignment(BatchProcess):
 
     def start(self, rows: BoolArray) -> BoolArray:
         """Assign; each run has a route of its own, which remembers its legs."""
-        run, action = self._run, self._action
-        run.one_by_one(
-            self._actor, rows, action.references(), lambda each: action.start(each, run.single)
-        )
+        for row in np.flatnonzero(rows):
+            self._assign(row)
         return np.zeros_like(rows)
+
+    def _assign(self, row: np.intp) -> None:
+        """Assign in one run, which is left as soon as the route changes lanes beside others."""
+        run, action, parameters = self._run, self._action, self._run.sets[row]
+
+        def obstructed(entity: Entity, lane: int, way: float) -> bool:
+            if len(run.entities) > 1:
+                run.leave(run.sets == parameters)
+            return False
+
+        run.one_by_one(
+            self._actor,
+            np.arange(run.n) == row,
+            action.references(),
+            lambda each: action.start(each, run.single, obstructed),
+        )
+
+
+class _Gaps:
+    """Waiting for gaps beside the participants of a run."""
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._blocker: Entity | None = None
+
+    def __call__(self, entity: Entity, lane: int, way: float) -> bool:
+        """Whether one is in the way of a change to a lane along a way (m); a new one is logged."""
+        run = self._run
+        present = (each for each in run.entities.values() if each.active and each.placed)
+        duration = way / max(abs(entity.speed), _SLOWEST)
+        found = blocker(entity, lane, duration, present, run.roads)
+        if found is not None and found is not self._blocker:
+            text = f"waits for a gap at {found.name} to change to lane {lane}"
+            run.note("route", entity.name, text)
+        self._blocker = found
+        return found is not None
 
 
 def _voice(node: Node, actor: Entity, run: Run) -> Callable[[str], object]:
@@ -180,9 +225,9 @@ class AcquirePositionAction(PrivateAction):
         if path is None:
             raise self._unreachable(actor)
         say = _voice(self.node, actor, run)
-        route = actor.controls.route = AssignedRoute(path, say=say)
+        route = actor.controls.route = AssignedRoute(path, say=say, obstructed=_Gaps(run))
         tell_missed(route, actor, run, [self.node, self.node])
-        return _Acquiring(actor, run, route, say)
+        return _Acquiring(actor, run, route, there)
 
     def _point(self, place: Placement) -> RoadPoint:
         return place.point or self.network.locate(place.x, place.y, place.z)
@@ -194,10 +239,8 @@ class AcquirePositionAction(PrivateAction):
 class _Acquiring(Running):
     """On the way to a position."""
 
-    def __init__(
-        self, actor: Entity, run: Run, route: AssignedRoute, say: Callable[[str], object]
-    ) -> None:
-        self.actor, self.run, self.route, self._say = actor, run, route, say
+    def __init__(self, actor: Entity, run: Run, route: AssignedRoute, there: RoadPoint) -> None:
+        self.actor, self.run, self.route, self._there = actor, run, route, there
         self.length = route.path.length
 
     def step(self, dt: float) -> bool:
@@ -206,9 +249,20 @@ class _Acquiring(Running):
             return True
         point = self.run.roads.road_point(self.actor)
         gone = self.route.path.position(point, self.length) if point is not None else None
+        if gone is None:
+            return False
         step = abs(self.actor.controls.target_speed) * dt
-        arrives = gone is not None and gone + step >= self.length - _REACHED
-        asked = self.route.destination
-        if arrives and point is not None and asked is not None and point.lane_id != asked:
-            self._say(f"comes to the position in lane {point.lane_id}, not {asked}")
-        return arrives
+        self.route.reached = gone + step >= self.length - _REACHED
+        return self.route.reached
+
+    def rest(self) -> Rest | None:
+        """The position and its lane; what is left is the width (m) of the lanes between. None with another route."""
+        there, asked = self._there, self.route.destination
+        point = self.run.roads.road_point(self.actor)
+        if not self.route.reached or point is None:
+            return None
+        goal = f"s = {there.s:.1f} m of road {there.road_id}"
+        if asked is None:
+            return Rest(goal, goal, 0.0, _REACHED)
+        left = 0.0 if point.lane_id == asked else abs(point.t - there.t)
+        return Rest(f"lane {asked} at {goal}", f"it in lane {point.lane_id}", left, _REACHED)

@@ -22,7 +22,7 @@ from runner.engine.motion.dynamics import (
     read_constraints,
     tighter,
 )
-from runner.engine.motion.speed_plans import ProfileEntry, ProfilePiece, plan
+from runner.engine.motion.speed_plans import ProfileEntry, ProfilePiece, plan, pursued
 from runner.engine.participants.declaration import Performance
 from runner.engine.participants.entity import Entity
 from schemas.expressions.columns import NotInArrays
@@ -204,6 +204,11 @@ class _Changes(BatchProcess):
             )
             way = self._start + (target - self._start) * dynamics.shape.values(progress)
             target = np.where(under, way, target)
+        if not dynamics.strict and dynamics.shape.slope > 0.0:
+            limits = actor.declared.performance
+            faster = np.abs(target) > np.abs(actor.speed)
+            most = np.where(faster, limits.max_acceleration, limits.max_deceleration) * dt
+            target = np.minimum(np.maximum(target, actor.speed - most), actor.speed + most)
         actor.target_speed = np.where(self.active, target, actor.target_speed)
         return np.zeros_like(self.active)
 
@@ -316,17 +321,22 @@ class _Tracking(Running):
     """Towards, and then at, a speed that follows another entity's.
 
     With a rate, the demand moves by at most that rate; with a time or distance, the shape blends
-    into the moving target, which is then kept exactly.
+    into the moving target, which is then kept: exactly, or with followingMode `follow` as far as
+    the Performance allows.
     """
 
-    __slots__ = ("_action", "_actor", "_duration", "_elapsed", "_start")
+    __slots__ = ("_acceleration", "_action", "_actor", "_duration", "_elapsed", "_start")
 
     def __init__(self, action: SpeedAction, actor: Entity, duration: float) -> None:
         self._action = action
         self._actor = actor
         self._start = actor.speed
         self._duration = duration
-        self._elapsed = 0.0
+        self._elapsed = self._acceleration = 0.0
+
+    def follows(self) -> Entity | None:
+        """The reference."""
+        return self._action.reference
 
     def step(self, dt: float) -> bool:
         """Ask for the target's speed as far as it may be reached."""
@@ -339,6 +349,10 @@ class _Tracking(Running):
         elif self._elapsed < self._duration:
             target = self._start + (target - self._start) * dynamics.shape.value(
                 self._elapsed / self._duration
+            )
+        if not dynamics.strict and dynamics.shape.slope > 0.0:
+            target, self._acceleration = pursued(
+                actor.speed, self._acceleration, target, actor.declared.performance, dt
             )
         actor.controls.target_speed = target
         return False
@@ -431,6 +445,10 @@ class _Profile(Running):
         self._pieces = pieces
         self._times = [piece.time for piece in pieces]
         self._elapsed = 0.0
+
+    def follows(self) -> Entity | None:
+        """The reference."""
+        return self._reference
 
     def step(self, dt: float) -> bool:
         """Ask for the profile's speed at the end of the step."""

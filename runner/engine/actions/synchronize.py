@@ -162,6 +162,10 @@ class _Synchronisation(Running):
         """Way (m) of the faster of the two in a step."""
         return max(abs(self._actor.speed), abs(self._action.master.speed)) * self._run.dt
 
+    def follows(self) -> Entity | None:
+        """The master."""
+        return self._action.master
+
     def step(self, dt: float) -> bool:
         """Ask for the planned speed at the end of the step."""
         action, actor, master = self._action, self._actor, self._action.master

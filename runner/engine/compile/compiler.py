@@ -426,21 +426,20 @@ def _read_init(node: Node, context: ScenarioContext) -> None:
             for private in _parts(group, "PrivateAction", context):
                 wrapped = context.actions(private)
                 context.storyboard.init += [
-                    (actor, _initial(wrapped, actor)) for actor in actors if wrapped
+                    (actor, _initial(wrapped, actor, private)) for actor in actors if wrapped
                 ]
         elif group.tag in ("GlobalAction", "UserDefinedAction"):
             wrapped = context.actions(group)
-            context.storyboard.init += [(None, _initial(wrapped, None))] if wrapped else []
+            context.storyboard.init += [(None, _initial(wrapped, None, group))] if wrapped else []
         else:
             raise group.unsupported("this element of Init/Actions is not known to the runner")
 
 
-def _initial(actions: list[Action], actor: Entity | None) -> ActionElement:
+def _initial(actions: list[Action], actor: Entity | None, node: Node) -> ActionElement:
     """Actions of the Init section as one element; it has no name in the file, the event log needs one."""
     what = "+".join(type(action).__name__ for action in actions)
-    return ActionElement(
-        f"Init::{actor.name}::{what}" if actor is not None else f"Init::{what}", None, actions
-    )
+    name = f"Init::{actor.name}::{what}" if actor is not None else f"Init::{what}"
+    return ActionElement(name, None, actions, node=node)
 
 
 def _read_act(node: Node, story: Story, context: ScenarioContext) -> None:

@@ -198,6 +198,10 @@ class Running(Protocol):
         """Return how it has ended, by default nothing; called once, after the step that has led to its end."""
         return None
 
+    def follows(self) -> Entity | None:
+        """Return the entity whose motion every step reads, by default none."""
+        return None
+
     def step(self, dt: float) -> bool:
         """Act on the interval from now to now + dt (s); true when the action's goal is reached at its end."""
         ...

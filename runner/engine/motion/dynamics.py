@@ -287,9 +287,12 @@ class Easing:
             leads to its place.
         speed: m/s.
         within: distance (m) in which it is to be there, as far as 2 m/s² to the side allow.
+
+    Attributes:
+        length: distance (m) to its place.
     """
 
-    __slots__ = ("_aside", "_length", "_way", "left", "place", "slope")
+    __slots__ = ("_aside", "_way", "left", "length", "place", "slope")
 
     def __init__(
         self, place: float, left: float, slope: float, speed: float, within: float = math.inf
@@ -300,19 +303,19 @@ class Easing:
             abs(speed) * math.sqrt(6.0 * abs(self._aside) / lateral)
             for lateral in (_GENTLE, _BRISK)
         )
-        self._length = max(brisk, min(gentle, within), _SLANT * abs(self._aside), _SHORTEST)
-        steepest = -3.0 * self._aside / self._length  # beyond it the cubic would go past the place
+        self.length = max(brisk, min(gentle, within), _SLANT * abs(self._aside), _SHORTEST)
+        steepest = -3.0 * self._aside / self.length  # beyond it the cubic would go past the place
         self.slope = max(min(slope, max(steepest, 0.0)), min(steepest, 0.0))
 
     @property
     def done(self) -> bool:
         """Whether it is there."""
-        return self._way >= self._length
+        return self._way >= self.length
 
     def advance(self, distance: float) -> float:
         """Return the value a distance (m, ≥ 0) further on."""
-        self._way = min(self._way + distance, self._length)
-        part = self._way / self._length
+        self._way = min(self._way + distance, self.length)
+        part = self._way / self.length
         rest = (1.0 - part) ** 2
         self.left = (
             self.place + self._aside * (1.0 + 2.0 * part) * rest + self.slope * self._way * rest

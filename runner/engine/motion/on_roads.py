@@ -181,10 +181,13 @@ class LaneMotion:
             return
         place, lanes = entity.kept_offset, entity.section.lanes
         shift = lanes[lane].center(entity.s) - lanes[entity.kept_lane].center(entity.s)
+        side = entity.direction
+        easing = Easing(place * side, (place - shift) * side, 0.0, speed, room)
+        if route.waits(entity, lane, easing.length):
+            return
         entity.kept_lane = lane
         entity.kept_offset -= shift
-        side = entity.direction
-        controls.easing = Easing(place * side, entity.kept_offset * side, 0.0, speed, room)
+        controls.easing = easing
 
     def _ease(self, entity: Entity, easing: Easing, distance: float) -> None:
         """Ask for the next offset on the way back into the lane, unless something else has moved it, or is to."""

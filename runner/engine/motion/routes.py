@@ -130,10 +130,14 @@ class AssignedRoute:
         network: where ways to the route are looked for; without it an entity off its route takes
             the straightest way.
         say: called with what can't be followed, a sentence without its subject.
+        obstructed: whether another participant is in the way of an entity to a lane, for a change
+            along a way (m); by default none is.
 
     Attributes:
         released: whether an action has put the entity into a lane since: from then on it changes lanes
             only where its own does not lead on.
+        reached: whether an action that waits for its end has seen it there, and says itself in which
+            lane.
     """
 
     def __init__(
@@ -142,10 +146,12 @@ class AssignedRoute:
         closed: bool = False,
         network: RoadNetwork | None = None,
         say: Callable[[str], object] = lambda text: None,
+        obstructed: Callable[[Entity, int, float], bool] = lambda entity, lane, way: False,
     ) -> None:
         self.path, self.closed, self.network = path, closed, network
-        self.released = False
+        self.released = self.reached = False
         self._say, self._left = say, False
+        self._obstructed = obstructed
         self._cell: LaneCell | None = None
         self._known: tuple[str, bool, int, bool] | None = None
         """road, direction, lane and release for which the present lane is known to be right up to the end of the cell"""
@@ -228,6 +234,10 @@ class AssignedRoute:
         self._known = now if wanted == lane else None
         return wanted, abs(found.end - s)
 
+    def waits(self, entity: Entity, lane: int, way: float) -> bool:
+        """Whether another participant is in the way."""
+        return self._obstructed(entity, lane, way)
+
     def settled(self, entity: Entity, forward: bool) -> float:
         """The end of the cell in whose lane it is."""
         road, cell = entity.road, self._cell
@@ -238,7 +248,7 @@ class AssignedRoute:
 
     def _pass(self, cell: LaneCell | None, entity: Entity, road_id: str) -> None:
         """Say that the waypoint at the end of a cell was passed in another lane."""
-        asked = cell.checkpoint if cell is not None else None
+        asked = cell.checkpoint if cell is not None and not self.reached else None
         if asked is None or asked.lane is None or self.path.legs[asked.leg].road_id != road_id:
             return
         below, _ = entity.lane_below()
@@ -313,6 +323,10 @@ class RandomRoute:
     def lane(self, entity: Entity, forward: bool) -> tuple[int, float]:
         """Its own."""
         return entity.kept_lane, math.inf
+
+    def waits(self, entity: Entity, lane: int, way: float) -> bool:
+        """Never: it changes no lanes."""
+        return False
 
     def settled(self, entity: Entity, forward: bool) -> float:
         """For good."""

@@ -165,6 +165,35 @@ def shortest(
     return np.where(size == 0.0, 0.0, np.where(peak <= limit, brief, held))
 
 
+def pursued(
+    speed: float, acceleration: float, target: float, limits: Performance, dt: float
+) -> tuple[float, float]:
+    """Return speed (m/s) and acceleration (m/s²) after dt (s) on the way to a target that may move.
+
+    It is the S-curve of `plan` begun anew at every step: the acceleration grows at the greatest
+    jerk, and is back at zero when the target is reached.
+
+    Args:
+        speed: now, m/s.
+        acceleration: of the step before, m/s².
+        target: speed to be reached, m/s.
+        limits: infinite where there are none.
+    """
+    change = target - speed
+    faster = abs(target) > abs(speed)
+    limit = limits.max_acceleration if faster else limits.max_deceleration
+    back = limits.max_deceleration_rate if change > 0.0 else limits.max_acceleration_rate
+    size = min(abs(change) / dt, limit)
+    if back < math.inf:
+        half = 0.5 * back * dt
+        size = min(size, math.sqrt(half * half + 2.0 * back * abs(change)) - half)
+    wanted = math.copysign(size, change)
+    least = acceleration - limits.max_deceleration_rate * dt
+    most = acceleration + limits.max_acceleration_rate * dt
+    wanted = min(max(wanted, least), most)
+    return speed + wanted * dt, wanted
+
+
 def plateau(
     change: FloatArray | float,
     duration: FloatArray | float,

@@ -77,6 +77,10 @@ class Guide(Protocol):
         """The lane for an entity on the road to keep to, its own or one to change to, and the way (m) left for the change."""
         ...
 
+    def waits(self, entity: Entity, lane: int, way: float) -> bool:
+        """Whether an entity has to wait for a gap before it changes to a lane along a way (m)."""
+        ...
+
     def settled(self, entity: Entity, forward: bool) -> float:
         """The s (m) up to which `lane` keeps an entity's lane as it is; the entity's own where that is not known."""
         ...

@@ -449,6 +449,9 @@ class Simulation:
     def deactivate(self, entity: Entity) -> None:
         """Take an entity out of the world (DeleteEntityAction): its running actions end."""
         self.end_actions(entity, f"{entity.name} has left the scenario")
+        for process in self.processes:
+            if entity is process.running.follows():
+                process.element.lose(self, entity)
         for tractor in (entity, entity.controls.tractor):
             if tractor is not None and tractor.controls.trailer is not None:
                 disconnect(self.roads, tractor)

@@ -187,7 +187,7 @@ class ActionElement(Element):
         super().__init__(name, parent)
         self.actions = actions
         self.node = node
-        """its element; None for an initial action"""
+        """its element, or that of initial actions"""
         self.whole = whole
         """Whether the actors are one EntitySelection: a conflict for one is a conflict for all (standard 7.5.1)."""
         self._processes: list[Process] = []
@@ -234,9 +234,21 @@ class ActionElement(Element):
             owner = actor.controls.owners.get(domain)
             if owner is not None:
                 owner.override(f"overridden by {self.path}")
+        for entity in action.references():
+            if entity.placed and not entity.active and entity is not actor:
+                self.lose(run, entity)
         self._begin(run, actor, action.start(actor, run), domains)
         if not actor.active:
             run.enter(actor)
+
+    def lose(self, run: StoryboardRun, entity: Entity) -> None:
+        """Remark that an entity that the action refers to has left the scenario."""
+        if self.node is not None:
+            text = (
+                f"{entity.name!r} is not there at {run.time:.2f} s: the action {self.name!r}"
+                " refers to where it was last"
+            )
+            run.remarks.note(self.node.remark(ENTITY_POSITION_UID, text))
 
     def _begin(
         self,
