@@ -239,9 +239,9 @@ def test_one_name_may_be_spread_over_files_but_an_entry_must_be_unique(scenario,
     catalog("vehicle/b.xosc", '<Vehicle name="van"/>', name="Cars")
     path = scenario(locations=LOCATIONS, entities=ego() + ego("Cars", "van"))
     assert len(list(resolved(path).iter("Vehicle"))) == 2
-    catalog("vehicle/c.xosc", CAR, name="Cars")
+    catalog("vehicle/c.xosc", '<Vehicle name="car" mass="7"/>', name="Cars")
     with pytest.raises(
-        InvalidFile, match=r"more than one entry is meant: .*a\.xosc:5\) and .*c\.xosc:5"
+        InvalidFile, match=r"more than one entry is meant: .*a\.xosc:5\) and .*c\.xosc:4"
     ):
         resolved(path)
 

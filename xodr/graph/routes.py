@@ -299,7 +299,7 @@ class Relative(NamedTuple):
 
 
 class _Connection(NamedTuple):
-    """Connection of two points on different roads: length (m) in s, first and last way."""
+    """Connection of two points over ends of roads: length (m) in s, first and last way."""
 
     cost: Cost
     length: float
@@ -320,9 +320,10 @@ class RoadRelations:
 
     def in_road(self, origin: RoadPoint, target: RoadPoint, strategy: str) -> Relative | None:
         """Position of a target in the road coordinates of an origin; None where no way leads from one to the other."""
-        if origin.road_id == target.road_id:
+        same = origin.road_id == target.road_id
+        found = (self._around if same else self._connection)(origin, target, strategy)
+        if found is None and same:
             return _relative(target.s - origin.s, origin.t, origin.lane_id, target, target.t, True)
-        found = self._connection(origin, target, strategy)
         if found is None:
             return None
         ds = found.length if found.leaving.forward else -found.length
@@ -339,10 +340,11 @@ class RoadRelations:
             origin.s,
             True,
         )
-        if origin.road_id != target.road_id:
-            found = self._connection(origin, target, strategy)
-            if found is None:
-                return None
+        same = origin.road_id == target.road_id
+        found = (self._around if same else self._connection)(origin, target, strategy)
+        if found is None and not same:
+            return None
+        if found is not None:
             sign, aligned = (1.0 if found.leaving.forward else -1.0), found.aligned
             for way, following in pairwise(
                 [found.leaving, *self._between(found, strategy), found.arriving]
@@ -377,6 +379,17 @@ class RoadRelations:
                 if best is None or cost < best.cost:
                     best = _Connection(cost, first + between.length + last, leaving, arriving)
         return best
+
+    def _around(self, origin: RoadPoint, target: RoadPoint, strategy: str) -> _Connection | None:
+        """The connection of two points on one road over its ends and back to it; None where the road itself is shorter."""
+        road, apart = self._ways.roads[origin.road_id], target.s - origin.s
+        if 2.0 * abs(apart) <= road.length or not (road.successor and road.predecessor):
+            return None
+        way = Way(road.id, apart < 0.0)
+        between = self._ways.reach(way, strategy).get(way)
+        if between is None or between.length + road.length >= 2.0 * abs(apart):
+            return None
+        return _Connection(between.cost, between.length + road.length - abs(apart), way, way)
 
     def _between(self, connection: _Connection, strategy: str) -> list[Way]:
         """The ways between the first and the last one of a connection."""

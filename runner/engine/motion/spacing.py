@@ -86,8 +86,14 @@ def longitudinal(
     plain = system == "road" and not freespace and routing != "assignedRoute"
     if (
         plain and isinstance(b, Entity) and a.on_lane and b.on_lane and a.road is b.road
-    ):  # what `_extents` would find
-        return b.s - a.s if a.direction > 0 else a.s - b.s
+    ):  # what `_extents` would find, but where a ring may be shorter the other way round
+        apart, road = b.s - a.s, a.road
+        if (
+            road is None
+            or 2.0 * abs(apart) <= road.length
+            or not (road.successor and road.predecessor)
+        ):
+            return apart if a.direction > 0 else -apart
     extents = _extents(roads, a, b, system, freespace, routing)
     if extents is None:
         return None
