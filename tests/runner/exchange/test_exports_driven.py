@@ -204,7 +204,6 @@ def test_a_lane_change_of_the_beginning_into_oncoming_traffic_is_a_way_from_ther
     assert stops_at(xosc.load(copy).root) == [] and distance(path, copy) < 0.05
 
 
-@pytest.mark.xfail(reason="lane changes of an acquired position are not written", strict=True)
 def test_a_route_that_another_one_ends_is_the_way_until_there_for_carla(tmp_path: Path) -> None:
     point = '<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="{}" s="{}"/></Position></Waypoint>'
     route = f'<Route name="r" closed="false">{point.format(-1, 160)}{point.format(-2, 300)}</Route>'

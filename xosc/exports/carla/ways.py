@@ -545,8 +545,9 @@ def _is_left_aside(action: Node, scenario: Node) -> bool:
 def _from_the_beginning(action: Node, scenario: Node, geometry: RoadGeometry) -> str:
     """Make a trajectory of a route that leads its actors from the beginning on; the remark."""
     ways = {entity: places for entity in actors(action) if (places := geometry.way(action, entity))}
-    for entity in ways:
-        _only_way(action, entity, scenario)
+    for entity in actors(action):
+        beside = ("LateralAction",) if entity in ways else ()
+        _only_way(action, entity, scenario, beside)
     for entity, places in ways.items():
         to_story(Node(_following(places), action.path), entity, scenario)
     leave_out(action, scenario)
@@ -558,10 +559,15 @@ def _from_the_beginning(action: Node, scenario: Node, geometry: RoadGeometry) ->
     return f"{action.where}: {action.tag}: {said}"
 
 
-def _only_way(action: Node, entity: str, scenario: Node) -> None:
+def _only_way(action: Node, entity: str, scenario: Node, beside: Sequence[str]) -> None:
+    """Make sure that nothing else leads an entity: no other route, trajectory or teleport, nor an action of these kinds.
+
+    Raises:
+        Unsupported: something does.
+    """
     others = [
-        *scenario.iter(*ROUTES, "FollowTrajectoryAction", "LateralAction"),
-        *_teleports(scenario),
+        *scenario.iter(*ROUTES, "FollowTrajectoryAction", *beside),
+        *(_teleports(scenario) if beside else ()),
     ]
     for other in others:
         if other.element is not action.element and entity in actors(other):
