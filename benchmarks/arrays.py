@@ -2,10 +2,11 @@
 
     python -m benchmarks.arrays FOLDER... [--sets N] [--seed S] [--sut NAME] [--road-path DIR]
 
-For each scenario of the folders a line: the first element that does not play in arrays; or how many
-of N parameter sets, drawn from the limits that its parameters declare, have another verdict, end,
-contact, place (by 1 mm) or measure (by 1e-6 of it) there than in the interpreter, how many the
-interpreter has to play in any case, and processor times.
+For each scenario or variation file of the folders a line: the first element that does not play in
+arrays; or how many of N parameter sets, drawn from those of the variation file or from the limits
+that the scenario's parameters declare, have another verdict, end, contact, place (by 1 mm) or
+measure (by 1e-6 of it) there than in the interpreter, how many the interpreter has to play in any
+case, and processor times.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -24,6 +26,7 @@ import xosc
 from generation.space.space import Space
 from runner.batch.arrays import obstacle, play, structures
 from runner.batch.batch import runnable
+from runner.batch.jobs import Job, jobs_of
 from runner.judging.evidence.batch import OPEN, BatchOutcomes
 from runner.judging.result import RunResult
 from runner.judging.settings import RunSettings
@@ -31,6 +34,8 @@ from schemas.common.errors import ToolchainError
 
 FAR, RELATIVE = 1e-3, 1e-6
 """Greatest difference of places (m), and of measures as a part of them"""
+_MOST_LISTED = 100_000
+"""Sets of a variation file from which those that are played are drawn"""
 
 
 def drawn(path: Path, count: int, seed: int) -> list[dict[str, str]]:
@@ -44,6 +49,17 @@ def drawn(path: Path, count: int, seed: int) -> list[dict[str, str]]:
         {name: str(value) for name, value in {**space.pinned, **space.values(row)}.items()}
         for row in theta
     ]
+
+
+def scenario_of(path: Path, count: int, seed: int) -> tuple[Path, list[dict[str, str]]]:
+    """Scenario of a file, and parameter sets for it: one at least."""
+    if xosc.load(path).kind == "scenario":
+        return path, drawn(path, count, seed) if count else [{}]
+    listed = [
+        job for job in islice(jobs_of([path], {}, True), _MOST_LISTED) if isinstance(job, Job)
+    ]
+    chosen = np.random.default_rng(seed).permutation(len(listed))[: max(count, 1)]
+    return listed[0].scenario, [dict(listed[each].parameters) for each in chosen]
 
 
 def played(
@@ -91,12 +107,12 @@ def _alike(one: float | None, other: float | None) -> bool:
 
 
 def compare(path: Path, settings: RunSettings, count: int, seed: int) -> tuple[int, list[str], str]:
-    """Compare runs of a scenario in arrays with those of the interpreter.
+    """Compare runs of a scenario or variation file in arrays with those of the interpreter.
 
     Returns:
         Number of compared runs, differences, and a line about the rest.
     """
-    sets = drawn(path, count, seed)
+    path, sets = scenario_of(path, count, seed)
     start = process_time()
     together = played(path, sets, settings)
     middle = process_time()
@@ -122,11 +138,10 @@ def main() -> None:
     )
     files = plays = compared = wrong = 0
     for path in runnable(options.folders):
-        if xosc.load(path).kind != "scenario":
-            continue
         files += 1
         try:
-            reason = obstacle(path, settings)
+            scenario, sets = scenario_of(path, 0, 0)
+            reason = obstacle(scenario, settings, sets[0])
         except ToolchainError as error:
             reason = str(error)
         plays += not reason
@@ -137,7 +152,7 @@ def main() -> None:
             line = f"{runs} runs, {len(found)} differences, {rest}"
             line += "".join(f"\n    {each}" for each in found[:3])
         print(f"{path.stem:56} {line}", flush=True)
-    print(f"{plays} of {files} scenarios play in arrays; {compared} runs, {wrong} differences")
+    print(f"{plays} of {files} files play in arrays; {compared} runs, {wrong} differences")
 
 
 if __name__ == "__main__":

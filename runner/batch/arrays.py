@@ -143,6 +143,8 @@ def _compiled(
             if criteria := declared(resolved.node.need("Storyboard")):
                 raise NotInArrays(f"{criteria[0].name}: criteria are judged in single runs only")
         except TypeError as error:  # a function of single numbers was given a column
+            if not values:
+                raise
             raise NotInArrays(f"a number that varies is used as a single one: {error}") from error
         return scenario, columns.alike
 

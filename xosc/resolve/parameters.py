@@ -120,6 +120,7 @@ class ParameterScope:
     ) -> None:
         self._remarks = remarks or Remarks()
         self._visible: dict[str, ParameterDeclaration] = dict(outer._visible) if outer else {}
+        self._varying: frozenset[str] = outer._varying if outer else frozenset()
         self._declared: dict[str, Node] = dict(outer._declared) if outer else {}
         self.declarations = _by_name(declarations)
         self._declared |= self.declarations
@@ -130,7 +131,6 @@ class ParameterScope:
                 self._repair(assignment, ASSIGNED, message, "it is left out")
         for name in self.declarations:
             self._visible.pop(name, None)
-        self._varying = {name for name, each in self._visible.items() if each.column is not None}
         sources = {
             name: assigned.get(name)
             or Assignment(node.get("value"), node.invalid, symbolic=True, remark=node.remark)
@@ -138,8 +138,9 @@ class ParameterScope:
         }
         for name in _in_order(sources):
             self._visible[name] = self._evaluate(name, sources[name])
-            if self._visible[name].column is not None:
-                self._varying.add(name)
+            self._varying = frozenset(
+                name for name, each in self._visible.items() if each.column is not None
+            )
 
     @property
     def own(self) -> dict[str, ParameterDeclaration]:
@@ -276,16 +277,30 @@ class ParameterScope:
         self._remarks.add(assignment.remark(rule, f"{fault}; {assumption}"))
 
     def _holds(self, parameter: ParameterDeclaration, constraint: Node) -> bool:
-        """Whether one ValueConstraint holds."""
+        """Whether one ValueConstraint holds; many sets for which it does not hold as for the first are another structure."""
         try:
-            limit = typed(
-                parameter.type, meant(parameter.type, self.literal(constraint.get("value")))
-            )
+            text = self.literal(constraint.get("value"))
+            if parameter.column is not None or text.startswith(MARK):
+                return _hold(parameter, constraint.get("rule"), text)
+            limit = typed(parameter.type, meant(parameter.type, text))
             return holds(constraint.get("rule"), parameter.value, limit)
         except (ValueError, ExpressionError) as error:
             raise constraint.invalid(
                 f"the constraint of the parameter {parameter.name}: {error}"
             ) from None
+
+
+def _hold(parameter: ParameterDeclaration, rule: str, text: str) -> bool:
+    """Whether a constraint with numbers that vary holds for the first set, and those that are alike."""
+    from schemas.expressions.columns import current
+
+    columns = current()
+    limits = columns.of(text).tolist() if text.startswith(MARK) else [number(text)] * columns.n
+    column = parameter.column
+    values = [parameter.value] * columns.n if column is None else column.tolist()
+    held = [holds(rule, value, limit) for value, limit in zip(values, limits, strict=True)]
+    columns.agree(held)
+    return held[0]
 
 
 def _in_many_sets(
@@ -313,6 +328,9 @@ def typed_value(node: Node, kind: str, rule: str, remarks: Remarks) -> Value:
         InvalidFile: it is missing, or spelled otherwise where remarks are refused.
     """
     text = node.get("value")
+    if text.startswith(MARK):
+        found = _in_many_sets("", kind, text, None)
+        return found.value if found.column is None else found.column  # type: ignore[return-value]
     spelled = meant(kind, text)
     if spelled != text:
         remarks.add(
@@ -330,11 +348,15 @@ def variables(declarations: Iterable[Node], remarks: Remarks) -> dict[str, Varia
     Raises:
         InvalidFile: a declaration is malformed, or its value is not of its type.
     """
-    found = {}
+    found: dict[str, Variable] = {}
     for name, declaration in _by_name(declarations).items():
         text = declaration.get("value")
         try:
             kind = type_named(declaration.get("variableType"))
+            if text.startswith(MARK):
+                varying = _in_many_sets(name, kind, text, None)
+                found[name] = Variable(name, kind, varying.value, varying.text, varying.column)
+                continue
             spelled = meant(kind, text)
         except ValueError as error:
             raise declaration.invalid(f"the value of the variable {name}: {error}") from None

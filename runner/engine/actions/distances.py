@@ -44,6 +44,7 @@ class LongitudinalDistanceAction(PrivateAction):
     """
 
     domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
+    run_by_run: ClassVar[bool] = True
 
     node: Node
     reference: Entity
@@ -242,6 +243,7 @@ class LateralDistanceAction(PrivateAction):
     """
 
     domains: ClassVar[tuple[str, ...]] = (LATERAL,)
+    run_by_run: ClassVar[bool] = True
 
     node: Node
     reference: Entity

@@ -157,17 +157,15 @@ class _Teleport(BatchProcess):
                 actor,
                 np.arange(run.n) == first,
                 (),
-                lambda each: run.roads.place(each, position.resolve(run.single, each)),
+                lambda each, _: run.single.place(each, position.resolve(run.single, each)),
             )
             actor.copy(first, rows)
             return np.zeros_like(rows)
-        places = iter(np.flatnonzero(rows).tolist())
 
-        def put(entity: Entity) -> None:
-            place = next(places)
-            there = position.at_set(int(run.sets[place]))
-            run.doubtful[place] |= there.repaired
-            run.roads.place(entity, there.resolve(run.single, entity))
+        def put(entity: Entity, row: int) -> None:
+            there = position.at_set(int(run.sets[row]))
+            run.doubtful[row] |= there.repaired
+            run.single.place(entity, there.resolve(run.single, entity))
 
         run.one_by_one(actor, rows, position.references(), put)
         return np.zeros_like(rows)

@@ -95,6 +95,8 @@ class FollowTrajectoryAction(PrivateAction):
     Performance: where that does not suffice it is late, and catches up.
     """
 
+    run_by_run = True
+
     def __init__(
         self, node: Node, trajectory: Trajectory, timing: Timing | None, follow: bool
     ) -> None:

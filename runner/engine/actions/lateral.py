@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from runner.engine.compile.batch import BatchProcess
+from runner.engine.compile.batch import BatchProcess, RunByRun
 from runner.engine.compile.element import LATERAL, PrivateAction, need_places
 from runner.engine.compile.registry import action
 from runner.engine.compile.run import Running
@@ -28,7 +28,6 @@ from runner.engine.motion.dynamics import (
 )
 from runner.engine.participants.entity import Entity
 from runner.engine.positions.lane import LAYERS
-from schemas.expressions.columns import NotInArrays
 from xodr.model import PERMANENT, TEMPORARY, RoadPoint
 from xosc.document.node import TO_RIGHT, Node
 from xosc.rules.references import KEPT_LANE_OFFSET_UID, OTHER_ENTITY_UID
@@ -260,12 +259,8 @@ class LaneOffsetAction(PrivateAction):
         )
 
     def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
-        """The offset from the centre of the own lane."""
-        if self.reference is not None:
-            raise NotInArrays(
-                "an offset relative to another entity is followed in single runs only"
-            )
-        return _Shifting(self, actor, run)
+        """The offset from the centre of the own lane; run by run where it is relative to an entity."""
+        return _Shifting(self, actor, run) if self.reference is None else RunByRun(self, actor, run)
 
     def aim(self, actor: Entity, run: Run) -> None:
         """Have an entity keep to the lane that it is on."""
@@ -451,7 +446,7 @@ class _Sideways(BatchProcess):
             actor.target_offset[at_once] = (goal * actor.direction)[at_once]
             actor.path_compensated[at_once] = self.compensated
             run.one_by_one(
-                actor, at_once, (), lambda each: each.controls.motion.advance(each, 0.0, run.dt)
+                actor, at_once, (), lambda each, _: each.controls.motion.advance(each, 0.0, run.dt)
             )
             run.roads.stay_batch(actor, at_once)
             return rows & ~at_once
@@ -495,7 +490,9 @@ class _Crossing(_Sideways):
     def start(self, rows: BoolArray) -> BoolArray:
         """Express the entity's place in the target lane, and begin to move there."""
         action, actor, run = self._action, self._actor, self._run
-        run.one_by_one(actor, rows, action.references(), lambda each: action.aim(each, run.single))
+        run.one_by_one(
+            actor, rows, action.references(), lambda each, _: action.aim(each, run.single)
+        )
         offset = run.value(action.offset)
         change = (offset - actor.kept_offset) * actor.direction
         extent = action.dynamics.extent_batch(change, run.value(action.dynamics.value))
@@ -514,7 +511,7 @@ class _Shifting(_Sideways):
     def start(self, rows: BoolArray) -> BoolArray:
         """Begin to move sideways."""
         action, actor, run = self._action, self._actor, self._run
-        run.one_by_one(actor, rows, (), lambda each: action.aim(each, run.single))
+        run.one_by_one(actor, rows, (), lambda each, _: action.aim(each, run.single))
         value = run.value(action.value)
         goal = (-value if action.to_right else value * actor.direction) * np.ones(run.n)
         return self._begin(

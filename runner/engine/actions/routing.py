@@ -8,10 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from runner.engine.compile import registry
-from runner.engine.compile.batch import BatchProcess
 from runner.engine.compile.element import PrivateAction
 from runner.engine.compile.run import Rest, Running
 from runner.engine.motion.lane_gaps import blocker
@@ -21,19 +18,15 @@ from runner.engine.positions.lane import LAYERS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from runner.engine.compile.batch import BatchRun
     from runner.engine.compile.element import Position
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Run
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.entity import Entity
-    from runner.engine.participants.rows import EntityRows
-    from schemas.common.array_types import BoolArray
     from xodr.graph.network import RoadNetwork
     from xodr.model import RoadPoint
     from xosc.document.node import Node
 
-Obstructed = Callable[["Entity", int, float], bool]
 _REACHED = 1e-6
 _SLOWEST = 0.1
 """Speed (m/s) below which a lane change takes as long as with it"""
@@ -49,6 +42,8 @@ class AssignRouteAction(PrivateAction):
     that it can't pass in their lanes are remarks.
     """
 
+    run_by_run = True
+
     def __init__(self, route: Route) -> None:
         self.route = route
 
@@ -61,54 +56,16 @@ class AssignRouteAction(PrivateAction):
         """Entities that the waypoints are relative to."""
         return self.route.references()
 
-    def start(self, actor: Entity, run: Run, obstructed: Obstructed | None = None) -> None:
-        """Assign.
-
-        Args:
-            obstructed: as of `AssignedRoute`; by default others are looked at.
-        """
+    def start(self, actor: Entity, run: Run) -> None:
+        """Assign."""
         path = self.route.path(run, actor)
         node, closed = self.route.node, self.route.closed
         route = AssignedRoute(
-            path, closed, self.route.network, _voice(node, actor, run), obstructed or _Gaps(run)
+            path, closed, self.route.network, _voice(node, actor, run), _Gaps(run)
         )
         actor.controls.route = route
         nodes = [waypoint.node for waypoint in self.route.waypoints]
         tell_missed(route, actor, run, [*nodes, nodes[0]])
-
-    def in_arrays(self, actor: EntityRows, run: BatchRun) -> BatchProcess:
-        """Assign, run by run."""
-        return _Assignment(self, actor, run)
-
-
-class _Assignment(BatchProcess):
-    """An assignment of a route in many runs."""
-
-    def __init__(self, action: AssignRouteAction, actor: EntityRows, run: BatchRun) -> None:
-        super().__init__(run)
-        self._action, self._actor, self._run = action, actor, run
-
-    def start(self, rows: BoolArray) -> BoolArray:
-        """Assign; each run has a route of its own, which remembers its legs."""
-        for row in np.flatnonzero(rows):
-            self._assign(row)
-        return np.zeros_like(rows)
-
-    def _assign(self, row: np.intp) -> None:
-        """Assign in one run, which is left as soon as the route changes lanes beside others."""
-        run, action, parameters = self._run, self._action, self._run.sets[row]
-
-        def obstructed(entity: Entity, lane: int, way: float) -> bool:
-            if len(run.entities) > 1:
-                run.leave(run.sets == parameters)
-            return False
-
-        run.one_by_one(
-            self._actor,
-            np.arange(run.n) == row,
-            action.references(),
-            lambda each: action.start(each, run.single, obstructed),
-        )
 
 
 class _Gaps:
@@ -196,6 +153,8 @@ class AcquirePositionAction(PrivateAction):
 
     The lane is that of the position, as with the waypoints of a route.
     """
+
+    run_by_run = True
 
     def __init__(self, node: Node, position: Position, network: RoadNetwork) -> None:
         self.node, self.position, self.network = node, position, network

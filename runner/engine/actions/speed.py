@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from runner.engine.compile.batch import BatchProcess
+from runner.engine.compile.batch import BatchProcess, RunByRun
 from runner.engine.compile.element import LONGITUDINAL, PrivateAction
 from runner.engine.compile.registry import action
 from runner.engine.compile.run import Rest, Running
@@ -125,8 +125,10 @@ class SpeedAction(PrivateAction):
         """The change of speed, unless jerk limits make a profile of it."""
         limits = actor.declared.performance
         jerk = min(limits.max_acceleration_rate, limits.max_deceleration_rate)
-        if self.lasting or (jerk < math.inf and not self.dynamics.strict):
-            raise NotInArrays("a SpeedAction with a limit of jerk plays in single runs only")
+        if self.lasting:
+            raise NotInArrays("a SpeedAction of a file for CARLA plays in single runs only")
+        if jerk < math.inf and not self.dynamics.strict:
+            return RunByRun(self, actor, run)
         return _Changes(self, actor, run)
 
 
@@ -378,6 +380,7 @@ class SpeedProfileAction(PrivateAction):
     """
 
     domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
+    run_by_run: ClassVar[bool] = True
 
     entries: tuple[ProfileEntry, ...]
     reference: Entity | None

@@ -86,6 +86,7 @@ class SynchronizeAction(PrivateAction):
     """
 
     domains: ClassVar[tuple[str, ...]] = (LONGITUDINAL,)
+    run_by_run: ClassVar[bool] = True
 
     node: Node
     master: Entity
@@ -112,8 +113,8 @@ class SynchronizeAction(PrivateAction):
         )
 
     def references(self) -> Iterable[Entity]:
-        """The master."""
-        return (self.master,)
+        """The master, and entities that the targets are relative to."""
+        return (self.master, *self.master_target.references(), *self.target.references())
 
     def start(self, actor: Entity, run: Run) -> Running:
         """Begin; a target that is not on its entity's way yet is looked for again at every step."""

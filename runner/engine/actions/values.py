@@ -17,16 +17,17 @@ from runner.engine.compile.batch import BatchProcess
 from runner.engine.compile.element import GlobalAction
 from runner.engine.compile.registry import action
 from runner.engine.worlds.surroundings import Environment
+from schemas.common.errors import InvalidFile
 from schemas.expressions.values import Value, typed
 from xosc.document.node import Node
 from xosc.resolve.parameters import typed_value
 from xosc.rules.values import DECLARED_TYPE_UID
 
 if TYPE_CHECKING:
-    from runner.engine.compile.batch import BatchRun
+    from runner.engine.compile.batch import BatchRun, NamedValue
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Run
-    from schemas.common.array_types import BoolArray
+    from schemas.common.array_types import BoolArray, IntArray
 
 
 _NUMBERS = ("double", "int", "unsignedInt", "unsignedShort")
@@ -86,6 +87,16 @@ class SetAction(GlobalAction):
         """Set the value at once."""
         self.target.write(run, self.value)
 
+    def in_arrays(self, run: BatchRun) -> BatchProcess:
+        """Set, in many runs."""
+
+        def put(named: NamedValue, rows: IntArray) -> None:
+            value = run.value(self.value)
+            values = value[rows].tolist() if isinstance(value, np.ndarray) else [value] * len(rows)
+            named.put(rows, values)
+
+        return _Writing(self.target, put, run)
+
 
 @action("ParameterAction/ModifyAction", "VariableAction/ModifyAction")
 @dataclass(frozen=True, slots=True)
@@ -113,16 +124,53 @@ class ModifyAction(GlobalAction):
     def start(self, run: Run) -> None:
         """Modify the value at once."""
         before = self.target.table(run)[self.target.name]
+        self.target.write(run, self.modified(before, self.operand))
+
+    def modified(self, before: Value, operand: float) -> Value:
+        """Return the value after a modification by an operand."""
         assert isinstance(before, float | int)
-        after = self.change(before, self.operand)
+        after = self.change(before, operand)
         target = self.target
         try:
-            value = typed(target.type, repr(after if target.type == "double" else round(after)))
+            return typed(target.type, repr(after if target.type == "double" else round(after)))
         except (ValueError, OverflowError):
             raise self.node.invalid(
                 f"{target.what} {target.name} would become {after:g}, which is no {target.type}"
             ) from None
-        target.write(run, value)
+
+    def in_arrays(self, run: BatchRun) -> BatchProcess:
+        """Modify, in many runs; one in which that gives no value is left."""
+
+        def put(named: NamedValue, rows: IntArray) -> None:
+            operands = np.broadcast_to(run.value(self.operand), run.n)
+            for row in rows:
+                try:
+                    after = self.modified(named.values[named.index[row]], float(operands[row]))
+                except InvalidFile:
+                    run.leave(np.arange(run.n) == row)
+                    continue
+                named.put(np.array([row]), [after])
+
+        return _Writing(self.target, put, run)
+
+
+class _Writing(BatchProcess):
+    """An action on a parameter or variable in many runs.
+
+    Args:
+        put: called with it and the rows (k,) in which it gets a value.
+    """
+
+    def __init__(
+        self, target: _Target, put: Callable[[NamedValue, IntArray], None], run: BatchRun
+    ) -> None:
+        super().__init__(run)
+        self._named, self._write, self._run = run.named(target.what, target.name), put, run
+
+    def start(self, rows: BoolArray) -> BoolArray:
+        """Write at once."""
+        self._write(self._named, np.flatnonzero(rows & self._run.going))
+        return np.zeros_like(rows)
 
 
 @action("SetMonitorAction")
@@ -146,6 +194,10 @@ class SetMonitorAction(GlobalAction):
         run.monitors[self.name] = self.value
         run.note("monitor", self.name, f"set to {str(self.value).lower()}")
 
+    def in_arrays(self, run: BatchRun) -> BatchProcess:
+        """Do nothing: many runs have no event log."""
+        return BatchProcess(run)
+
 
 @action("CustomCommandAction")
 @dataclass(frozen=True, slots=True)
@@ -163,6 +215,10 @@ class CustomCommandAction(GlobalAction):
     def start(self, run: Run) -> None:
         """Complete at once."""
         run.note("userDefined", self.type, self.content)
+
+    def in_arrays(self, run: BatchRun) -> BatchProcess:
+        """Do nothing: many runs have no event log."""
+        return BatchProcess(run)
 
 
 @action("EnvironmentAction")

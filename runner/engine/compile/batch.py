@@ -6,7 +6,8 @@ Arrays (n,) have an entry for each run that is left; `RunRows` follow when other
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from runner.engine.compile.run import ElementState, Transition
 from runner.engine.participants.rows import RunRows
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
+from schemas.expressions.columns import NotInArrays, NumberColumn
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from runner.engine.participants.entity import Entity
     from runner.engine.participants.rows import EntityRows
     from runner.engine.worlds.surroundings import Environment
+    from schemas.expressions.values import Value
 
 STANDBY, RUNNING, COMPLETE = 0, 1, 2
 START, END, STOP, SKIP = 1, 2, 4, 8
@@ -123,14 +126,18 @@ class BatchRun(Protocol):
         actor: EntityRows,
         rows: BoolArray,
         others: Iterable[Entity],
-        act: Callable[[Entity], object],
+        act: Callable[[Entity, int], object],
     ) -> None:
         """Do something with an entity in some runs as the interpreter does it; a run in which it is refused is left.
 
         Args:
             others: entities whose state is needed as well.
-            act: called with the entity of the compiled scenario, as it is in a run.
+            act: called with the entity of the compiled scenario, as it is in a run, and the run's row.
         """
+        ...
+
+    def named(self, family: str, name: str) -> NamedValue:
+        """A `parameter` or `variable` in the runs."""
         ...
 
 
@@ -157,3 +164,97 @@ class BatchProcess(RunRows):
 
     def stop(self, rows: BoolArray) -> None:
         """Give back what is held, in some runs."""
+
+
+class RunByRun(BatchProcess):
+    """An action that is executed run by run as in a single run, while all else of the runs is done in arrays.
+
+    Args:
+        action: a `PrivateAction` of the compiled scenario, with `run_by_run`.
+        actor: of the action.
+        run: the runs.
+    """
+
+    def __init__(self, action: Any, actor: EntityRows, run: BatchRun) -> None:
+        super().__init__(run)
+        self._action, self._actor, self._run = action, actor, run
+        self._claims = action.claims()
+        self._running = np.full(run.n, None, object)
+
+    def start(self, rows: BoolArray) -> BoolArray:
+        """Begin; the runs in which it takes time."""
+        run = self._run
+
+        def begin(actor: Entity, row: int) -> None:
+            own = self._action.at_set(int(run.sets[row]))
+            run.doubtful[row] |= self._action.repaired
+            if own.claims() != self._claims:
+                raise NotInArrays("the control domains of an action vary between the runs")
+            self._running[row] = own.start(actor, run.single)
+
+        self._running[rows] = None
+        run.one_by_one(self._actor, rows, self._action.references(), begin)
+        found: BoolArray = rows & np.not_equal(self._running, np.array(None, object)).astype(bool)
+        return found
+
+    def step(self, dt: float) -> BoolArray:
+        """Act in each run in which it is in execution."""
+        done = np.zeros_like(self.active)
+
+        def act(actor: Entity, row: int) -> None:
+            done[row] = self._running[row].step(dt)
+
+        self._run.one_by_one(self._actor, self.active, self._action.references(), act)
+        return done
+
+    def stop(self, rows: BoolArray) -> None:
+        """Give back what is held, in each run."""
+        self._run.one_by_one(
+            self._actor,
+            rows,
+            self._action.references(),
+            lambda actor, row: self._running[row].stop(),
+        )
+
+
+def picked(element: Any, number: int) -> Any:
+    """An action or its parts, with the numbers of one of the parameter sets for which it was read."""
+    if isinstance(element, NumberColumn):
+        return float(element.view(np.ndarray)[number])
+    if isinstance(element, tuple):
+        parts = [picked(part, number) for part in element]
+        if all(new is old for new, old in zip(parts, element, strict=True)):
+            return element
+        return type(element)(*parts) if hasattr(element, "_fields") else tuple(parts)
+    if not is_dataclass(element) or isinstance(element, type):
+        return element
+    changed = {
+        each.name: new
+        for each in fields(element)
+        if each.init and (new := picked(old := getattr(element, each.name), number)) is not old
+    }
+    return replace(element, **changed) if changed else element
+
+
+class NamedValue(RunRows):
+    """A parameter or variable in many runs: the values that occur, and the index of the one it has in each.
+
+    Args:
+        values: in each run (n,).
+    """
+
+    def __init__(self, values: Sequence[Value]) -> None:
+        self.values: list[Value] = []
+        """all that have occurred, each once"""
+        self._known: dict[Value, int] = {}
+        self.index = np.zeros(len(values), np.int64)
+        """of its value in each run (n,)"""
+        self.put(np.arange(len(values)), values)
+
+    def put(self, rows: IntArray, values: Iterable[Value]) -> None:
+        """Give it a value in each of some runs (k,)."""
+        for row, value in zip(rows, values, strict=True):
+            place = self._known.setdefault(value, len(self.values))
+            if place == len(self.values):
+                self.values.append(value)
+            self.index[row] = place

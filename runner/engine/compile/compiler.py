@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from runner.engine.compile.element import (
     ByEntityCondition,
     Condition,
     PrivateAction,
+    VaryingAction,
     VaryingPosition,
 )
 from runner.engine.participants.entity import Entities, Entity
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
     from schemas.common.errors import ToolchainError
     from xodr.graph.network import RoadNetwork
     from xosc.resolve import Resolved
+    from xosc.resolve.parameters import ParameterDeclaration
 
 WRAPPERS = {
     "PrivateAction",
@@ -125,8 +128,8 @@ class ScenarioContext:
         self.network = network
         self.declared = Entities()
         self.selections: dict[str, list[Entity]] = {}
-        self.parameters: dict[str, Any] = {name: p.value for name, p in document.parameters.items()}
-        self.variables: dict[str, Any] = {name: v.value for name, v in document.variables.items()}
+        self.parameters = _initial_values(document.parameters)
+        self.variables = _initial_values(document.variables)
         self.monitors: dict[str, bool] = dict(document.monitors)
         self.parameter_types = {name: p.type for name, p in document.parameters.items()}
         self.variable_types = {name: v.type for name, v in document.variables.items()}
@@ -219,11 +222,7 @@ class ScenarioContext:
             text = f"{_named(node)}: an action is expected inside; without one it does nothing"
             self.repair(node, EMPTY_ELEMENTS_UID, text, "" if node.tag == "Action" else "empty")
         for child in pending:
-            found += (
-                self.actions(child)
-                if child.tag in WRAPPERS
-                else [self._build(registry.action, child)]
-            )
+            found += self.actions(child) if child.tag in WRAPPERS else [self._action(child)]
         return found
 
     def condition(self, node: Node) -> Condition:
@@ -256,26 +255,45 @@ class ScenarioContext:
     def position(self, node: Node) -> Position:
         """The position inside an element that holds exactly one (Position, TargetPosition, …)."""
         inside = node.only()
-        if self.many and any(
-            MARK in text for each in inside.iter() for text in each.element.attrib.values()
-        ):
-            return VaryingPosition(inside, self._rebuilt)
+        if self._varies(inside):
+            return VaryingPosition(inside, partial(self._rebuilt, registry.position))
         position: Position = self._build(registry.position, inside)
         return position
 
-    def _rebuilt(self, node: Node) -> tuple[Position, bool]:
-        """A position of an element whose numbers have changed, and whether it was repaired."""
+    def _action(self, node: Node) -> Action:
+        if self._varies(node) and getattr(_class(registry.action, node), "run_by_run", False):
+            return VaryingAction(node, partial(self._rebuilt, registry.action))
+        found: Action = self._build(registry.action, node)
+        return found
+
+    def _varies(self, node: Node) -> bool:
+        """Whether an element has numbers that vary between the parameter sets for which it is read."""
+        return self.many and any(
+            MARK in text for each in node.iter() for text in each.element.attrib.values()
+        )
+
+    def _rebuilt(self, family: registry.Registry, node: Node) -> tuple[Any, bool]:
+        """The object of an element whose numbers have changed, and whether it was repaired."""
         kept, self.remarks = self.remarks, Remarks(self.remarks.strict)
         try:
-            return self._build(registry.position, node), bool(self.remarks.found)
+            return self._build(family, node), bool(self.remarks.found)
         finally:
             self.remarks = kept
 
     def _build(self, family: registry.Registry, node: Node) -> Any:
-        parent = node.element.getparent()
-        return family.find(node, str(parent.tag) if parent is not None else None).from_xml(
-            node, self
-        )
+        return _class(family, node).from_xml(node, self)
+
+
+def _initial_values(declared: Mapping[str, ParameterDeclaration]) -> dict[str, Any]:
+    """Initial values by name; columns where they vary between the sets for which the document is read."""
+    return {
+        name: each.value if each.column is None else each.column for name, each in declared.items()
+    }
+
+
+def _class(family: registry.Registry, node: Node) -> type[registry.FromXml]:
+    parent = node.element.getparent()
+    return family.find(node, str(parent.tag) if parent is not None else None)
 
 
 def compile_scenario(

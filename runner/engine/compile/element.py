@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -96,6 +96,34 @@ class FixedPosition(Position):
         return self.fixed
 
 
+class _Rebuilt:
+    """Objects of an element in each of the parameter sets for which the scenario is read.
+
+    Args:
+        node: the element, with the marks of columns.
+        build: makes an object of it, and says whether it was repaired.
+    """
+
+    def __init__(self, node: Node, build: Callable[[Node], tuple[Any, bool]]) -> None:
+        self._node, self._build = node, build
+        self._varying = [
+            (each.element, name, current().of(str(text)).view(np.ndarray))
+            for each in node.iter()
+            for name, text in each.element.attrib.items()
+            if str(text).startswith(MARK)
+        ]
+        self._number, self.repaired = -1, False
+        self.known = self.at(0)
+
+    def at(self, number: int) -> Any:
+        """Return the object of a set."""
+        if number != self._number:
+            for element, name, values in self._varying:
+                element.set(name, repr(float(values[number])))
+            self._number, (self.known, self.repaired) = number, self._build(self._node)
+        return self.known
+
+
 class VaryingPosition(Position):
     """A position with numbers that vary between the parameter sets for which the scenario is read.
 
@@ -106,24 +134,14 @@ class VaryingPosition(Position):
 
     def __init__(self, node: Node, build: Callable[[Node], tuple[Position, bool]]) -> None:
         super().__init__(node)
-        self._build = build
-        self._varying = [
-            (each.element, name, current().of(str(text)).view(np.ndarray))
-            for each in node.iter()
-            for name, text in each.element.attrib.items()
-            if str(text).startswith(MARK)
-        ]
-        self._number = -1
-        self._known = self.at_set(0)
+        self._rebuilt = _Rebuilt(node, build)
+        self._known: Position = self._rebuilt.known
 
     def at_set(self, number: int) -> Position:
         """Built of the numbers of that set."""
-        if number != self._number:
-            for element, name, values in self._varying:
-                element.set(name, repr(float(values[number])))
-            self._number, (self._known, repaired) = number, self._build(self.node)
-            self._known.repaired = repaired
-        return self._known
+        found: Position = self._rebuilt.at(number)
+        found.repaired = self._rebuilt.repaired
+        return found
 
     def references(self) -> tuple[Entity, ...]:
         """Return those of the first set."""
@@ -328,9 +346,20 @@ def need_places(node: Node, *entities: Entity) -> None:
 
 
 class PrivateAction(ABC):
-    """An action on one entity."""
+    """An action on one entity.
+
+    Attributes:
+        run_by_run: whether each of many runs executes it by itself, as a single run does: what it
+            makes of itself holds nothing of a run but its actor and the entities it refers to.
+    """
 
     domains: ClassVar[tuple[str, ...]] = ()
+    run_by_run: ClassVar[bool] = False
+
+    @property
+    def repaired(self) -> bool:
+        """Whether the one of many parameter sets that was asked for last was read with a repair."""
+        return False
 
     @property
     def places(self) -> bool:
@@ -374,7 +403,69 @@ class PrivateAction(ABC):
         Raises:
             NotInArrays: it plays in single runs only, as by default.
         """
+        from runner.engine.compile.batch import RunByRun
+
+        if self.run_by_run:
+            return RunByRun(self, actor, run)
         raise _single(self)
+
+    def at_set(self, number: int) -> PrivateAction:
+        """The action in one of the parameter sets for which the scenario was read."""
+        from runner.engine.compile.batch import picked
+
+        found: PrivateAction = picked(self, number)
+        return found
+
+
+class VaryingAction(PrivateAction):
+    """An action with numbers that vary between parameter sets, executed run by run.
+
+    Args:
+        node: its element, with the marks of columns.
+        build: makes an action of an element, and says whether it was repaired.
+    """
+
+    run_by_run = True
+
+    def __init__(self, node: Node, build: Callable[[Node], tuple[PrivateAction, bool]]) -> None:
+        self._rebuilt = _Rebuilt(node, build)
+        self._first: PrivateAction = self._rebuilt.known
+
+    @property
+    def repaired(self) -> bool:
+        """Whether the set that was asked for last was read with a repair."""
+        return self._rebuilt.repaired
+
+    @property
+    def places(self) -> bool:
+        """As in the first set."""
+        return self._first.places
+
+    @property
+    def activates_controller(self) -> bool:
+        """As in the first set."""
+        return self._first.activates_controller
+
+    def claims(self) -> tuple[str, ...]:
+        """Return those of the first set."""
+        return self._first.claims()
+
+    def references(self) -> Iterable[Entity]:
+        """Return those of the first set."""
+        return self._first.references()
+
+    def puts(self, actor: Entity) -> Iterable[tuple[Entity, Position | None]]:
+        """Places that only a run knows."""
+        return [(entity, None) for entity, _ in self._first.puts(actor)]
+
+    def at_set(self, number: int) -> PrivateAction:
+        """Built of the numbers of that set."""
+        found: PrivateAction = self._rebuilt.at(number)
+        return found
+
+    def start(self, actor: Entity, run: Run) -> Running | None:
+        """Refused: it is another one in each set."""
+        raise NotInArrays(f"{type(self._first).__name__} varies between the runs")
 
 
 class GlobalAction(ABC):

@@ -15,6 +15,7 @@ from runner.engine.compile.registry import condition
 from runner.engine.compile.run import ElementState, StoryboardElement, Transition
 from runner.engine.conditions.comparison import RULES, TOLERANCE, Comparison
 from runner.engine.worlds.surroundings import read_date
+from schemas.expressions.columns import NotInArrays, NumberColumn
 from schemas.expressions.values import Value, number
 from schemas.expressions.values import holds as compare
 from xosc.document.node import Node, names_of, nearest
@@ -22,7 +23,7 @@ from xosc.resolve.parameters import typed_value
 from xosc.rules.values import DECLARED_TYPE_UID
 
 if TYPE_CHECKING:
-    from runner.engine.compile.batch import BatchRun, ElementRows
+    from runner.engine.compile.batch import BatchRun, ElementRows, NamedValue
     from runner.engine.compile.registry import Context
     from runner.engine.compile.run import Instant
     from schemas.common.array_types import BoolArray
@@ -103,6 +104,10 @@ class TimeOfDayCondition(Condition):
             (now - self.value).total_seconds()
         )
 
+    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+        """The comparison, the same in all runs."""
+        return lambda: np.full(run.n, self.evaluate(run.single))
+
     def describe(self, run: Instant) -> str:
         """The time of day."""
         now = run.environment.time_of_day(run.time)
@@ -121,6 +126,8 @@ class _Expected:
         self.expected = expected
         self._number = _as_number(expected)
         self._comparison = Comparison(rule, self._number) if self._number is not None else None
+        self._true: list[bool] = []
+        """for each value that occurs in many runs"""
 
     def holds(self, value: Value) -> bool:
         """Whether the comparison is true."""
@@ -132,6 +139,19 @@ class _Expected:
             return compare(self.rule, value, self.expected)
         except ValueError:
             return False
+
+    def holds_batch(self, named: NamedValue, run: BatchRun) -> BoolArray:
+        """`holds` for the values of many runs (n,)."""
+        found: BoolArray
+        if not isinstance(self.expected, NumberColumn):
+            self._true += [self.holds(value) for value in named.values[len(self._true) :]]
+            found = np.array(self._true)[named.index]
+            return found
+        assert self._comparison is not None
+        numbers = [_as_number(value) for value in named.values]
+        if None in numbers:
+            raise NotInArrays("texts are compared with a number that varies")
+        return self._comparison.holds_batch(np.array(numbers, float)[named.index], run)
 
     def describe(self, what: str, value: Value | None) -> str:
         """Describe a comparison."""
@@ -152,6 +172,11 @@ def _as_number(value: Value) -> float | None:
 
 class _NamedValueCondition(Condition):
     """Compares the present value of something with a name."""
+
+    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+        """The comparison of each value that occurs."""
+        named, expected = run.named(self.what, self.name), self.expected
+        return lambda: expected.holds_batch(named, run)
 
     what = ""
 
@@ -249,6 +274,10 @@ class UserDefinedValueCondition(_NamedValueCondition):
     def value(self, run: Instant) -> Value | None:
         """The value, None while none has been given."""
         return run.user_values.get(self.name)
+
+    def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
+        """False: nothing outside gives values to many runs."""
+        return lambda: np.zeros(run.n, bool)
 
 
 class _SignalCondition(Condition):

@@ -466,11 +466,20 @@ class Roads:
         self, rows: EntityRows, speed: FloatArray, dt: float, going: BoolArray
     ) -> FloatArray:
         """Move an entity in the runs (n,) that are `going`, along its lane or straight ahead; return its speeds."""
+        along = going
         if self.lane_motion is None or not rows.on_lane.all():
-            STRAIGHT_AHEAD.advance_batch(rows, speed, dt, going & ~rows.on_lane)
+            led = going & np.not_equal(rows.motion, np.array(None, object)).astype(bool)
+            along = going & rows.on_lane & ~led
+            STRAIGHT_AHEAD.advance_batch(rows, speed, dt, going & ~rows.on_lane & ~led)
+            if led.any():
+                speed = speed.copy()
+            for row in np.flatnonzero(led):
+                entity = rows.load(row)
+                speed[row] = entity.controls.motion.advance(entity, float(speed[row]), dt)
+                rows.store(row, entity)
         if self.lane_motion is None:
             return speed
-        return self.lane_motion.advance_batch(rows, speed, dt, going)
+        return self.lane_motion.advance_batch(rows, speed, dt, along)
 
     def stay_batch(self, rows: EntityRows, ended: BoolArray) -> None:
         """`stay` in the runs (n,) in which lateral action has ended."""

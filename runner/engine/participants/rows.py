@@ -32,6 +32,18 @@ class RunRows:
                 setattr(self, name, values[kept])
 
 
+class Loaded:
+    """Entity and run that were loaded last of those of a batch.
+
+    Attributes:
+        name: of the entity; empty for none.
+        row: of the run.
+    """
+
+    name = ""
+    row: Any = 0
+
+
 class EntityRows(RunRows):
     """An entity in n runs: arrays (n,) with the names, units and frames of `EntityState` and `Controls`.
 
@@ -42,6 +54,7 @@ class EntityRows(RunRows):
         entity: of the compiled scenario.
         n: number of runs.
         lane_motion: along lanes; None without roads.
+        loaded: shared by all entities of a batch.
     """
 
     x: FloatArray
@@ -70,10 +83,13 @@ class EntityRows(RunRows):
     at_road_end: BoolArray
     on_lane: BoolArray
 
-    def __init__(self, entity: Entity, n: int, lane_motion: Motion | None) -> None:
+    def __init__(self, entity: Entity, n: int, lane_motion: Motion | None, loaded: Loaded) -> None:
+        self._loaded = loaded
         self.entity, self.name, self.box, self.reach = entity, entity.name, entity.box, entity.reach
         self.declared = entity.declared
         self._lane_motion = lane_motion
+        self.driver: Any = None
+        """driver of the entity for a system under test"""
         for name in _FLOATS:
             setattr(self, name, np.zeros(n))
         for name in _FLAGS:
@@ -87,6 +103,8 @@ class EntityRows(RunRows):
         """number of the process that owns a control domain, −1 for none, by domain"""
         self.road = np.full(n, None, object)
         self.route, self.easing = np.full(n, None, object), np.full(n, None, object)
+        self.motion = np.full(n, None, object)
+        """ways of moving that are neither along a lane nor straight ahead, as along a path"""
         self.section = np.full(n, None, object)
         self.edge_right, self.edge_left = np.full(n, np.nan), np.full(n, np.nan)
         """t of the edges of the road (m) where these and the lanes between stay; NaN elsewhere"""
@@ -116,6 +134,7 @@ class EntityRows(RunRows):
     def load(self, row: Any) -> Entity:
         """The entity of the compiled scenario, as it is in a run."""
         entity = self.entity
+        self._loaded.name, self._loaded.row = self.name, row
         for name in _COPIED:
             setattr(entity, name, getattr(self, name)[row].item())
         entity.road, entity.section, entity.layer = (
@@ -131,12 +150,13 @@ class EntityRows(RunRows):
             target_offset=None if np.isnan(offset) else float(offset),
             path_compensated=bool(self.path_compensated[row]),
             activated=bool(self.activated[row]),
+            driver=self.driver,
         )
         for domain, owners in self.owners.items():
             if owners[row] >= 0:
                 controls.owners[domain] = None  # type: ignore[assignment]
-        motion = self._lane_motion
-        controls.motion = motion if entity.on_lane and motion is not None else STRAIGHT_AHEAD
+        motion = self._lane_motion if entity.on_lane else None
+        controls.motion = self.motion[row] or motion or STRAIGHT_AHEAD
         entity.located = entity.located_at = None
         return entity
 
@@ -152,6 +172,8 @@ class EntityRows(RunRows):
         )
         self.route[row], self.easing[row] = controls.route, controls.easing
         self.target_speed[row] = controls.target_speed
+        usual = controls.motion is STRAIGHT_AHEAD or controls.motion is self._lane_motion
+        self.motion[row] = None if usual else controls.motion
         offset = controls.target_offset
         self.target_offset[row] = np.nan if offset is None else offset
         self.path_compensated[row] = controls.path_compensated

@@ -54,6 +54,10 @@ class StoryboardBatch(BatchRun, Protocol):
         """Take an action in, for one of its actors."""
         ...
 
+    def begin_process(self, process: BatchProcess, rows: BoolArray) -> None:
+        """Have a process act in some runs."""
+        ...
+
     def take_over(self, actor: EntityRows, domain: str, rows: BoolArray) -> None:
         """End whatever owns a control domain of an entity, in some runs."""
         ...
@@ -180,7 +184,7 @@ class BatchActionElement(BatchElement):
             if actor is not None:
                 for domain in domains:
                     self.run.take_over(actor, domain, rows)
-            process.active |= rows
+            self.run.begin_process(process, rows)
             left = process.start(rows)
             process.active &= ~rows | left
             if actor is not None:

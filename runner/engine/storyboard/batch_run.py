@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
-from runner.engine.compile.batch import BatchDriver, BatchProcess
+from runner.engine.compile.batch import BatchDriver, BatchProcess, NamedValue
 from runner.engine.motion.on_roads import Roads
 from runner.engine.participants.boxes import first_touch, may_have_touched, overlap_batch
-from runner.engine.participants.rows import EntityRows, RunRows
+from runner.engine.participants.rows import EntityRows, Loaded, RunRows
 from runner.engine.storyboard.batch_elements import (
     BatchAct,
     BatchActionElement,
@@ -39,7 +39,8 @@ from schemas.expressions.columns import NotInArrays, NumberColumn
 if TYPE_CHECKING:
     from runner.engine.compile.compiler import Scenario
     from runner.engine.compile.run import StoryboardElement
-    from runner.engine.participants.entity import Entity
+    from runner.engine.motion.placement import Placement
+    from runner.engine.participants.entity import Entities, Entity
     from runner.engine.storyboard.story_elements import Element
 
 _STANDSTILL = 1e-3
@@ -56,6 +57,10 @@ class BatchObserver(Protocol):
         """An instant of the runs that are `going`."""
         ...
 
+    def correct(self, run: BatchSimulation, put: Mapping[str, BoolArray]) -> None:
+        """At the last instant, entities were already where they are now, in some runs (n,)."""
+        ...
+
     def end(self, run: BatchSimulation, ended: BoolArray) -> None:
         """Some of the runs (n,) are over."""
         ...
@@ -67,7 +72,19 @@ class Single:
     def __init__(self, run: BatchSimulation, seed: int) -> None:
         self._run = run
         self.roads, self.random, self.remarks = run.roads, random.Random(seed), Remarks()
-        self.entities = run.scenario.entities
+        self.put: list[str] = []
+        """names of entities that actions have put somewhere"""
+
+    @property
+    def entities(self) -> Entities:
+        """Everyone by name, as they are in the run whose entity was loaded last."""
+        loaded = self._run.loaded
+        name, row = loaded.name, loaded.row
+        for other in self._run.entities.values():
+            if other.name != name:
+                other.load(row)
+        loaded.name = name
+        return self._run.scenario.entities
 
     @property
     def time(self) -> float:
@@ -83,6 +100,20 @@ class Single:
     def initialising(self) -> bool:
         """Whether the initial actions and the events of time 0 are starting."""
         return self._run.initialising
+
+    @property
+    def environment(self) -> Environment:
+        """Weather, time of day and road condition."""
+        return self._run.environment
+
+    def place(self, entity: Entity, placement: Placement) -> None:
+        """Put an entity somewhere, at its present speed; from there it follows its lane, or goes straight ahead."""
+        self.roads.place(entity, placement)
+        self.relocated(entity)
+
+    def relocated(self, entity: Entity) -> None:
+        """Show an entity where an action has put it at this time, not only after the coming step."""
+        self.put.append(entity.name)
 
     def note(self, kind: str, subject: str, text: str = "") -> None:
         """Do nothing: many runs have no event log."""
@@ -133,15 +164,21 @@ class BatchSimulation(RunRows):
         self.environment = Environment()
         self.time, self.step_index, self.initialising = 0.0, 0, True
         self.single: Any = Single(self, seed)
+        self.loaded = Loaded()
         self.elements: dict[Element, BatchElement] = {}
         self.changed: dict[BatchElement, None] = {}
         self._published: list[BatchElement] = []
         self._parts: list[RunRows] = []
         self._values: dict[int, tuple[NumberColumn, FloatArray]] = {}
+        self._named: dict[tuple[str, str], NamedValue] = {}
+        self._put: dict[str, BoolArray] = {}
+        """runs (n,) in which an action has put an entity somewhere since the last instant, by its name"""
         self._processes: list[
             tuple[BatchProcess, BatchActionElement, EntityRows | None, tuple[str, ...]]
         ] = []
         self._numbers: dict[BatchProcess, int] = {}
+        self._order: dict[BatchProcess, BatchActionElement] = {}
+        """processes in the order in which they act, with their elements"""
         self.going, self.finished = np.ones(n, bool), np.zeros(n, bool)
         self.fired = np.zeros(n, np.int64)
         """index of the group of conditions by which the stop trigger has ended a run"""
@@ -153,12 +190,13 @@ class BatchSimulation(RunRows):
         self.partner = np.full(n, -1, np.int64)
         """index of the entity of the ego's first contact"""
         self.entities = {
-            name: EntityRows(entity, n, self.roads.lane_motion)
+            name: EntityRows(entity, n, self.roads.lane_motion, self.loaded)
             for name, entity in scenario.entities.items()
         }
         self._parts += self.entities.values()
         self.ego = self.entities[ego]
         self.driver, self._observer = driver, observer
+        self.ego.driver = driver
         self._pairs = list(combinations(self.entities.values(), 2))
         self.touching: dict[tuple[str, str], BoolArray] = {}
         self._overlapping: dict[tuple[str, str], BoolArray] = {}
@@ -236,6 +274,17 @@ class BatchSimulation(RunRows):
             known = self._values[id(number)] = (number, number.view(np.ndarray)[self.sets])
         return known[1]
 
+    def named(self, family: str, name: str) -> NamedValue:
+        """A `parameter` or `variable` in the runs."""
+        known = self._named.get((family, name))
+        if known is None:
+            scenario = self.scenario
+            table = scenario.parameters if family == "parameter" else scenario.variables
+            value = self.value(table[name])
+            values = value.tolist() if isinstance(value, np.ndarray) else [value] * self.n
+            known = self._named[family, name] = self.own(NamedValue(values))
+        return known
+
     def leave(self, rows: BoolArray) -> None:
         """Have the interpreter play some runs: they end here without a result."""
         self.going &= ~rows
@@ -245,13 +294,13 @@ class BatchSimulation(RunRows):
         actor: EntityRows,
         rows: BoolArray,
         others: Iterable[Entity],
-        act: Callable[[Entity], object],
+        act: Callable[[Entity, int], object],
     ) -> None:
         """Do something with an entity in some runs as the interpreter does it; a run in which it is refused is left.
 
         Args:
             others: entities whose state is needed as well.
-            act: called with the entity of the compiled scenario, as it is in a run.
+            act: called with the entity of the compiled scenario, as it is in a run, and the run's row.
         """
         needed = [self.entities[other.name] for other in others if other.name != actor.name]
         for row in np.flatnonzero(rows & self.going):
@@ -259,7 +308,7 @@ class BatchSimulation(RunRows):
                 each.load(row)
             entity = actor.load(row)
             try:
-                act(entity)
+                act(entity, int(row))
             except ToolchainError:
                 self.going[row] = False
                 continue
@@ -267,6 +316,9 @@ class BatchSimulation(RunRows):
                 self.doubtful[row] = True
             self.single.remarks = Remarks()
             actor.store(row, entity)
+            for name in self.single.put:
+                self._put.setdefault(name, np.zeros(self.n, bool))[row] = True
+            self.single.put.clear()
 
     def element(self, element: StoryboardElement) -> BatchElement:
         """A storyboard element in the runs."""
@@ -288,6 +340,13 @@ class BatchSimulation(RunRows):
         if actor is not None:
             for domain in domains:
                 actor.owners.setdefault(domain, np.full(self.n, -1, np.int64))
+
+    def begin_process(self, process: BatchProcess, rows: BoolArray) -> None:
+        """Have a process act in some runs: after all that have begun before, as in a single run."""
+        if not process.active.any():
+            self._order.pop(process, None)
+            self._order[process] = self._processes[self._numbers[process]][1]
+        process.active |= rows
 
     def take_over(self, actor: EntityRows, domain: str, rows: BoolArray) -> None:
         """End whatever owns a control domain of an entity, in some runs."""
@@ -341,6 +400,7 @@ class BatchSimulation(RunRows):
         self._evaluate()
         self._set_velocities()
         self.initialising = False
+        self._put = {}
         self._observer.step(self)
 
     def _set_velocities(self) -> None:
@@ -350,11 +410,13 @@ class BatchSimulation(RunRows):
 
     def _tick(self) -> None:
         dt = self.dt
-        for process, element, _, _ in self._processes:
+        for process, element in tuple(self._order.items()):
             if process.active.any():
                 done = process.step(dt) & process.active & self.going
                 if done.any():
                     element.finished(process, done)
+            else:
+                del self._order[process]
         driven = self.ego if self.driver is not None else None
         if self.driver is not None:  # first: it observes everyone as they are now (`Simulation`)
             self._move(self.ego, self.driver.decide(self, self.ego))
@@ -366,6 +428,9 @@ class BatchSimulation(RunRows):
         self._contacts()
         self._observer.step(self)
         self._evaluate()
+        if self._put:  # they are where an action has put them at this time, as at time 0
+            self._observer.correct(self, self._put)
+            self._put = {}
 
     def _move(self, e: EntityRows, speed: FloatArray) -> None:
         dt, going = self.dt, self.going

@@ -25,6 +25,8 @@ from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from xodr.model import PERMANENT
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from runner.engine.compile.compiler import Scenario
     from runner.engine.participants.rows import EntityRows
     from runner.engine.storyboard.batch_run import BatchSimulation
@@ -152,6 +154,15 @@ class BatchJudge:
         for row in np.flatnonzero(off & ~self._doubt[at]):
             off[row] = run.roads.is_off_road(ego.load(row))
         self._doubt[at] |= off | (run.going & ego.at_road_end)
+
+    def correct(self, run: BatchSimulation, put: Mapping[str, BoolArray]) -> None:
+        """Show entities where actions have put them at the last instant."""
+        everyone = [run.ego, *(each for each in run.entities.values() if each is not run.ego)]
+        _, frames = self._frames[-1]
+        for each, (values, roads) in zip(everyone, frames, strict=True):
+            if each.name in put:
+                rows = put[each.name]
+                values[rows], roads[rows] = (part[rows] for part in _frame(each))
 
     def end(self, run: BatchSimulation, ended: BoolArray) -> None:
         """Judge runs that are over (n,)."""

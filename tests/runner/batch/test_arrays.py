@@ -9,10 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import runner
-import xosc
-from benchmarks.arrays import compare, drawn, played
+from benchmarks.arrays import compare, drawn, played, scenario_of
 from runner.batch.arrays import NEAREST, Together, obstacle, structures
-from runner.batch.batch import run_batch
+from runner.batch.batch import run_batch, runnable
 from runner.batch.jobs import Outcome, jobs_of
 from runner.judging.settings import RunSettings
 
@@ -55,26 +54,45 @@ def test_a_junction_is_crossed_as_by_the_interpreter() -> None:
     assert (runs, found) == (3, [])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("sut", ["none", "cas", "adas", "r157-cc"])
-def test_library_scenarios_are_played_as_by_the_interpreter(sut: str) -> None:
-    print(f"seed {WEEK}")
+def _compared(folder: Path, sut: str, sets: int) -> tuple[int, int]:
+    """Files that play in arrays and their compared runs, which have no differences."""
     different, compared, reached = {}, 0, 0
-    for path in sorted(LIBRARY.glob("*.xosc")):
-        if xosc.load(path).kind != "scenario" or obstacle(path, settings(sut)):
+    for path in runnable([str(folder)]):
+        scenario, first = scenario_of(path, 0, 0)
+        if obstacle(scenario, settings(sut), first[0]):
             continue
-        runs, found, _ = compare(path, settings(sut), 12, WEEK)
+        runs, found, _ = compare(path, settings(sut), sets, WEEK)
         compared, reached = compared + runs, reached + 1
         if found:
             different[path.name] = found
     assert different == {}
-    assert reached >= 49 and compared >= 500
+    return reached, compared
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sut", ["none", "cas", "adas", "r157-cc"])
+def test_library_files_are_played_as_by_the_interpreter(sut: str) -> None:
+    print(f"seed {WEEK}")
+    reached, compared = _compared(LIBRARY, sut, 8)
+    assert reached >= 104 and compared >= 500
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sut", ["none", "cas"])
+@pytest.mark.parametrize(("folder", "files"), [("alks", 30), ("ncap_2023", 60)])
+def test_public_files_are_played_as_by_the_interpreter(
+    sut: str, folder: str, files: int, corpora: Path
+) -> None:
+    print(f"seed {WEEK}")
+    reached, compared = _compared(corpora / folder, sut, 6)
+    assert reached >= files and compared >= files
 
 
 def test_an_element_that_plays_in_single_runs_only_is_named_with_its_line() -> None:
-    reason = obstacle(LIBRARY / "r157_cut_in.xosc", settings())
-    assert "FollowTrajectoryAction plays in single runs only" in reason
-    assert "r157_cut_in.xosc:140" in reason
+    path = LIBRARY.parents[1] / "tests" / "conformance" / "scenarios" / "LightStateAction.xosc"
+    reason = obstacle(path, settings())
+    assert "LightStateAction plays in single runs only" in reason
+    assert "LightStateAction.xosc:" in reason
 
 
 def test_limits_and_traffic_are_left_to_single_runs() -> None:
