@@ -55,12 +55,14 @@ class CompiledSets:
     """A scenario compiled for the sets that have its structure.
 
     Args:
-        scenario: compiled once; numbers that vary are columns over `members`.
+        scenario: compiled once; numbers that vary are columns.
         members: indices of the sets (k,).
+        places: of these in the columns (k,), which have sets of other structures as well.
     """
 
     scenario: Scenario
     members: IntArray
+    places: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +81,12 @@ class PlayedRow:
 def structures(path: Path, sets: Sets, settings: RunSettings) -> Iterator[CompiledSets]:
     """Compile a scenario for parameter sets, all of which name the same parameters.
 
-    Sets beyond the structures given have to be played one by one.
+    Sets beyond the structures given, and those for which it can't be compiled, have to be played one
+    by one.
 
     Raises:
         NotInArrays: the scenario can't be compiled for many sets at once.
-        ToolchainError: it can't be compiled.
+        ToolchainError: it can't be compiled for any.
     """
     document = xosc.load(path)
     doubles = _doubles(document)
@@ -92,14 +95,22 @@ def structures(path: Path, sets: Sets, settings: RunSettings) -> Iterator[Compil
         key = tuple((name, text) for name, text in values.items() if name not in doubles)
         left.setdefault(key, []).append(number)
     pending = [(dict(key), np.array(members)) for key, members in left.items()]
+    fault: ToolchainError | None = None
+    compiled = False
     for _ in range(_MOST_STRUCTURES):
         if not pending:
-            return
+            break
         fixed, members = pending.pop(0)
         found, alike = _compiled(document, path, fixed, [sets[each] for each in members], settings)
-        yield CompiledSets(found, members[alike])
+        if isinstance(found, ToolchainError):
+            fault = found
+        else:
+            compiled = True
+            yield CompiledSets(found, members[alike], np.flatnonzero(alike))
         if not alike.all():
             pending.append((fixed, members[~alike]))
+    if fault is not None and not compiled:
+        raise fault
 
 
 def _doubles(document: Any) -> set[str]:
@@ -116,7 +127,8 @@ def _doubles(document: Any) -> set[str]:
 
 def _compiled(
     document: Any, path: Path, fixed: dict[str, str], sets: Sets, settings: RunSettings
-) -> tuple[Scenario, Any]:
+) -> tuple[Scenario | ToolchainError, Any]:
+    """The scenario of the first set and all that are like it, or its fault, and which these are."""
     values: dict[str, Any] = {}
     constant: dict[str, Any] = dict(fixed)
     for name in sets[0].keys() - fixed.keys():
@@ -142,6 +154,10 @@ def _compiled(
             scenario = compile_scenario(resolved, network, strict=settings.strict)
             if criteria := declared(resolved.node.need("Storyboard")):
                 raise NotInArrays(f"{criteria[0].name}: criteria are judged in single runs only")
+        except NotInArrays:
+            raise
+        except ToolchainError as error:
+            return error, columns.alike
         except TypeError as error:  # a function of single numbers was given a column
             if not values:
                 raise
@@ -172,10 +188,10 @@ def play(structure: CompiledSets, settings: RunSettings) -> Iterator[PlayedRow]:
     """
     count = len(structure.members)
     for start in range(0, count, BLOCK):
-        sets = np.arange(start, min(start + BLOCK, count))
-        with _run(structure, sets, settings) as (run, judge):
+        chosen = slice(start, start + BLOCK)
+        with _run(structure, structure.places[chosen], settings) as (run, judge):
             run.play()
-        yield PlayedRow(structure.members[sets], judge.outcomes(run))
+        yield PlayedRow(structure.members[chosen], judge.outcomes(run))
 
 
 class Together:

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import runner
-from benchmarks.arrays import compare, drawn, played, scenario_of
+from benchmarks.arrays import compare, differences, drawn, played, scenario_of
 from runner.batch.arrays import NEAREST, Together, obstacle, structures
 from runner.batch.batch import run_batch, runnable
 from runner.batch.jobs import Outcome, jobs_of
@@ -109,6 +109,17 @@ def test_sets_of_another_structure_are_compiled_apart() -> None:
     assert sum(sizes) == 8
 
 
+def test_sets_among_those_of_other_structures_keep_their_own_numbers() -> None:
+    path = LIBRARY / "braking_leader_highway.xosc"
+    sets = drawn(path, 8, 5)
+    assert len(list(structures(path, sets, settings()))) > 1
+    found = played(path, sets, settings())
+    assert len(found) == 8
+    for number, (outcomes, row) in found.items():
+        single = runner.run(path, settings(), parameters=sets[number])
+        assert list(differences(outcomes, row, single)) == []
+
+
 def test_a_run_that_the_arrays_can_not_place_is_left_to_the_interpreter() -> None:
     path = LIBRARY / "cut_in_highway.xosc"
     sets = [{"Ego_Speed_mps": "30", "CutIn_StartTime_s": each} for each in ("3", "40")]
@@ -177,10 +188,10 @@ def test_a_failure_in_arrays_alone_is_told_as_a_disagreement(tmp_path: Path) -> 
 
 def test_a_batch_of_what_does_not_play_in_arrays_goes_one_by_one(tmp_path: Path) -> None:
     told: list[str] = []
-    source = jobs_of([LIBRARY / "r157_cut_in_variation.xosc"], {}, True)
+    source = jobs_of([LIBRARY / "lane_closure_highway_variation.xosc"], {}, True)
     together = Together(source, settings(), tmp_path, told.append)
     assert not any(isinstance(each, Outcome) for each in together)
-    assert "FollowTrajectoryAction" in told[0]
+    assert "PreferredLaneLayerAction" in told[0]
 
 
 def test_a_set_that_is_no_valid_file_is_left_to_the_interpreter(tmp_path: Path) -> None:

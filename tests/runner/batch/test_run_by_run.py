@@ -6,7 +6,7 @@ import pytest
 
 import runner
 from benchmarks.arrays import differences, played
-from runner.batch.arrays import obstacle
+from runner.batch.arrays import obstacle, structures
 from runner.judging.settings import RunSettings
 from tests.runner.document_case import BASE, ROADS
 
@@ -115,3 +115,13 @@ def test_an_action_that_a_set_makes_impossible_leaves_that_set_to_the_interprete
     path = case(tmp_path, PROFILE.replace('time="2"', 'time="${$Varied - 5}"', 1))
     assert sorted(played(path, [{"Varied": "9"}, {"Varied": "4"}], SETTINGS)) == [0]
     assert not obstacle(path, SETTINGS)
+
+
+def test_sets_that_break_a_constraint_are_left_to_the_interpreter(tmp_path: Path) -> None:
+    path = case(tmp_path, PROFILE)
+    limited = """value="9"><ConstraintGroup><ValueConstraint rule="lessThan" value="10"/></ConstraintGroup>
+</ParameterDeclaration>"""
+    path.write_text(path.read_text("utf-8").replace('value="9"/>', limited, 1), "utf-8")
+    sets = [{"Varied": value} for value in ("8", "12", "9")]
+    found = structures(path, sets, SETTINGS)
+    assert [each.members.tolist() for each in found] == [[0, 2]]
