@@ -32,7 +32,7 @@ class RunRows:
                 setattr(self, name, values[kept])
 
 
-class Loaded:
+class LastLoaded:
     """Entity and run that were loaded last of those of a batch.
 
     Attributes:
@@ -83,7 +83,9 @@ class EntityRows(RunRows):
     at_road_end: BoolArray
     on_lane: BoolArray
 
-    def __init__(self, entity: Entity, n: int, lane_motion: Motion | None, loaded: Loaded) -> None:
+    def __init__(
+        self, entity: Entity, n: int, lane_motion: Motion | None, loaded: LastLoaded
+    ) -> None:
         self._loaded = loaded
         self.entity, self.name, self.box, self.reach = entity, entity.name, entity.box, entity.reach
         self.declared = entity.declared

@@ -19,7 +19,7 @@ import numpy as np
 from runner.engine.compile.batch import BatchDriver, BatchProcess, NamedValue
 from runner.engine.motion.on_roads import Roads
 from runner.engine.participants.boxes import first_touch, may_have_touched, overlap_batch
-from runner.engine.participants.rows import EntityRows, Loaded, RunRows
+from runner.engine.participants.rows import EntityRows, LastLoaded, RunRows
 from runner.engine.storyboard.batch_elements import (
     BatchAct,
     BatchActionElement,
@@ -164,7 +164,7 @@ class BatchSimulation(RunRows):
         self.environment = Environment()
         self.time, self.step_index, self.initialising = 0.0, 0, True
         self.single: Any = Single(self, seed)
-        self.loaded = Loaded()
+        self.loaded = LastLoaded()
         self.elements: dict[Element, BatchElement] = {}
         self.changed: dict[BatchElement, None] = {}
         self._published: list[BatchElement] = []
