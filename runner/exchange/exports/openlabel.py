@@ -3,7 +3,8 @@
 Source: ASAM OpenLABEL 1.0.0, chapters 7 (multi-sensor data labelling) and 8 (scenario tagging).
 Cuboids are those of the bounding boxes: centre (m) and Euler angles about x, y and z (rad) in the
 world frame, length, width and height (m). Where the roads have a projection, the world frame has a
-parent, `geo`, with the projected coordinates of its `proj_string`.
+parent, `geo`, with the projected coordinates of its `proj_string`. The context `run` has the
+verdict, and the measures of criticality of each frame.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ FATES = {
     "box about the reference point": kept("`box_centre`"), "front axle": kept("`front_axle`"), "mass": kept("`mass`"),
     "ego": kept("`ego`"), "time": kept("`timestamp`"), "position": kept("`cuboid`"), "height": kept("`cuboid`"),
     "heading": kept("`cuboid`"), "pitch": kept("`cuboid`"), "roll": kept("`cuboid`"), "speed": kept("`speed`"),
-    "acceleration": kept("`acceleration`"), "place on the road": lost("poses lead to it"), "lights": kept("`text`"),
-    "events": lost("labels are of states"), "verdict": lost("labels are of states"), "criticality": lost("labels are of states"),
+    "acceleration": kept("`acceleration`"), "place on the road": kept("`road`, `lane`, `s`, `t`"), "lights": kept("`text`"),
+    "events": kept("`events`"), "verdict": kept("`contexts`"), "criticality": kept("`contexts`"),
     "tags": kept("`tags`"), "projection": kept("`geo`"), "offset": kept("`pose_wrt_parent`"),
     **dict.fromkeys(
         ("lane borders", "road heights", "lane heights", "lane types", "speed limits", "road marks", "lane links", "neighbours",
@@ -66,6 +67,8 @@ def labels(result: RunResult) -> dict[str, Any]:
     told = content["openlabel"]
     told["coordinate_systems"] = _coordinate_systems(result.recording.network)
     lights = VehicleLights(result.events)
+    result.recording.locate()
+    measures = _measures(result)
     told["frames"] = frames = {}
     seen: dict[int, list[int]] = {}
     for number, (time, there) in enumerate(moments(result.recording)):
@@ -78,13 +81,20 @@ def labels(result: RunResult) -> dict[str, Any]:
                 for name in ("speed", "acceleration")
             ]
             told_of: dict[str, Any] = {"cuboid": [cuboid], "num": numbers}
-            if modes := lights.at(tracks[index].name, time):
-                told_of["text"] = [{"name": light, "val": mode} for light, mode in modes.items()]
+            road, place = _place(tracks[index], row)
+            modes = lights.at(tracks[index].name, time)
+            numbers += place
+            if texts := [*road, *({"name": light, "val": mode} for light, mode in modes.items())]:
+                told_of["text"] = texts
             objects[str(index)] = {"object_data": told_of}
         frames[str(number)] = {
             "frame_properties": {"timestamp": round(time, 9)},
             "objects": objects,
         }
+        if data := measures.get(round(time, 9)):
+            frames[str(number)]["contexts"] = {"0": {"context_data": data}}
+    told["contexts"] = {"0": _context(result)}
+    told["events"] = _events(result)
     told["frame_intervals"] = _intervals(list(range(len(frames))))
     told["objects"] = {
         str(index): {
@@ -118,6 +128,60 @@ def _coordinate_systems(network: RoadNetwork | None) -> dict[str, Any]:
         "proj_string": network.geo_reference,
     }
     return {"geo": geo, _WORLD: world}
+
+
+def _place(track: Track, row: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the road, and lane, s and t (m) there; nothing off the roads."""
+    road, lane = track.columns["road_id"][row], track.columns["lane_id"][row]
+    if not road:
+        return [], []
+    numbers = [_number(name, track.columns[name][row]) for name in ("s", "t")]
+    return [{"name": "road", "val": str(road)}], [{"name": "lane", "val": int(lane)}, *numbers]
+
+
+def _measures(result: RunResult) -> dict[float, dict[str, list[dict[str, Any]]]]:
+    """Return context data of the measures of criticality that are defined, by time (s)."""
+    table = result.criticality.table() if result.criticality is not None else {}
+    times = table.pop("time", ())
+    found: dict[float, dict[str, list[dict[str, Any]]]] = {}
+    for row, time in enumerate(times):
+        data = found.setdefault(round(float(time), 9), {})
+        for name in (name for name in table if not name.endswith("_valid")):
+            value = table[name][row]
+            if not table.get(f"{name}_valid", times)[row] and f"{name}_valid" in table:
+                continue
+            if isinstance(value, np.bool_ | bool):
+                data.setdefault("boolean", []).append({"name": name, "val": bool(value)})
+            elif isinstance(value, str):
+                data.setdefault("text", []).append({"name": name, "val": value})
+            elif value is not None and np.isfinite(value):
+                data.setdefault("num", []).append(_number(name, value))
+    return found
+
+
+def _context(result: RunResult) -> dict[str, Any]:
+    """Return the run as a context: its verdict, and the reasons."""
+    texts = [
+        ("verdict", str(result.verdict)),
+        *(("reason", text) for text in result.verdict.reasons),
+    ]
+    data = [{"name": name, "val": value} for name, value in texts]
+    return {"name": "run", "type": "run", "context_data": {"text": data}}
+
+
+def _events(result: RunResult) -> dict[str, Any]:
+    """Return the entries of the event log: subject as name, kind as type, time (s) and text."""
+    return {
+        str(number): {
+            "name": entry.subject,
+            "type": entry.kind,
+            "event_data": {
+                "num": [{"name": "time", "val": entry.time}],
+                "text": [{"name": "text", "val": entry.text}],
+            },
+        }
+        for number, entry in enumerate(result.events)
+    }
 
 
 def _described(track: Track, ego: str | None) -> dict[str, Any]:

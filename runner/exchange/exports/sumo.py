@@ -100,7 +100,7 @@ def export(result: RunResult, name: str, folder: Folder) -> list[str]:
     converted = parse(net.path).getroot()
     georeferenced = sumo_net.georeference(converted, network)
     sumo_net.lift(converted, net, network)
-    routes, remarks = _routes(tracks, ids, places, roads)
+    routes, remarks = _routes(tracks, ids, places, roads, result.ego)
     remarks += [georeferenced] if georeferenced is not None else []
     programs = _programs(result, net, converted)
     files = {f"{name}.rou.xml": routes, f"{name}.fcd.xml": _fcd(result, ids, places)}
@@ -171,7 +171,7 @@ FATES = {
     "name": kept("`param`"), "kind": kept("`param`"), "category": kept("`param`"), "role": kept("`param`, `vClass`"),
     "length and width": kept("`vType`"), "height of the box": kept("`vType`"),
     "box about the reference point": kept("`param`"), "front axle": kept("`param`"), "mass": kept("`vType`"),
-    "ego": lost("SUMO has no ego"), "time": kept("FCD"), "position": kept("FCD, front bumper"), "height": kept("FCD"),
+    "ego": kept("`param`"), "time": kept("FCD"), "position": kept("FCD, front bumper"), "height": kept("FCD"),
     "heading": kept("FCD"), "pitch": kept("FCD, `slope`"), "roll": lost("SUMO's vehicles do not roll"),
     "speed": changed("without the sign of going backwards"), "acceleration": kept("FCD"),
     "place on the road": changed("lane and position of SUMO's network"),
@@ -238,7 +238,11 @@ def _programs(result: RunResult, net: SumoNet, network: etree._Element) -> etree
 
 
 def _routes(
-    tracks: Sequence[recording.Track], ids: Sequence[str], places: Sequence[_Places], roads: _Roads
+    tracks: Sequence[recording.Track],
+    ids: Sequence[str],
+    places: Sequence[_Places],
+    roads: _Roads,
+    ego: str | None,
 ) -> tuple[etree._Element, list[str]]:
     """Vehicle types, and the vehicles in the order of departure, as SUMO requires; vehicles without a route."""
     root, remarks, vehicles = etree.Element("routes"), [], []
@@ -255,7 +259,7 @@ def _routes(
                 f"{track.name!r} leaves {broken[0]} for {broken[1]}, to which SUMO knows no way: its route ends there"
             )
             edges = edges[: edges.index(broken[0]) + 1]
-        root.append(_type(track, f"type.{name}", _hurry(track, way, roads)))
+        root.append(_type(track, f"type.{name}", _hurry(track, way, roads), ego))
         vehicles.append(_vehicle(track, name, first, edges))
     root.extend(sorted(vehicles, key=lambda vehicle: float(vehicle.get("depart", "0"))))
     return root, remarks
@@ -269,7 +273,7 @@ def _hurry(track: recording.Track, way: _Places, roads: _Roads) -> float:
     )
 
 
-def _type(track: recording.Track, name: str, hurry: float) -> etree._Element:
+def _type(track: recording.Track, name: str, hurry: float, ego: str | None) -> etree._Element:
     kind = KINDS.get(track.category, OBSTACLE)
     size = {"length": track.box.length, "width": track.box.width, "height": track.box.height}
     limits = {"accel": kind.acceleration, "decel": kind.deceleration, "maxSpeed": kind.speed}
@@ -284,6 +288,7 @@ def _type(track: recording.Track, name: str, hurry: float) -> etree._Element:
     if track.mass > 0.0:
         element.set("mass", decimal(track.mass))
     texts = {"name": track.name, "kind": track.kind, "category": track.category, "role": track.role}
+    texts["ego"] = "true" if track.name == ego else ""
     box = {f"box_{axis}": decimal(getattr(track.box, axis)) for axis in "xyz"}
     for key, value in {**texts, **box, "front_axle": decimal(track.front_axle)}.items():
         if value:

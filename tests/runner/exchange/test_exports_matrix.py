@@ -372,6 +372,7 @@ def read_sumo(result: runner.RunResult, folder: Path) -> Read:
     ]
     return {
         "name": [params["name"] for _, params in kinds.values()],
+        "ego": next(params["name"] for _, params in kinds.values() if params.get("ego") == "true"),
         **{field: {name: params[field] for name, (_, params) in kinds.items()} for field in ("kind", "category", "role")},
         "length and width": {name: [float(kind.get("length")), float(kind.get("width"))] for name, (kind, _) in kinds.items()},
         "height of the box": {name: float(kind.get("height")) for name, (kind, _) in kinds.items()},
@@ -531,7 +532,8 @@ def read_openlabel(result: runner.RunResult, folder: Path) -> Read:
     for name, each in rows.items():
         before: dict[str, str] = {}
         for frame, row in zip(frames, each, strict=True):
-            now = {entry["name"]: entry["val"] for entry in row.get("text", [])}
+            texts = {entry["name"]: entry["val"] for entry in row.get("text", [])}
+            now = {light: mode for light, mode in texts.items() if light != "road"}
             for light in now.items() - before.items():
                 lights.setdefault(name, []).append((frame["frame_properties"]["timestamp"], light))
             before = now
@@ -554,6 +556,19 @@ def read_openlabel(result: runner.RunResult, folder: Path) -> Read:
         **{field: {name: [[value(row, "num", field)] for row in each] for name, each in rows.items()} for field in
            ("speed", "acceleration")},
         "lights": lights,
+        "place on the road": {
+            name: tuple(
+                [value(row, kind, field) for row in each]
+                for kind, field in (("text", "road"), ("num", "lane"), ("num", "s"), ("num", "t"))
+            )
+            for name, each in rows.items()
+        },
+        "events": [
+            (value(each["event_data"], "num", "time"), each["type"], each["name"], value(each["event_data"], "text", "text"))
+            for each in content["events"].values()
+        ],
+        "verdict": value(content["contexts"]["0"]["context_data"], "text", "verdict"),
+        "criticality": np.array([value(frame["contexts"]["0"]["context_data"], "num", "distance") for frame in frames]),
         "tags": sorted((each["type"], str(each["tag_data"]["text"][0]["val"])) for each in content["tags"].values()),
         "projection": transformer.transform(*world["translation"][:2], direction="INVERSE")[::-1],
         "offset": [*world["translation"], world["euler_angles"][0]],
