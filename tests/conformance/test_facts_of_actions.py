@@ -356,3 +356,15 @@ def test_a_speed_that_follows_another_one_keeps_the_limits_of_its_vehicle(
     rates = np.diff(ego["speed"]) / 0.01
     assert np.abs(rates).max() <= 4.0 + 1e-6
     assert not jerk or np.abs(np.diff(rates)).max() <= 2.0 * 0.01 + 1e-6
+
+
+@pytest.mark.parametrize(("first", "said"), [(100.0, True), (2.0, False)])
+def test_a_trajectory_that_never_begins_is_a_remark(
+    first: float, said: bool, tmp_path: Path
+) -> None:
+    """Relative times count from the start of the action: one that begins 100 s later is not followed in 10 s."""
+    timing = 'domainAbsoluteRelative="relative" offset="0" scale="1"'
+    action = trajectory(timing, times=(first, first + 2, first + 4))
+    init = place("Ego", 100, 10) + place("Lead", 150, 0, -2)
+    result = play(tmp_path, init, story("Ego", [(1.0, action)]))
+    assert any("follows none of its trajectory" in remark for remark in result.remarks) == said

@@ -92,3 +92,26 @@ def test_it_waits_for_one_that_brakes(tmp_path: Path) -> None:
     assert begun is not None and 140.0 < begun < 170.0
     assert complaints(result) == []
     assert not [event for event in result.events if event.kind == "collision"]
+
+
+@pytest.mark.parametrize(
+    ("lane", "s", "said"),
+    [
+        (-1, 50, "Ego drives away from its route at s = 100.0 m of road 1"),
+        (1, 300, "traffic leads Ego no way along this route"),
+        (-1, 300, None),
+    ],
+)
+def test_a_route_that_leads_where_the_car_does_not_drive_is_a_remark(
+    lane: int, s: float, said: str | None, tmp_path: Path
+) -> None:
+    body = f"<PrivateAction>{acquire(waypoint(1, lane, s))}</PrivateAction>"
+    path = scenario(
+        tmp_path,
+        entities=[car("Ego")],
+        init=place("Ego", 100, 20),
+        stories=story("Ego", [(0.0, body)]),
+        stop=2.0,
+    )
+    found = complaints(runner.run(path, sut=None, world="kinematic", timestep=0.05))
+    assert any(said in text for text in found) if said else found == []

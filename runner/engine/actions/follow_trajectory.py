@@ -34,6 +34,7 @@ _ROUNDING = 0.01
 """Distance (m) by which a trajectory may be shorter than its rounded vertices say, or begin beside its actor."""
 _STANDSTILL = 1e-3
 """Speed (m/s) below which a schedule ends in standstill."""
+NOT_BEGUN_UID = "xosc.toolchain:xosc:1.0.0:trajectory.begins_while_it_is_followed"
 _END_TOLERANCE = 0.1
 """Way (m) to the end of a trajectory that counts as none"""
 _LATE = 0.05
@@ -185,7 +186,7 @@ class FollowTrajectoryAction(PrivateAction):
         if self.follow and actor.placed:
             _join(motion, actor, pace, run.time)
         elif actor.placed and pace is not None and pace.begin > run.time + _SAME_TIME:
-            return _Waiting(actor, run, following, pace)
+            return _Waiting(actor, run, following, pace, self.node)
         else:
             if pace is not None and self.trajectory.moved:
                 actor.controls.target_speed = pace.speed(run.time)
@@ -347,9 +348,11 @@ class Pace:
 class _Waiting(Running):
     """One actor whose trajectory begins later: it goes on as it did, and is put there at that time."""
 
-    def __init__(self, actor: Entity, run: Run, following: _Following, pace: Pace) -> None:
+    def __init__(
+        self, actor: Entity, run: Run, following: _Following, pace: Pace, node: Node
+    ) -> None:
         self.actor, self.run, self.following, self.pace = actor, run, following, pace
-        self.put = False
+        self.node, self.put = node, False
 
     def step(self, dt: float) -> bool:
         """Wait for the beginning, and follow from the step on in which it comes."""
@@ -362,7 +365,13 @@ class _Waiting(Running):
         return self.following.step(dt)
 
     def stop(self) -> None:
-        """As the follower."""
+        """As the follower; a trajectory that has not begun is a remark."""
+        if not self.put:
+            text = (
+                f"{self.actor.name} follows none of its trajectory: it would begin at"
+                f" {self.pace.begin:.2f} s, and the action ends at {self.run.time:.2f} s"
+            )
+            self.run.remarks.note(self.node.remark(NOT_BEGUN_UID, text))
         self.following.stop()
 
 

@@ -94,12 +94,21 @@ def _voice(node: Node, actor: Entity, run: Run) -> Callable[[str], object]:
 
 
 def tell_missed(route: AssignedRoute, actor: Entity, run: Run, nodes: Sequence[Node]) -> None:
-    """Remark on waypoints that the actor can't pass in the lanes that they ask for.
+    """Remark on a route that leads where the actor does not drive, and on waypoints that it can't pass in their lanes.
 
     Args:
         nodes: elements of the waypoints in order, the first included.
     """
-    here = run.roads.road_point(actor)
+    here, legs = run.roads.road_point(actor), route.path.legs
+    if route.path.lanes is None and actor.declared.kind == "vehicle":
+        text = f"traffic leads {actor.name} no way along this route: it follows roads, not lanes"
+        run.remarks.note(nodes[0].remark(LANES_UID, text))
+    leg = next((leg for leg in legs if here is not None and leg.road_id == here.road_id), None)
+    if leg is not None and here is not None and actor.on_lane:
+        ahead = (actor.direction > 0) == (actor.speed >= 0.0)
+        if ahead != leg.forward and leg.length > _REACHED:
+            text = f"{actor.name} drives away from its route at s = {here.s:.1f} m of road {here.road_id}"
+            run.remarks.note(nodes[0].remark(LANES_UID, f"{text}; it does not turn round"))
     for each in route.missed(here) if here is not None else ():
         road = route.path.legs[each.leg].road_id
         text = (
