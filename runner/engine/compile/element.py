@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -152,8 +152,32 @@ class VaryingPosition(Position):
         raise NotInArrays(f"{self.node.tag} varies between the runs")
 
 
-_SLEEPLESS = 8
-"""Steps between attempts to let a condition sleep: with all entities near, every attempt fails."""
+class Dormancy(NamedTuple):
+    """Until when a value stays: until the first of these.
+
+    Attributes:
+        time: simulation time, s.
+        way: total displacement, m (`runner.engine.participants.entity.Displacement`).
+        undisturbed: whether it also ends with the next change of `Run.changes`.
+    """
+
+    time: float = math.inf
+    way: float = math.inf
+    undisturbed: bool = False
+
+    def both(self, other: Dormancy) -> Dormancy:
+        """Until when both values stay."""
+        return Dormancy(
+            min(self.time, other.time),
+            min(self.way, other.way),
+            self.undisturbed or other.undisturbed,
+        )
+
+
+AWAKE = Dormancy(-math.inf)
+"""The value may change in the next step."""
+UNDISTURBED = Dormancy(undisturbed=True)
+"""The value changes with `Run.changes` only."""
 
 
 class Condition(ABC):
@@ -176,17 +200,9 @@ class Condition(ABC):
         """Count times and distances from now on instead of from the beginning of the run; most conditions count nothing."""
         return
 
-    def keeps(self, run: Instant) -> float:
-        """Time (s) before which the expression keeps its present value while `run.changes` stays; by default it keeps none."""
-        return -math.inf
-
-    def false_until(self, run: Instant) -> float:
-        """Time (s) before which the expression is false whatever happens; `-inf` if unknown."""
-        return -math.inf
-
-    def false_within(self, run: Instant) -> float:
-        """Total displacement (m, see `Displacement`) before which the expression is false whatever happens; `-inf` if unknown."""
-        return -math.inf
+    def dormant_until(self, run: Instant) -> Dormancy:
+        """Until when the expression keeps its present value; by default only now."""
+        return AWAKE
 
     @abstractmethod
     def evaluate(self, run: Instant) -> bool:
@@ -219,9 +235,9 @@ class EntityCondition(ABC):
         """Count distances of these entities from now on; most conditions count nothing."""
         return
 
-    def keeps(self, entity: Entity, run: Instant) -> float:
-        """Same as `Condition.keeps`, for this entity."""
-        return -math.inf
+    def dormant_until(self, entity: Entity, run: Instant) -> Dormancy:
+        """Until when the expression keeps its present value for this entity; by default only now."""
+        return AWAKE
 
     @abstractmethod
     def holds(self, entity: Entity, run: Instant) -> bool:
@@ -244,6 +260,11 @@ class NearCondition(EntityCondition):
         """Return the distance (m) each entity may move before the expression, now false, can hold for this entity; 0 if
         unknown."""
 
+    def dormant_until(self, entity: Entity, run: Instant) -> Dormancy:
+        """Until it may be near."""
+        way = self.way(entity, run) if run.displacement.followed else 0.0
+        return Dormancy(way=run.displacement.after(way)) if way > 0.0 else AWAKE
+
 
 class ByEntityCondition(Condition):
     """An EntityCondition over its triggering entities.
@@ -260,45 +281,37 @@ class ByEntityCondition(Condition):
         self.condition = condition
         self.mishap = condition.mishap
         self._only = entities[0] if len(entities) == 1 else None
-        self._near = condition if isinstance(condition, NearCondition) else None
-        self._asleep = -math.inf
 
     def reset(self) -> None:
         """Reset the expression as well."""
         super().reset()
-        self._asleep = -math.inf
         self.condition.reset()
 
     def measure_from(self, run: Instant) -> None:
         """Let the expression count from now on."""
         self.condition.measure_from(self.entities)
 
-    def keeps(self, run: Instant) -> float:
-        """Constant until the value for a present entity can change."""
-        return min(
-            (self.condition.keeps(entity, run) for entity in self.entities if entity.active),
-            default=math.inf,
-        )
-
-    def false_within(self, run: Instant) -> float:
-        """Constant until an entity is near."""
-        return self._asleep
+    def dormant_until(self, run: Instant) -> Dormancy:
+        """Until the value for a present entity can change, or another one is present."""
+        found = Dormancy()
+        for entity in self.entities:
+            if entity.active:
+                found = found.both(self.condition.dormant_until(entity, run))
+        # who appears is a displacement too
+        return found if found.way < math.inf else found.both(UNDISTURBED)
 
     def evaluate(self, run: Instant) -> bool:
         """True when the expression holds for any, or all, of the entities that are present."""
-        if self._near is not None and run.displacement.total < self._asleep:
-            return False
-        holds, only = self.condition.holds, self._only
-        if only is None:
-            held = tuple(
-                [entity for entity in self.entities if entity.active and holds(entity, run)]
-            )
-        else:
-            held = (only,) if only.active and holds(only, run) else ()
-        self.triggering = held
-        if self._near is not None and not held and run.step_index % _SLEEPLESS == 0:
-            self._asleep = run.displacement.after(self._way(self._near, run))
-        return len(held) == len(self.entities) if self.every else bool(held)
+        only = self._only
+        if only is not None:
+            held = only.active and self.condition.holds(only, run)
+            self.triggering = (only,) if held else ()
+            return held
+        holds = self.condition.holds
+        self.triggering = found = tuple(
+            [entity for entity in self.entities if entity.active and holds(entity, run)]
+        )
+        return len(found) == len(self.entities) if self.every else bool(found)
 
     def in_arrays(self, run: BatchRun) -> Callable[[], BoolArray]:
         """The expressions of all entities, combined."""
@@ -312,12 +325,6 @@ class ByEntityCondition(Condition):
             return found
 
         return evaluate
-
-    def _way(self, condition: NearCondition, run: Instant) -> float:
-        """Return the distance each entity may move before the expression, false for all, can hold for one of them."""
-        return min(
-            (condition.way(entity, run) for entity in self.entities if entity.active), default=0.0
-        )
 
     def describe(self, run: Instant) -> str:
         """The expressions of the entities that triggered, or of all of them if none did."""

@@ -61,7 +61,7 @@ class Instant(Surroundings, Protocol):
     @property
     def changes(self) -> int:
         """Number of calls of `Run.wake`: one for each discrete change of storyboard elements, values, contacts and the set of
-        entities, and for each awaited distance or standstill time that an entity reaches."""
+        entities."""
         ...
 
     @property

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from runner.engine.compile.element import EntityCondition
+from runner.engine.compile.element import AWAKE, UNDISTURBED, Dormancy, EntityCondition
 from runner.engine.compile.registry import condition
 from runner.engine.conditions.comparison import TOLERANCE, Comparison
 from runner.engine.motion.spacing import velocity
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from runner.engine.participants.rows import EntityRows
     from schemas.common.array_types import BoolArray, FloatArray
 
-_CLOSE = 1e-3
-"""Way (m) before a distance travelled in which it is looked at in each step: much more than sums of steps round off"""
 DIRECTIONS = ("longitudinal", "lateral", "vertical")
 OBJECT_TYPES = ("vehicle", "pedestrian", "miscellaneous", "external")
 
@@ -85,12 +83,12 @@ class EndOfRoadCondition(_Lasting):
 class StandStillCondition(_Lasting):
     """True once the entity has stood still (below 1 mm/s) for the duration."""
 
-    def keeps(self, entity: Entity, run: Instant) -> float:
-        """Constant until the entity has stood for the duration. A trailer stands when its tractor does."""
+    def dormant_until(self, entity: Entity, run: Instant) -> Dormancy:
+        """Until the entity, if it stands from now on, has stood for the duration; a trailer has what its tractor has."""
         if entity.controls.tractor is not None or self._lasted(entity.standstill):
-            return -math.inf
-        entity.patience = min(entity.patience, self.duration - 2.0 * TOLERANCE)
-        return math.inf
+            return AWAKE
+        left = self.duration - entity.standstill - 2.0 * TOLERANCE
+        return Dormancy(run.time + left, undisturbed=True)
 
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether it stands long enough."""
@@ -178,9 +176,9 @@ class CollisionCondition(EntityCondition):
             f"any {kind}",
         )
 
-    def keeps(self, entity: Entity, run: Instant) -> float:
-        """Constant until the set of contacts changes."""
-        return math.inf
+    def dormant_until(self, entity: Entity, run: Instant) -> Dormancy:
+        """Until the set of contacts changes."""
+        return UNDISTURBED
 
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether a contact exists now."""
@@ -368,16 +366,6 @@ class TraveledDistanceCondition(EntityCondition):
     def from_xml(cls, node: Node, context: Context) -> TraveledDistanceCondition:
         """Read the distance."""
         return cls(node.float("value"))
-
-    def keeps(self, entity: Entity, run: Instant) -> float:
-        """Constant once the distance is reached, else until the milestone; trailers pass theirs without a change."""
-        left = self.distance - TOLERANCE - self._travelled(entity)
-        if left <= 0.0:
-            return math.inf
-        if entity.controls.tractor is not None or left <= _CLOSE:
-            return -math.inf
-        entity.milestone = min(entity.milestone, entity.odometer + left - _CLOSE)
-        return math.inf
 
     def holds(self, entity: Entity, run: Instant) -> bool:
         """Whether it has gone so far."""

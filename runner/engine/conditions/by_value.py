@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from runner.engine.compile.element import Condition
+from runner.engine.compile.element import AWAKE, UNDISTURBED, Condition, Dormancy
 from runner.engine.compile.registry import condition
 from runner.engine.compile.run import ElementState, StoryboardElement, Transition
 from runner.engine.conditions.comparison import RULES, TOLERANCE, Comparison
@@ -56,17 +55,12 @@ class SimulationTimeCondition(Condition):
         """Read rule and value."""
         return cls(Comparison.from_xml(node, "s"))
 
-    def keeps(self, run: Instant) -> float:
-        """Return the time up to which the value stays; infinite if it is true from then on."""
+    def dormant_until(self, run: Instant) -> Dormancy:
+        """Until it is true, and from then on for ever."""
         if not self.stays_true:
-            return -math.inf
-        return math.inf if self.evaluate(run) else self.false_until(run)
-
-    def false_until(self, run: Instant) -> float:
-        """Return the time (s) from which the condition is true."""
-        return (
-            self._since + self.comparison.value - 2.0 * TOLERANCE if self.stays_true else -math.inf
-        )
+            return AWAKE
+        begin = self._since + self.comparison.value - 2.0 * TOLERANCE
+        return Dormancy() if self.evaluate(run) else Dormancy(begin)
 
     def evaluate(self, run: Instant) -> bool:
         """Whether the comparison is true now."""
@@ -231,9 +225,9 @@ class ParameterCondition(_NamedValueCondition):
         """Read parameterRef, rule and value."""
         return cls(*_declared(node, "parameterRef", context.document.parameters, context))
 
-    def keeps(self, run: Instant) -> float:
-        """Constant until an action sets it."""
-        return math.inf
+    def dormant_until(self, run: Instant) -> Dormancy:
+        """Until an action sets it."""
+        return UNDISTURBED
 
     def value(self, run: Instant) -> Value | None:
         """The parameter as it was set last."""
@@ -251,9 +245,9 @@ class VariableCondition(_NamedValueCondition):
         """Read variableRef, rule and value."""
         return cls(*_declared(node, "variableRef", context.document.variables, context))
 
-    def keeps(self, run: Instant) -> float:
-        """Constant until an action sets it."""
-        return math.inf
+    def dormant_until(self, run: Instant) -> Dormancy:
+        """Until an action sets it."""
+        return UNDISTURBED
 
     def value(self, run: Instant) -> Value | None:
         """The variable as it was set last."""
@@ -374,9 +368,9 @@ class StoryboardElementStateCondition(Condition):
         context.late(find)
         return self
 
-    def keeps(self, run: Instant) -> float:
+    def dormant_until(self, run: Instant) -> Dormancy:
         """From the first step on, until something happens."""
-        return math.inf if run.step_index > 0 else -math.inf
+        return UNDISTURBED if run.step_index > 0 else AWAKE
 
     def evaluate(self, run: Instant) -> bool:
         """Whether the element was in the state, or had made the transition, when this step began.

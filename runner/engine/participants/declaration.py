@@ -134,12 +134,8 @@ class EntityState:
     """velocity (m/s) and acceleration (m/s²) over ground in the world frame, and change of heading (rad), in the last step"""
     odometer: float = 0.0
     """distance travelled, m"""
-    milestone: float = math.inf
-    """awaited odometer reading (m): the run counts a change when it is reached (`Run.changes`)"""
     standstill: float = 0.0
     """time since it last moved, s"""
-    patience: float = math.inf
-    """awaited standstill time (s), likewise"""
     settled: int = -1
     """`Run.changes` at the end of a step in which it stood, which has left it as it was"""
     at_road_end: bool = False

@@ -23,6 +23,8 @@ LATERAL = "lateral"
 """Control domain of motion to the side; `runner.engine.compile.element` has the others"""
 LONGEST = 1000.0
 """Growth (m) of `Displacement.total` when an entity appears or disappears: no conclusion reaches further."""
+FEW = 4
+"""Participants up to which each pair is looked at in each step: a bound on their displacements costs more than it spares"""
 JUMP = 10.0
 """Distance (m) beyond that of its speed that an entity may be put aside within a step (a lane change at once)"""
 _ROUNDING = 1e-6
@@ -263,10 +265,19 @@ class Displacement:
 
     def __init__(self, run: Stepping) -> None:
         self._run = run
-        self._total = 0.0
+        self._total = self._growth = 0.0
         self._step = -1
         self._present: list[Entity] = []
         self._places: list[tuple[float, float]] = []
+
+    @property
+    def followed(self) -> bool:
+        """Whether it is worth to ask for the bound in each step."""
+        return len(self._run.entities) > FEW
+
+    def reaches(self, total: float, steps: int) -> bool:
+        """Whether the bound gets to a total (m) within some steps as large as the last one."""
+        return self.total + steps * self._growth >= total
 
     @property
     def total(self) -> float:
@@ -282,7 +293,8 @@ class Displacement:
         ]
         places = [(entity.x, entity.y) for entity in present]
         if present == self._present:
-            self._total += max(map(math.dist, places, self._places), default=0.0)
+            self._growth = max(map(math.dist, places, self._places), default=0.0)
+            self._total += self._growth
         else:
             self._total += LONGEST
         self._present, self._places = present, places

@@ -14,7 +14,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from runner.engine.participants.boxes import first_touch, overlap
-from runner.engine.participants.entity import JUMP, Entity, Separation
+from runner.engine.participants.entity import FEW, JUMP, Entity, Separation
 
 if TYPE_CHECKING:
     from runner.engine.compile.run import Run
@@ -23,8 +23,6 @@ _by_x = attrgetter("x")
 _by_name = attrgetter("name")
 _MARGIN = 10.0
 """Distance (m) up to which pairs are kept under observation beyond that at which they might touch"""
-_FEW = 4
-"""Number of entities up to which all pairs are checked: a search for near ones would cost more."""
 _ROUNDING = 1e-6
 _FASTER = 1.5
 """Displacement in a step as a multiple of the present one, up to which pairs are kept"""
@@ -81,7 +79,7 @@ class Contacts:
             for *_, separation in self._near:
                 separation.forget()  # an action may have put one of them elsewhere
         if self._due != math.inf:
-            total = run.displacement.total if len(self._everyone) > _FEW else math.inf
+            total = run.displacement.total if len(self._everyone) > FEW else math.inf
             if total >= self._due or total - self._total > self._longest:
                 self._near = self._look_around()
             self._total = total
@@ -115,7 +113,7 @@ class Contacts:
     def _look_around(self) -> list[_Pair]:
         """Pairs to check until an entity has moved far enough, or further in a step; every pair if there are few entities."""
         dt = self._run.dt
-        if len(self._everyone) <= _FEW:
+        if len(self._everyone) <= FEW:
             self._due = math.inf
             return [_pair(a, b, _longest(a, b, dt)) for a, b in combinations(self._everyone, 2)]
         order = [entity for entity in self._everyone if entity.active and entity.placed]

@@ -271,12 +271,8 @@ class Simulation:
         entity.speed = speed
         distance = speed * dt
         entity.odometer += distance if distance > 0.0 else -distance
-        if entity.odometer >= entity.milestone:
-            self._reached(entity)
-        if -_STANDSTILL < speed < _STANDSTILL:
-            self._stands(entity)
-        else:
-            entity.standstill = 0.0
+        standing = -_STANDSTILL < speed < _STANDSTILL
+        entity.standstill = entity.standstill + dt if standing else 0.0
         if controls.trailer is not None:
             tow(self.roads, entity, dt)
 
@@ -286,7 +282,7 @@ class Simulation:
         led = controls.owners or controls.target_offset is not None or controls.easing is not None
         still = controls.motion.stands and not led and controls.trailer is None
         if still and entity.settled == self.changes:
-            self._stands(entity)
+            entity.standstill += self.dt
             if entity.at_road_end:
                 entity.road_end += self.dt
             return
@@ -297,18 +293,6 @@ class Simulation:
             entity.pitch, entity.roll = pitch, roll  # a position may have put it at an angle
         if still and repr(_state(entity)) == before:
             entity.settled = self.changes
-
-    def _reached(self, entity: Entity) -> None:
-        """Count a change at a milestone; a condition that waits for another one sets it anew."""
-        entity.milestone = math.inf
-        self.wake()
-
-    def _stands(self, entity: Entity) -> None:
-        """It has stood still in this step."""
-        entity.standstill += self.dt
-        if entity.standstill >= entity.patience:
-            entity.patience = math.inf
-            self.wake()
 
     def _read(self, entity: Entity) -> None:
         reading = self.world.read(entity)
@@ -321,12 +305,8 @@ class Simulation:
         entity.vx, entity.vy, entity.turn = vx, vy, reading.h - entity.h
         entity.acceleration = (reading.speed - entity.speed) / dt
         entity.odometer += abs(reading.speed) * dt
-        if entity.odometer >= entity.milestone:
-            self._reached(entity)
-        if abs(reading.speed) < _STANDSTILL:
-            self._stands(entity)
-        else:
-            entity.standstill = 0.0
+        standing = abs(reading.speed) < _STANDSTILL
+        entity.standstill = entity.standstill + dt if standing else 0.0
         entity.x, entity.y, entity.h, entity.speed = reading
         entity.on_lane = False
         self.roads.lift(entity)

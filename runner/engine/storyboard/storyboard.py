@@ -258,11 +258,15 @@ class Storyboard:
     all stories have.
     """
 
+    waits = True
+    """its stop trigger may end it at any time"""
+
     def __init__(self) -> None:
         self.init: list[tuple[Entity | None, ActionElement]] = []
         self.stories: list[Story] = []
         self.stop_trigger: Trigger | None = None
         self.ends_with_stories = False
+        self._stop: Watch[Storyboard] = Watch()
         self._acts: Watch[Act] = Watch()
         self._events: Watch[Event] = Watch()
         self._places: dict[Element, int] = {}
@@ -270,7 +274,7 @@ class Storyboard:
         self._arming: list[Event] = []
         """events that may have begun to wait since the last step of triggers"""
         self._until, self._changes = -math.inf, 0
-        """the time until which all triggers rest while `Run.changes` is this"""
+        """the time until which nothing is to be evaluated while `Run.changes` is this"""
 
     @property
     def acts(self) -> list[Act]:
@@ -304,6 +308,7 @@ class Storyboard:
         """Restore the state before a run."""
         for element in (*(element for _, element in self.init), *self.elements()):
             element.reset()
+        self._stop.clear()
         self._acts.clear()
         self._events.clear()
         self._arming.clear()
@@ -321,6 +326,8 @@ class Storyboard:
                 (*acts, *(event for act in acts for event in act.events))
             )
         }
+        if self.stop_trigger is not None:
+            self._stop.add(0, self, self.stop_trigger)
         for story in self.stories:
             story.start(run)
         for act in acts:
@@ -329,6 +336,7 @@ class Storyboard:
     def changed(self, element: Element) -> None:
         """To be called when an element has changed its state: it may wait for a trigger from now on."""
         self._until = -math.inf
+        self._acts.stale = self._events.stale = True
         if isinstance(element, Event):
             self._arming.append(element)
         elif isinstance(element, Maneuver):
@@ -342,7 +350,7 @@ class Storyboard:
         """
         if run.time < self._until and run.changes == self._changes:
             return False
-        if self.stop_trigger is not None and self.stop_trigger.fires(run):
+        if self.stop_trigger is not None and self._stop.due(run):
             for story in self.stories:
                 story.stop(run, self.stop_trigger.reason)
             return True
@@ -353,16 +361,13 @@ class Storyboard:
             if event.waits:
                 self._events.add(self._places[event], event, event.trigger)
         self._arming = []
-        due = list(self._events.due(run))
+        due = self._events.due(run)
         for event in _adding_first(due) if len(due) > 1 else due:
             if event.waits:
                 event.begin(run)
         if not self._arming:
-            stop = self.stop_trigger.rests(run) if self.stop_trigger is not None else math.inf
-            self._changes, self._until = (
-                run.changes,
-                min(stop, self._acts.quiet, self._events.quiet),
-            )
+            self._changes = run.changes
+            self._until = min(self._stop.quiet, self._acts.quiet, self._events.quiet)
         return self.ends_with_stories and all(
             story.state is ElementState.COMPLETE for story in self.stories
         )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import sys
+from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Generic, Protocol, Self, TypeVar
 
-from runner.engine.compile.element import Condition
+from runner.engine.compile.element import AWAKE, Condition, Dormancy
 from xosc.document.carla import is_criterion
 from xosc.document.node import Node
 from xosc.rules.storyboard import EMPTY_ELEMENTS_UID
@@ -19,12 +21,12 @@ if TYPE_CHECKING:
 
 EDGES = ("none", "rising", "falling", "risingOrFalling")
 _EPSILON = 1e-6
-_SLEEPLESS = 16
-"""Steps between attempts to let conditions sleep; doubled after each failed attempt."""
 _RETRY = 8
-"""Steps from one try to find a trigger dormant to the next"""
+"""Steps from one look whether a trigger is dormant to the next; doubled after each in vain"""
 _LONGEST = 128
-"""Steps after which conditions that could not be left alone may have become such that can."""
+"""Most steps between two of these looks"""
+_WORTH = 4
+"""Steps for which a trigger has to be dormant to be left alone: less costs more than it spares"""
 
 
 class ConditionContext(Protocol):
@@ -117,32 +119,18 @@ class TimedCondition:
         since, value = history[0]
         return value and since <= then
 
-    def outlook(self, run: Instant) -> tuple[bool, float]:
-        """Return the value from the next step on, and the time (s) until which it holds while `run.changes` is unchanged."""
-        until = self.condition.keeps(run)
-        if until <= run.time:
-            return False, -math.inf
-        value = self.edge == "none" and self.condition.evaluate(run)
-        return self._delays(run.time, value, until) if self.delay > 0.0 else (value, until)
-
-    def _delays(self, time: float, value: bool, until: float) -> tuple[bool, float]:
-        """The outlook of a value that stays until then, once the history has no other, but for one that it has risen from."""
-        history = self._history
-        if not history or history[-1][1] != value or len(history) > (2 if value else 1):
-            return False, -math.inf
-        served = history[-1][0] + self.delay - 2.0 * _EPSILON
-        waits = value and (len(history) == 2 or served > time - _EPSILON)
-        return (False, min(until, served)) if waits else (value, until)
-
-    def dormancy(self, run: Instant) -> tuple[float, float]:
-        """The time (s) and the total displacement (m) before either of which it is false and remembers nothing new."""
-        history = self._history
-        remembers = len(history) != 1 or history[0][1]
-        if (self.edge != "none" and self._previous is not False) or (
-            self.delay > 0.0 and remembers
-        ):
-            return -math.inf, -math.inf
-        return self.condition.false_until(run), self.condition.false_within(run)
+    def dormant_until(self, run: Instant) -> Dormancy:
+        """Until when it is false and remembers nothing new."""
+        history, edge = self._history, self.edge != "none"
+        if self.delay > 0.0:
+            since, value = history[-1]
+            if value and not edge and len(history) <= 2:  # true, which counts after the delay
+                served = Dormancy(since + self.delay - 2.0 * _EPSILON)
+                return self.condition.dormant_until(run).both(served)
+            settled = len(history) == 1 and not value
+        else:
+            settled = edge or not self.condition.evaluate(run)
+        return self.condition.dormant_until(run) if settled else AWAKE
 
     @property
     def missed(self) -> bool:
@@ -173,7 +161,6 @@ class Trigger:
         self.triggering: tuple[Entity, ...] = ()
         self.fired: Sequence[TimedCondition] = ()
         self.reason = ""
-        self._look_at_all()
 
     @classmethod
     def from_xml(cls, node: Node | None, context: ConditionContext) -> Trigger | None:
@@ -207,11 +194,9 @@ class Trigger:
     def take_any(self) -> None:
         """Fire when any condition of any group is true, as CARLA's scenario_runner does where it stops acts."""
         self.groups = [[condition] for group in self.groups for condition in group]
-        self._look_at_all()
 
     def reset(self) -> None:
         """Restore the state before a run."""
-        self._look_at_all()
         self.triggering = ()
         self.fired = ()
         self.reason = ""
@@ -221,7 +206,6 @@ class Trigger:
 
     def rearm(self) -> None:
         """Forget all earlier evaluations (the owning element enters standby anew)."""
-        self._look_at_all()
         for group in self.groups:
             for condition in group:
                 condition.rearm()
@@ -238,90 +222,36 @@ class Trigger:
         )
 
     def fires(self, run: Instant) -> bool:
-        """Evaluate at the current time. Conditions with memory are evaluated each step, whatever the others say.
-
-        What can't change is left alone (`_rest`) until something happens or the time has come.
-        """
-        over = self._resting and (run.changes != self._changes or run.time >= self._until)
-        if over:
-            self._look_at_all()
+        """Evaluate at the current time. Conditions with memory are evaluated each step, whatever the others say."""
         fired = None
-        for group, conditions, true in self._looking:
-            for condition in conditions:
+        for group in self.groups:
+            true = True
+            for condition in group:
                 if (true or condition.keeps_memory) and not condition.evaluate(run):
                     true = False
             if true and fired is None:
                 fired = group
         if fired is None:
-            if over or (not self._resting and run.step_index >= self._next):
-                self._rest(run)
             return False
         self.triggering = tuple(dict.fromkeys(e for c in fired for e in c.condition.triggering))
         self.fired = fired
         self.reason = " and ".join(condition.describe(run) for condition in fired)
         return True
 
-    def rests(self, run: Instant) -> float:
-        """Earliest time (s) at which it may fire while `run.changes` is unchanged; in the past if unknown."""
-        known = self._resting and not self._looking and self._changes == run.changes
-        return self._until if known else -math.inf
-
-    def dormancy(self, run: Instant) -> tuple[float, float]:
-        """The time (s) and the total displacement (m, see `Displacement`) before both of which it does not fire.
-
-        Whatever happens until then, its conditions need not be evaluated. Both are in the past
-        where that is not known.
-        """
-        until = within = math.inf
-        now, here = run.time, run.displacement.total
+    def dormant_until(self, run: Instant) -> Dormancy:
+        """Until when it does not fire, and its conditions need not be evaluated; asked after it has not fired."""
+        until = Dormancy()
         for group in self.groups:
             remembering = [condition for condition in group if condition.keeps_memory]
-            bounds = [condition.dormancy(run) for condition in remembering or group]
-            false = [
-                (time > now, time if time > now else math.inf, way)
-                for time, way in bounds
-                if time > now or way > here
-            ]
-            if not false or (remembering and len(false) < len(bounds)):
-                return -math.inf, -math.inf
-            for timed, time, way in false if remembering else [max(false)]:
-                until, within = min(until, time), within if timed else min(within, way)
-        return until, within
+            ends = [condition.dormant_until(run) for condition in remembering or group]
+            # one false condition keeps a group from being true; each with a memory has to keep it
+            for end in ends if remembering else [max(ends, key=_by_length)]:
+                until = until.both(end)
+        return until
 
-    def _look_at_all(self) -> None:
-        """Evaluate all conditions from now on."""
-        self._next, self._pause = 0, _SLEEPLESS
-        self._resting, self._until, self._changes = False, math.inf, 0
-        self._looking = [(group, group, True) for group in self.groups]
-        """groups, their conditions that are evaluated, and whether the others of the group are true"""
 
-    def _rest(self, run: Instant) -> None:
-        """Skip conditions whose value cannot change: true ones, and groups with a false one, except those with a memory."""
-        self._looking, self._until, self._changes = [], math.inf, run.changes
-        soon = run.time + _SLEEPLESS * run.dt
-        for group in self.groups:
-            outlooks = [(condition, *condition.outlook(run)) for condition in group]
-            end = max([until for _, value, until in outlooks if not value], default=-math.inf)
-            false = end > soon
-            counting = [
-                (condition, until)
-                for condition, _, until in outlooks
-                if condition.keeps_memory or not false
-            ]
-            awake = [condition for condition, until in counting if until <= soon]
-            self._until = min(
-                [
-                    self._until,
-                    end if false else math.inf,
-                    *(until for _, until in counting if until > soon),
-                ]
-            )
-            if awake:
-                self._looking.append((group, awake, not false))
-                self._until = min(self._until, run.time + _LONGEST * run.dt)
-            self._resting = self._resting or false or len(awake) < len(group)
-        self._pause = _SLEEPLESS if self._resting else 2 * self._pause
-        self._next = run.step_index + self._pause
+def _by_length(end: Dormancy) -> tuple[bool, float, float, bool]:
+    return end.way == math.inf, end.time, end.way, not end.undisturbed
 
 
 class Triggered(Protocol):
@@ -336,11 +266,21 @@ class Triggered(Protocol):
 Waiting = TypeVar("Waiting", bound=Triggered)
 
 
+class _Watched(Generic[Waiting]):
+    """A waiting element: its place in the document, and when it is looked at next whether its trigger is dormant."""
+
+    __slots__ = ("element", "pause", "place", "retry", "trigger")
+
+    def __init__(self, place: int, element: Waiting, trigger: Trigger | None) -> None:
+        self.place, self.element, self.trigger = place, element, trigger
+        self.retry, self.pause = 0, _RETRY
+
+
 class Watch(Generic[Waiting]):
     """Waiting elements in document order. Only the triggers that may fire now are evaluated.
 
-    The others are dormant until a time or a total displacement (`Trigger.dormancy`), or rest until
-    something happens (`Trigger.rests`); they cost nothing in a step.
+    The others are dormant until a time, a total displacement or a change of the run
+    (`Trigger.dormant_until`), and cost nothing in a step.
     """
 
     def __init__(self) -> None:
@@ -348,67 +288,97 @@ class Watch(Generic[Waiting]):
 
     def clear(self) -> None:
         """Watch nothing."""
-        self._watched: dict[int, tuple[Waiting, Trigger | None]] = {}
-        self._awake: dict[int, bool] = {}
-        """places of those to be evaluated, and whether they have not been so far"""
+        self._watched: dict[int, _Watched[Waiting]] = {}
+        self._awake: list[int] = []
+        """places of those to be evaluated, ascending"""
         self._by_time: list[tuple[float, int]] = []
         self._by_way: list[tuple[float, int]] = []
-        self._resting: list[int] = []
-        self._until, self._changes = math.inf, 0
-        """the time (s) until which `_resting` rest while `Run.changes` is this"""
+        self._undisturbed: list[int] = []
+        self._changes = 0
+        """`Run.changes` since these are"""
+        self._retry = 0
+        """step in which one of those awake is looked at next whether it is dormant"""
+        self.stale = False
+        """for the caller: to be set when elements may have ceased to wait"""
 
     def add(self, place: int, element: Waiting, trigger: Trigger | None) -> None:
         """Watch the trigger of an element from now on, in its place of the document."""
-        self._watched[place] = (element, trigger)
-        self._awake[place] = True
+        self._watched[place] = _Watched(place, element, trigger)
+        self._rouse(place)
 
-    def due(self, run: Instant) -> Iterator[Waiting]:
+    def due(self, run: Instant) -> list[Waiting]:
         """Evaluate once a step: elements that wait and whose triggers fire, in document order."""
-        self._wake(run)
-        for place in sorted(self._awake):
-            element, trigger = self._watched[place]
-            if not element.waits:
-                del self._awake[place]
-            elif trigger is None or trigger.fires(run):
-                yield element
-            else:
-                self._settle(run, place, trigger)
-
-    def _wake(self, run: Instant) -> None:
-        while self._by_time and self._by_time[0][0] <= run.time:
-            self._awake[heappop(self._by_time)[1]] = True
-        while self._by_way and self._by_way[0][0] <= run.displacement.total:
-            self._awake[heappop(self._by_way)[1]] = True
-        if self._resting and (run.changes != self._changes or run.time >= self._until):
-            self._awake |= dict.fromkeys(self._resting, True)
-            self._resting, self._until = [], math.inf
-
-    def _settle(self, run: Instant, place: int, trigger: Trigger) -> None:
-        """Evaluate no more what can't fire for a while."""
-        if self._awake[place] or run.step_index % _RETRY == 0:
-            self._awake[place] = False
-            time, way = trigger.dormancy(run)
-            if time > run.time and way > run.displacement.total:
-                if time < math.inf:
-                    heappush(self._by_time, (time, place))
-                if way < math.inf:
-                    heappush(self._by_way, (way, place))
-                del self._awake[place]
-                return
-        until = trigger.rests(run)
-        if until > run.time:
-            if not self._resting:
-                self._changes = run.changes
-            self._resting.append(place)
-            self._until = min(self._until, until)
-            del self._awake[place]
+        if self._by_time and self._by_time[0][0] <= run.time:
+            self._wake(self._by_time, run.time)
+        if self._by_way and self._by_way[0][0] <= run.displacement.total:
+            self._wake(self._by_way, run.displacement.total)
+        if self._undisturbed and run.changes != self._changes:
+            for place in self._undisturbed:
+                self._rouse(place)
+            self._undisturbed = []
+        if self.stale:
+            self.stale = False
+            self._awake = [place for place in self._awake if self._watched[place].element.waits]
+        found = []
+        for place in self._awake:
+            watched = self._watched[place]
+            if watched.trigger is None or watched.trigger.fires(run):
+                found.append(watched.element)
+                watched.retry = run.step_index + 1
+                self._retry = min(self._retry, watched.retry)
+        if self._awake and run.step_index >= self._retry:
+            self._settle(run)
+        return found
 
     @property
     def quiet(self) -> float:
         """Time (s) until which nothing is to be evaluated while `Run.changes` stays; in the past where that is not known."""
         if self._awake or self._by_way:
             return -math.inf
-        return min(self._until, self._by_time[0][0] if self._by_time else math.inf)
+        return self._by_time[0][0] if self._by_time else math.inf
+
+    def _wake(self, sleeping: list[tuple[float, int]], reached: float) -> None:
+        while sleeping and sleeping[0][0] <= reached:
+            self._rouse(heappop(sleeping)[1])
+
+    def _rouse(self, place: int) -> None:
+        watched = self._watched[place]
+        index = bisect_left(self._awake, place)
+        if watched.element.waits and self._awake[index : index + 1] != [place]:
+            self._awake.insert(index, place)
+        watched.retry = self._retry = 0
+
+    def _settle(self, run: Instant) -> None:
+        """Evaluate no more what can't fire for a while."""
+        awake, self._retry = [], sys.maxsize
+        for place in self._awake:
+            watched = self._watched[place]
+            if watched.retry <= run.step_index and self._sleeps(run, watched):
+                continue
+            awake.append(place)
+            self._retry = min(self._retry, watched.retry)
+        self._awake = awake
+
+    def _sleeps(self, run: Instant, watched: _Watched[Waiting]) -> bool:
+        """Whether a trigger that has not fired is left alone from now on."""
+        if watched.trigger is None:
+            watched.retry = sys.maxsize
+            return False
+        until = watched.trigger.dormant_until(run)
+        near = until.way < math.inf and run.displacement.reaches(until.way, _WORTH)
+        if near or until.time <= run.time + _WORTH * run.dt:
+            watched.retry = run.step_index + watched.pause
+            watched.pause = min(2 * watched.pause, _LONGEST)
+            return False
+        watched.pause = _RETRY
+        if until.time < math.inf:
+            heappush(self._by_time, (until.time, watched.place))
+        if until.way < math.inf:
+            heappush(self._by_way, (until.way, watched.place))
+        if until.undisturbed:
+            self._undisturbed.append(watched.place)
+            self._changes = run.changes
+        return True
 
 
 class OneShotCondition(TimedCondition):
@@ -432,13 +402,9 @@ class OneShotCondition(TimedCondition):
         self._measuring = False
         self._reason = ""
 
-    def outlook(self, run: Instant) -> tuple[bool, float]:
+    def dormant_until(self, run: Instant) -> Dormancy:
         """Nothing for certain."""
-        return False, -math.inf
-
-    def dormancy(self, run: Instant) -> tuple[float, float]:
-        """Nothing for certain."""
-        return -math.inf, -math.inf
+        return AWAKE
 
     def _lasting(self, run: Instant) -> bool:
         """Whether it has been true since its trigger waits; to be called once each step."""

@@ -79,19 +79,25 @@ def compare(
     roads: Any = None,
 ) -> None:
     """Evaluate over all steps for the first two of them, against the plain way."""
-    sim: Any = SimpleNamespace(
-        entities=Entities({each.name: each for each in members}), step_index=0, roads=roads
-    )
+    more = [vehicle(name, x=500.0, placed=True) for name in "defg"]  # a few are never left alone
+    everyone = Entities({each.name: each for each in (*members, *more)})
+    sim: Any = SimpleNamespace(entities=everyone, step_index=0, roads=roads)
     sim.displacement = Displacement(sim)
     entities = list(members[:2])
-    watched = ByEntityCondition(entities, every, condition)
+    watched, asleep = ByEntityCondition(entities, every, condition), -math.inf
     for step in steps:
         for member, by in zip(members, step, strict=True):
             move(member, by)
         sim.step_index += 1
         held = [entity for entity in entities if entity.active and plain(entity)]
-        assert watched.evaluate(sim) == (len(held) == 2 if every else bool(held))
+        value = len(held) == 2 if every else bool(held)
+        if sim.displacement.total < asleep:
+            assert not value
+            continue
+        assert watched.evaluate(sim) == value
         assert list(watched.triggering) == held
+        until = watched.dormant_until(sim)
+        asleep = until.way if until.time == math.inf and not until.undisturbed else -math.inf
 
 
 @pytest.mark.slow

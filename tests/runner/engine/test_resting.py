@@ -15,12 +15,11 @@ from hypothesis import strategies as st
 
 import runner
 from runner.engine.compile import registry
-from runner.engine.compile.element import ByEntityCondition, Condition
-from runner.engine.conditions.by_entity import StandStillCondition, TraveledDistanceCondition
+from runner.engine.compile.element import AWAKE, UNDISTURBED, ByEntityCondition, Condition, Dormancy
+from runner.engine.conditions.by_entity import StandStillCondition
 from runner.engine.conditions.by_value import SimulationTimeCondition
 from runner.engine.conditions.comparison import RULES, Comparison
 from runner.engine.motion.on_roads import Roads
-from runner.engine.participants.entity import Displacement
 from runner.engine.storyboard.simulation import Simulation
 from runner.engine.storyboard.triggers import EDGES, TimedCondition, Trigger, Watch
 from tests.runner.scene import vehicle
@@ -45,11 +44,11 @@ class Changing(Condition):
     def evaluate(self, run: Any) -> bool:
         return self.first ^ (sum(step <= run.step_index for step in self.at) % 2 == 1)
 
-    def keeps(self, run: Any) -> float:
+    def dormant_until(self, run: Any) -> Dormancy:
         if not self.foresight:
-            return math.inf
-        return min(
-            (step * STEP - 1e-6 for step in self.at if step > run.step_index), default=math.inf
+            return UNDISTURBED
+        return Dormancy(
+            min((step * STEP - 1e-6 for step in self.at if step > run.step_index), default=math.inf)
         )
 
     def describe(self, run: Any) -> str:
@@ -59,8 +58,8 @@ class Changing(Condition):
 class Restless(Changing):
     """The same, looked at in each step."""
 
-    def keeps(self, run: Any) -> float:
-        return -math.inf
+    def dormant_until(self, run: Any) -> Dormancy:
+        return AWAKE
 
 
 changing = st.builds(
@@ -87,46 +86,18 @@ def trigger_of(chosen: Any, plain: bool) -> Trigger:
     return Trigger([[timed(*each) for each in group] for group in chosen])
 
 
-@given(groups, st.frozensets(st.integers(1, STEPS), max_size=2))
-def test_triggers_fire_when_they_would_if_all_conditions_were_looked_at(
-    chosen: Any, rearmed: frozenset[int]
-) -> None:
-    announced = {
-        step
-        for group in chosen
-        for _, (_, at, foresight), _, _ in group
-        if not foresight
-        for step in at
-    }
-    changes = list(accumulate(step in announced for step in range(STEPS + 1)))
-    resting, plain = trigger_of(chosen, False), trigger_of(chosen, True)
-    for step in range(STEPS + 1):
-        run: Any = SimpleNamespace(
-            time=step * STEP, dt=STEP, step_index=step, changes=changes[step]
-        )
-        if step in rearmed:
-            resting.rearm()
-            plain.rearm()
-        assert resting.fires(run) == plain.fires(run)
-        assert resting.reason == plain.reason
-
-
 class Foreseen(Changing):
     """One that knows up to when it is false, as a time or as a total displacement, which is 2 m a step."""
 
     def _next(self, run: Any) -> float:
         return min((step for step in self.at if step > run.step_index), default=math.inf)
 
-    def false_until(self, run: Any) -> float:
-        return -math.inf if self.foresight or self.evaluate(run) else self._next(run) * STEP - 1e-6
-
-    def false_within(self, run: Any) -> float:
-        return (
-            self._next(run) * 2.0 - 1e-6 if self.foresight and not self.evaluate(run) else -math.inf
-        )
-
-    def keeps(self, run: Any) -> float:
-        return -math.inf
+    def dormant_until(self, run: Any) -> Dormancy:
+        if self.evaluate(run):
+            return AWAKE
+        if self.foresight:
+            return Dormancy(way=self._next(run) * 2.0 - 1e-6)
+        return Dormancy(self._next(run) * STEP - 1e-6)
 
 
 @pytest.mark.slow
@@ -161,7 +132,9 @@ def test_watched_triggers_fire_when_they_would_if_all_were_looked_at(
             dt=STEP,
             step_index=step,
             changes=changes[step],
-            displacement=SimpleNamespace(total=2.0 * step),
+            displacement=SimpleNamespace(
+                total=2.0 * step, reaches=lambda way, steps, step=step: way <= 2.0 * (step + steps)
+            ),
         )
         for place, (element, trigger) in enumerate(zip(watched, plain, strict=True)):
             if step in rearmed:
@@ -184,11 +157,13 @@ def test_what_stays_false_is_not_looked_at() -> None:
             return super().evaluate(run)
 
     trigger = Trigger([[TimedCondition("", Asked(False, frozenset({300}), True), "rising", 0.0)]])
+    watch: Watch[Any] = Watch()
+    watch.add(0, SimpleNamespace(waits=True), trigger)
     runs: list[Any] = [
         SimpleNamespace(time=step * STEP, dt=STEP, step_index=step, changes=0)
         for step in range(STEPS)
     ]
-    assert [run.step_index for run in runs if trigger.fires(run)] == [300]
+    assert [run.step_index for run in runs if watch.due(run)] == [300]
     assert len(asked) < STEPS // 2
 
 
@@ -201,7 +176,7 @@ def test_a_comparison_of_the_time_keeps_its_value_for_as_long_as_it_says(
     def at(step: int) -> Any:
         return SimpleNamespace(time=round(step * 0.05, 9))
 
-    until, before = condition.keeps(at(begin)), condition.evaluate(at(begin))
+    until, before = condition.dormant_until(at(begin)).time, condition.evaluate(at(begin))
     assert all(
         condition.evaluate(at(step)) == before
         for step in range(begin, 200)
@@ -215,34 +190,13 @@ def test_a_standstill_keeps_its_value_until_somebody_has_stood_as_long(
 ) -> None:
     car = vehicle("a")
     condition = ByEntityCondition([car], False, StandStillCondition(duration))
-    until, before, due = -math.inf, False, False
+    until, before = -math.inf, False
     for step, still in enumerate(stands):
         car.standstill = car.standstill + 0.05 if still else 0.0
-        due = due or car.standstill >= car.patience
         run: Any = SimpleNamespace(time=round(step * 0.05, 9), dt=0.05, step_index=step)
         if step == begin:
-            until, before, due = condition.keeps(run), condition.evaluate(run), False
-        assert step < begin or due or run.time >= until or condition.evaluate(run) == before
-
-
-@given(
-    st.floats(0.0, 20.0),
-    st.lists(st.sampled_from([0.0, 1e-9, 0.3, 1.0]), min_size=2, max_size=80),
-    st.integers(0, 79),
-)
-def test_a_distance_travelled_keeps_its_value_until_the_milestone(
-    distance: float, ways: list[float], begin: int
-) -> None:
-    car = vehicle("a")
-    condition = ByEntityCondition([car], False, TraveledDistanceCondition(distance))
-    until, before, due = -math.inf, False, False
-    for step, way in enumerate(ways):
-        car.odometer += way
-        due = due or car.odometer >= car.milestone
-        run: Any = SimpleNamespace(time=round(step * 0.05, 9), dt=0.05, step_index=step)
-        if step == begin:
-            until, before, due = condition.keeps(run), condition.evaluate(run), False
-        assert step < begin or due or run.time >= until or condition.evaluate(run) == before
+            until, before = condition.dormant_until(run).time, condition.evaluate(run)
+        assert step < begin or run.time >= until or condition.evaluate(run) == before
 
 
 def registered() -> list[str]:
@@ -271,12 +225,11 @@ def test_runs_are_the_same_as_when_nothing_is_left_alone(
         return bytes_of(runner.run(SCENARIOS / f"{name}.xosc", sut="none", max_time=20.0))
 
     resting = played()
-    monkeypatch.setattr(Trigger, "_rest", lambda *_: None)
+    monkeypatch.setattr(Watch, "_sleeps", lambda *_: False)
     monkeypatch.setattr(
         Simulation,
         "_stay",
         lambda self, entity: self._move(entity, entity.controls.target_speed, self.dt),
     )
     monkeypatch.setattr(Roads, "clearance", lambda *_: 0.0)
-    monkeypatch.setattr(Displacement, "after", lambda *_: -math.inf)
     assert resting == played()

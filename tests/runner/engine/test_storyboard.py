@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from runner.engine.compile.element import GlobalAction
+from runner.engine.compile.element import AWAKE, Dormancy, GlobalAction
 from runner.engine.compile.run import ElementState
 from runner.engine.storyboard.story_elements import ActionElement
 from runner.engine.storyboard.storyboard import (
@@ -35,11 +33,8 @@ class Script:
     def fires(self, sim: Board) -> bool:
         return sim.step in self.steps
 
-    def rests(self, sim: Board) -> float:
-        return -math.inf
-
-    def dormancy(self, sim: Board) -> tuple[float, float]:
-        return -math.inf, -math.inf
+    def dormant_until(self, sim: Board) -> Dormancy:
+        return AWAKE
 
     def rearm(self) -> None:
         self.resets += 1
@@ -90,7 +85,7 @@ class Board:
         self._next: list[Any] = []
         self.changes = 0
 
-        self.displacement = SimpleNamespace(total=0.0)
+        self.dt = 0.1
 
     @property
     def time(self) -> float:
