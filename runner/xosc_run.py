@@ -140,6 +140,7 @@ def _outcomes(
         processes=batch.jobs,
         resume=batch.resume,
         also=also,
+        contacts=not batch.quiet,  # a quiet table does not name the worst ones
         ray=batch.ray,
     )
     return outcomes if together is None else together.checked(outcomes)

@@ -43,6 +43,7 @@ def execute(
     plot: bool = False,
     also: Sequence[Also] = (),
     shared: str = "",
+    contacts: bool = True,
 ) -> Outcome:
     """Do one run and write its results into a folder of its own; errors of the run become outcomes.
 
@@ -50,6 +51,7 @@ def execute(
         out: folder for the folder of results.
         plot: add a picture.
         also: called with the result.
+        contacts: describe the first contact of a failed run, which takes a third of a short one.
         shared: what `runner.batch.inputs.of_batch` gives, for the digest of all that went in.
 
     Raises:
@@ -58,7 +60,8 @@ def execute(
     given = inputs.of_job(job, settings, shared) if shared else ""
     content = inputs.content_of(job, settings) if shared else ""
     try:
-        return replace(_run(job, settings, out, plot, also), inputs=given, content=content)
+        found = _run(job, settings, out, plot, also, contacts)
+        return replace(found, inputs=given, content=content)
     except OSError:
         raise
     except Exception as error:  # a defect of ours is an outcome too, the other runs go on
@@ -67,7 +70,12 @@ def execute(
 
 
 def _run(
-    job: Job, settings: RunSettings, out: Path | None, plot: bool, also: Sequence[Also]
+    job: Job,
+    settings: RunSettings,
+    out: Path | None,
+    plot: bool,
+    also: Sequence[Also],
+    contacts: bool,
 ) -> Outcome:
     from runner.judging.execution import run
 
@@ -81,7 +89,7 @@ def _run(
         for act in also:
             act(result)
     files = digests(out / job.name) if out is not None else {}
-    return outcome_of(job, result, measures, files)
+    return outcome_of(job, result, measures, files, contacts or out is not None)
 
 
 def print_line(line: str) -> None:
@@ -100,6 +108,7 @@ def run_batch(
     also: Sequence[Also] = (),
     ray: str | None = None,
     needs: Sequence[str] = (),
+    contacts: bool = True,
     tell: Callable[[str], None] = print_line,
 ) -> Generator[Outcome]:
     """Do the runs and yield their outcomes in the order of the jobs.
@@ -110,7 +119,8 @@ def run_batch(
     `runner.batch.journal`), else if their outcomes follow from their trajectories and results, and
     under --untrusted not at all. `plot` adds a picture to the results of each. Finished runs without that, or
     without one of the files that `needs` names, are repeated too. Each of `also` gets the result of
-    every run that is done, in the process that has done it. `tell` is called with a line about
+    every run that is done, in the process that has done it. Without `contacts` outcomes of a batch
+    without a folder have no `impact`. `tell` is called with a line about
     finished runs that are repeated.
 
     At the end, or when it is interrupted, the folder gets a table of all runs (see
@@ -124,7 +134,9 @@ def run_batch(
             batch; another process writes into it, or it can't be written into; there is no such
             cluster.
     """
-    how: dict[str, Any] = {"settings": settings, "out": out, "plot": plot, "also": also}
+    how: dict[str, Any] = {
+        "settings": settings, "out": out, "plot": plot, "also": also, "contacts": contacts,
+    }  # fmt: skip
     if out is None:
         with closing(_outcomes(iter(jobs), partial(execute, **how), processes, ray)) as outcomes:
             yield from outcomes

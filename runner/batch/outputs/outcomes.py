@@ -31,13 +31,18 @@ _SAME = 1e-9
 
 
 def outcome_of(
-    job: Job, result: RunResult, measures: dict[str, Any], files: dict[str, str]
+    job: Job,
+    result: RunResult,
+    measures: dict[str, Any],
+    files: dict[str, str],
+    contacts: bool = True,
 ) -> Outcome:
     """The outcome of a run that has a result.
 
     Args:
         measures: criticality of the ego, as in `result.json`.
         files: digests of the files in its folder.
+        contacts: describe the first contact of a failed run.
     """
     verdict = result.verdict
     message, criteria = one_line("; ".join(_reasons(result))), report.criteria(verdict)
@@ -49,7 +54,7 @@ def outcome_of(
     ]
     return Outcome(
         job, verdict.outcome, CODES[verdict.outcome], message, result.status, result.end_time, measures,
-        impact=report.impact(result) if verdict.failures else None,
+        impact=report.impact(result) if verdict.failures and contacts else None,
         criteria=criteria, remarks=told, causes=[*dict.fromkeys(cause.name for cause in verdict.causes)],
         evidence=report.evidence(verdict), files=files,
     )  # fmt: skip

@@ -365,7 +365,7 @@ class Storyboard:
         for event in _adding_first(due) if len(due) > 1 else due:
             if event.waits:
                 event.begin(run)
-        if not self._arming:
+        if not (self._arming or self._events.awake or self._acts.awake or self._stop.awake):
             self._changes = run.changes
             self._until = min(self._stop.quiet, self._acts.quiet, self._events.quiet)
         return self.ends_with_stories and all(

@@ -281,6 +281,10 @@ class Watch(Generic[Waiting]):
 
     The others are dormant until a time, a total displacement or a change of the run
     (`Trigger.dormant_until`), and cost nothing in a step.
+
+    Attributes:
+        awake: places of those to be evaluated, ascending.
+        stale: for the caller, to be set when elements may have ceased to wait.
     """
 
     def __init__(self) -> None:
@@ -289,8 +293,7 @@ class Watch(Generic[Waiting]):
     def clear(self) -> None:
         """Watch nothing."""
         self._watched: dict[int, _Watched[Waiting]] = {}
-        self._awake: list[int] = []
-        """places of those to be evaluated, ascending"""
+        self.awake: list[int] = []
         self._by_time: list[tuple[float, int]] = []
         self._by_way: list[tuple[float, int]] = []
         self._undisturbed: list[int] = []
@@ -299,7 +302,6 @@ class Watch(Generic[Waiting]):
         self._retry = 0
         """step in which one of those awake is looked at next whether it is dormant"""
         self.stale = False
-        """for the caller: to be set when elements may have ceased to wait"""
 
     def add(self, place: int, element: Waiting, trigger: Trigger | None) -> None:
         """Watch the trigger of an element from now on, in its place of the document."""
@@ -318,22 +320,22 @@ class Watch(Generic[Waiting]):
             self._undisturbed = []
         if self.stale:
             self.stale = False
-            self._awake = [place for place in self._awake if self._watched[place].element.waits]
+            self.awake = [place for place in self.awake if self._watched[place].element.waits]
         found = []
-        for place in self._awake:
+        for place in self.awake:
             watched = self._watched[place]
             if watched.trigger is None or watched.trigger.fires(run):
                 found.append(watched.element)
                 watched.retry = run.step_index + 1
                 self._retry = min(self._retry, watched.retry)
-        if self._awake and run.step_index >= self._retry:
+        if self.awake and run.step_index >= self._retry:
             self._settle(run)
         return found
 
     @property
     def quiet(self) -> float:
         """Time (s) until which nothing is to be evaluated while `Run.changes` stays; in the past where that is not known."""
-        if self._awake or self._by_way:
+        if self.awake or self._by_way:
             return -math.inf
         return self._by_time[0][0] if self._by_time else math.inf
 
@@ -343,21 +345,21 @@ class Watch(Generic[Waiting]):
 
     def _rouse(self, place: int) -> None:
         watched = self._watched[place]
-        index = bisect_left(self._awake, place)
-        if watched.element.waits and self._awake[index : index + 1] != [place]:
-            self._awake.insert(index, place)
+        index = bisect_left(self.awake, place)
+        if watched.element.waits and self.awake[index : index + 1] != [place]:
+            self.awake.insert(index, place)
         watched.retry = self._retry = 0
 
     def _settle(self, run: Instant) -> None:
         """Evaluate no more what can't fire for a while."""
         awake, self._retry = [], sys.maxsize
-        for place in self._awake:
+        for place in self.awake:
             watched = self._watched[place]
             if watched.retry <= run.step_index and self._sleeps(run, watched):
                 continue
             awake.append(place)
             self._retry = min(self._retry, watched.retry)
-        self._awake = awake
+        self.awake = awake
 
     def _sleeps(self, run: Instant, watched: _Watched[Waiting]) -> bool:
         """Whether a trigger that has not fired is left alone from now on."""

@@ -25,8 +25,10 @@ from hypothesis import strategies as st
 from runner.batch.batch import run_batch
 from runner.batch.jobs import Job, Outcome, jobs_of, names_of
 from runner.batch.journal import finished
+from runner.judging.measures import criticality
 from runner.judging.result import RunResult
 from runner.judging.settings import RunSettings
+from runner.recording import Recording
 from runner.view import rehearsal
 from runner.view.rehearsal import rehearse_batch
 from schemas.common.errors import UsageError
@@ -585,3 +587,23 @@ def test_a_run_that_kills_its_process_is_named_and_the_others_complete(
     assert {json.loads(line)["job"]["name"] for line in (out / "runs.jsonl").open()} == {
         o.job.name for o in outcomes
     }
+
+
+def test_contacts_are_measured_for_those_who_read_them_only(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    measured: list[str] = []
+    of_recording = criticality.of_recording
+
+    def counted(recording: Recording, ego: str | None) -> criticality.Criticality | None:
+        measured.append(str(ego))
+        return of_recording(recording, ego)
+
+    monkeypatch.setattr(criticality, "of_recording", counted)
+    path = Path("xosc/library/highway_lead_brake.xosc").absolute()
+    (quiet,) = run_batch(jobs_of([path], {}, True), QUICK, contacts=False)
+    assert (quiet.state, quiet.impact, measured) == ("failed", None, [])
+    (told,) = run_batch(jobs_of([path], {}, True), QUICK)
+    assert told.impact is not None and measured == ["Ego"]
+    (kept,) = run_batch(jobs_of([path], {}, True), QUICK, contacts=False, out=tmp_path / "out")
+    assert kept.impact == told.impact
