@@ -56,7 +56,7 @@ class SimulationTimeCondition(Condition):
         return cls(Comparison.from_xml(node, "s"))
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """Until it is true, and from then on for ever."""
+        """Until it is true; then it stays so."""
         if not self.stays_true:
             return AWAKE
         begin = self._since + self.comparison.value - 2.0 * TOLERANCE

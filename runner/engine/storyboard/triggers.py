@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 EDGES = ("none", "rising", "falling", "risingOrFalling")
 _EPSILON = 1e-6
 _RETRY = 8
-"""Steps from one look whether a trigger is dormant to the next; doubled after each in vain"""
+"""Steps from one look whether a trigger is dormant to the next; doubled while it is not"""
 _LONGEST = 128
 """Most steps between two of these looks"""
 _WORTH = 4
