@@ -20,6 +20,9 @@ _MOST_EXPLAINED = 20_000
 _with_many_attributes = etree.XPath("boolean(//*[count(@*) > 100])")
 """Of so many, too: it shows all attributes of an element for each that is wrong"""
 
+ChildrenByName = dict[etree._Element, dict[str, list[etree._Element]]]
+"""Children of elements, by their tag"""
+
 _MEANINGS = {
     "expression": "an expression ${…}",
     "parameter": "a parameter $name",
@@ -160,17 +163,31 @@ def _expected_value(explainer: Any, error: Any) -> str | None:
 
 def _logged(tree: etree._ElementTree, compiled: etree.XMLSchema) -> list[Violation]:
     log: Any = compiled.error_log  # the stubs forget that it iterates
-    return [Violation(_at(tree, entry.path), entry.message) for entry in log]
+    by_name: ChildrenByName = {}
+    return [Violation(at_path(tree, entry.path, by_name), entry.message) for entry in log]
 
 
-def _at(tree: etree._ElementTree, path: str | None) -> etree._Element:
-    """The element that libxml2 names by a path, the root where it names none."""
-    try:
-        found = tree.xpath(path) if path else None
-    except etree.XPathError:  # names of elements may be no names in XPath
-        found = None
-    return (
-        found[0]
-        if isinstance(found, list) and found and isinstance(found[0], etree._Element)
-        else tree.getroot()
-    )
+def at_path(tree: etree._ElementTree, path: str | None, by_name: ChildrenByName) -> etree._Element:
+    """The element that libxml2 names by a path like /A/B[3]/C, the root where it names none.
+
+    Args:
+        by_name: children of the elements that were passed before, filled here: evaluated as XPath,
+            n paths to n neighbours would take n² steps.
+    """
+    element, *steps = tree.getroot(), *(path or "").strip("/").split("/")[1:]
+    for step in steps:
+        if element not in by_name:
+            by_name[element] = _children_by_name(element)
+        name, _, number = step.removesuffix("]").partition("[")
+        element = by_name[element][name][int(number or 1) - 1]
+    return element
+
+
+def _children_by_name(parent: etree._Element) -> dict[str, list[etree._Element]]:
+    """Child elements by the names that paths have: `*` counts all, and stands for a namespace without prefix."""
+    found: dict[str, list[etree._Element]] = {}
+    for child in parent.iterchildren(etree.Element):
+        name = f"{child.prefix}:{local_name(child)}" if child.prefix else str(child.tag)
+        for each in ("*", name):
+            found.setdefault(each, []).append(child)
+    return found

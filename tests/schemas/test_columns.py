@@ -5,9 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml import etree
 
 import xosc
 from schemas.expressions.columns import Columns, NotInArrays, NumberColumn, reading
+from xosc.document.node import Node
+from xosc.resolve.parameters import Assignment, ParameterScope
 
 SCENARIO = Path(__file__).parents[2] / "xosc" / "library" / "cut_in_highway.xosc"
 
@@ -55,3 +58,13 @@ def test_attributes_and_expressions_are_columns_where_they_vary() -> None:
         truth = [next(each.node.iter(tag)).finite(name) for each in singly]
         assert values.tolist() == truth
     assert columns.alike.all()
+
+
+def test_expressions_vary_inside_an_element_that_declares_nothing_itself() -> None:
+    outer = [Node(etree.XML('<P name="Speed" parameterType="double" value="20"/>'), SCENARIO)]
+    with reading(Columns(2)) as columns:
+        assigned = {
+            "Speed": Assignment("20", outer[0].invalid, symbolic=False, column=column(20.0, 30.0))
+        }
+        inner = ParameterScope((), ParameterScope(outer, None, assigned))
+        assert columns.of(inner.literal("${$Speed / 2}")).tolist() == [10.0, 15.0]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from lxml import etree
 
 from schemas.common.errors import UsageError
+from schemas.validate import at_path
 from schemas.versions.registry import SCHEMA_DIR
 
 CASES = {
@@ -25,6 +27,23 @@ CASES = {
     "text": ("<Init>", "<Init>hello", "character data"),
     "incomplete": ('<EntityRef entityRef="all"/>', "", "not complete"),
 }
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<a xmlns="u"><b/><c/><b><d/></b></a>',
+        '<p:a xmlns:p="u"><p:b/>text<c/><p:b><d/><!-- d --><d/></p:b></p:a>',
+        '<a><b/><c xmlns="u"/><b><\u00e9/><\u00e9/></b></a>',
+    ],
+    ids=["namespace", "prefix", "mixed"],
+)
+def test_paths_of_libxml2_lead_to_their_elements(text):
+    root = etree.fromstring(text)
+    tree, by_name = root.getroottree(), {}
+    for element in root.iter(etree.Element):
+        assert at_path(tree, tree.getpath(element), by_name) is element
+    assert at_path(tree, None, by_name) is root
 
 
 @pytest.mark.parametrize("old,new,message", CASES.values(), ids=CASES)

@@ -120,7 +120,6 @@ class ParameterScope:
     ) -> None:
         self._remarks = remarks or Remarks()
         self._visible: dict[str, ParameterDeclaration] = dict(outer._visible) if outer else {}
-        self._varying: frozenset[str] = outer._varying if outer else frozenset()
         self._declared: dict[str, Node] = dict(outer._declared) if outer else {}
         self.declarations = _by_name(declarations)
         self._declared |= self.declarations
@@ -131,6 +130,7 @@ class ParameterScope:
                 self._repair(assignment, ASSIGNED, message, "it is left out")
         for name in self.declarations:
             self._visible.pop(name, None)
+        self._varying = {name for name, each in self._visible.items() if each.column is not None}
         sources = {
             name: assigned.get(name)
             or Assignment(node.get("value"), node.invalid, symbolic=True, remark=node.remark)
@@ -138,9 +138,8 @@ class ParameterScope:
         }
         for name in _in_order(sources):
             self._visible[name] = self._evaluate(name, sources[name])
-            self._varying = frozenset(
-                name for name, each in self._visible.items() if each.column is not None
-            )
+            if self._visible[name].column is not None:
+                self._varying.add(name)
 
     @property
     def own(self) -> dict[str, ParameterDeclaration]:
