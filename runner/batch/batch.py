@@ -145,7 +145,10 @@ def run_batch(
     given = partial(inputs.of_job, run=settings, shared=shared)
     with alone(out, "a batch"), _writable(out):
         needed = (*needs, PICTURE) if plot else tuple(needs)
-        kept = journal.begin(out, settings.as_json(), resume, given, _sources(jobs), tell, needed)
+        named = jobs.is_named if isinstance(jobs, Jobs) else lambda job: True
+        kept = journal.begin(
+            out, settings.as_json(), resume, given, _sources(jobs), tell, needed, named
+        )
         believed = partial(_believed, out=out, settings=settings, sealed=kept.sealed, tell=tell)
         known = (
             job if isinstance(job, Outcome) else _finished(job, kept.done, believed) or job

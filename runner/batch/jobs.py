@@ -217,6 +217,11 @@ class Jobs:
         """The files that the user named."""
         return {path for _, path in self._files}
 
+    def is_named(self, job: Job) -> bool:
+        """Whether a job has the name that this batch gives runs of its file."""
+        names = [name for name, path in self._files if path == job.source]
+        return any(job.name == name or job.name.startswith(f"{name}~") for name in names)
+
     @property
     def total(self) -> int:
         """Return the largest possible number of jobs; sets that constraints exclude are counted. Reads the files."""

@@ -45,6 +45,8 @@ _TABLE, _PAGES = (
     ("sets.parquet", "report.html", "history.html", "assessment.html", "assessment.csv"),
 )
 """Further files of a batch in its folder"""
+BATCH_FILES = frozenset({_JOURNAL, _SETTINGS, _TABLE, WORK, *_PAGES})
+"""Names of all files that a batch writes into its folder itself"""
 FORMAT = 1
 """Version of the files in the folder of a batch; it changes where a reader of older ones would misread them"""
 _GROUP = 1.0
@@ -170,6 +172,7 @@ def begin(
     sources: Collection[Path] | None = None,
     tell: Callable[[str], None] = lambda line: None,
     needs: Sequence[str] = (),
+    named: Callable[[Job], bool] = lambda job: True,
 ) -> Journal:
     """Make an output folder ready for a batch with these settings.
 
@@ -179,6 +182,7 @@ def begin(
         sources: the files of the batch; None where they are not known beforehand.
         tell: called with a line about finished runs that have to be repeated.
         needs: names of files that a finished run has; one without is repeated.
+        named: whether a job has the name of this batch: files that were added may rename others.
 
     Raises:
         UsageError: the folder holds results already (and `resume` is not set), or those of a batch
@@ -201,8 +205,11 @@ def begin(
         faults = {
             name: fault
             for name, each in before.outcomes.items()
-            if (fault := _fault(out, each, inputs, needs))
+            if (fault := _fault(out, each, inputs, needs) if named(each.job) else _RENAMED)
         }
+        for name, fault in faults.items():
+            if fault == _RENAMED and (out / name / RESULT).is_file():
+                shutil.rmtree(out / name)
         done = {name: each for name, each in before.outcomes.items() if name not in faults}
         _tell(faults, before, records.path, tell)
         clear_drafts(out)
@@ -210,6 +217,10 @@ def begin(
     records.replace(map(_entry, done.values()))
     sync([out.parent])
     return Journal(out, done)
+
+
+_RENAMED = "of a file that has another name now, as files were added"
+"""Fault of a finished run"""
 
 
 def _origin() -> dict[str, Any]:
@@ -306,13 +317,8 @@ def discard(out: Path) -> None:
         }
         for name in names & finished(out).outcomes.keys():
             shutil.rmtree(out / name)
-        for name in (
-            _TABLE,
-            WORK,
-            *_PAGES,
-            _SETTINGS,
-            _JOURNAL,
-        ):  # the journal last: until then it is the batch's
+        # The journal last: until then it is the batch's.
+        for name in sorted(BATCH_FILES, key=_JOURNAL.__eq__):
             (out / name).unlink(missing_ok=True)
 
 

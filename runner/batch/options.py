@@ -144,6 +144,19 @@ class BatchOptions:
         if self.in_arrays and self.dry_run:
             raise UsageError("--batch plays parameter sets, and --dry-run plays nothing")
         self._check_comparison()
+        self._check_reports()
+
+    def _check_reports(self) -> None:
+        """Refuse a report or trace in the place of a file of the batch's own."""
+        for path in (self.junit, self.osi):
+            if path is None or self.out is None:
+                continue
+            from runner.batch.journal import BATCH_FILES
+            from runner.batch.outputs.folder import RUN_FILES
+
+            below = self.out.resolve() in path.resolve().parents
+            if below and path.name in BATCH_FILES | RUN_FILES:
+                raise UsageError("the batch writes this file itself: name another", path=path)
 
     def _check_assessment(self, name: str) -> None:
         """Refuse an unknown protocol, and an assessment of runs that are not kept."""

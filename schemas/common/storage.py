@@ -533,7 +533,10 @@ def check_writable(path: Path, what: str) -> None:
 
     Raises:
         NotWritten: it can't be.
+        UsageError: it is that of a scenario or a road, which it would replace.
     """
+    if path.suffix.lower() in (".xosc", ".xodr") and path.exists():
+        raise UsageError(f"{what} would replace a scenario or a road: name another", path=path)
     with writing(what, path):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))

@@ -79,6 +79,8 @@ def _load(path: Path, _stamp: Stamp, strict: bool) -> RoadNetwork:
             remarks = () if strict else _repaired(root, path)
             if not remarks:
                 raise
+            if root.find("road") is None:
+                raise remarks[0].error() from None
             network = _network(path, root, (*outside, *remarks))
         broken = _broken_links(network, root)
         Remarks(strict).add(

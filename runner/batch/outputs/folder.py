@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 RESULT, PICTURE = "result.json", "picture.png"
-_FILES = {
+RUN_FILES = {
     RESULT,
     "trajectories.parquet",
     "trajectories.csv",
@@ -81,7 +81,7 @@ def _replace(folder: Path, draft: Path) -> None:
     if folder.is_symlink() or folder.exists():
         is_run = folder.is_dir() and not folder.is_symlink()
         if not is_run or not (
-            (folder / RESULT).is_file() or {path.name for path in folder.iterdir()} <= _FILES
+            (folder / RESULT).is_file() or {path.name for path in folder.iterdir()} <= RUN_FILES
         ):
             raise UsageError(
                 "this is in the way of a run's results, and is not of a run", path=folder

@@ -240,6 +240,7 @@ class ScenarioContext:
                 triggering,
                 EMPTY_ELEMENTS_UID,
                 f"an element EntityRef is expected inside; without one the condition is {truth} true",
+                "empty",
             )
         elif (other := inner.get("entityRef", "")) and {each.name for each in entities} == {other}:
             self.repair(

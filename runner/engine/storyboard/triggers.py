@@ -36,7 +36,7 @@ class ConditionContext(Protocol):
         """The condition that a Condition element is, with its edge and delay."""
         ...
 
-    def repair(self, node: Node, rule: str, text: str) -> None:
+    def repair(self, node: Node, rule: str, text: str, cause: str = "") -> None:
         """See `runner.engine.compile.registry.Context`."""
         ...
 
@@ -180,6 +180,7 @@ class Trigger:
                     group,
                     EMPTY_ELEMENTS_UID,
                     "an element Condition is expected inside; without one the group is left out",
+                    "empty",
                 )
             groups.append(
                 [

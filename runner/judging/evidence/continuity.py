@@ -182,7 +182,7 @@ def _jumps(track: Track) -> list[float]:
     time, speed = columns["time"], np.abs(columns["speed"])
     if len(time) < 2:
         return []
-    way = np.hypot(np.diff(columns["x"]), np.diff(columns["y"]))
+    way = np.linalg.norm([np.diff(columns[axis]) for axis in "xyz"], axis=0)
     most = np.maximum(speed[1:], speed[:-1]) * np.diff(time) + JUMP
     return [float(time[row]) for row in np.flatnonzero(way > most)]
 

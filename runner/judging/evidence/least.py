@@ -54,7 +54,7 @@ def least_values(texts: Iterable[str]) -> dict[str, float]:
     """Least values by name, from texts as `ego_seconds=2`.
 
     Raises:
-        UsageError: one has no such form, or there is no such evidence.
+        UsageError: one has no such form, there is no such evidence, or two are of one kind.
     """
     found: dict[str, float] = {}
     for text in texts:
@@ -71,6 +71,8 @@ def least_values(texts: Iterable[str]) -> dict[str, float]:
             value = math.nan
         if not 0.0 <= value < math.inf:
             raise UsageError(f"--least {text!r}: {number!r} is no number from 0 on")
+        if found.get(name, value) != value:
+            raise UsageError(f"--least {name}: {found[name]:g} and {value:g} are given")
         found[name] = value
     return found
 

@@ -245,8 +245,9 @@ def _participants(run: Observed) -> Count:
     "yes",
     1,
     "actions have contents, and something executes them",
-    "a story, act, maneuver or an action such as `PrivateAction` has nothing inside, or empty "
-    "actions and custom commands are all that the events do",
+    "a story, act, maneuver, condition group, list of triggering entities or an action such as "
+    "`PrivateAction` has nothing inside, or empty actions and custom commands are all that the "
+    "events do",
     early=True,
 )
 def _actions(run: Observed) -> Count:

@@ -198,13 +198,17 @@ def parameters_of(pairs: Iterable[str], option: str = "--param") -> dict[str, st
     """Values of parameters by name, from the texts of an option.
 
     Raises:
-        UsageError: one is not of the form NAME=VALUE.
+        UsageError: one is not of the form NAME=VALUE, or two name one parameter.
     """
     values: dict[str, str] = {}
     for pair in pairs:
         name, equals, value = pair.partition("=")
         if not (name and equals):
             raise UsageError(f"{option} {pair!r}: NAME=VALUE is expected")
+        if values.get(name, value) != value:
+            raise UsageError(
+                f"{option} {name}: {values[name]!r} and {value!r} are given; one value is expected"
+            )
         values[name] = value
     return values
 
