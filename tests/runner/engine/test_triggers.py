@@ -194,8 +194,8 @@ class Scripts:
     def timed_condition(self, node: Node) -> TimedCondition:
         return TimedCondition.from_xml(node, Script("1"))
 
-    def repair(self, node: Node, rule: str, text: str) -> None:
-        assert node.tag == "ConditionGroup"
+    def repair(self, node: Node, rule: str, text: str, cause: str = "") -> None:
+        assert (node.tag, cause) == ("ConditionGroup", "empty")
 
 
 def read(xml: str) -> Trigger | None:
