@@ -13,6 +13,8 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from runner.batch.outputs.folder import digests
+from schemas.common.storage import Records
 from tests.commands import Answer, Command
 from tests.oracles.attempts import (
     BOX,
@@ -39,6 +41,7 @@ from tests.oracles.attempts import (
     activate,
     at,
     catalogue,
+    criterion,
     folder_with,
     group,
     of,
@@ -52,6 +55,7 @@ from tests.oracles.attempts import (
 )
 from tests.runner.files import (
     HEADER,
+    at_time,
     car,
     distribution,
     place,
@@ -833,3 +837,25 @@ def test_a_stem_that_was_added_is_listed_once(batch: Batch) -> None:
     assert len(names) == len(set(names)) == 2
     listed = pq.read_table(batch.out / "runs.parquet")
     assert len(set(listed["file"].to_pylist())) == listed.num_rows == 2
+
+
+def test_criteria_of_a_resumed_batch_are_judged_anew(batch: Batch) -> None:
+    scenario(batch.files, "judged", **SOUND)  # type: ignore[arg-type]
+    path, end = batch.files / "judged.xosc", at_time(3.0, "end")
+    judge = criterion("DrivenDistanceTest", "distance_success", "1000")
+    path.write_text(path.read_text().replace(end, end + judge))
+    assert batch.run().code == FAILED
+    result, journal = batch.out / "judged" / "result.json", Records(batch.out / "runs.jsonl")
+    values = json.loads(result.read_text())
+    values |= {"verdict": "passed", "reasons": [], "criteria": []}
+    values["evidence"] = [each for each in values["evidence"] if each["name"] != "criteria"]
+    result.write_text(json.dumps(values))
+    entries = journal.read().records
+    for entry in (each for each in entries if each["job"]["name"] == "judged"):
+        entry |= {"state": "passed", "exit_code": 0, "message": "", "criteria": []}
+        entry["evidence"] = values["evidence"]
+        entry["files"] = digests(result.parent)
+    journal.path.unlink()
+    journal.add(entries)
+    answer = batch.run("--resume")
+    assert answer.code == FAILED, answer

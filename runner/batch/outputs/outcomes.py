@@ -7,9 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import xosc
 from runner.batch.jobs import CODES, Job, Outcome
 from runner.batch.outputs import report
 from runner.batch.outputs.folder import EVENTS, RESULT, TRAJECTORIES, load_run
+from runner.judging.criteria.criterion import elements
 from runner.judging.evidence.rows import ROWS
 from runner.judging.verdict import exceeded
 from runner.systems import system_name
@@ -72,6 +74,7 @@ def contradiction(stored: Outcome, folder: Path, settings: RunSettings) -> str:
 
     Derived again are the measures and contacts of the trajectories, the limits, the times of the
     evidence, and of these and the result the outcome. An error has no files: it is taken as it is.
+    Criteria of the scenario watch the simulation itself: a run that satisfies them is not believed.
 
     Args:
         folder: results of the run.
@@ -93,6 +96,8 @@ def contradiction(stored: Outcome, folder: Path, settings: RunSettings) -> str:
         return "with an entry that does not follow from the results"
     if derived != said or not _is_of(result, stored.job, own) or not _is_judged(result, own):
         return "with a verdict that does not follow from the trajectories"
+    if not result.verdict.failures and any(elements(xosc.load(stored.job.scenario).node)):
+        return "with criteria, which trajectories do not decide (XOSC_SEAL_KEY seals them)"
     return ""
 
 

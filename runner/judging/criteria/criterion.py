@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
@@ -310,12 +310,13 @@ def declared(storyboard: Node) -> tuple[Criterion, ...]:
         InvalidFile: a value of a criterion is not a number, or there are more values than it has
             parameters.
     """
-    conditions = (
-        condition
-        for trigger in storyboard.iter("StopTrigger")
-        for condition in trigger.iter("Condition")
-    )
-    return tuple(_read(condition) for condition in conditions if is_criterion(condition))
+    return tuple(map(_read, elements(storyboard)))
+
+
+def elements(storyboard: Node) -> Iterator[Node]:
+    """Yield the Condition elements of a document or Storyboard that are criteria."""
+    for trigger in storyboard.iter("StopTrigger"):
+        yield from filter(is_criterion, trigger.iter("Condition"))
 
 
 def _read(condition: Node) -> Criterion:
