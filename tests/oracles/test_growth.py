@@ -14,8 +14,10 @@ from typing import Any
 
 import pytest
 
+from benchmarks.growth import examples, repeatable, write
 from runner.judging.execution import prepare
 from schemas.common.errors import ToolchainError
+from schemas.versions.registry import OPENSCENARIO, schema_for
 from tests.runner.files import at_time, car, place, scenario, speed_action, story
 
 COUNTS = (150, 300, 600)
@@ -75,3 +77,16 @@ def test_work_grows_linearly_with_a_repeated_construct(name: str, tmp_path: Path
     lines(name, 1, tmp_path)  # imports are no growth
     few, some, many = (lines(name, number, tmp_path) for number in COUNTS)
     assert 0 < many - some <= MOST * (some - few)
+
+
+def test_elements_that_the_schema_lets_repeat_are_found_and_repeated(tmp_path: Path) -> None:
+    schema = schema_for(OPENSCENARIO, (1, 3))
+    assert schema is not None
+    elements = repeatable(schema.path)
+    files = examples(elements)
+    assert len(elements) == 70
+    assert len(files) >= 43
+    element = next(each for each in files if each == ("Maneuver", "Event"))
+    path = write(files[element], element, 20, tmp_path)
+    assert path.read_bytes().count(b"<Event ") >= 21
+    prepare(path)
