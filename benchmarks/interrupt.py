@@ -8,7 +8,7 @@ until it completes; then the next batch begins, until there were as many kills a
 completed batch must have the files of the plain one, byte by byte. The exit code is 1 where one has
 not.
 
-    python benchmarks/interrupt.py --signals 10 [--seed 0]
+    python benchmarks/interrupt.py --signals 10 [--only NAME] [--seed 0]
 
 sends SIGINT or SIGTERM to each command as often, to its process or to all of its processes, at a
 random time. The command must end by it (128 plus the number), or as it does undisturbed, in 10 s,
@@ -44,10 +44,11 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--signals", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", default="", help="part of the names of commands that get signals")
     options = parser.parse_args()
     draw = random.Random(options.seed)
     if options.signals:
-        return _signalled(options.signals, draw)
+        return _signalled(options.signals, draw, options.only)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         begin = time.monotonic()
@@ -126,7 +127,7 @@ def _calls(results: Path) -> dict[str, list[str]]:
     }
 
 
-def _signalled(times: int, draw: random.Random) -> int:
+def _signalled(times: int, draw: random.Random, only: str) -> int:
     """Interrupt each command at random times, and print what is wrong; the exit code."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -134,6 +135,8 @@ def _signalled(times: int, draw: random.Random) -> int:
         _run([str(path) for path in sorted(_LIBRARY.glob("*cut_in*.xosc"))], results).communicate()
         total = 0
         for name, call in _calls(results).items():
+            if only not in name:
+                continue
             begin = time.monotonic()
             plain = _started(call, folder / f"{name} plain")
             plain.communicate()

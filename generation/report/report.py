@@ -94,8 +94,10 @@ def _found(title: str, sut: str, generated: Generated) -> str:
 
 
 def _lost(generated: Generated) -> Iterator[str]:
-    """Runs that ended with an error or are inconclusive, which nothing else on the page counts."""
+    """Runs that tested something, of all; those with an error or inconclusive count nowhere else on the page."""
     outcomes = generated.episodes.outcomes
+    tested, runs = int(outcomes.executed.sum()), len(outcomes.status)
+    yield f"{tested:,} of {many(runs, 'run')} tested what the file describes."
     errors, untested = (
         outcomes.error[outcomes.status == "error"],
         outcomes.error[outcomes.inconclusive],

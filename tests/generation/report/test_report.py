@@ -103,7 +103,8 @@ def test_a_search_without_failures_says_so(tmp_path: Path) -> None:
     found = data(tmp_path)
     assert (found["counterexamples"], found["cases"], found["file"]) == ([], [], None)
     assert "0 failures" in found["region"]["reason"]
-    assert found["headline"][-2] == "cas has no collision in 1 run of cut_in_highway."
+    assert found["headline"][-3] == "cas has no collision in 1 run of cut_in_highway."
+    assert found["headline"][-2] == "1 of 1 run tested what the file describes."
     assert found["headline"][-1].startswith("No unguided draw was executed: nothing bounds")
 
 
