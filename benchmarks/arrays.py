@@ -23,11 +23,14 @@ import numpy as np
 
 import runner
 import xosc
+from generation.search.outcomes import RISK_WINDOW
 from generation.space.space import Space
 from runner.batch.arrays import obstacle, play, structures
 from runner.batch.batch import runnable
 from runner.batch.jobs import Job, jobs_of
+from runner.engine.motion.rss import parameter_set
 from runner.judging.evidence.batch import OPEN, BatchOutcomes
+from runner.judging.measures.criticality import Criticality
 from runner.judging.result import RunResult
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ToolchainError
@@ -90,10 +93,31 @@ def differences(outcomes: BatchOutcomes, place: int, result: RunResult) -> Itera
     seen = result.criticality
     if seen is None:
         return
+    measured = outcomes.measured(parameter_set("ad-rss"), RISK_WINDOW)
+    told_at_once = {
+        name: float(getattr(measured, name)[place]) for name in vars(measured) if name != "nearest"
+    }
+    for name, value in _at_once(seen).items():
+        if not _alike(told_at_once[name], value):
+            yield f"{name} is {told_at_once[name]} instead of {value}"
     own = outcomes.criticality(place).summary
     for name, value in seen.summary.items():
         if not _alike(_number(own[name]), _number(value)):
             yield f"{name} is {_number(own[name])} instead of {_number(value)}"
+
+
+def _at_once(seen: Criticality) -> dict[str, float]:
+    """Measures of a run that arrays work out for all runs at once (`RunMeasures`)."""
+    ttc, drac, distance = seen.ttc, seen.drac, seen.distance
+    conflict = seen.conflict
+    before = seen.risk_before("ad-rss", conflict, RISK_WINDOW) if conflict is not None else 0.0
+    return {
+        "min_ttc": float(ttc.value[ttc.valid].min(initial=math.inf)),
+        "max_drac": float(drac.value[drac.valid].max(initial=0.0)),
+        "min_distance": float(distance.value[distance.valid].min(initial=math.inf)),
+        "risk": seen.risk("ad-rss") or 0.0,
+        "risk_before": before,
+    }
 
 
 def _number(value: Any) -> float | None:

@@ -6,6 +6,7 @@ structure are compiled apart. What can't be played so is named, and is left to t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -19,9 +20,11 @@ import xosc
 from runner.batch.jobs import CODES, Job, Outcome
 from runner.engine.compile.compiler import Scenario, compile_scenario
 from runner.engine.compile.road_network import load_roads
+from runner.engine.motion.rss import parameter_set
 from runner.engine.storyboard.batch_run import BatchSimulation
 from runner.judging.criteria.criterion import declared
 from runner.judging.evidence.batch import OPEN, BatchJudge, BatchOutcomes
+from runner.judging.measures.runs import RunMeasures
 from runner.judging.result import FAILED, PASSED
 from runner.judging.settings import RunSettings
 from runner.systems.batch_systems import open_batch
@@ -253,7 +256,7 @@ class Together:
             return
         seed = jobs[0].seed
         settings = self._settings if seed is None else replace(self._settings, seed=seed)
-        known: dict[int, tuple[BatchOutcomes, int]] = {}
+        known: dict[int, dict[str, Any]] = {}
         try:
             if current().bounded:
                 raise NotInArrays(
@@ -262,7 +265,11 @@ class Together:
             for structure in structures(path, [job.parameters for job in jobs], settings):
                 for block in play(structure, settings):
                     numbers = block.members.tolist()
-                    known |= {each: (block.outcomes, at) for at, each in enumerate(numbers)}
+                    measured = block.outcomes.measured(parameter_set("ad-rss"))
+                    known |= {
+                        each: _measures(block.outcomes, measured, at)
+                        for at, each in enumerate(numbers)
+                    }
         except (NotInArrays, Unsupported) as error:
             self._single.add(path)
             self._tell(f"{path}: not in arrays: {error}")
@@ -270,11 +277,10 @@ class Together:
             self._single.add(path)
         rows = []
         for number, job in enumerate(jobs):
-            found = known.get(number)
-            if found is None:
+            row = known.get(number)
+            if row is None:
                 yield job
                 continue
-            row = _measures(*found)
             rows.append({"run": job.name, "parameters": list(job.parameters.items()), **row})
             state = row["outcome"]
             if state == PASSED:
@@ -336,7 +342,7 @@ def _kind(job: Job) -> tuple[Path, Path, int | None, frozenset[str]]:
     return job.source, job.scenario, job.seed, frozenset(job.parameters)
 
 
-def _measures(outcomes: BatchOutcomes, at: int) -> dict[str, Any]:
+def _measures(outcomes: BatchOutcomes, measured: RunMeasures, at: int) -> dict[str, Any]:
     """Columns of a run in `sets.parquet`."""
     found: dict[str, Any] = {
         **dict.fromkeys(_COLUMNS),
@@ -346,15 +352,11 @@ def _measures(outcomes: BatchOutcomes, at: int) -> dict[str, Any]:
     }
     if found["outcome"] == OPEN:
         return found
-    seen = outcomes.criticality(at)
-    for name, series, reduce in (
-        ("min_ttc", seen.ttc, np.min),
-        ("min_distance", seen.distance, np.min),
-        ("max_drac", seen.drac, np.max),
-    ):
-        values = series.value[series.valid]
-        found[name] = float(reduce(values)) if values.size else None
-    found["risk"] = seen.risk("ad-rss")
+    least, ttc = float(measured.min_distance[at]), float(measured.min_ttc[at])
+    found["min_ttc"] = ttc if ttc < math.inf else None
+    found["max_drac"] = float(measured.max_drac[at]) or None
+    if least < math.inf:
+        found["min_distance"], found["risk"] = least, float(measured.risk[at])
     return found
 
 

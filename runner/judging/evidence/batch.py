@@ -19,6 +19,7 @@ from runner.judging.evidence.progress import scene_events, without_effect
 from runner.judging.evidence.rows import causes_of
 from runner.judging.measures.criticality import criticality
 from runner.judging.measures.relations import MotionRows
+from runner.judging.measures.runs import RunMeasures, measure_runs
 from runner.judging.result import FAILED, INCONCLUSIVE, PASSED
 from runner.systems.drivers import scripted_at_start
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from runner.engine.compile.compiler import Scenario
+    from runner.engine.motion.rss import RssParameters
     from runner.engine.participants.rows import EntityRows
     from runner.engine.storyboard.batch_run import BatchSimulation
     from runner.judging.measures.criticality import Criticality
@@ -36,6 +38,8 @@ _TOLERANCE = 1.01
 _SUSTAINED = 0.5
 _SHORTEST = 0.1
 """As in `continuity` and `rows`"""
+_MEASURED = 256
+"""Runs that are measured at once: arrays of them fit into caches"""
 OPEN = "open"
 """Outcome of a run that the interpreter has to play"""
 _FRAME = ("x", "y", "z", "h", "speed", "s", "t")
@@ -85,6 +89,41 @@ class BatchOutcomes:
         who = self.declared[name]
         about: dict[str, Any] = {"kind": who.kind, "category": who.category, "mass": who.mass}
         return MotionRows(name, who.box, time, road=road, **about, **columns)
+
+    def measured(self, parameters: RssParameters, window: float = 1.0) -> RunMeasures:
+        """Measures of all runs; of one that is `open` they say nothing.
+
+        Args:
+            window: as of `measure_runs`, s.
+        """
+        sizes = np.maximum(self.steps, 1)
+        codes = {road: code for code, road in enumerate(dict.fromkeys(self.roads.values()))}
+        parts = []
+        for first in range(0, len(sizes), _MEASURED):
+            chosen = slice(first, first + _MEASURED)
+            ego, *others = (self._rows(name, chosen, sizes[chosen], codes) for name in self.motions)
+            parts.append(measure_runs(ego, others, sizes[chosen], parameters, window, self.dt))
+        return RunMeasures.joined(parts)
+
+    def _rows(
+        self, name: str, chosen: slice, sizes: IntArray, codes: Mapping[str, int]
+    ) -> MotionRows:
+        """Rows of a participant in some runs, one after the other, with codes of roads for their ids."""
+        values, roads = self.motions[name]
+        steps = np.arange(values.shape[1])
+        there = steps < sizes[:, None]
+        columns = dict(zip(_FRAME, values[chosen][there].T.copy(), strict=True))
+        keys, inverse = np.unique(roads[chosen][there], return_inverse=True)
+        known = [codes.get(self.roads.get(key, ""), -1) for key in keys.tolist()]
+        road: Any = np.array(known)[inverse]
+        number, hint = np.broadcast_to(steps, there.shape)[there], None
+        for row in np.flatnonzero(road < 0) if self.network is not None else ():
+            hint = None if number[row] == 0 else hint
+            x, y, z, h = (float(columns[axis][row]) for axis in "xyzh")
+            hint = self.network.locate(x, y, z, h, hint)
+            road[row], columns["s"][row], columns["t"][row] = codes[hint.road_id], hint.s, hint.t
+        time = np.round(number * self.dt, 9)
+        return MotionRows(name, self.declared[name].box, time, road=road, **columns)
 
     def criticality(self, run: int) -> Criticality:
         """Measures of a run."""

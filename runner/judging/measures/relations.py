@@ -30,7 +30,7 @@ from schemas.common.array_types import BoolArray, FloatArray, IntArray
 if TYPE_CHECKING:
     from runner.recording import Track
 
-_STEEPEST = 0.3
+STEEPEST = 0.3
 """Rise per distance between two boxes from which they are on different levels (a bridge): steeper than any road"""
 _BLOCK = 1 << 16
 """Rows of others that are looked at together, about: arrays of them fit into caches"""
@@ -169,7 +169,7 @@ def relations(ego: MotionRows, others: Sequence[MotionRows]) -> Relations:
     a, b, rows, theirs, who = common(ego, everyone)
     seen = seen_by(a, b)
     distance = box_distance(a, b, seen)
-    level = vertical_gap(a, b) <= _STEEPEST * distance
+    level = vertical_gap(a, b) <= STEEPEST * distance
     if not level.all():
         rows, theirs, who, distance = rows[level], theirs[level], who[level], distance[level]
         a, b, seen = a.at(level), b.at(level), Sight(*(values[level] for values in seen))
@@ -179,8 +179,8 @@ def relations(ego: MotionRows, others: Sequence[MotionRows]) -> Relations:
     ).astype(bool)
     if same.any():
         alone = np.zeros(len(ego.time), np.int64)
-        on_road = _on_road(
-            (a, *_along_road(ego, alone, rows)), (b, *_along_road(*joined(everyone), theirs))
+        on_road = on_road_view(
+            (a, *along_road(ego, alone, rows)), (b, *along_road(*joined(everyone), theirs))
         )
         view = View(
             *(np.where(same, one, another) for one, another in zip(on_road, view, strict=True))
@@ -234,10 +234,10 @@ def in_ego_frame(a: MotionRows, b: MotionRows, seen: Sight) -> View:
 
 
 _OnRoad = tuple[MotionRows, FloatArray, FloatArray]
-"""A participant at some instants, and how it moves along its road there (`_along_road`)"""
+"""A participant at some instants, and how it moves along its road there (`along_road`)"""
 
 
-def _along_road(motion: MotionRows, who: IntArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+def along_road(motion: MotionRows, who: IntArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return the motion of entities along their roads in given rows (n,).
 
     Args:
@@ -270,7 +270,7 @@ def _along_road(motion: MotionRows, who: IntArray, rows: IntArray) -> tuple[Floa
     return side, drift[rows]
 
 
-def _on_road(ego: _OnRoad, other: _OnRoad) -> View:
+def on_road_view(ego: _OnRoad, other: _OnRoad) -> View:
     """In road coordinates, turned into the ego's direction; boxes are taken as aligned with the road."""
     (a, side, drift), (b, other_side, other_drift) = ego, other
     low_a, high_a, right_a, left_a = _extent(a, side)
