@@ -165,7 +165,7 @@ def main() -> None:
         files += 1
         try:
             scenario, sets = scenario_of(path, 0, 0)
-            reason = obstacle(scenario, settings, sets[0])
+            reason = obstacle(scenario, settings, sets)
         except ToolchainError as error:
             reason = str(error)
         plays += not reason

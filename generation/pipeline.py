@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -36,6 +37,7 @@ from generation.search.outcomes import (
     choose,
     remembering,
 )
+from generation.search.plays import ArrayPlays
 from generation.search.problem import (
     Counting,
     History,
@@ -432,12 +434,12 @@ def _runs_file(
     return out / f"{scenario.stem}_{kind}_{digest(repr(deciding).encode())}.jsonl"
 
 
-def _twin(scenario: Path, space: Space, settings: SearchSettings) -> Twin | None:
-    """The scenario's twin; None where it, its system under test or a setting is nothing that a twin can play."""
-    try:
-        return Twin(scenario, space, settings.run, settings.rss)
-    except Unsupported:
-        return None
+def _twin(scenario: Path, space: Space, settings: SearchSettings) -> Twin | ArrayPlays | None:
+    """Plays of a scenario: by its twin, else in arrays; None where neither can play it, its system or a setting."""
+    for kind in (Twin, ArrayPlays):
+        with suppress(Unsupported):
+            return kind(scenario, space, settings.run, settings.rss)
+    return None
 
 
 def space_of(scenario: Path, settings: SearchSettings) -> Space:

@@ -294,6 +294,11 @@ def _cluster(address: str, processes: int, work: Callable[[Job], Outcome]) -> Ra
     return RayPool(address, processes, work, _lost)
 
 
+def episode(job: Job, settings: RunSettings, rss: str) -> dict[str, Any]:
+    """Run a job in this process; the columns of `Outcomes` by name."""
+    return _row(_episode(job, settings, rss))
+
+
 def _row(found: Outcome) -> dict[str, Any]:
     """Return the columns of `Outcomes` for one run. An inconclusive run is neither a success of the system nor a failure."""
     lost = found.state in ("error", INCONCLUSIVE)

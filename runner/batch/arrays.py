@@ -24,6 +24,7 @@ from runner.engine.motion.rss import parameter_set
 from runner.engine.storyboard.batch_run import BatchSimulation
 from runner.judging.criteria.criterion import declared
 from runner.judging.evidence.batch import OPEN, BatchJudge, BatchOutcomes
+from runner.judging.evidence.least import least_values
 from runner.judging.measures.runs import RunMeasures
 from runner.judging.result import FAILED, PASSED
 from runner.judging.settings import RunSettings
@@ -50,6 +51,8 @@ _MOST_STRUCTURES = 32
 _TEXTS = ("outcome", "status", "partner")
 _COLUMNS = (*_TEXTS, "end_time", "contact", "min_ttc", "min_distance", "max_drac", "risk")
 """Columns of `sets.parquet` beside the name of the run and its parameters"""
+_RUN_BY_RUN = 0.1
+"""Share of steps of entities, and of runs, from which on single runs are as fast"""
 Sets = Sequence[Mapping[str, str]]
 
 
@@ -168,16 +171,29 @@ def _compiled(
         return scenario, columns.alike
 
 
-def obstacle(path: Path, settings: RunSettings, parameters: Mapping[str, Any] | None = None) -> str:
+def obstacle(path: Path, settings: RunSettings, sets: Sets = ({},), *, fast: bool = False) -> str:
     """Return the reason for which a scenario does not play in arrays; empty where it does.
+
+    Args:
+        sets: parameter sets for which it is compiled.
+        fast: play the sets, and take it for such a reason if much of it is done run by run.
 
     Raises:
         ToolchainError: the scenario can't be compiled.
     """
     try:
-        for structure in structures(path, [dict(parameters or {})], settings):
-            with _run(structure, np.zeros(1, np.int64), settings):
-                pass
+        for structure in structures(path, sets, settings):
+            with _run(structure, structure.places, settings) as (run, judge):
+                if not fast:
+                    continue
+                run.play()
+                outcomes = judge.outcomes(run)
+                moves = outcomes.steps.sum() * len(outcomes.motions)
+                if (
+                    run.loaded.count > _RUN_BY_RUN * moves
+                    or (outcomes.outcome == OPEN).mean() > _RUN_BY_RUN
+                ):
+                    return "much of it is done run by run, as slowly as in single runs"
     except (NotInArrays, Unsupported) as error:
         return str(error)
     return ""
@@ -366,7 +382,9 @@ def _run(
 ) -> Iterator[tuple[BatchSimulation, BatchJudge]]:
     """The runs of some sets; the system under test is closed after them."""
     scenario = structure.scenario
-    if settings.fail_if or settings.least:
+    least = least_values(settings.least)
+    reserve = least.pop("reserve", 1.0)
+    if settings.fail_if or least:
         raise NotInArrays("limits of verdicts are judged in single runs only")
     ego = find_ego(scenario, settings.ego)
     if ego is None:
@@ -378,7 +396,7 @@ def _run(
             if system is not None
             else None
         )
-        judge = BatchJudge(scenario, sets, system is not None)
+        judge = BatchJudge(scenario, sets, system is not None, reserve)
         after = round(_AFTER_COLLISION / settings.timestep)
         run = BatchSimulation(
             scenario,

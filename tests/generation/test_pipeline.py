@@ -124,3 +124,10 @@ def test_failures_outside_the_operational_domain_are_no_edge_cases(tmp_path: Pat
     assert json.loads((tmp_path / "b" / "cut_in_highway_search.json").read_text())["domain"] == {
         "Ego_Speed_mps": [0.0, 30.0]
     }
+
+
+@pytest.mark.slow
+def test_a_search_of_a_system_without_a_twin_is_guided_by_plays_in_arrays(tmp_path: Path) -> None:
+    settings = replace(QUICK, method="cover", budget=60, run=replace(RUN, sut="adas"))
+    found = generate(CUT_IN, lambda space: drawn(200), tmp_path, settings)
+    assert found.plays > 1000

@@ -38,10 +38,12 @@ class LastLoaded:
     Attributes:
         name: of the entity; empty for none.
         row: of the run.
+        count: how many were loaded.
     """
 
     name = ""
     row: Any = 0
+    count = 0
 
 
 class EntityRows(RunRows):
@@ -136,7 +138,8 @@ class EntityRows(RunRows):
     def load(self, row: Any) -> Entity:
         """The entity of the compiled scenario, as it is in a run."""
         entity = self.entity
-        self._loaded.name, self._loaded.row = self.name, row
+        loaded = self._loaded
+        loaded.name, loaded.row, loaded.count = self.name, row, loaded.count + 1
         for name in _COPIED:
             setattr(entity, name, getattr(self, name)[row].item())
         entity.road, entity.section, entity.layer = (

@@ -138,9 +138,13 @@ class BatchJudge:
         scenario: the compiled scenario.
         sets: of the runs, ascending (n,).
         system: whether a system under test drives the ego.
+        reserve: least reserve at the end of a run, as `runner.judging.evidence.rows` has it.
     """
 
-    def __init__(self, scenario: Scenario, sets: IntArray, system: bool) -> None:
+    def __init__(
+        self, scenario: Scenario, sets: IntArray, system: bool, reserve: float = 1.0
+    ) -> None:
+        self._reserve = reserve
         self._scenario, self._sets, self._system = scenario, sets, system
         n = len(sets)
         board: Any = scenario
@@ -261,7 +265,7 @@ class BatchJudge:
             for each in run.entities.values()
             if each is not run.ego
         ]
-        return bool(found) and min(found).reserve < 1.0
+        return bool(found) and min(found).reserve < self._reserve
 
     def outcomes(self, run: BatchSimulation) -> BatchOutcomes:
         """Outcomes of the runs, once all are over."""

@@ -59,7 +59,7 @@ def _compared(folder: Path, sut: str, sets: int) -> tuple[int, int]:
     different, compared, reached = {}, 0, 0
     for path in runnable([str(folder)]):
         scenario, first = scenario_of(path, 0, 0)
-        if obstacle(scenario, settings(sut), first[0]):
+        if obstacle(scenario, settings(sut), first):
             continue
         runs, found, _ = compare(path, settings(sut), sets, WEEK)
         compared, reached = compared + runs, reached + 1

@@ -1,0 +1,122 @@
+"""Points of a scenario played at once in arrays: `generation.search.outcomes.Evaluator` without a simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from generation.search.outcomes import NOTHING, RISK_WINDOW, Outcomes, episode
+from generation.space.space import Space
+from runner.batch.arrays import obstacle, play, structures
+from runner.batch.jobs import Job
+from runner.engine.motion.rss import parameter_set
+from runner.judging.evidence.batch import OPEN, BatchOutcomes
+from runner.judging.measures.contacts import first_impact
+from runner.judging.result import FAILED, INCONCLUSIVE
+from runner.judging.settings import RunSettings
+from schemas.common.array_types import FloatArray
+from schemas.common.errors import Unsupported
+
+_TRIED = 16
+"""Points that are played to see whether a scenario plays in arrays"""
+_UNTESTED = "it did not test what the file describes"
+
+
+class ArrayPlays:
+    """Plays a scenario at points of its parameter space in arrays, kinematically, with any system that they can ask.
+
+    Points that arrays leave open are played by the interpreter, one by one.
+
+    Args:
+        scenario: the file.
+        space: the parameters that are searched, and the values of the others.
+        run: settings of the runs.
+        rss: the RSS parameter set of risk.
+
+    Raises:
+        Unsupported: the scenario, its system under test or a setting plays in single runs only, or
+            much of it is done run by run, which is no faster.
+        ToolchainError: the system fails, or the scenario can't be compiled.
+    """
+
+    def __init__(self, scenario: Path, space: Space, run: RunSettings, rss: str) -> None:
+        self._scenario, self._space, self._rss = scenario, space, rss
+        whole = False if run.end_after_collision is None else run.end_after_collision
+        self._run = replace(run, world="kinematic", end_after_collision=whole)
+        drawn = space.draw(_TRIED, np.random.default_rng(0))
+        reason = obstacle(scenario, self._run, [*map(self._values, drawn)], fast=True)
+        if reason:
+            raise Unsupported(reason, path=scenario)
+
+    def __call__(self, theta: FloatArray, sut: str | None = None) -> Outcomes:
+        """The outcomes at points (n, d), in their order.
+
+        Args:
+            sut: name of the system under test, where another one than that of the settings is to
+                drive.
+
+        Raises:
+            Unsupported: it can't be asked for many points at once.
+        """
+        settings = self._run if sut is None else replace(self._run, sut=sut)
+        asked = replace(settings, least=("reserve=0", *settings.least))
+        sets = [self._values(row) for row in theta]
+        columns = {name: np.array([value] * len(sets)) for name, value in NOTHING.items()}
+        columns |= {name: columns[name].astype(object) for name in ("status", "error", "side")}
+        known = np.zeros(len(sets), bool)
+        for structure in structures(self._scenario, sets, asked) if sets else ():
+            for block in play(structure, asked):
+                done = block.outcomes.outcome != OPEN
+                rows = block.members[done]
+                known[rows] = True
+                for name, values in _columns(block.outcomes, self._rss).items():
+                    columns[name][rows] = values[done]
+        for row in np.flatnonzero(~known):
+            job = Job(str(row), self._scenario, self._scenario, sets[row])
+            for name, value in episode(job, settings, self._rss).items():
+                columns[name][row] = value
+        return Outcomes.of(len(sets), **{name: each.tolist() for name, each in columns.items()})
+
+    def together(self, suts: Sequence[str]) -> Callable[[FloatArray, str], Outcomes]:
+        """The same, called with points and a system's name."""
+        return self
+
+    def _values(self, row: FloatArray) -> dict[str, str]:
+        values = {**self._space.pinned, **self._space.values(row)}
+        return {name: str(value) for name, value in values.items()}
+
+
+def _columns(outcomes: BatchOutcomes, rss: str) -> dict[str, Any]:
+    """Columns of `Outcomes` of runs in arrays (n,)."""
+    measured = outcomes.measured(parameter_set(rss), RISK_WINDOW)
+    failed = outcomes.outcome == FAILED
+    untested = outcomes.outcome == INCONCLUSIVE
+    found: dict[str, Any] = {
+        "collision": failed,
+        "r_risk": measured.risk,
+        "min_ttc": np.where(failed, 0.0, measured.min_ttc),
+        "risk": measured.risk_before,
+        "max_drac": measured.max_drac,
+        "clearance": measured.min_distance,
+        "conflict": measured.nearest,
+        "impact_speed": np.zeros(len(failed)),
+        "side": np.full(len(failed), "", object),
+        "striking": np.zeros(len(failed), bool),
+        "end_time": outcomes.end_time,
+        "status": np.where(untested, INCONCLUSIVE, outcomes.status),
+        "error": np.where(untested, _UNTESTED, "").astype(object),
+    }
+    for name in ("r_risk", "min_ttc", "risk", "max_drac", "clearance", "conflict"):
+        found[name] = np.where(untested, NOTHING[name], found[name])
+    names = list(outcomes.motions)
+    for row in np.flatnonzero(failed).tolist():
+        ego = outcomes.motion(names[0], row)
+        impact = first_impact(ego, [outcomes.motion(name, row) for name in names[1:]])
+        if impact is not None:
+            found["impact_speed"][row], found["side"][row] = impact.speed, impact.side
+            found["striking"][row] = impact.striking
+    return found

@@ -1,0 +1,70 @@
+"""Plays in arrays are the runs of the interpreter, with all that searches measure of them."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from generation.search.outcomes import NOTHING, Outcomes, episode
+from generation.search.plays import ArrayPlays
+from generation.space.space import Space
+from runner.batch.jobs import Job
+from runner.judging.settings import RunSettings
+from schemas.common.errors import Unsupported
+
+LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
+CUT_IN = LIBRARY / "cut_in_highway.xosc"
+OWN = """
+import numpy as np
+from runner.systems.arrays import BatchControl
+
+class Own:
+    def reset(self, ego, timestep, seed): ...
+    def control(self, observation, dt):
+        raise RuntimeError("is asked at once")
+    def control_batch(self, observations, dt):
+        others, ego = observations.others, observations.ego
+        near = (others.present & (np.abs(others.x - ego.x) < 25.0)).any(axis=0)
+        return BatchControl(np.full(len(near), -6.0), accelerates=near)
+"""
+
+
+def settings(sut: str) -> RunSettings:
+    return RunSettings(world="kinematic", sut=sut)
+
+
+def singly(scenario: Path, space: Space, theta: np.ndarray, chosen: RunSettings) -> Outcomes:
+    jobs = (Job("", scenario, scenario, {**space.pinned, **space.values(row)}) for row in theta)
+    rows = [episode(job, chosen, "ad-rss") for job in jobs]
+    return Outcomes.of(len(rows), **{name: [row[name] for row in rows] for name in NOTHING})
+
+
+@pytest.mark.parametrize("sut", ["cas", "adas"])
+def test_plays_have_the_outcomes_of_runs(sut: str) -> None:
+    space = Space.of(CUT_IN)
+    theta = space.draw(12, np.random.default_rng(5))
+    found = ArrayPlays(CUT_IN, space, settings(sut), "ad-rss")(theta)
+    truth = singly(CUT_IN, space, theta, settings(sut))
+    assert 0 < found.collision.sum() < len(theta)
+    for each in fields(Outcomes):
+        own, other = getattr(found, each.name), getattr(truth, each.name)
+        if own.dtype.kind == "f":
+            np.testing.assert_allclose(own, other, rtol=1e-6, atol=1e-9, err_msg=each.name)
+        else:
+            np.testing.assert_array_equal(own, other, err_msg=each.name)
+
+
+def test_a_class_of_the_users_is_asked_for_all_points_at_once(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN, "utf-8")
+    space = Space.of(CUT_IN)
+    plays = ArrayPlays(CUT_IN, space, settings(f"{tmp_path / 'own.py'}:Own"), "ad-rss")
+    found = plays(space.draw(8, np.random.default_rng(0)))
+    assert found.executed.all()
+
+
+@pytest.mark.parametrize(("name", "sut"), [("cut_in_highway", "sumo"), ("r157_cut_in", "cas")])
+def test_what_is_no_faster_than_runs_is_refused(name: str, sut: str) -> None:
+    scenario = LIBRARY / f"{name}.xosc"
+    with pytest.raises(Unsupported):
+        ArrayPlays(scenario, Space.of(scenario), settings(sut), "ad-rss")
