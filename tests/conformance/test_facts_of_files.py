@@ -427,3 +427,25 @@ def test_a_left_hand_route_changes_lanes(tmp_path: Path) -> None:
     )
     ego = track(runner.run(path, sut=None, world="kinematic", timestep=0.05), "Ego")
     assert int(ego["lane_id"][abs(ego["s"] - 599.0).argmin()]) == 2
+
+
+@pytest.mark.parametrize(("lead", "ego"), [(300.0, 380.0), (390.0, 30.0), (60.0, 20.0)])
+def test_a_synchronisation_on_a_ring_looks_ahead(lead: float, ego: float, tmp_path: Path) -> None:
+    """Ego begins at s = 20 m or, over the end, at 380 m; Lead is at its place 40 to 300 m ahead."""
+    ring(tmp_path)
+    own = 380.0 if ego < lead else 20.0
+    action = (
+        '<PrivateAction><SynchronizeAction masterEntityRef="Lead"><TargetPositionMaster>'
+        f"{lane_position(-2, lead)}</TargetPositionMaster><TargetPosition>{lane_position(-1, ego)}"
+        "</TargetPosition></SynchronizeAction></PrivateAction>"
+    )
+    init = start("Ego", lane_position(-1, own), 20) + start(
+        "Lead", lane_position(-2, lead - 50), 10
+    )
+    result = play(tmp_path, init, story("Ego", [(0.0, action)]))
+    ended = [
+        e.time for e in result.events if e.kind == "endTransition" and e.subject.endswith("action0")
+    ]
+    assert len(ended) == 1 and ended[0] > 4.0
+    at_goal = track(result, "Ego")["s"][abs(track(result, "Ego")["time"] - ended[0]).argmin()]
+    assert abs(at_goal - ego) < 5.0

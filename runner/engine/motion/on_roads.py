@@ -312,6 +312,10 @@ class LaneMotion:
             if entity.controls.route is not None
             else None
         )
+        if distance is None and here.road_id == there.road_id:
+            ahead = entity.direction * (there.s - here.s)
+            # on a closed road what lies ahead is not behind, however far it is
+            distance = ahead if (ahead >= 0.0) == (entity.speed >= 0.0) else None
         if distance is None:
             relative = self.network.relative(here, there)
             distance = entity.direction * relative.ds if relative is not None else None

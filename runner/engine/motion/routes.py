@@ -155,6 +155,8 @@ class AssignedRoute:
         self._cell: LaneCell | None = None
         self._known: tuple[str, bool, int, bool] | None = None
         """road, direction, lane and release for which the present lane is known to be right up to the end of the cell"""
+        self._beyond: tuple[tuple[str, bool], float] | None = None
+        """road and direction that the plan says nothing of, and the s from which on it does not"""
         self._leg = 0
         self._back: RoadPath | None = None
         self._through = False
@@ -206,7 +208,7 @@ class AssignedRoute:
 
     def enter(self, road_id: str, forward: bool) -> None:
         """Remember the leg, and say once where the route is left."""
-        index = self._find(road_id, forward)
+        index, self._beyond = self._find(road_id, forward), None
         if index is not None:
             self._leg = index
         elif not (self._left or self._through):
@@ -221,6 +223,10 @@ class AssignedRoute:
         now, cell = (road.id, forward, lane, self.released), self._cell
         if now == self._known and cell is not None and (s < cell.end if forward else s > cell.end):
             return lane, math.inf
+        if cell is None and self._beyond is not None:
+            where, since = self._beyond
+            if where == now[:2] and (s >= since if forward else s <= since):
+                return lane, math.inf
         index = self._find(road.id, forward)
         on = index is not None and self.path.legs[index].road_id == road.id
         found = plan.cell(index, s) if index is not None and on else None
@@ -229,6 +235,7 @@ class AssignedRoute:
             self._cell = found
         if index is None or found is None:
             self._known = None
+            self._beyond = (road.id, forward), s
             return lane, math.inf
         wanted = plan.lane(index, s, lane, self.released)
         self._known = now if wanted == lane else None
