@@ -115,3 +115,22 @@ def test_a_route_that_leads_where_the_car_does_not_drive_is_a_remark(
     )
     found = complaints(runner.run(path, sut=None, world="kinematic", timestep=0.05))
     assert any(said in text for text in found) if said else found == []
+
+
+def test_a_new_route_turns_a_lane_change_back(tmp_path: Path) -> None:
+    """Half way to lane -2 the car is asked to be in lane -1 40 m further on."""
+    there = [(0.0, acquire(waypoint(1, -2, 250))), (3.0, acquire(waypoint(1, -1, 200)))]
+    path = scenario(
+        tmp_path,
+        entities=[car("Ego")],
+        init=place("Ego", 100, 10),
+        stories=story(
+            "Ego", [(time, f"<PrivateAction>{body}</PrivateAction>") for time, body in there]
+        ),
+        stop=14.0,
+    )
+    result = runner.run(path, sut=None, world="kinematic", timestep=0.05)
+    ego = track(result, "Ego")
+    assert ego["t"].min() < -2.2 and ego["t"].min() > -5.0
+    assert float(ego["t"][abs(ego["s"] - 200.0).argmin()]) == pytest.approx(-1.75, abs=0.1)
+    assert not result.remarks

@@ -312,6 +312,15 @@ class Easing:
         """Whether it is there."""
         return self._way >= self.length
 
+    @property
+    def inclination(self) -> float:
+        """Way to the left for each metre, where it is now."""
+        part = self._way / self.length
+        rest = 1.0 - part
+        return (
+            self.slope * rest * (rest - 2.0 * part) - 6.0 * self._aside * part * rest / self.length
+        )
+
     def advance(self, distance: float) -> float:
         """Return the value a distance (m, ≥ 0) further on."""
         self._way = min(self._way + distance, self.length)

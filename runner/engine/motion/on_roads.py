@@ -169,20 +169,24 @@ class LaneMotion:
         return speed
 
     def _change(self, entity: Entity, route: Guide, speed: float) -> None:
-        """Begin to change to the lane of a route, unless something moves the entity sideways already.
+        """Begin to change to the lane of a route, unless an action moves the entity sideways.
 
+        A change under way is left where the route wishes for another lane meanwhile.
         A controller of the scenario that is activated and not run would steer: the lane is its own.
         """
         controls = entity.controls
         lane, room = route.lane(entity, (entity.direction > 0) == (speed > 0.0))
-        busy = controls.target_offset is not None or controls.easing is not None
+        busy = controls.target_offset is not None
         led = LATERAL in controls.owners or (controls.activated and controls.driver is None)
         if lane == entity.kept_lane or busy or led or entity.section is None:
             return
-        place, lanes = entity.kept_offset, entity.section.lanes
+        lanes, under_way = entity.section.lanes, controls.easing
         shift = lanes[lane].center(entity.s) - lanes[entity.kept_lane].center(entity.s)
         side = entity.direction
-        easing = Easing(place * side, (place - shift) * side, 0.0, speed, room)
+        left, place, slope = (entity.kept_offset - shift) * side, entity.kept_offset * side, 0.0
+        if under_way is not None:
+            place, slope = under_way.place, under_way.inclination
+        easing = Easing(place, left, slope, speed, room)
         if route.waits(entity, lane, easing.length):
             return
         entity.kept_lane = lane
