@@ -449,3 +449,10 @@ def test_a_synchronisation_on_a_ring_looks_ahead(lead: float, ego: float, tmp_pa
     assert len(ended) == 1 and ended[0] > 4.0
     at_goal = track(result, "Ego")["s"][abs(track(result, "Ego")["time"] - ended[0]).argmin()]
     assert abs(at_goal - ego) < 5.0
+
+
+@pytest.mark.parametrize("lane", [0, -1])
+def test_a_place_on_the_centre_lane_is_a_remark(lane: int, tmp_path: Path) -> None:
+    path = scenario(tmp_path, entities=[car("Ego")], init=place("Ego", 100, 10, lane), stop=1.0)
+    result = runner.run(path, sut=None, world="kinematic", timestep=0.1)
+    assert any("is the centre lane" in remark for remark in result.remarks) == (lane == 0)

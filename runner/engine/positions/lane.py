@@ -125,6 +125,11 @@ class LanePosition(FixedPosition):
                 node, LANE_UID, f"{error.message}; the lane of the permanent layer is assumed"
             )
         found.permanent = permanent
+        if lane_id == 0:
+            text = (
+                "laneId='0' is the centre lane, which has no width: the place is where lanes meet"
+            )
+            context.remarks.note(node.remark(LANE_UID, text))
         return found
 
     def resolve(self, run: Surroundings | None, actor: Entity | None = None) -> Placement:
