@@ -70,6 +70,8 @@ _REPLAYED = 30, 300
 """Least and most replays of recorded units that a density is measured by; without a twin; between them a tenth of the budget"""
 _PLAYED, _MOST_PLAYED = 33, 10_000
 """Replays, and draws, that a twin plays to measure a density for each run of the budget, and how many at most"""
+_SCREENED = 500
+"""Least budget of a search whose runs are chosen by plays in arrays: these take longer than fewer runs"""
 _DRAWN = 30, 0.25
 """Least number of unguided draws, and share of the budget that they are where that is more; never more than half of the budget"""
 
@@ -190,6 +192,8 @@ def generate(
         gate = _gate(scenario, space, source, unseen, out, settings)
         # Search: spend the rest of the budget
         twin = _twin(scenario, space, settings)
+        if isinstance(twin, ArrayPlays) and settings.budget < _SCREENED:
+            twin = None
         screen, references = (
             (Counting(twin), twin.together([*REFERENCES.values()]))
             if twin is not None
