@@ -21,6 +21,8 @@ from runner.judging.settings import RunSettings
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import Unsupported
 
+_BLOCK = 4096
+"""Points that are played at a time: episodes are short, and more at a time cost less each"""
 _TRIED = 16
 """Points that are played to see whether a scenario plays in arrays"""
 _UNTESTED = "it did not test what the file describes"
@@ -69,7 +71,7 @@ class ArrayPlays:
         columns |= {name: columns[name].astype(object) for name in ("status", "error", "side")}
         known = np.zeros(len(sets), bool)
         for structure in structures(self._scenario, sets, asked) if sets else ():
-            for block in play(structure, asked):
+            for block in play(structure, asked, _BLOCK):
                 done = block.outcomes.outcome != OPEN
                 rows = block.members[done]
                 known[rows] = True

@@ -199,15 +199,18 @@ def obstacle(path: Path, settings: RunSettings, sets: Sets = ({},), *, fast: boo
     return ""
 
 
-def play(structure: CompiledSets, settings: RunSettings) -> Iterator[PlayedRow]:
+def play(structure: CompiledSets, settings: RunSettings, block: int = BLOCK) -> Iterator[PlayedRow]:
     """Play the sets of a structure, a block at a time.
+
+    Args:
+        block: sets that are played at a time.
 
     Raises:
         NotInArrays: an element, the system under test or a setting plays in single runs only.
     """
     count = len(structure.members)
-    for start in range(0, count, BLOCK):
-        chosen = slice(start, start + BLOCK)
+    for start in range(0, count, block):
+        chosen = slice(start, start + block)
         with _run(structure, structure.places[chosen], settings) as (run, judge):
             run.play()
         yield PlayedRow(structure.members[chosen], judge.outcomes(run))
