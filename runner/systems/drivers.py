@@ -155,6 +155,10 @@ _UNLIKE = 1.0
 """Difference (m/s) of a pose's speed and that of the displacement above which they contradict each other"""
 
 
+_HARDEST = 2.0 * _GRAVITY
+"""Change of speed (m/s²), beside `_UNLIKE`, that no vehicle exceeds between two poses"""
+
+
 class WorldDriver(EgoDriver):
     """Lets the world's own driver drive the ego where the scenario leaves it free.
 
@@ -296,6 +300,9 @@ class SystemDriver(EgoDriver):
             elif not min(before, now) - _UNLIKE <= moved <= max(before, now) + _UNLIKE:
                 told = f"is put {moved * dt:.2f} m further at {run.time + dt:.2f} s, at a speed of {speed:.2f} m/s"
                 self.implausible = f"{ego.name} {told}"
+            elif abs(speed - ego.speed) > _UNLIKE + _HARDEST * dt:
+                told = f"{ego.speed:.2f} to {speed:.2f} m/s within a step at {run.time + dt:.2f} s"
+                self.implausible = f"{ego.name} changes its speed from {told}"
             if self.implausible:
                 run.note("implausiblePose", ego.name, f"{self.implausible}: no vehicle moves so")
         return Decision(speed, pose=pose)

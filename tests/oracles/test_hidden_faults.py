@@ -685,6 +685,18 @@ def test_an_attempt_gets_its_exit_code(
         assert (answer.out + answer.err).strip(), "an exit code without a word"
 
 
+@pytest.mark.parametrize("timestep", [0.01, 0.05, 0.1])
+@pytest.mark.parametrize("way", [0.0, 0.001])
+def test_an_ego_that_its_system_freezes_is_no_pass(
+    timestep: float, way: float, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ego = "observation.ego"
+    path = answering(f"Pose({ego}.x + {way}, {ego}.y, {ego}.h)")(tmp_path)
+    options = ("--world", "kinematic", "--timestep", timestep, "--max-time", 2)
+    assert command("xosc-run", path, "--sut", OWN, *options).code == INCONCLUSIVE
+
+
 # attempts of several steps -------------------------------------------------------------------------
 
 
