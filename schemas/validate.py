@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from lxml import etree
 
-from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError, similar
 from schemas.common.xml import local_name
 from schemas.versions.registry import Schema
 
@@ -140,7 +140,8 @@ def _unexpected(child: etree._Element, error: Any) -> str:
         }
     )
     expected = f"; expected is {' or '.join(names)}" if names else ""
-    return f"the element {local_name(child)} is not expected here{expected}"
+    guess = similar(local_name(child), names)
+    return f"the element {local_name(child)} is not expected here{expected}{guess and f'; {guess}'}"
 
 
 def _expected_value(explainer: Any, error: Any) -> str | None:

@@ -24,7 +24,7 @@ from generation.space.density.base import Density
 from generation.space.density.prior import Prior, fitted, held_out
 from generation.space.space import Space
 from schemas.common.array_types import BoolArray, FloatArray
-from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.errors import InvalidFile, UsageError, guess
 from schemas.common.storage import Records, writing
 
 COLLISION, SAFE, RISK = 0.25, -0.1, 0.2
@@ -230,7 +230,9 @@ def method(name: str, methods: Mapping[str, Method] | None = None) -> Search:
     """
     methods = offered() if methods is None else methods
     if name not in methods:
-        raise UsageError(f"there is no search method {name!r}; methods: {', '.join(methods)}")
+        raise UsageError(
+            f"there is no search method {name!r}; {guess(name, methods)}methods: {', '.join(methods)}"
+        )
     search: Search = getattr(import_module(methods[name].module), name.replace("-", "_"))
     return search
 

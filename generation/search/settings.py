@@ -12,7 +12,7 @@ from generation.search.methods import offered
 from generation.space.density.models import JUDGE, UNIFORM, models
 from generation.space.density.roles import ROLES
 from runner.judging.settings import RunSettings
-from schemas.common.errors import UsageError
+from schemas.common.errors import UsageError, guess
 from schemas.common.terminal.options import option, part
 
 if TYPE_CHECKING:
@@ -27,7 +27,9 @@ _METHODS = tuple(offered())
 def _offered(name: str) -> str:
     """A wrong name is better known before anything else is asked for."""
     if name not in _METHODS:
-        raise UsageError(f"there is no search method {name!r}; methods: {', '.join(_METHODS)}")
+        raise UsageError(
+            f"there is no search method {name!r}; {guess(name, _METHODS)}methods: {', '.join(_METHODS)}"
+        )
     return name
 
 

@@ -45,7 +45,7 @@ from runner.systems.base import (
     arguments,
     split,
 )
-from schemas.common.errors import ToolchainError, UsageError, blame, similar
+from schemas.common.errors import ToolchainError, UsageError, blame, guess
 from schemas.common.packages import described, from_working_folder, import_file, installed, missing
 from schemas.common.policy import current
 
@@ -285,8 +285,8 @@ def _entry(name: str) -> _Entry | None:
         return _Entry(match[1], match[2])
     names = sorted({*_own(), *_installed(), "none"})
     hint = "; arguments follow a second colon: module:Class:NAME=VALUE" if ":" in name else ""
-    guess = f"{question} " if (question := similar(name, names)) else ""
-    told = f"no system under test is called {name!r}; {guess}there are {', '.join(names)}, and module:Class or FILE.py:Class{hint}"
+    told = f"no system under test is called {name!r}; {guess(name, names)}there are "
+    told += f"{', '.join(names)}, and module:Class or FILE.py:Class{hint}"
     raise UsageError(told)
 
 

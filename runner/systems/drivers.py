@@ -52,7 +52,7 @@ from runner.systems.base import (
     plain,
     seen,
 )
-from schemas.common.errors import ToolchainError, UsageError, blame
+from schemas.common.errors import ToolchainError, UsageError, blame, nearest
 from schemas.expressions.columns import NotInArrays
 from xosc.document.node import EGO_NAME
 
@@ -82,7 +82,7 @@ def find_ego(scenario: Scenario, name: str | None) -> Entity | None:
     if name is not None:
         if name not in scenario.entities:
             raise UsageError(
-                f"no entity is called {name!r}; there are {', '.join(scenario.entities)}",
+                f"no entity is called {name!r}; {nearest(name, scenario.entities)}",
                 path=scenario.path,
             )
         return scenario.entities[name]

@@ -221,6 +221,12 @@ def similar(name: str, names: Iterable[str]) -> str:
     return f"did you mean {found[0]!r}?" if found else ""
 
 
+def guess(name: str, names: Iterable[str]) -> str:
+    """Return the question for the most similar of `names`, with a blank after it; empty where none is."""
+    question = similar(name, names)
+    return question and f"{question} "
+
+
 def nearest(name: str, names: Iterable[str]) -> str:
     """Return the hint for an unknown name: the most similar of `names`, or all of them."""
     names = [each for each in names if each]

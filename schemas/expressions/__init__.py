@@ -21,12 +21,12 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
-from schemas.common.errors import ExitCode, ToolchainError
+from schemas.common.errors import ExitCode, ToolchainError, similar
 from schemas.expressions.values import quoted
 
 # vocabulary: values, functions, constants, operators --------------------------------------------
@@ -40,6 +40,21 @@ FIRST_VERSION = (1, 1)
 EXACT_INTEGERS = 2**53
 """A double holds all integers below it exactly."""
 LARGEST = sys.float_info.max
+
+
+class UnknownParameter(KeyError):
+    """A name that no parameter has; its text has the most similar one.
+
+    Args:
+        name: as it was written. known: names of parameters.
+    """
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        super().__init__(name)
+        self._text = "; ".join(filter(None, (repr(name), similar(name, known))))
+
+    def __str__(self) -> str:
+        return self._text
 
 
 class ExpressionError(ToolchainError):
@@ -419,8 +434,8 @@ def substitute(text: str, lookup: Lookup) -> str:
     if reference:
         try:
             return literal(lookup(reference[1]))
-        except KeyError:
-            raise ExpressionError(f"there is no parameter {reference[1]!r}") from None
+        except KeyError as error:
+            raise ExpressionError(f"there is no parameter {error}") from None
     return literal(evaluate(text, lookup)) if is_expression(text) else text
 
 

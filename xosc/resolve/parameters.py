@@ -17,6 +17,7 @@ from schemas.common.remarks import Remark, Remarks
 from schemas.common.xml import canonical
 from schemas.expressions import (
     ExpressionError,
+    UnknownParameter,
     evaluate,
     is_expression,
     is_wellformed,
@@ -228,6 +229,8 @@ class ParameterScope:
 
     def _operand(self, name: str) -> float | int | bool | str:
         """Return the operand of an expression for a parameter; numeric text counts as a number."""
+        if name not in self._visible:
+            raise UnknownParameter(name, self._visible)
         parameter = self._visible[name]
         if isinstance(parameter.value, str):
             try:

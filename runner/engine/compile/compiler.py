@@ -38,6 +38,7 @@ from runner.engine.storyboard.storyboard import (
 from runner.engine.storyboard.triggers import OneShotCondition, TimedCondition, Trigger
 from runner.engine.worlds.surroundings import TrafficSignals
 from schemas.checks.structure import SCHEMA_UID
+from schemas.common.errors import nearest
 from schemas.common.remarks import Remark, Remarks, with_ignored
 from schemas.expressions.columns import is_reading
 from schemas.expressions.values import MARK
@@ -189,7 +190,8 @@ class ScenarioContext:
         if name in self.selections:
             return self.selections[name]
         raise node.invalid(
-            f"{attribute}={name!r} is neither an entity nor an entity selection of this scenario"
+            f"{attribute}={name!r} is neither an entity nor an entity selection of this scenario; "
+            + nearest(name, (*self.declared, *self.selections))
         )
 
     def entity(self, node: Node, attribute: str = "entityRef") -> Entity:

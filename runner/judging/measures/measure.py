@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
-from schemas.common.errors import UsageError
+from schemas.common.errors import UsageError, guess
 from schemas.common.packages import load, plugins
 from schemas.common.policy import current
 
@@ -217,6 +217,12 @@ class Facts(NamedTuple):
     end_time: float
 
 
+def _guess(text: str) -> str:
+    """Question for the most similar measure or event to that of a limit, with a blank after it."""
+    name = re.split(r"[<>=\s]", text.strip(), maxsplit=1)[0]
+    return guess(name, (*UNITS, *units(), *EVENTS))
+
+
 @dataclass(frozen=True)
 class Limit:
     """A limit of a measure, or an event.
@@ -252,7 +258,8 @@ class Limit:
         match = _FORM.fullmatch(text)
         if match is None or match[1] not in (UNITS | units() if match[2] else EVENTS):
             raise UsageError(
-                f"--fail-if {text!r}: a measure with a limit is expected, such as min_ttc<1 (of {', '.join(UNITS | units())}), "
+                f"--fail-if {text!r}: {_guess(text)}a measure with a limit is expected, such as min_ttc<1 "
+                f"(of {', '.join(UNITS | units())}), "
                 f"or one of {', '.join(EVENTS)}, or with --against {NEW_FAILURE}"
             )
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from schemas.common.errors import UsageError
+from schemas.common.errors import UsageError, guess
 from schemas.common.packages import described
 
 if TYPE_CHECKING:
@@ -64,6 +64,8 @@ def model(name: str) -> Density:
     """
     found = models()
     if name not in found:
-        raise UsageError(f"there is no density {name!r}; densities: {', '.join(found)}")
+        raise UsageError(
+            f"there is no density {name!r}; {guess(name, found)}densities: {', '.join(found)}"
+        )
     new: Density = getattr(import_module(found[name].module), found[name].name)()
     return new
