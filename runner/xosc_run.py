@@ -122,9 +122,10 @@ def _outcomes(
 ) -> Generator[Outcome]:
     """Return the outcomes of jobs, which are run, or only rehearsed, and tell what arrays leave out."""
     from runner.batch.batch import run_batch
-    from runner.view.rehearsal import rehearse_batch
 
     if batch.dry_run:
+        from runner.view.rehearsal import rehearse_batch
+
         return rehearse_batch(chosen, settings, batch.jobs)
     together = None
     if batch.in_arrays:

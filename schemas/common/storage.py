@@ -17,8 +17,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from filelock import FileLock, Timeout
-
 from schemas.common.errors import InvalidFile, NotWritten, UsageError
 from schemas.common.policy import current
 
@@ -457,6 +455,8 @@ def alone(folder: Path, what: str) -> Iterator[None]:
     Raises:
         UsageError: another process does it, or the folder can't be written into.
     """
+    from filelock import FileLock, Timeout  # a twentieth of what a plain run imports
+
     with writing("the folder", folder):
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(folder / LOCK, timeout=_ENDING)
