@@ -17,7 +17,7 @@ from pathlib import Path
 from lxml import etree
 
 from schemas import check
-from schemas.common.terminal.command_line import expand
+from schemas.common.terminal.files import expand
 from schemas.common.xml import parse
 from schemas.validate import violations
 from schemas.versions.registry import Schema, detect, schema_for

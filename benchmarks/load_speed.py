@@ -17,7 +17,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from schemas.common.terminal.command_line import expand
+from schemas.common.terminal.files import expand
 
 HERE = Path(__file__).parents[1]
 WARM = (

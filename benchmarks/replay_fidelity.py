@@ -23,7 +23,8 @@ from recognition.catalogue import pipeline, recordings
 from recognition.labels import Rules
 from schemas import check_many
 from schemas.common.array_types import FloatArray
-from schemas.common.terminal.command_line import expand, progress_bar
+from schemas.common.terminal.command_line import progress_bar
+from schemas.common.terminal.files import expand
 from studies.recognition import fidelity
 
 _PHYSICS = 9.5

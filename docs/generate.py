@@ -17,7 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from textwrap import dedent
 from types import FunctionType, ModuleType
-from typing import Any, ForwardRef
+from typing import Any, ForwardRef, is_typeddict
 
 import typer
 from typer.cli import get_docs_for_click
@@ -346,6 +346,8 @@ def _signature(name: str, value: Any) -> str:
     ):
         members = [each.name for each in value] if issubclass(value, enum.Enum) else []
         return f"{name}: {', '.join(members)}" if members else name
+    if is_typeddict(value):
+        return f"{name}(TypedDict)"
     found = inspect.signature(value)
     parameters = [
         each.replace(annotation=_bare(each.annotation), default=_default(each.default))

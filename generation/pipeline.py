@@ -36,6 +36,7 @@ from generation.search.outcomes import (
     agrees,
     choose,
     remembering,
+    write_episodes,
 )
 from generation.search.plays import ArrayPlays
 from generation.search.problem import (
@@ -204,12 +205,14 @@ def generate(
 
         def made(history: History, ended: bool = True, cut: bool = False) -> Generated:
             """Judge: estimate the rate of failures, choose edge cases among all runs that are kept, and write them."""
-            every = Episodes.joined([runs.episodes(reward), draws.episodes(reward)])
+            sought, drawings = runs.episodes(reward), draws.episodes(reward)
+            every = Episodes.joined([sought, drawings])
             estimated = settings.estimate and ended
             rate = (
                 _estimate(problem, source, more, evaluator, every, settings) if estimated else None
             )
-            every = Episodes.joined([every, more.episodes(reward)])
+            estimates = more.episodes(reward)
+            every = Episodes.joined([every, estimates])
             cases = choose(space, every, judged, drivers, settings.choice, found, references)
             files = _write(scenario, space, out, settings, cases, reward.realism.density, rate)
             generated = Generated(
@@ -219,6 +222,7 @@ def generate(
                 plays=screen.played if screen is not None else 0, draws=unseen, domain=domain, cut=cut,
             )  # fmt: skip
             write_object(summary(scenario, generated, settings), out / summary_file(scenario))
+            write_episodes(space, {"sought": sought, "drawn": drawings, "estimate": estimates}, out)
             return generated
 
         course = _Course(

@@ -27,6 +27,7 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
+from schemas.common.terminal.files import named
 from schemas.common.terminal.options import with_settings
 from schemas.common.terminal.text import many
 
@@ -69,7 +70,7 @@ def xosc_generate(
         Path,
         typer.Argument(
             metavar="SCENARIO_OR_CATALOGUE",
-            help="A scenario, a variation file, or a catalogue's folder.",
+            help="A scenario, a variation file, a shipped one's name, or a catalogue's folder.",
         ),
     ],
     out: Annotated[
@@ -105,6 +106,7 @@ def xosc_generate(
     and are fixed or still there; failures found now that are unlike them are played with the former
     version, and are new where it survives.
     """
+    source = named(source)
     from generation.estimation.estimate import RUNS
     from generation.search.problem import method as search_of
 

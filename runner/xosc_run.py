@@ -53,7 +53,7 @@ Files = Annotated[
     READ,
     typer.Argument(
         metavar="PATH...",
-        help="Scenarios, and distributions: every parameter set is run; folders, globs.",
+        help="Scenarios, and distributions: every parameter set is run; folders, globs, names of shipped ones.",
     ),
 ]
 

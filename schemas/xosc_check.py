@@ -11,8 +11,9 @@ from typing import Annotated, Literal
 import typer
 
 from schemas.checks import LEVELS, Problem
-from schemas.common.errors import ExitCode, UsageError, exit_codes
+from schemas.common.errors import ExitCode, InvalidFile, UsageError, exit_codes
 from schemas.common.packages import offered
+from schemas.common.storage import MAX_BYTES
 from schemas.common.terminal.command_line import (
     CatalogPath,
     RoadPath,
@@ -41,6 +42,9 @@ _EPILOG = exit_codes(
 _TRIAGED = ("text", "json", "html")
 """Formats of --triage"""
 
+_PIPE, _HEAD = "-", 4096
+"""Name of standard input, and the bytes of a file that show its standard"""
+
 app = new_app()
 
 
@@ -60,7 +64,10 @@ def xosc_check(
     paths: Annotated[
         list[str],
         READ,
-        typer.Argument(metavar="PATH...", help="Files, folders (with all below them) and globs."),
+        typer.Argument(
+            metavar="PATH...",
+            help="Files, folders with all below, globs, names of shipped scenarios; - is standard input.",
+        ),
     ],
     format: Annotated[
         Literal["text", "json", "junit", "xqar", "sarif", "html"],
@@ -97,10 +104,14 @@ def xosc_check(
     _version: Version = False,
 ) -> None:
     """Check OpenSCENARIO and OpenDRIVE files against the official schemas and semantic rules, OSI traces against OSI's rules."""
-    from schemas.common.terminal.command_line import expand
+    from schemas.checks.checker import check_many
+    from schemas.common.terminal.files import expand
 
-    files = expand(paths)
-    missing = any(not os.path.lexists(path) for path in files)
+    piped = _piped() if _PIPE in paths else {}
+    if piped and triage:
+        raise UsageError("--triage plays files, and standard input is none")
+    files = [*expand(path for path in paths if path != _PIPE), *piped]
+    missing = any(not os.path.lexists(path) for path in files if path not in piped)
     if triage != (format in _TRIAGED) and format not in ("text", "json"):
         raise UsageError(f"--format {format} is {'not ' * triage}of --triage")
     if triage:
@@ -108,9 +119,8 @@ def xosc_check(
         raise typer.Exit(
             ExitCode.INVALID if missing else ExitCode.FINDING if some else ExitCode.PASSED
         )
-    results = _check(
-        files, catalog_path or (), road_path or (), progress=not quiet and sys.stderr.isatty()
-    )
+    checked = check_many(files, catalog_path or (), road_path or (), piped)
+    results = _progressing(checked, len(files), shown=not quiet and sys.stderr.isatty())
     refused = {"error", "warning"} if strict else {"error"}
     failed = any(problem.level in refused for _, problems in results for problem in problems)
     reported = LEVELS[: LEVELS.index(severity) + 1]
@@ -153,18 +163,29 @@ def _triaged(
     return any(file.group == module.REFUSED for file in found)
 
 
-def _check(
-    paths: Sequence[Path], catalog_path: Sequence[str], road_path: Sequence[str], progress: bool
-) -> list[tuple[Path, list[Problem]]]:
-    from schemas.checks.checker import check_many
+def _piped() -> dict[Path, bytes]:
+    """Content of standard input, by a name that says its standard.
 
-    checked: Iterable[tuple[Path, list[Problem]]] = check_many(paths, catalog_path, road_path)
-    if progress:
+    Raises:
+        InvalidFile: it is larger than a file may be.
+    """
+    content = sys.stdin.buffer.read(MAX_BYTES + 1)
+    name = Path("stdin.xodr" if b"<OpenDRIVE" in content[:_HEAD] else "stdin.xosc")
+    if len(content) > MAX_BYTES:
+        raise InvalidFile(f"at most {MAX_BYTES} bytes are read", path=name)
+    return {name: content}
+
+
+def _progressing(
+    checked: Iterable[tuple[Path, list[Problem]]], total: int, shown: bool
+) -> list[tuple[Path, list[Problem]]]:
+    """Return all results, with a bar while they are made."""
+    if shown:
         from rich.console import Console
         from rich.progress import track
 
         checked = track(
-            checked, "checking", total=len(paths), console=Console(stderr=True), transient=True
+            checked, "checking", total=total, console=Console(stderr=True), transient=True
         )
     return list(checked)
 

@@ -11,18 +11,22 @@ from tests.commands import Command
 
 LIBRARY = Path(__file__).parents[1] / "xosc" / "library"
 NAME = "highway_lead_brake"
-FILE = str(LIBRARY / f"{NAME}.xosc")
 
 
 @pytest.mark.parametrize(
     ("arguments", "meant"),
     [
-        (("xosc-run", FILE, "--sut", "adsa"), "adas"),
-        (("xosc-run", FILE, "--fail-if", "min_tcc<1"), "min_ttc"),
-        (("xosc-run", FILE, "--ego", "Ego1"), "Ego"),
-        (("xosc-run", FILE, "-p", "Lead_Deceleration=1"), "Lead_Deceleration_mps2"),
-        (("xosc-run", FILE, "--suut", "adas"), None),
-        (("xosc-generate", FILE, "--out", "out", "--method", "mcgs"), "mcsg"),
+        (("xosc-run", NAME, "--sut", "adsa"), "adas"),
+        (("xosc-run", NAME, "--world", "kinematc"), "kinematic"),
+        (("xosc-run", NAME, "--fail-if", "min_tcc<1"), "min_ttc"),
+        (("xosc-run", NAME, "--ego", "Ego1"), "Ego"),
+        (("xosc-run", NAME, "-p", "Lead_Deceleration=1"), "Lead_Deceleration_mps2"),
+        (("xosc-run", NAME, "--suut", "adas"), None),
+        (("xosc-export", NAME, "--to", "cralo", "--out", "out"), "carla"),
+        (("xosc-list", "--class", "highway cutin"), "highway cut in"),
+        (("xosc-list", "--tag", "Clas"), "Class"),
+        (("xosc-generate", NAME, "--out", "out", "--method", "mcgs"), "mcsg"),
+        (("xosc", "rnu"), "run"),
     ],
 )
 def test_options(
@@ -61,3 +65,9 @@ def test_elements(tmp_path: Path, command: Command) -> None:
     text = (LIBRARY / f"{NAME}.xosc").read_text(encoding="utf-8")
     (tmp_path / "wrong.xosc").write_text(text.replace("SpeedAction>", "SpedAction>"))
     assert "did you mean 'SpeedAction'?" in command("xosc-check", str(tmp_path / "wrong.xosc")).out
+
+
+@pytest.mark.parametrize("call", [xt.run, xt.prepare, xt.Session])
+def test_settings_in_python(call) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(xt.ToolchainError, match="there is no setting 'sutt'; did you mean 'sut'"):
+        call(NAME, sutt="adas")

@@ -1,13 +1,20 @@
-"""Template of a package that extends the toolchain by entry points; `xosc new plugin NAME` writes it."""
+"""Templates that `xosc new` writes: packages that extend the toolchain, projects, scenarios and variations."""
 
 from __future__ import annotations
 
 import keyword
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
+from runner.exchange.exports import TARGETS
+from runner.exchange.exports.exporting import export_documents
 from schemas.common.errors import UsageError
 from schemas.common.storage import keep, writing
+from schemas.common.terminal.files import LIBRARY, shipped
+from schemas.common.terminal.files import named as file_of
+from xosc.exports.draft import Folder
+from xosc_toolchain.settings import write_settings
 
 _PROJECT = """\
 [build-system]
@@ -123,3 +130,69 @@ def write_plugin(name: str, folder: Path) -> list[Path]:
             keep(template.format(name=name).encode(), file)
             written.append(file)
     return written
+
+
+# scenarios, variations and projects: copies of shipped ones -------------------------------------
+
+_STANDARD = "1.3"
+"""Version of OpenSCENARIO of new files"""
+_NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
+
+
+class _Renaming(Folder):
+    """A folder in which one file gets another name.
+
+    Args:
+        path: the folder. old, new: names of the file.
+    """
+
+    def __init__(self, path: Path, old: str, new: str) -> None:
+        super().__init__(path)
+        self._old, self._new, self.written = old, new, list[Path]()
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file; errors as of `Folder.write`."""
+        name = self._new if name == self._old else name
+        super().write(name, content)
+        self.written.append(self.path / name)
+
+
+def write_scenario(name: str, like: str, folder: Path) -> list[Path]:
+    """Write a scenario or variation file that begins as a shipped one, with its road and catalogues.
+
+    Args:
+        name: of the new file, without an ending.
+        like: name of the shipped one.
+
+    Raises:
+        UsageError: the name is none of a file, or a file is in the way.
+        InvalidFile: no such scenario is shipped.
+    """
+    if not _NAME.fullmatch(name):
+        raise UsageError(f"{name!r} is no name: letters, digits, _, - and . are")
+    source, new = LIBRARY / f"{like}.xosc", f"{name.removesuffix('.xosc')}.xosc"
+    if like not in shipped():
+        source = file_of(Path(like))  # refuses it, with the most similar name
+    if (folder / new).exists():
+        raise UsageError("this file is there already", path=folder / new)
+    made = _Renaming(folder, source.name, new)
+    for exported in export_documents([source], TARGETS[_STANDARD], made):
+        if exported.exit_code:
+            raise UsageError("; ".join(exported.remarks), path=source)
+    return sorted(made.written, key=lambda path: path.name != new)
+
+
+def write_project(name: str, like: str, folder: Path) -> Iterator[Path]:
+    """Write a folder with settings, a scenario and a variation of it; yield the files.
+
+    Args:
+        name: of the folder. like: name of the shipped variation that is in it.
+
+    Raises:
+        UsageError: there is something of that name, or a file can't be written.
+    """
+    root = folder / name
+    if root.exists():
+        raise UsageError("there is something of this name already", path=root)
+    yield write_settings(root)
+    yield from write_scenario(like, like, root / "scenarios")

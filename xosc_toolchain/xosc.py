@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from schemas.common.errors import UsageError, exit_codes
+from schemas.common.errors import UsageError, exit_codes, nearest
 from schemas.common.terminal.command_line import (
     Verbose,
     Version,
@@ -19,6 +19,9 @@ from schemas.common.terminal.command_line import (
     say,
 )
 from xosc_toolchain.start import load
+
+SCENARIO, VARIATION = "highway_lead_brake", "simple_cut_in_variation"
+"""Shipped scenario and variation that new ones begin as"""
 
 NAME = "xosc"
 COMMANDS = {
@@ -46,7 +49,11 @@ class _Commands(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """A command; its module is imported where more than its name is asked for."""
         if cmd_name not in COMMANDS:
-            return super().get_command(ctx, cmd_name)
+            found = super().get_command(ctx, cmd_name)
+            if found is None and not ctx.resilient_parsing:
+                names = self.list_commands(ctx)
+                raise UsageError(f"there is no command {cmd_name!r}; {nearest(cmd_name, names)}")
+            return found
         command = typer.main.get_command(load(f"{NAME}-{cmd_name}").app)
         command.name = cmd_name
         return command
@@ -77,7 +84,7 @@ app.add_typer(new, name="new")
 
 @new.callback()
 def new_of() -> None:
-    """Write a template to begin with."""
+    """Write a project, scenario, variation or plug-in to begin with."""
 
 
 @new.command()
@@ -85,10 +92,50 @@ def plugin(
     name: Annotated[str, typer.Argument(help="Name of the package.")],
     out: Annotated[Path, out_folder("Folder in which the package is written.")] = Path(),
 ) -> None:
-    """Write a package with a measure and an export target, which pip installs beside the toolchain."""
+    """Write a package with a measure and an export target."""
     from xosc_toolchain.plugin import write_plugin
 
     say(*map(str, write_plugin(name, out)))
+
+
+@new.command()
+def scenario(
+    name: Annotated[str, typer.Argument(help="Name of the scenario.")],
+    like: Annotated[
+        str, typer.Option(metavar="NAME", help="Shipped scenario that it begins as (xosc list).")
+    ] = SCENARIO,
+    out: Annotated[Path, out_folder("Folder in which it is written.")] = Path(),
+) -> None:
+    """Write a scenario with its road and catalogue."""
+    from xosc_toolchain.plugin import write_scenario
+
+    say(*map(str, write_scenario(name, like, out)))
+
+
+@new.command()
+def variation(
+    name: Annotated[str, typer.Argument(help="Name of the variation file.")],
+    like: Annotated[
+        str, typer.Option(metavar="NAME", help="Shipped variation that it begins as (xosc list).")
+    ] = VARIATION,
+    out: Annotated[Path, out_folder("Folder in which it is written.")] = Path(),
+) -> None:
+    """Write a variation file with its scenario."""
+    from xosc_toolchain.plugin import write_scenario
+
+    say(*map(str, write_scenario(name, like, out)))
+
+
+@new.command()
+def project(
+    name: Annotated[str, typer.Argument(help="Name of the folder.")],
+    out: Annotated[Path, out_folder("Folder in which it is made.")] = Path(),
+) -> None:
+    """Write a folder with settings (xosc.toml), a scenario and a variation of it."""
+    from xosc_toolchain.plugin import write_project
+
+    say(*map(str, write_project(name, VARIATION, out)))
+    say(f"begin with: cd {out / name} && xosc-run scenarios")
 
 
 @app.command()
@@ -118,7 +165,7 @@ def config(
 
 @app.command()
 def completion(shell: Annotated[str, typer.Argument(help=f"One of {', '.join(SHELLS)}.")]) -> None:
-    """Print the script by which a shell completes all commands.
+    """Print the script by which a shell completes commands.
 
     \b
     bash:        xosc completion bash >> ~/.bashrc

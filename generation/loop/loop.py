@@ -38,7 +38,8 @@ from schemas import check_many
 from schemas.common.array_types import FloatArray
 from schemas.common.errors import UsageError
 from schemas.common.storage import alone, digest
-from schemas.common.terminal.command_line import Bar, files_in
+from schemas.common.terminal.command_line import Bar
+from schemas.common.terminal.files import files_in
 from xosc.distributions.space import Selection
 
 CATALOGUE = "catalogue"

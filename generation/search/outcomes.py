@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from dataclasses import KW_ONLY, asdict, dataclass, field, fields, replace
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -26,7 +27,9 @@ from runner.judging.settings import RunSettings
 from runner.systems.base import Control, Observation, Participant
 from schemas.common.array_types import BoolArray, FloatArray, IntArray
 from schemas.common.policy import limited
+from schemas.common.storage import keep, writing
 from schemas.common.terminal.text import one_line
+from xosc.listing.tables import EPISODES
 
 if TYPE_CHECKING:
     from runner.batch.pool import RayPool
@@ -645,3 +648,44 @@ def _rounded(values: FloatArray) -> list[float]:
     """Values to six decimal digits."""
     found: list[float] = np.round(values, 6).tolist()
     return found
+
+
+# table of all runs of a search ---------------------------------------------------------------
+
+
+def write_episodes(space: Space, parts: Mapping[str, Episodes], out: Path) -> Path:
+    """Write the table into a search's folder; its path.
+
+    Columns: part (a key of `parts`), the parameters by name, those of `Outcomes`, and reward.
+    Infinite values are null.
+
+    Raises:
+        NotWritten: it can't be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    content = BytesIO()
+    tables = [
+        pa.table(_columns(space, name, each)) for name, each in parts.items() if len(each.theta)
+    ]
+    if tables:
+        pq.write_table(pa.concat_tables(tables), content, compression="zstd")
+    path = out / EPISODES
+    with writing("the table of runs", path):
+        if tables:
+            keep(content.getvalue(), path)
+    return path
+
+
+def _columns(space: Space, part: str, episodes: Episodes) -> dict[str, Any]:
+    import pyarrow as pa
+
+    outcomes = {name: np.asarray(values) for name, values in asdict(episodes.outcomes).items()}
+    theta = dict(zip(space.names, episodes.theta.T, strict=True))
+    columns = {"part": np.full(len(episodes.theta), part), **theta, **outcomes}
+    columns["reward"] = np.asarray(episodes.rewards)
+    return {
+        name: pa.array(values, mask=~np.isfinite(values) if values.dtype.kind == "f" else None)
+        for name, values in columns.items()
+    }

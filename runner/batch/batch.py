@@ -435,7 +435,7 @@ def runnable(arguments: Iterable[str]) -> list[Path]:
     Raises:
         UsageError: a folder or glob stands for nothing that can be run.
     """
-    from schemas.common.terminal.command_line import expand
+    from schemas.common.terminal.files import expand
 
     found: dict[Path, None] = {}
     for argument in arguments:

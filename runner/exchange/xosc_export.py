@@ -12,7 +12,7 @@ import typer
 from runner.batch.options import Only, Param, Sample, selection_of
 from runner.exchange.exports import TARGETS, target_lines, target_of
 from runner.judging.settings import RunSettings
-from schemas.common.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest
+from schemas.common.errors import ExitCode, InvalidFile, UsageError, exit_codes, gravest, nearest
 from schemas.common.remarks import told_quietly
 from schemas.common.terminal.command_line import (
     AllowInconclusive,
@@ -58,7 +58,8 @@ def xosc_export(
         list[str],
         READ,
         typer.Argument(
-            metavar="PATH...", help="Scenarios, distributions, catalogues; folders, globs."
+            metavar="PATH...",
+            help="Scenarios, distributions, catalogues; folders, globs, names of shipped ones.",
         ),
     ],
     to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],
@@ -85,7 +86,7 @@ def xosc_export(
 
     target = target_of(to)
     if target is None:
-        raise UsageError(f"there is no target {to!r}, only {', '.join(TARGETS)}")
+        raise UsageError(f"there is no target {to!r}; {nearest(to, TARGETS)} --targets lists all")
     sources = _sources(paths)
     selection = selection_of(only, sample, settings.seed, sources)
     if target.of_run:
@@ -104,7 +105,7 @@ def xosc_export(
 
 def _sources(paths: list[str]) -> list[Path]:
     """The files meant; roads, which are taken along by the scenarios on them, only where they are named themselves."""
-    from schemas.common.terminal.command_line import expand
+    from schemas.common.terminal.files import expand
 
     return [path for path in expand(paths) if path.suffix.lower() != ".xodr" or str(path) in paths]
 

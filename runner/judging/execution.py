@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self, Unpack
 
 from runner.engine.compile.compiler import Scenario, compile_scenario
 from runner.engine.participants.scenario_objects import controller_remarks
@@ -20,7 +20,7 @@ from runner.judging.evidence.least import collect, missing
 from runner.judging.evidence.progress import idleness, untested_remarks
 from runner.judging.evidence.rows import Observed, not_driven
 from runner.judging.result import RunResult
-from runner.judging.settings import RunSettings
+from runner.judging.settings import RunSettings, SettingChanges
 from runner.judging.verdict import (
     apply_limits,
     criteria_remarks,
@@ -33,6 +33,7 @@ from runner.systems.base import RAISED, Control, Observation, Pose, is_finite, p
 from runner.systems.drivers import cruise_speed, driver_of, failed, find_ego, observe
 from runner.systems.kinds.commanded import Commanded
 from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.terminal.files import named
 
 if TYPE_CHECKING:
     from runner.engine.participants.entity import Entity
@@ -68,7 +69,7 @@ def compile_file(
     from runner.engine.compile.road_network import load_roads
 
     document = xosc.resolve(
-        xosc.load(Path(scenario)),
+        xosc.load(named(Path(scenario))),
         parameters,
         enforce_constraints=settings.enforce_constraints,
         strict=settings.strict,
@@ -79,13 +80,6 @@ def compile_file(
     compiled = compile_scenario(document, network, strict=settings.strict)
     criteria = declared(document.node.need("Storyboard"))
     return Compiled(compiled, dict(parameters or {}), criteria)
-
-
-def _chosen(settings: RunSettings | None, changes: Mapping[str, Any]) -> RunSettings:
-    """Return settings, or those of the project, with changes."""
-    if settings is None:
-        return RunSettings.of_project(**changes)
-    return replace(settings, **changes)
 
 
 _AFTER_COLLISION = 1.0
@@ -126,11 +120,11 @@ class Session:
         settings: RunSettings | None = None,
         *,
         parameters: Mapping[str, Argument] | None = None,
-        **changes: Any,
+        **changes: Unpack[SettingChanges],
     ) -> None:
         if settings is None and "sut" not in changes:
-            changes = {"sut": Commanded(), "end_after_collision": False} | changes
-        self.settings = chosen = _chosen(settings, changes)
+            changes = {"sut": Commanded(), "end_after_collision": False, **changes}
+        self.settings = chosen = RunSettings.chosen(settings, changes)
         if isinstance(scenario, Compiled):
             if parameters is not None:
                 raise UsageError(
@@ -367,12 +361,12 @@ def run(
     *,
     parameters: Mapping[str, Argument] | None = None,
     progress: Callable[[float], object] | None = None,
-    **changes: Any,
+    **changes: Unpack[SettingChanges],
 ) -> RunResult:
     """Run a scenario file to its end.
 
     Args:
-        scenario: an OpenSCENARIO file of kind scenario.
+        scenario: an OpenSCENARIO file of kind scenario, or the name of a shipped one.
         settings: how to run it; those of the project (`RunSettings.of_project`) where not given.
         parameters: values of its global parameters.
         progress: called after each step with the simulation time (s).
@@ -389,7 +383,7 @@ def run(
         >>> result.status, result.verdict.outcome
         ('completed', 'passed')
     """
-    chosen = _chosen(settings, changes)
+    chosen = RunSettings.chosen(settings, changes)
     return prepare(scenario, parameters, chosen).run(chosen, progress=progress)
 
 
@@ -449,7 +443,7 @@ class Prepared(Compiled):
         settings: RunSettings | None = None,
         *,
         progress: Callable[[float], object] | None = None,
-        **changes: Any,
+        **changes: Unpack[SettingChanges],
     ) -> RunResult:
         """Run it to its end; arguments and errors as in `runner.run`."""
         return Session(self, settings or RunSettings.of_project(), **changes).finish(progress)
@@ -459,7 +453,7 @@ def prepare(
     scenario: str | PathLike[str],
     parameters: Mapping[str, Argument] | None = None,
     settings: RunSettings | None = None,
-    **changes: Any,
+    **changes: Unpack[SettingChanges],
 ) -> Prepared:
     """Load, resolve and compile a scenario file; arguments and errors as in `run`.
 
@@ -471,5 +465,5 @@ def prepare(
         >>> prepared.parameters
         {'CutIn_Gap_m': 12}
     """
-    compiled = compile_file(scenario, parameters, _chosen(settings, changes))
+    compiled = compile_file(scenario, parameters, RunSettings.chosen(settings, changes))
     return Prepared(compiled.scenario, compiled.parameters, compiled.criteria)

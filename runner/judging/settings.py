@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 from runner.judging.measures.measure import NEW_FAILURE, Limit
-from schemas.common.errors import UsageError
+from schemas.common.errors import UsageError, nearest
 from schemas.common.policy import current
 from schemas.common.terminal.options import (
     CATALOG_PATH,
@@ -39,6 +39,27 @@ def _systems() -> tuple[str, list[tuple[str, str]]]:
     from runner.systems import systems  # takes long to load
 
     return "Systems under test", list(systems().items())
+
+
+class SettingChanges(TypedDict, total=False):
+    """Settings by name, as functions take them: the fields of `RunSettings`."""
+
+    timestep: float
+    sut: str | System | None
+    sut_timeout: float
+    sut_in_process: bool
+    ego: str | None
+    seed: int
+    max_time: float
+    world: str
+    end_after_collision: bool | None
+    fail_if: tuple[str, ...]
+    least: tuple[str, ...]
+    enforce_constraints: bool
+    strict: bool
+    road: str | None
+    road_path: tuple[str, ...]
+    catalog_path: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -181,7 +202,9 @@ class RunSettings:
                 f"the time limit must be from 0 s to {_LONGEST:g} s, not {self.max_time}"
             )
         if self.world not in WORLDS:
-            raise UsageError(f"the world {self.world!r} is not one of {', '.join(WORLDS)}")
+            raise UsageError(
+                f"the world {self.world!r} is not one of {', '.join(WORLDS)}; {nearest(self.world, WORLDS)}"
+            )
         if self.road not in (None, MADE) and not os.path.isfile(self.road):
             raise UsageError(f"the road {self.road!r} is neither a file nor {MADE}")
         _ = self.limits, self.least_values  # parsed once, or refused here
@@ -204,7 +227,7 @@ class RunSettings:
             check_system(self.sut, self.sut_in_process, self.sut_timeout)
 
     @classmethod
-    def of_project(cls, **changes: Any) -> Self:
+    def of_project(cls, **changes: Unpack[SettingChanges]) -> Self:
         """Return the settings of the project's file (`xosc.toml`, see docs/settings.md), the defaults where there is none.
 
         Under --untrusted it is not read.
@@ -225,12 +248,26 @@ class RunSettings:
         if file is None:
             return cls(**changes)
         known = {**settings_of(options_of(cls)), "fail-if": _FAIL_IF}
-        values = {
+        values: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in values_of(file, known, "").items()
         }
         limits = tuple(each for each in values.get("fail_if", ()) if each.strip() != NEW_FAILURE)
-        return cls(**{**values, "fail_if": limits, **changes})
+        values |= {"fail_if": limits, **changes}
+        return cls(**values)
+
+    @classmethod
+    def chosen(cls, settings: Self | None, changes: SettingChanges) -> Self:
+        """Return settings with changes; those of the project where there are none.
+
+        Raises:
+            UsageError: a change is of no setting, or a value is out of its range.
+        """
+        known = [each.name for each in fields(cls)]
+        for name in changes:
+            if name not in known:
+                raise UsageError(f"there is no setting {name!r}; {nearest(name, known)}")
+        return cls.of_project(**changes) if settings is None else replace(settings, **changes)
 
     @property
     def ends_after_collision(self) -> bool:

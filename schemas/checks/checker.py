@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
+from types import MappingProxyType
 
 from schemas.catalogs import Folders
 from schemas.checks import Problem
@@ -14,7 +15,7 @@ from schemas.checks.osi import check_trace
 from schemas.checks.registry import all_rules
 from schemas.common.errors import InvalidFile, ToolchainError, UsageError, describe
 from schemas.common.policy import LimitReached, limited
-from schemas.common.xml import parse, rule_of
+from schemas.common.xml import parse, parse_bytes, rule_of
 from schemas.osi.traces import SUFFIXES
 
 LIMITS = "xosc.toolchain:xosc:1.0.0:limits"
@@ -22,7 +23,10 @@ LIMITS = "xosc.toolchain:xosc:1.0.0:limits"
 
 
 def check(
-    path: str | PathLike[str], catalog_path: Folders = (), road_path: Folders = ()
+    path: str | PathLike[str],
+    catalog_path: Folders = (),
+    road_path: Folders = (),
+    content: bytes | None = None,
 ) -> list[Problem]:
     """Every problem of a file, ordered by line; empty for a sound one.
 
@@ -32,6 +36,7 @@ def check(
         catalog_path: folders in which directories of catalogues are looked for that are not where
             the scenario says.
         road_path: folders in which road networks are, likewise.
+        content: of a file that was read already; None to read it.
 
     Raises:
         UsageError: XOSC_SCHEMA_DIR names no folder, or an XSD in it cannot be used.
@@ -45,7 +50,12 @@ def check(
     if path.suffix.lower() in SUFFIXES:
         return check_trace(path)
     try:
-        document = CheckedDocument(parse(path), path, catalog_path, road_path)
+        document = CheckedDocument(
+            parse(path) if content is None else parse_bytes(content, path),
+            path,
+            catalog_path,
+            road_path,
+        )
         found = _problems(document)
     except InvalidFile as error:
         return [Problem(rule_of(path), "error", error.message, str(path), error.line)]
@@ -59,9 +69,12 @@ def check(
 
 
 def check_many(
-    paths: Iterable[str | PathLike[str]], catalog_path: Folders = (), road_path: Folders = ()
+    paths: Iterable[str | PathLike[str]],
+    catalog_path: Folders = (),
+    road_path: Folders = (),
+    contents: Mapping[Path, bytes] = MappingProxyType({}),
 ) -> Iterator[tuple[Path, list[Problem]]]:
-    """Each file with its problems, as they are checked; arguments as for `check`.
+    """Each file with its problems, as they are checked; arguments as for `check`, contents by path.
 
     Example:
         >>> import xosc_toolchain as xt
@@ -73,7 +86,7 @@ def check_many(
     for path in map(Path, paths):
         try:
             with limited():
-                problems = check(path, catalog_path, road_path)
+                problems = check(path, catalog_path, road_path, contents.get(path))
         except LimitReached as error:
             problems = [Problem(LIMITS, "error", error.message, str(path))]
         yield path, problems

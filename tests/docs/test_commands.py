@@ -46,7 +46,8 @@ PRODUCT = ("schemas", "xosc", "xodr", "runner", "recognition", "generation", "st
 
 NOT_RUN = {
     "make compiled": "takes minutes; continuous integration runs it each week",
-    "make demo": "installs everything anew; its target is looked up below, and what it consists of is in the tutorials",
+    "git clone https://example.org/xosc-toolchain": "needs an address that is not there yet",
+    "make -C xosc-toolchain demo": "installs everything anew; what it consists of is in the tutorials",
     "make docs": "installs everything anew; test_reference and tests/studies/test_coverage compare what it writes",
     "make lint types test": "installs everything anew; continuous integration runs it",
     "make test": "is what runs the tests",
@@ -331,7 +332,10 @@ def test_what_is_not_run_is_listed_with_its_reason() -> None:
     }
 
 
-@pytest.mark.parametrize("command", [command for command in NOT_RUN if command.startswith("make ")])
+@pytest.mark.parametrize(
+    "command",
+    [command for command in NOT_RUN if command.startswith("make ") and "-C" not in command],
+)
 def test_make_has_the_target(command: str) -> None:
     planned = subprocess.run(
         ["make", "--dry-run", *command.split()[1:]], cwd=ROOT, capture_output=True, text=True

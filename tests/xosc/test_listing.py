@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from schemas.common.errors import InvalidFile, UsageError
+from schemas.common.terminal.files import LIBRARY
 from tests.commands import Command
 from tests.xosc.conftest import Writer
-from xosc.listing import LIBRARY, ListedParameter, listing, to_csv, to_json
+from xosc.listing import ListedParameter, listing, to_csv, to_json
 from xosc.writing.tags import Tag, properties
 
 PARAMETERS = """
@@ -108,7 +109,7 @@ def test_scenarios_are_chosen_by_class_and_tags(folder: Path) -> None:
     assert [each.name for each in found.chosen("cut in", [])] == ["scenario"]
     assert [each.name for each in found.chosen(None, [Tag("HumanPedestrian")])] == ["scenario"]
     assert found.chosen("cut out", [Tag("HumanPedestrian")]) == []
-    with pytest.raises(UsageError, match="no scenario has Class 'cut'; there are: cut in, cut out"):
+    with pytest.raises(UsageError, match="no scenario has Class 'cut'; did you mean 'cut in'"):
         found.chosen("cut", [])
     with pytest.raises(
         UsageError, match="no scenario has a tag 'Human'; there are: Class, HumanPedestrian"

@@ -13,7 +13,8 @@ from schemas.common.errors import InvalidFile, UsageError
 from tests.commands import Command
 from tests.xosc.conftest import Writer
 from xosc.exports.draft import Folder
-from xosc.listing import questions
+from xosc.listing import questions, tables
+from xosc.listing.copies import copy_rows
 
 ROWS = [
     {
@@ -200,14 +201,14 @@ def test_similar_scenarios_come_first(command: Command, catalogue: Path) -> None
 def test_unreadable_indexes_are_refused(tmp_path: Path, name: str, content: bytes) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InvalidFile, match="not readable as Parquet"):
-        questions.read_index(tmp_path)
+        tables.read_index(tmp_path)
 
 
 def test_files_outside_of_the_catalogue_are_not_copied(catalogue: Path, tmp_path: Path) -> None:
-    index = questions.Index(catalogue, pa.Table.from_pylist([{**ROWS[0], "road": "../secret.txt"}]))
+    index = tables.Index(catalogue, pa.Table.from_pylist([{**ROWS[0], "road": "../secret.txt"}]))
     (tmp_path / "secret.txt").write_text("secret")
     with pytest.raises(InvalidFile, match="outside of the catalogue"):
-        questions.copy(index, index.table, Folder(tmp_path / "out"))
+        copy_rows(index, index.table, Folder(tmp_path / "out"))
     assert not (tmp_path / "out" / "secret.txt").exists()
 
 

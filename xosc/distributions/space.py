@@ -18,6 +18,7 @@ from pathlib import Path
 from schemas.catalogs import referred
 from schemas.common.errors import InvalidFile, UsageError, nearest
 from schemas.common.storage import digest
+from schemas.common.terminal.files import named
 from schemas.common.terminal.text import many
 from schemas.expressions import ExpressionError, references
 from schemas.expressions.values import meant, quoted, type_named
@@ -225,7 +226,8 @@ def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -
     stochastic one gives its number of test runs.
 
     Args:
-        path: the distribution file; a scenario gives itself, without parameter values.
+        path: the distribution file, or the name of a shipped one; a scenario gives itself, without
+            parameter values.
         enforce_constraints: leave out what violates the scenario's constraint groups; `.excluded`
             counts that.
 
@@ -244,7 +246,7 @@ def variations(path: str | os.PathLike[str], enforce_constraints: bool = True) -
         >>> path.name, parameters["CutIn_Gap_m"]
         ('simple_cut_in.xosc', '5')
     """
-    return Variations(ParameterSpace(path), enforce_constraints)
+    return Variations(ParameterSpace(named(Path(path))), enforce_constraints)
 
 
 def sample(

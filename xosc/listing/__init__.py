@@ -2,7 +2,9 @@
 
 Modules:
 
-- `questions`: questions to the index of a catalogue: conditions, order, near-duplicates
+- `copies`: scenarios with all that they need, written to a folder
+- `questions`: questions to rows of catalogues, batches and searches: conditions, order, near-duplicates
+- `tables`: the rows that questions are asked to
 - `xosc_list`: the command `xosc-list`
 
 Example::
@@ -19,9 +21,10 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from schemas.common.errors import ToolchainError, UsageError
+from schemas.common.errors import ToolchainError, UsageError, nearest
 from schemas.common.policy import limited
-from schemas.common.terminal.command_line import expand
+from schemas.common.terminal.files import LIBRARY as LIBRARY
+from schemas.common.terminal.files import expand
 from schemas.common.terminal.text import csv_text, many, one_line
 from schemas.expressions import ExpressionError
 from xosc.distributions import ParameterSpace
@@ -30,8 +33,6 @@ from xosc.document.node import Node
 from xosc.resolve.parameters import ParameterScope
 from xosc.writing.tags import Tag, Value, tags_of
 
-LIBRARY = Path(__file__).parents[1] / "library"
-"""The shipped one."""
 CLASS = "Class"
 """Type of the tag that names a scenario's class."""
 _SIGNS = {
@@ -134,11 +135,9 @@ class Listing:
     def _missing(self, tag: Tag) -> str:
         there = {_text(each.tags[tag.type]) for each in self.scenarios if tag.type in each.tags}
         if there:
-            return (
-                f"no scenario has {tag.type} {tag.value!r}; there are: {', '.join(sorted(there))}"
-            )
+            return f"no scenario has {tag.type} {tag.value!r}; {nearest(_text(tag.value), sorted(there))}"
         types = sorted({name for each in self.scenarios for name in each.tags})
-        return f"no scenario has a tag {tag.type!r}; there are: {', '.join(types) or 'none'}"
+        return f"no scenario has a tag {tag.type!r}; {nearest(tag.type, types)}"
 
 
 def listing(paths: Iterable[str], tell: Callable[[ToolchainError], None] | None = None) -> Listing:
@@ -342,10 +341,13 @@ def _sets(listed: Listed) -> int:
     return sum(each.size for each in listed.variations)
 
 
-def of_rows(rows: Sequence[Mapping[str, Any]], shown: Sequence[str], format: str) -> str:
+def of_rows(
+    rows: Sequence[Mapping[str, Any]], shown: Sequence[str], format: str, noun: str = "scenario"
+) -> str:
     """Rows of an index as text, JSON or CSV.
 
     Args:
+        noun: for a row.
         shown: columns of the text; the other formats have all. Near-duplicates are listed below the
             row that stands for them.
     """
@@ -365,9 +367,7 @@ def of_rows(rows: Sequence[Mapping[str, Any]], shown: Sequence[str], format: str
         if rows and "duplicates" in rows[0]
         else ""
     )
-    return "\n".join(
-        [*_aligned(shown, cells, details), f"{many(len(rows), 'scenario')}{left_out}", ""]
-    )
+    return "\n".join([*_aligned(shown, cells, details), f"{many(len(rows), noun)}{left_out}", ""])
 
 
 def _cell(value: Any) -> str:

@@ -1,23 +1,19 @@
-"""Questions to the index of a catalogue: conditions, order, near-duplicates, similar scenarios, copies.
+"""Questions to rows of catalogues, batches and searches: conditions, order, near-duplicates, similar scenarios.
 
-Conditions are parsed here and become expressions of pyarrow: nothing in them is executed. The index
-is what `xosc-recognize` writes (`recognition.catalogue.writing.index`).
+Conditions are parsed here and become expressions of pyarrow: nothing in them is executed.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Callable, Sequence
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from schemas.common.errors import InvalidFile, UsageError, nearest, reason
-from schemas.common.storage import read_bytes, read_object, read_parquet
-from schemas.common.terminal.text import csv_text
+from schemas.common.errors import InvalidFile, UsageError, nearest
 from xosc.document import load
-from xosc.exports.draft import Folder
+from xosc.listing.tables import BATCH, Index
 from xosc.writing.tags import tags_of
 
 if TYPE_CHECKING:
@@ -25,10 +21,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.compute as pc
 
-INDEX = "index.parquet"
-"""Typed index in the folder of a catalogue"""
-FILES = ("file", "maneuver", "openlabel", "road")
-"""Columns of the index that name files of a scenario, relative to the index"""
 _LONGEST, _DEEPEST = 4000, 40
 """Characters of a condition, and brackets in each other, at most"""
 _TOKEN = re.compile(
@@ -44,46 +36,11 @@ _ORDERED = ("<", "<=", ">", ">=")
 _COMPARISONS = "=, !=, <, <=, >, >=, between, in, like, is null"
 
 
-class Index(NamedTuple):
-    """Index of a catalogue: its folder, and one row per scenario."""
-
-    root: Path
-    table: pa.Table
-
-
 class Question(NamedTuple):
     """Condition on the rows of an index, and the columns it names."""
 
     expression: pc.Expression
     columns: list[str]
-
-
-def read_index(path: str | os.PathLike[str]) -> Index:
-    """Return the index of a catalogue.
-
-    Args:
-        path: folder of the catalogue, or its `index.parquet`.
-
-    Raises:
-        UsageError: the path has no index.
-        InvalidFile: the index is not readable, or has no column `file`.
-    """
-    import pyarrow as pa
-
-    file = Path(path)
-    file = file / INDEX if file.is_dir() else file
-    if file.name != INDEX or not file.is_file():
-        raise UsageError(
-            f"questions are to a catalogue with an {INDEX}, as xosc-recognize writes it; there is none",
-            path=path,
-        )
-    try:
-        table = read_parquet(file)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise InvalidFile(f"not readable as Parquet: {reason(error)}", path=file) from None
-    if "file" not in table.column_names or not pa.types.is_string(table.schema.field("file").type):
-        raise InvalidFile("an index has a column 'file' of texts", path=file)
-    return Index(file.parent, table)
 
 
 def condition(text: str, schema: pa.Schema) -> Question:
@@ -294,7 +251,7 @@ def _type_of(schema: pa.Schema, name: str) -> str | None:
 
 
 def ordered(table: pa.Table, names: Sequence[str]) -> pa.Table:
-    """Return the rows in the order of columns, `-name` for descending; absent values last, equal rows by file.
+    """Return the rows in the order of columns, `-name` for descending; absent values last, equal rows by batch, file and name.
 
     Raises:
         UsageError: there is no such column.
@@ -307,7 +264,8 @@ def ordered(table: pa.Table, names: Sequence[str]) -> pa.Table:
                 f"--sort: there is no column {column!r}; {nearest(column, table.column_names)}"
             )
         keys.append((column, "descending" if name.startswith("-") else "ascending"))
-    return table.sort_by([*keys, ("file", "ascending")])
+    last = [(name, "ascending") for name in (BATCH, "file", "name") if name in table.column_names]
+    return table.sort_by([*keys, *last]) if keys or last else table
 
 
 SCALES = {
@@ -422,66 +380,3 @@ def _tagged(file: Path) -> dict[str, Any]:
     if not one.keys() & SCALES.keys():
         raise InvalidFile(f"no tag has a feature to compare: {', '.join(SCALES)}", path=file)
     return one
-
-
-def copy(index: Index, table: pa.Table, folder: Folder) -> int:
-    """Copy the scenarios of some rows with their roads and catalogues, and an index of them; the number of files.
-
-    Files keep their places relative to the index, so that the copies run and can be asked again.
-
-    Raises:
-        UsageError: a file is in the way, or can't be written.
-        InvalidFile: a file of the catalogue is missing, or outside of it.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    rows = table.to_pylist()
-    chosen = {row["file"] for row in rows}
-    about = read_object(index.root / "index.json")
-    scenarios = [
-        row
-        for row in about.get("scenarios", [])
-        if isinstance(row, dict) and row.get("file") in chosen
-    ]
-    held = table.select([name for name in table.column_names if name in index.table.column_names])
-    written = pa.BufferOutputStream()
-    pq.write_table(held, written, compression="zstd")
-    cells = csv_text([held.column_names, *(list(row.values()) for row in held.to_pylist())])
-    contents = {INDEX: written.getvalue().to_pybytes(), "index.csv": cells.encode()}
-    facts = {name: about[name] for name in ("sorted_by", "recordings") if name in about} | {
-        "scenarios": scenarios
-    }
-    contents["index.json"] = (json.dumps(facts, indent=1, ensure_ascii=False) + "\n").encode()
-    names = dict.fromkeys(str(row[name]) for row in rows for name in FILES if row.get(name))
-    for name in list(names):
-        if name.endswith(".xosc"):
-            names |= dict.fromkeys(_catalogs(index.root, name))
-    for name, content in contents.items():
-        folder.write(name, content)
-    for name in names:
-        folder.write(name, read_bytes(_inside(index.root, name)))
-    return len(names) + len(contents)
-
-
-def _catalogs(root: Path, name: str) -> list[str]:
-    """Names of the catalogue files that a scenario refers to, relative to the root."""
-    locations = load(_inside(root, name)).node.find("CatalogLocations")
-    found = []
-    for location in locations.children() if locations is not None else ():
-        directory = location.need("Directory")
-        below = os.path.normpath(PurePosixPath(name).parent / directory.get("path"))
-        found += [f"{below}/{file.name}" for file in sorted(_inside(root, below).glob("*.xosc"))]
-    return found
-
-
-def _inside(root: Path, name: str) -> Path:
-    """Path of a file of a catalogue.
-
-    Raises:
-        InvalidFile: it leads out of the catalogue.
-    """
-    path = root / name
-    if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(root)):
-        raise InvalidFile(f"{name} is outside of the catalogue", path=root)
-    return path

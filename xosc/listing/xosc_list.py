@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from schemas.common.errors import ExitCode, ToolchainError, UsageError, exit_codes, gravest
+from schemas.common.storage import drafted, writing
 from schemas.common.terminal.command_line import (
     Version,
     deliver,
@@ -22,9 +23,12 @@ from schemas.common.terminal.options import READ, WRITTEN
 
 if TYPE_CHECKING:
     from xosc.exports.draft import Folder
+    from xosc.listing.tables import Index
     from xosc.writing.tags import Tag
 
 _EXAMPLES = (
+    "xosc-list results --where \"min_ttc < 1 and verdict = 'failed'\" --sort impact_speed",
+    "xosc-list highway_lead_brake --copy-to mine",
     'xosc-list --class "highway cut in" --verbose',
     "xosc-list CATALOGUE --where \"class = 'highway cut in' and min_ttc < 2 and ego_speed between 22 and 33\" --sort min_ttc",
     "xosc-list CATALOGUE --where \"trust = 'agree'\" --distinct --copy-to DIR",
@@ -41,7 +45,9 @@ def xosc_list(
         list[str] | None,
         READ,
         typer.Argument(
-            metavar="[PATH...]", help="Files, folders and globs.  [default: the shipped library]"
+            metavar="[PATH...]",
+            help="Files, folders, globs, names of shipped scenarios; results to ask."
+            "  [default: the shipped library]",
         ),
     ] = None,
     label: Annotated[
@@ -56,14 +62,16 @@ def xosc_list(
     where: Annotated[
         str | None,
         typer.Option(
-            metavar="CONDITION", help="Rows of a catalogue's index that meet this condition only."
+            metavar="CONDITION", help='Rows that meet this condition only, as "min_ttc < 1".'
         ),
     ] = None,
     sort: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="[-]COLUMN", help="Order of the index's rows, - descending; repeatable."
-        ),
+        typer.Option(metavar="[-]COLUMN", help="Order of the rows, - descending; repeatable."),
+    ] = None,
+    columns: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME,...", help="Columns to write; repeatable."),
     ] = None,
     distinct: Annotated[
         bool, typer.Option("--distinct", help="Leave out near-duplicates, and name them.")
@@ -85,7 +93,8 @@ def xosc_list(
         bool, typer.Option("--overwrite", help="Replace other files that are in --copy-to.")
     ] = False,
     format: Annotated[
-        Literal["text", "json", "csv"], typer.Option(help="csv has the scenarios only.")
+        Literal["text", "json", "csv", "parquet"],
+        typer.Option(help="Format; csv has scenarios only, parquet rows."),
     ] = "text",
     output: Annotated[
         Path | None, WRITTEN, typer.Option(metavar="FILE", help="Write to a file.")
@@ -97,27 +106,26 @@ def xosc_list(
 ) -> None:
     """List scenarios: class, road, parameters with their limits, variations; and the catalogues that they use.
 
-    --where, --sort, --distinct, --like and --copy-to ask the index of a catalogue that
-    xosc-recognize wrote.
+    --where, --sort and --columns ask folders of batches, runs, searches and catalogues, several of
+    one kind joined; --distinct and --like compare scenarios of catalogues. Parameters are columns.
     """
-    from xosc.listing import FORMATS, LIBRARY, Listing, listing, text
+    from schemas.common.terminal.files import LIBRARY
+    from xosc.listing import FORMATS, Listing, listing, text
 
     if overwrite and copy_to is None:
         raise UsageError("--overwrite is for --copy-to")
-    if where is not None or sort or distinct or like or copy_to:
-        if label or tag or paths is None or len(paths) != 1:
+    folder = _folder(copy_to, overwrite)
+    if where is not None or sort or distinct or like or columns or _has_rows(paths, folder):
+        if label or tag or not paths:
             raise UsageError(
-                "questions are to one catalogue: name its folder; --where \"class = '…'\" is for --class and --tag"
+                "questions are to catalogues, batches and searches: name their folders; "
+                "--where \"class = '…'\" is for --class and --tag"
             )
-        from xosc.exports.draft import Folder
-
-        folder = Folder(copy_to, overwrite) if copy_to is not None else None
-        deliver(
-            _asked(paths[0], where, sort or [], distinct, like, folder, format, verbose),
-            "the list",
-            output,
-        )
+        asked = _asked(paths, where, sort or [], columns or [], distinct, like, folder, verbose)
+        _deliver_rows(*asked, format, output)
         return
+    if format == "parquet":
+        raise UsageError("--format parquet is for rows of catalogues, batches and searches")
     codes = [ExitCode.PASSED]
 
     def tell(error: ToolchainError) -> None:
@@ -130,26 +138,55 @@ def xosc_list(
     chosen = Listing(found.scenarios, found.catalogues)
     if label or tag:
         chosen = Listing(found.chosen(label, map(_tag, tag or [])), [])
+    if folder is not None:
+        from xosc.listing.copies import copy_scenarios
+
+        say(
+            f"{copy_scenarios(chosen.scenarios, folder)} files copied to {folder.path}",
+            to=sys.stderr,
+        )
     content = text(chosen, verbose) if format == "text" else FORMATS[format](chosen)
     deliver(content, "the list", output)
     raise typer.Exit(gravest(codes))
 
 
+def _folder(path: Path | None, overwrite: bool) -> Folder | None:
+    from xosc.exports.draft import Folder
+
+    return Folder(path, overwrite) if path is not None else None
+
+
+def _has_rows(paths: list[str] | None, folder: Folder | None) -> bool:
+    """Whether paths are of tables without scenarios, or of an index to copy from."""
+    from xosc.listing.tables import INDEX, table_of
+
+    found = [table_of(path) for path in paths or ()]
+    if not all(found):
+        return False
+    return bool(found) and (
+        folder is not None or all(each and each.name != INDEX for each in found)
+    )
+
+
 def _asked(
-    path: str,
+    paths: list[str],
     where: str | None,
     sort: list[str],
+    columns: list[str],
     distinct: bool,
     like: Path | None,
     folder: Folder | None,
-    format: str,
     verbose: bool,
-) -> str:
-    """Answer of an index to a question, in a format."""
-    from xosc.listing import of_rows, questions
+) -> tuple[Index, list[str]]:
+    """Answer of tables to a question: the rows, and the columns of their text."""
+    from xosc.listing import questions, tables
+    from xosc.listing.copies import copy_rows
 
-    index = questions.read_index(path)
-    shown = [name for name in ("file", "class") if name in index.table.column_names]
+    index = tables.read_all(paths)
+    for option, given in (("--distinct", distinct), ("--like", like), ("--copy-to", folder)):
+        if given:
+            index.need_catalogue(option)
+    shown = index.shown
     table = questions.similar(index, like) if like is not None else index.table
     if where is not None:
         question = questions.condition(where, table.schema)
@@ -160,10 +197,29 @@ def _asked(
         table = questions.distinct(table)
     shown += [name.removeprefix("-") for name in sort] + ["distance"] * (like is not None)
     if folder is not None:
-        say(f"{questions.copy(index, table, folder)} files copied to {folder.path}", to=sys.stderr)
-    return of_rows(
-        table.to_pylist(), table.column_names if verbose else list(dict.fromkeys(shown)), format
+        say(f"{copy_rows(index, table, folder)} files copied to {folder.path}", to=sys.stderr)
+    if columns:
+        shown = tables.chosen(columns, table)
+        table = table.select(shown + ["duplicates"] * distinct)
+    return index._replace(table=table), table.column_names if verbose else list(
+        dict.fromkeys(shown)
     )
+
+
+def _deliver_rows(answer: Index, shown: list[str], format: str, output: Path | None) -> None:
+    """Write rows in a format, or print them."""
+    from xosc.listing import of_rows
+
+    if format != "parquet":
+        content = of_rows(answer.table.to_pylist(), shown, format, answer.noun)
+        deliver(content, "the list", output)
+        return
+    if output is None:
+        raise UsageError("--format parquet is written to a file: --output FILE")
+    import pyarrow.parquet as pq
+
+    with writing("the list", output), drafted(output) as draft:
+        pq.write_table(answer.table, draft, compression="zstd")
 
 
 def _tag(text: str) -> Tag:

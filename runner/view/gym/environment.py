@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from os import PathLike
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from runner.judging.execution import Prepared, Session, prepare
 from runner.judging.result import INCONCLUSIVE, RunResult
-from runner.judging.settings import RunSettings
+from runner.judging.settings import RunSettings, SettingChanges
 from runner.systems.base import PEDAL, Control, Observation
 from runner.systems.kinds.commanded import Commanded
 from runner.systems.outside.learner import (
@@ -86,7 +86,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         participants: int = 8,
         reward: RewardFunction | None = None,
         render_mode: str | None = None,
-        **changes: Any,
+        **changes: Unpack[SettingChanges],
     ) -> None:
         if actions not in ACTIONS:
             raise UsageError(f"the actions {actions!r} are not one of {', '.join(ACTIONS)}")
@@ -105,7 +105,7 @@ class EgoEnv(gymnasium.Env[dict[str, Any], Rows]):
         self.observation_space = spaces.Dict(
             {name: spaces.Box(-np.inf, np.inf, shapes[name], np.float32) for name in shapes}
         )
-        self._settings = replace(settings or RunSettings(), **{**changes, "sut": Commanded()})
+        self._settings = replace(RunSettings.chosen(settings, changes), sut=Commanded())
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self._settings.timestep)}
         self._sets = list(variations(scenario, self._settings.enforce_constraints))
         if not self._sets:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
 from functools import wraps
-from glob import glob, has_magic
+from glob import has_magic
 from pathlib import Path
 from typing import Annotated, Any, TextIO
 
@@ -573,63 +573,3 @@ def progress_bar(doing: str, total: int, quiet: bool) -> Iterator[Callable[[floa
             bar.update(task, completed=round(done, _DIGITS))  # shares of an item add up to it
 
         yield advance
-
-
-# files that arguments stand for ----------------------------------------------------------------
-
-SUFFIXES = (".xosc", ".xodr")
-
-
-def expand(arguments: Iterable[str]) -> list[Path]:
-    """The files meant by command line arguments: each once, in the order of the arguments and sorted within each.
-
-    A file is taken as it is, whatever its name, and also where it does not exist; a folder stands
-    for the scenario and road files in it and below it, see `files_in`; a glob (`**` for any depth)
-    for the scenario and road files that it matches, and for those in the folders that it matches.
-
-    Raises:
-        UsageError: a folder or a glob stands for no file.
-    """
-    return list(dict.fromkeys(path for argument in arguments for path in _expand(argument)))
-
-
-def _expand(argument: str) -> list[Path]:
-    if not str(argument).strip():
-        raise UsageError("an empty name stands for no file; '.' is the working folder")
-    path = Path(argument)
-    try:
-        is_glob = has_magic(argument) and not path.exists()
-        if not is_glob and not path.is_dir():
-            return [path]
-    except (OSError, ValueError):
-        return [path]  # no such name can be; the check says so
-    matches = (
-        [Path(match) for match in sorted(glob(argument, recursive=True))] if is_glob else [path]
-    )
-    found = [file for match in matches for file in files_in(match)]
-    if not found:
-        raise UsageError(f"this stands for no {' or '.join(SUFFIXES)} file", path=argument)
-    return found
-
-
-def files_in(path: Path) -> list[Path]:
-    """The scenario and road files in a folder and below it, sorted; a file itself, if it is one.
-
-    Names that begin with a dot are left out: drafts that a killed command has left, and
-    environments as .venv, which hold files of packages. Names of such files that are none, as a
-    dangling link or a FIFO, and folders that can't be read count, so that the reader says so.
-    """
-    if not path.is_dir():
-        return [path] if path.suffix.lower() in SUFFIXES else []
-    unread: list[Path] = []
-    found = [each for each in _visible(path, unread) if each.suffix.lower() in SUFFIXES]
-    return sorted([*(each for each in found if not each.is_dir()), *unread])
-
-
-def _visible(folder: Path, unread: list[Path]) -> Iterator[Path]:
-    def refuse(error: OSError) -> None:
-        unread.append(Path(error.filename))
-
-    for parent, folders, files in os.walk(folder, onerror=refuse):
-        folders[:] = [each for each in folders if not each.startswith(".")]
-        yield from (Path(parent, each) for each in files if not each.startswith("."))

@@ -19,7 +19,8 @@ from generation.search.settings import Ask, LoopSettings
 from generation.space.logical.library import SCENARIOS
 from runner.judging.settings import RunSettings
 from schemas import check_many
-from schemas.common.terminal.command_line import expand, progress_bar
+from schemas.common.terminal.command_line import progress_bar
+from schemas.common.terminal.files import expand
 from tests.recognition.traffic import Car, write_highd
 from tests.runner.chromium import Browser
 from xosc.exports import standard

@@ -26,7 +26,8 @@ from recognition.scenes.cut import SceneCutter, Scope
 from runner.recording import Recording
 from schemas import check_many
 from schemas.common.errors import InvalidFile, UsageError
-from schemas.common.terminal.command_line import expand, progress_bar
+from schemas.common.terminal.command_line import progress_bar
+from schemas.common.terminal.files import expand
 from tests.commands import Command
 from tests.recognition import motorway
 from tests.recognition.traffic import interaction_rows, write_csv

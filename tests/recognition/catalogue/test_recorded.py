@@ -15,7 +15,8 @@ from recognition.catalogue.pipeline import ByRules, Summary
 from recognition.catalogue.recordings import CatalogueSettings
 from recognition.labels import Rules
 from schemas import check_many
-from schemas.common.terminal.command_line import expand, progress_bar
+from schemas.common.terminal.command_line import progress_bar
+from schemas.common.terminal.files import expand
 from studies.recognition import fidelity
 
 TRACKS = "taf_bw/recorded_trackfiles"

@@ -47,8 +47,8 @@ def test_changes_replace_settings(tmp_path: Path) -> None:
     result = runner.run(scenario(tmp_path), quick, seed=3)
     assert result.settings == {"timestep": 0.1, "seed": 3, "world": "kinematic", "max_time": 0.5}
     assert (result.sut, result.end_time) == ("none", 0.5)
-    with pytest.raises(TypeError, match="time_step"):
-        runner.run(scenario(tmp_path), quick, time_step=0.1)
+    with pytest.raises(UsageError, match="time_step"):
+        runner.run(scenario(tmp_path), quick, time_step=0.1)  # type: ignore[call-arg]
 
 
 def test_constraints_hold_in_python_too(tmp_path: Path) -> None:

@@ -1,0 +1,115 @@
+"""Files that arguments of commands stand for: paths, folders, globs, and names of shipped scenarios."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from functools import cache
+from glob import glob, has_magic
+from pathlib import Path
+
+from schemas.common.errors import InvalidFile, UsageError, nearest
+from schemas.common.terminal.text import one_line
+
+LIBRARY = Path(__file__).parents[3] / "xosc" / "library"
+"""The shipped scenarios"""
+SUFFIXES = (".xosc", ".xodr")
+
+
+def expand(arguments: Iterable[str]) -> list[Path]:
+    """The files meant by command line arguments: each once, in the order of the arguments and sorted within each.
+
+    A file is taken as it is, whatever its name, and also where it does not exist; a name without an
+    ending stands for a scenario (`named`); a folder stands
+    for the scenario and road files in it and below it, see `files_in`; a glob (`**` for any depth)
+    for the scenario and road files that it matches, and for those in the folders that it matches.
+
+    Raises:
+        UsageError: a folder or a glob stands for no file.
+        InvalidFile: a name stands for no scenario.
+    """
+    return list(dict.fromkeys(path for argument in arguments for path in _expand(argument)))
+
+
+def named(path: Path) -> Path:
+    """Return the scenario that a name without folder and ending stands for; any other path as it is.
+
+    A file of that name in the working folder comes before a shipped one, with a remark on standard
+    error.
+
+    Raises:
+        InvalidFile: there is none, with the most similar name.
+    """
+    name = str(path)
+    if path.suffix or path.name != name or os.path.lexists(path):
+        return path
+    own = path.with_suffix(".xosc")
+    if own.is_file():
+        if name in shipped():
+            _remark(own)
+        return own
+    if name in shipped():
+        return _relative(LIBRARY / own)
+    told = f"neither a file nor the name of a shipped scenario; {nearest(name, shipped())}"
+    raise InvalidFile(told, path=path)
+
+
+@cache
+def shipped() -> tuple[str, ...]:
+    """Return the names of the shipped scenarios and variations."""
+    return tuple(sorted(path.stem for path in LIBRARY.glob("*.xosc")))
+
+
+def _relative(path: Path) -> Path:
+    """A path as from the working folder where it lies in that."""
+    working = Path(os.path.abspath(os.curdir))
+    return path.relative_to(working) if path.is_relative_to(working) else path
+
+
+def _remark(path: Path) -> None:
+    name = Path(sys.argv[0]).stem
+    told = f"{path} of this folder counts, not the shipped scenario of that name"
+    print(one_line(f"{name}: remark: {told}"), file=sys.stderr, flush=True)
+
+
+def _expand(argument: str) -> list[Path]:
+    if not str(argument).strip():
+        raise UsageError("an empty name stands for no file; '.' is the working folder")
+    path = Path(argument)
+    try:
+        is_glob = has_magic(argument) and not path.exists()
+        if not is_glob and not path.is_dir():
+            return [named(path)]
+    except (OSError, ValueError):
+        return [path]  # no such name can be; the check says so
+    matches = (
+        [Path(match) for match in sorted(glob(argument, recursive=True))] if is_glob else [path]
+    )
+    found = [file for match in matches for file in files_in(match)]
+    if not found:
+        raise UsageError(f"this stands for no {' or '.join(SUFFIXES)} file", path=argument)
+    return found
+
+
+def files_in(path: Path) -> list[Path]:
+    """The scenario and road files in a folder and below it, sorted; a file itself, if it is one.
+
+    Names that begin with a dot are left out: drafts that a killed command has left, and
+    environments as .venv, which hold files of packages. Names of such files that are none, as a
+    dangling link or a FIFO, and folders that can't be read count, so that the reader says so.
+    """
+    if not path.is_dir():
+        return [path] if path.suffix.lower() in SUFFIXES else []
+    unread: list[Path] = []
+    found = [each for each in _visible(path, unread) if each.suffix.lower() in SUFFIXES]
+    return sorted([*(each for each in found if not each.is_dir()), *unread])
+
+
+def _visible(folder: Path, unread: list[Path]) -> Iterator[Path]:
+    def refuse(error: OSError) -> None:
+        unread.append(Path(error.filename))
+
+    for parent, folders, files in os.walk(folder, onerror=refuse):
+        folders[:] = [each for each in folders if not each.startswith(".")]
+        yield from (Path(parent, each) for each in files if not each.startswith("."))

@@ -1,0 +1,38 @@
+"""Programs of users are typed: the README's own one is accepted by a strict checker, an unknown setting is not."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from runner.judging.settings import RunSettings, SettingChanges
+
+ROOT = Path(__file__).parents[2]
+WRONG = 'import xosc_toolchain as xt\n\nxt.run("simple_cut_in", sutt="adas")\nxt.run("simple_cut_in", seed="1")\n'
+
+
+def test_settings_by_name_are_those_of_the_class() -> None:
+    changes = SettingChanges.__annotations__
+    own = RunSettings.__annotations__
+    assert {name: each.__forward_arg__ for name, each in changes.items()} == own
+
+
+@pytest.mark.slow
+def test_a_strict_checker_accepts_the_readme_and_no_unknown_setting(tmp_path: Path) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    fences = [part.split("```", 1)[0] for part in text.split("```python\n")[1:]]
+    assert fences
+    (tmp_path / "readme.py").write_text("\n".join(fences))
+    (tmp_path / "wrong.py").write_text(WRONG)
+    checked = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "readme.py", "wrong.py"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    lines = checked.stdout.splitlines()
+    assert [line.partition(": error")[0] for line in lines[:-1]] == ["wrong.py:3", "wrong.py:4"]
+    assert 'Unexpected keyword argument "sutt" for "run"' in lines[0]
