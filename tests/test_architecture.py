@@ -44,7 +44,7 @@ KEPT_ARROWS = {
     ("schemas.checks.registry", "xodr.rules"): "rules are kinds: they are found in their folders",
 }
 """Arrows against the order, each with its reason; new ones are to be turned round instead"""
-MOST_FILES = 470
+MOST_FILES = 471
 """Product files"""
 MEDIAN = (120, 290)
 """Lines of the median product file"""

@@ -14,7 +14,7 @@ from tests.commands import Command
 from tests.xosc.conftest import Writer
 from xosc.exports.draft import Folder
 from xosc.listing import questions, tables
-from xosc.listing.copies import copy_rows
+from xosc.listing.tables import copy_rows
 
 ROWS = [
     {

@@ -2,9 +2,8 @@
 
 Modules:
 
-- `copies`: scenarios with all that they need, written to a folder
 - `questions`: questions to rows of catalogues, batches and searches: conditions, order, near-duplicates
-- `tables`: the rows that questions are asked to
+- `tables`: the rows that questions are asked to, and copies of scenarios with all that they need
 - `xosc_list`: the command `xosc-list`
 
 Example::

@@ -139,7 +139,7 @@ def xosc_list(
     if label or tag:
         chosen = Listing(found.chosen(label, map(_tag, tag or [])), [])
     if folder is not None:
-        from xosc.listing.copies import copy_scenarios
+        from xosc.listing.tables import copy_scenarios
 
         say(
             f"{copy_scenarios(chosen.scenarios, folder)} files copied to {folder.path}",
@@ -180,7 +180,7 @@ def _asked(
 ) -> tuple[Index, list[str]]:
     """Answer of tables to a question: the rows, and the columns of their text."""
     from xosc.listing import questions, tables
-    from xosc.listing.copies import copy_rows
+    from xosc.listing.tables import copy_rows
 
     index = tables.read_all(paths)
     for option, given in (("--distinct", distinct), ("--like", like), ("--copy-to", folder)):
