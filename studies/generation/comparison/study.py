@@ -23,6 +23,7 @@ from generation.search.problem import (
     counted,
     method,
 )
+from generation.space.density.prior import Prior
 from generation.space.recorded import Recorded
 from generation.space.space import Space
 from runner.judging.settings import DEFAULT_SYSTEM, RunSettings
@@ -98,14 +99,16 @@ class Study:
     ) -> None:
         self.scenario, self.out, self.settings, self.store = scenario, out, settings, Store(out)
         self.space = Space.of(scenario, settings.pinned)
-        self.recorded = recorded(self.space).within(self.space)
+        samples = recorded(self.space)
+        self.recorded = samples.within(self.space)
         self.store.open(
             {**asdict(settings), "scenario": scenario.name, "inputs": self._fingerprint()}
         )
         self._processes, self._stack = processes, ExitStack()
         self._careful: dict[Path, Evaluate] = {}
         self._evaluators = evaluators or self._simulator
-        self.problem = self._posed(scenario, self.space, self.recorded.theta)
+        prior = samples.prior(self.space, settings.density)
+        self.problem = self._posed(scenario, self.space, self.recorded.theta, prior)
 
     def __enter__(self) -> Study:
         return self
@@ -191,12 +194,18 @@ class Study:
         found: float | None = self.store.read(_place(key))["avoidable"]
         return found
 
-    def _posed(self, scenario: Path, space: Space, real: FloatArray) -> SearchProblem:
+    def _posed(
+        self, scenario: Path, space: Space, real: FloatArray, prior: Prior | None = None
+    ) -> SearchProblem:
         """The problem of a scenario, given its recorded parameters."""
         realism = Realism.fitted(self.settings.density, real, self.recorded.recordings)
         reward = Reward(realism, self.settings.weight)
         return SearchProblem(
-            space, self._evaluators(self.settings.sut, scenario, space), reward, real
+            space,
+            self._evaluators(self.settings.sut, scenario, space),
+            reward,
+            real,
+            prior=prior,
         )
 
     def _judge(self, key: Key, history: History, scenario: Path, space: Space) -> None:

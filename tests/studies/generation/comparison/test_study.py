@@ -53,6 +53,13 @@ def study(
     )
 
 
+@pytest.mark.parametrize("name", ["cover", "draws", "level-sets", "subset"])
+def test_methods_that_draw_from_a_prior_are_compared_too(name: str, tmp_path: Path) -> None:
+    found = study(tmp_path)
+    assert list(found.run(found.pending(1, [name]))) == [Key(name, 0)]
+    assert len(found.history(Key(name, 0)).theta) == 90
+
+
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> Study:
     found = study(tmp_path_factory.mktemp("study"))

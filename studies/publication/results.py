@@ -1,0 +1,124 @@
+"""Result files: small tables in `studies/results/SCALE/STAGE`, beside the journal of the commands that made them."""
+
+from __future__ import annotations
+
+import csv
+import os
+import shutil
+import subprocess
+from collections.abc import Iterable
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+from schemas.common.errors import InvalidFile
+from schemas.common.storage import keep
+from schemas.common.terminal.text import csv_text
+from studies.publication.stages import Stage
+
+RESULTS = Path(__file__).parents[1] / "results"
+JOURNAL = "stages.csv"
+_WORK = "WORK"
+"""In the place of the folder of a run, which others do not have"""
+
+
+class Entry(NamedTuple):
+    """A stage that was run.
+
+    Attributes:
+        stage, command: its name, and what follows `python -m`, with WORK for the folder of the run.
+        seconds: time that it took on the cores.
+        date, commit, version: day (ISO), commit of the source, and version of the toolchain.
+    """
+
+    stage: str
+    command: str
+    seconds: float
+    cores: int
+    date: str
+    commit: str
+    version: str
+
+
+def entry(stage: Stage, work: Path, seconds: float) -> Entry:
+    """The entry of a stage that has just been run."""
+    return Entry(
+        stage.name,
+        written(stage, work),
+        round(seconds, 1),
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        date.today().isoformat(),
+        _commit(),
+        version("xosc-toolchain"),
+    )
+
+
+def written(stage: Stage, work: Path) -> str:
+    """The command of a stage as it stands in the journal."""
+    return " ".join(part.replace(str(work), _WORK) for part in stage.command)
+
+
+def read_journal(folder: Path) -> dict[str, Entry]:
+    """The entries of a folder by stage; none where it has no journal.
+
+    Raises:
+        InvalidFile: the journal is damaged.
+    """
+    path = folder / JOURNAL
+    if not path.exists():
+        return {}
+    header, *rows = read_table(path)
+    try:
+        found = [Entry(a, b, float(c), int(d), *rest) for a, b, c, d, *rest in rows]
+    except (TypeError, ValueError):
+        raise InvalidFile(f"no journal of stages: {', '.join(header)}", path=path) from None
+    return {each.stage: each for each in found}
+
+
+def write_journal(entries: Iterable[Entry], folder: Path) -> None:
+    """Write the journal of a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    keep(csv_text([Entry._fields, *entries]).encode(), folder / JOURNAL)
+
+
+def publish(stages: Iterable[Stage], work: Path, folder: Path) -> None:
+    """Copy the tables of stages, and the journal of a run, into a folder of results; what was there goes."""
+    shutil.rmtree(folder, ignore_errors=True)
+    for stage in stages:
+        for table in sorted(stage.tables.glob("*.csv")) if stage.tables else ():
+            kept = folder / stage.name / table.name
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            keep(table.read_bytes(), kept)
+    write_journal(read_journal(work).values(), folder)
+
+
+def read_table(path: Path) -> list[list[str]]:
+    """Rows of a table, its header first.
+
+    Raises:
+        InvalidFile: it is missing, or has no row.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.reader(file))
+    except OSError as error:
+        raise InvalidFile(f"can't be read: {error.strerror}", path=path) from None
+    if not rows:
+        raise InvalidFile("the table is empty", path=path)
+    return rows
+
+
+def _commit() -> str:
+    """The commit of the source, with a + where files differ from it; blank outside a repository."""
+    git = shutil.which("git")
+    if git is None:
+        return ""
+    described = subprocess.run(
+        [git, "describe", "--always", "--dirty=+", "--exclude=*"],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return described.stdout.strip()
