@@ -109,6 +109,14 @@ def test_a_wrong_value_names_its_file(project: Path, command: Command) -> None:
     assert "'--jobs'" in given.err
 
 
+def test_settings_that_hold_are_named_unless_quiet(project: Path, command: Command) -> None:
+    (project / "xosc.toml").write_text("max-time = 4\n[generate]\nbudget = 9\n")
+    assert command("xosc-run", CUT_IN).err.startswith("xosc-run: remark: xosc.toml sets max-time\n")
+    assert "sets" not in command("xosc-run", CUT_IN, "--quiet").err
+    (project / "xosc.toml").write_text("[generate]\nbudget = 9\n")
+    assert "sets" not in command("xosc-run", CUT_IN, *SHORT).err
+
+
 def test_strangers_files_are_played_without_the_settings(project: Path, command: Command) -> None:
     (project / "xosc.toml").write_text('sut = "evil.py:Class"\nnonsense = 1\n')
     answer = command("xosc-run", CUT_IN, *SHORT, "--sut", "none", "--untrusted")

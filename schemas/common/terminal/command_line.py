@@ -90,7 +90,7 @@ class GroupedCommand(TyperCommand):
         settings, (table, others), typed = self.settings(), self._table(parent), list(args)
         values = values_of(file, settings, table, others)
         try:
-            return super().make_context(info_name, args, parent, default_map=values, **extra)
+            context = super().make_context(info_name, args, parent, default_map=values, **extra)
         except typer.BadParameter as error:
             key, names = _setting_of(error.param, settings)
             if key is None or any(each.split("=")[0] in names for each in typed):
@@ -98,6 +98,10 @@ class GroupedCommand(TyperCommand):
             raise file.fault(
                 key, table if key in file.tables.get(table, ()) else "", error.message
             ) from None
+        told = file.remark(settings, table)
+        if told and not {"--quiet", "-q"} & set(typed):  # a limit that nobody typed is no surprise
+            say(f"{command_name()}: remark: {told}", to=sys.stderr)
+        return context
 
     def _file(self, untrusted: bool) -> SettingsFile | None:
         """The settings file, if the command works on files and is to read it."""
@@ -121,22 +125,6 @@ class GroupedCommand(TyperCommand):
         group = parent.command
         others = (each for each in group.commands.values() if isinstance(each, GroupedCommand))
         return group.name.removeprefix("xosc-"), {key for each in others for key in each.settings()}
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run the command; a usage error names the settings file that has a part in it."""
-        try:
-            return super().invoke(ctx)
-        except UsageError:
-            sources = (ctx.get_parameter_source(name) for name in ctx.default_map or ())
-            if any(getattr(source, "name", "") == "DEFAULT_MAP" for source in sources):
-                self._tell_settings(ctx)
-            raise
-
-    def _tell_settings(self, ctx: Any) -> None:
-        file = self._file(False)
-        if file is not None:
-            told = file.remark(self.settings(), self._table(ctx.parent)[0])
-            say(f"{command_name()}: remark: {told}", to=sys.stderr)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Arguments, options without a group, groups, sections."""
