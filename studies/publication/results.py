@@ -101,12 +101,17 @@ def read_table(path: Path) -> list[list[str]]:
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.reader(file))
+            rows = [[_shown(text) for text in row] for row in csv.reader(file)]
     except OSError as error:
         raise InvalidFile(f"can't be read: {error.strerror}", path=path) from None
     if not rows:
         raise InvalidFile("the table is empty", path=path)
     return rows
+
+
+def _shown(text: str) -> str:
+    """A cell without the apostrophe that keeps a spreadsheet from taking it for a formula."""
+    return text[1:] if text.startswith("'") else text
 
 
 def _commit() -> str:
