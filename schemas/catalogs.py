@@ -211,15 +211,8 @@ class Catalogs:
         every = [entry for entry in entries if entry.name == name]
         folder = os.path.dirname(every[0].path) if every else ""
         matching = [entry for entry in every if os.path.dirname(entry.path) == folder]
-        if (
-            len(
-                {
-                    etree.tostring(entry.element, method="c14n", with_tail=False)
-                    for entry in matching
-                }
-            )
-            > 1
-        ):
+        texts = {etree.tostring(each.element, method="c14n", with_tail=False) for each in matching}
+        if len(texts) > 1:
             raise NoEntry(f"more than one entry is meant: {' and '.join(map(str, matching))}")
         if len(every) > 1:
             text = f"{every[0]} is taken; {' and '.join(map(str, every[1:]))} has the name, too"

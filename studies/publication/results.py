@@ -47,7 +47,7 @@ def entry(stage: Stage, work: Path, seconds: float) -> Entry:
         stage.name,
         written(stage, work),
         round(seconds, 1),
-        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        os.cpu_count() or 1,
         date.today().isoformat(),
         _commit(),
         version("xosc-toolchain"),

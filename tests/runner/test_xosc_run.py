@@ -78,7 +78,7 @@ def test_1_the_ego_collides(xosc_run: Command, tmp_path: Path) -> None:
         (["--sut", "absent_module:Class"], "No module named 'absent_module'"),
         (["--sut", "json:Absent"], "Absent"),
         (["--sut", "json:JSONEncoder"], "has no method reset"),
-        (["--ego", "Egon"], "'Egon'; there are Ego, Lead"),
+        (["--ego", "Egon"], "'Egon'; did you mean 'Ego'?"),
         (["--timestep", "0"], "the time step must be from"),
         (["--timestep", "nan"], "the time step must be from"),
         (["--timestep", "soon"], "--timestep"),
@@ -214,7 +214,8 @@ def test_of_several_runs_the_gravest_counts_and_none_is_left_out(
 
 def test_parameters_are_given_by_name(xosc_run: Command, tmp_path: Path, passing: Path) -> None:
     assert xosc_run(passing, "-p", "Gap=3", "--sut", "none").code == 1
-    assert xosc_run(passing, "-p", "Gap=3", "-p", "Gap=30").code == 0
+    assert xosc_run(passing, "-p", "Gap=30", "--sut", "none").code == 0
+    assert "one value is expected" in xosc_run(passing, "-p", "Gap=3", "-p", "Gap=30").err
 
 
 def test_the_settings_reach_the_run(xosc_run: Command, tmp_path: Path, passing: Path) -> None:

@@ -117,6 +117,7 @@ CATALOGS = {  # location element and directory, names of catalogue and entry; wh
         False,
     ),
     "twice": (LOCATION.format("vehicles"), "Cars", "twin", False),
+    "twice the same": (LOCATION.format("vehicles"), "Cars", "clone", True),
 }
 
 
@@ -125,7 +126,8 @@ def test_an_entry_of_a_catalogue(scenario, catalog, case):
     locations, name, entry, found = CATALOGS[case]
     catalog(
         "vehicles/some.xosc",
-        '<Vehicle name="car"/><Vehicle name="twin"/><Vehicle name="twin"/><Route name="route"/>',
+        '<Vehicle name="car"/><Vehicle name="twin"/><Vehicle name="twin" mass="7"/><Route name="route"/>'
+        '<Vehicle name="clone"/><Vehicle name="clone"/>',
         name="Cars",
     )
     reference = f'<CatalogReference catalogName="{name}" entryName="{entry}"/>'

@@ -92,7 +92,7 @@ def test_how_the_ego_is_found(
 
 
 def test_an_ego_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="'ego'; there are Ego, Lead"):
+    with pytest.raises(UsageError, match=r"'ego'; did you mean 'Ego'\?"):
         prepare(scenario(tmp_path)).ego("ego")
 
 
