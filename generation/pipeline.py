@@ -72,7 +72,7 @@ _REPLAYED = 30, 300
 _PLAYED, _MOST_PLAYED = 33, 10_000
 """Replays, and draws, that a twin plays to measure a density for each run of the budget, and how many at most"""
 _SCREENED = 500
-"""Least budget of a search whose runs are chosen by plays in arrays: these take longer than fewer runs"""
+"""Least budget from which plays in arrays choose the runs: below it the plays take longer than the runs"""
 _DRAWN = 30, 0.25
 """Least number of unguided draws, and share of the budget that they are where that is more; never more than half of the budget"""
 

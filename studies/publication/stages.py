@@ -104,7 +104,7 @@ def stages(scale: Scale, work: Path, recordings: Path | None = None) -> list[Sta
     Args:
         scale: the settings.
         work: folder of all that the stages make.
-        recordings: recordings of one's own, as of highD and INTERACTION, in the place of SUMO's.
+        recordings: folder in the formats of highD and INTERACTION; None records SUMO's traffic.
     """
     found = []
     if recordings is None:

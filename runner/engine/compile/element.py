@@ -153,7 +153,7 @@ class VaryingPosition(Position):
 
 
 class Dormancy(NamedTuple):
-    """Until when a value stays: until the first of these.
+    """End of the time in which a value stays: the first of these.
 
     Attributes:
         time: simulation time, s.
@@ -261,7 +261,7 @@ class NearCondition(EntityCondition):
         unknown."""
 
     def dormant_until(self, entity: Entity, run: Instant) -> Dormancy:
-        """Until it may be near."""
+        """End of the way on which it is certainly not near."""
         way = self.way(entity, run) if run.displacement.followed else 0.0
         return Dormancy(way=run.displacement.after(way)) if way > 0.0 else AWAKE
 

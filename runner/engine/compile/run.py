@@ -199,7 +199,7 @@ class Running(Protocol):
         return None
 
     def follows(self) -> Entity | None:
-        """Return the entity whose motion every step reads, by default none."""
+        """Return the entity that the action reads in every step, by default none."""
         return None
 
     def step(self, dt: float) -> bool:

@@ -226,7 +226,7 @@ class ParameterCondition(_NamedValueCondition):
         return cls(*_declared(node, "parameterRef", context.document.parameters, context))
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """Until an action sets it."""
+        """The next change that an action makes."""
         return UNDISTURBED
 
     def value(self, run: Instant) -> Value | None:

@@ -120,7 +120,7 @@ class TimedCondition:
         return value and since <= then
 
     def dormant_until(self, run: Instant) -> Dormancy:
-        """Until when it is false and remembers nothing new."""
+        """End of the time in which it is false and remembers nothing new."""
         history, edge = self._history, self.edge != "none"
         if self.delay > 0.0:
             since, value = history[-1]
