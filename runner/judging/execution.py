@@ -254,6 +254,8 @@ class Session:
             last = sim.step_index + round(_AFTER_COLLISION / self.settings.timestep)
             if self.touched and last < self._steps:
                 self._steps, self._status = last, "collision"
+        if self._status == "timeout" and sim.step_index == self._steps and not sim.finished:
+            sim.leave_off()
 
     # what it leaves behind ------------------------------------------------------------------
 

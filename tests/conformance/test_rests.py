@@ -105,3 +105,69 @@ def test_a_synchronisation_whose_master_jumps_says_what_is_left(tmp_path: Path) 
     )
     (remark,) = rests(result)
     assert "its goal is both at their targets" in remark
+
+
+SMOOTH = 'dynamicsShape="sinusoidal" dynamicsDimension="time" value="6"'
+CHANGE = (
+    f"<PrivateAction><LateralAction><LaneChangeAction><LaneChangeActionDynamics {SMOOTH}/>"
+    '<LaneChangeTarget><AbsoluteTargetLane value="1"/></LaneChangeTarget></LaneChangeAction>'
+    "</LateralAction></PrivateAction>"
+)
+APPROACH = (
+    '<PrivateAction><LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" distance="20"'
+    ' freespace="false" continuous="{}" displacement="any"><DynamicConstraints maxAcceleration="1"'
+    ' maxDeceleration="1" maxSpeed="40"/></LongitudinalDistanceAction></LongitudinalAction></PrivateAction>'
+)
+ACQUIRE = (
+    "<PrivateAction><RoutingAction><AcquirePositionAction><Position>"
+    '<LanePosition roadId="1" laneId="-1" s="400"/></Position></AcquirePositionAction>'
+    "</RoutingAction></PrivateAction>"
+)
+TRAJECTORY = (
+    "<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef>"
+    '<Trajectory name="t" closed="{}"><Shape><Polyline>'
+    '<Vertex><Position><WorldPosition x="150" y="-1.75"/></Position></Vertex>'
+    '<Vertex><Position><WorldPosition x="450" y="-1.75"/></Position></Vertex>'
+    "</Polyline></Shape></Trajectory></TrajectoryRef><TimeReference><None/></TimeReference>"
+    '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction>'
+    "</RoutingAction></PrivateAction>"
+)
+PROFILE = (
+    '<PrivateAction><LongitudinalAction><SpeedProfileAction followingMode="position">'
+    '<SpeedProfileEntry speed="12" time="2"/><SpeedProfileEntry speed="10" time="4"/>'
+    "</SpeedProfileAction></LongitudinalAction></PrivateAction>"
+)
+SYNCHRONISE = (
+    '<PrivateAction><SynchronizeAction masterEntityRef="Ego">'
+    '<TargetPositionMaster><LanePosition roadId="1" laneId="-1" s="300"/></TargetPositionMaster>'
+    '<TargetPosition><LanePosition roadId="1" laneId="-1" s="280"/></TargetPosition>'
+    "</SynchronizeAction></PrivateAction>"
+)
+UNDER_WAY = {
+    "speed": (speed_action(20, SMOOTH), "its goal is 20.00 m/s, it has reached 12.5"),
+    "profile": (PROFILE, "10.00 m/s at the end of its profile, it has reached 12.00 m/s 4.00 s"),
+    "lane change": (CHANGE, "0.00 m left of the centre of lane 1, it has reached -2.6"),
+    "distance": (APPROACH.format("false"), "its goal is its distance, it has reached "),
+    "position": (ACQUIRE, "its goal is s = 400.0 m of road 1, it has reached 225.0 m before it"),
+    "trajectory": (TRAJECTORY.format("false"), "its goal is the end of its trajectory, it has"),
+    "synchronisation": (SYNCHRONISE, "both at their targets, it has reached "),
+}
+
+
+@pytest.mark.parametrize("limit", [True, False], ids=["--max-time", "StopTrigger"])
+@pytest.mark.parametrize("action", UNDER_WAY)
+def test_an_action_under_way_at_the_end_of_the_run_says_what_is_left(
+    action: str, limit: bool, tmp_path: Path
+) -> None:
+    xml, expected = UNDER_WAY[action]
+    path = scenario(tmp_path, stories=story("Lead", [(0.5, xml)]), stop=8.0 if limit else 2.5)
+    result = runner.run(path, sut=None, timestep=0.05, world="kinematic", max_time=2.5)
+    (remark,) = rests(result)
+    assert "the action 'action0' of Lead is under way when the run stops at 2.50 s: " in remark
+    assert expected in remark
+
+
+@pytest.mark.parametrize("xml", [TRAJECTORY.format("true"), APPROACH.format("true")])
+def test_an_action_without_an_end_is_not_said_to_be_under_way(xml: str, tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=story("Lead", [(0.5, xml)]), stop=2.5)
+    assert rests(runner.run(path, sut=None, timestep=0.05, world="kinematic")) == []

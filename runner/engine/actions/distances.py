@@ -11,7 +11,7 @@ from runner.engine.actions.lateral import follow_road
 from runner.engine.actions.speed import set_speed
 from runner.engine.compile.element import LATERAL, LONGITUDINAL, PrivateAction, need_places
 from runner.engine.compile.registry import action
-from runner.engine.compile.run import Running
+from runner.engine.compile.run import Rest, Running
 from runner.engine.motion import spacing
 from runner.engine.motion.dynamics import GapController, read_constraints, tighter
 from runner.engine.motion.following import PathMotion
@@ -225,6 +225,17 @@ class _Approach(Running):
         )
         return not self._continuous and abs(error) < _REACHED
 
+    def rest(self) -> Rest | None:
+        """The distance; None where it is kept without end, or is undefined."""
+        return None if self._continuous else _apart(self._gap.error(), _REACHED)
+
+
+def _apart(error: float | None, tolerance: float) -> Rest | None:
+    """Return the rest of a distance that is so far (m) from its goal, None if undefined."""
+    if error is None:
+        return None
+    return Rest("its distance", f"{abs(error):.2f} m from it", abs(error), tolerance)
+
 
 _LATERAL_SIDES = {"leftToReferencedEntity": 1, "rightToReferencedEntity": -1, "any": 0}
 _LATERALLY_REACHED = 0.01
@@ -368,6 +379,10 @@ class _Sidestep(Running):
         actor.controls.target_offset = actor.kept_offset + actor.direction * step
         actor.controls.path_compensated = self._controller is not None
         return not self._action.continuous and abs(error) < _LATERALLY_REACHED
+
+    def rest(self) -> Rest | None:
+        """The distance; None where it is kept without end, or is undefined."""
+        return None if self._action.continuous else _apart(self._error(), _LATERALLY_REACHED)
 
     def _limited(self, controller: GapController, error: float, dt: float) -> float:
         """Sideways step (m) of a controlled motion; like a driver, it sees where the reference is, not what it is up to."""

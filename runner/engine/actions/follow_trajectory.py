@@ -364,14 +364,21 @@ class _Waiting(Running):
             _lead(self.actor, self.following.motion)
         return self.following.step(dt)
 
+    def rest(self) -> Rest | None:
+        """As the follower; a trajectory that has not begun is a remark of its own."""
+        if self.put:
+            return self.following.rest()
+        text = (
+            f"{self.actor.name} follows none of its trajectory: it would begin at"
+            f" {self.pace.begin:.2f} s, and the action ends at {self.run.time:.2f} s"
+        )
+        self.run.remarks.note(self.node.remark(NOT_BEGUN_UID, text))
+        return None
+
     def stop(self) -> None:
-        """As the follower; a trajectory that has not begun is a remark."""
+        """As the follower."""
         if not self.put:
-            text = (
-                f"{self.actor.name} follows none of its trajectory: it would begin at"
-                f" {self.pace.begin:.2f} s, and the action ends at {self.run.time:.2f} s"
-            )
-            self.run.remarks.note(self.node.remark(NOT_BEGUN_UID, text))
+            self.rest()
         self.following.stop()
 
 
@@ -387,14 +394,15 @@ class _Following(Running):
         self.expected = motion.s
         self.done = False
 
-    def rest(self) -> Rest:
-        """The end of the trajectory: what is left is the way (m) to it, or the time (s) that it came late."""
+    def rest(self) -> Rest | None:
+        """The end of the trajectory, if it has one: what is left is the way (m) to it, or the time (s) that it came late."""
         motion, pace, dt = self.motion, self.pace, self.run.dt
+        if motion.again is not None:
+            return None
         if not self.done and not motion.left:
             left = max((pace.length if pace is not None else motion.path.length) - motion.s, 0.0)
-            return Rest(
-                "the end of its trajectory", f"{left:.1f} m before it", left, _END_TOLERANCE
-            )
+            tolerance = _END_TOLERANCE + abs(self.actor.speed) * dt
+            return Rest("the end of its trajectory", f"{left:.1f} m before it", left, tolerance)
         late = max(self.run.time - pace.end, 0.0) if pace is not None else 0.0
         asked = f" at {pace.end:.2f} s" if pace is not None else ""
         goal, reached = f"the end of its trajectory{asked}", f"it at {self.run.time:.2f} s"

@@ -18,7 +18,7 @@ import numpy as np
 from runner.engine.compile.batch import BatchProcess, RunByRun
 from runner.engine.compile.element import LATERAL, PrivateAction, need_places
 from runner.engine.compile.registry import action
-from runner.engine.compile.run import Running
+from runner.engine.compile.run import Rest, Running
 from runner.engine.motion.dynamics import (
     EPSILON,
     SHAPES,
@@ -356,6 +356,7 @@ class _Transition(Running):
         "_compensated",
         "_easing",
         "_extent",
+        "_lane",
         "_origin",
         "_over_distance",
         "_past",
@@ -382,6 +383,7 @@ class _Transition(Running):
         self._asked = self._start
         self._slope = 0.0
         self._easing: Easing | None = None
+        self._lane: int | None = None
 
     def step(self, dt: float) -> bool:
         """Ask for the shape's offset at the end of the step, limited to what the entity's motion reaches."""
@@ -418,7 +420,19 @@ class _Transition(Running):
 
     def stop(self) -> None:
         """Have the entity keep to the lane that it is on, which may not be the one it was bound for or began in."""
+        self._lane = self._actor.kept_lane
         self._roads.stay(self._actor)
+
+    def rest(self) -> Rest | None:
+        """The offset from the lane that it is bound for; what is left is the way (m) to the side. None where that lane ends."""
+        actor = self._actor
+        lane = actor.kept_lane if self._lane is None else self._lane
+        if actor.road is None or lane not in actor.road.lane_ids(actor.s):
+            return None
+        offset = (actor.t - actor.road.lane_t(actor.s, lane)) * actor.direction
+        left = abs(offset - self.goal)
+        goal = f"{self.goal:.2f} m left of the centre of lane {lane}"
+        return Rest(goal, f"{offset:.2f} m", left, _REST)
 
 
 class _Sideways(BatchProcess):

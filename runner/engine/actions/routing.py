@@ -5,6 +5,7 @@ A route (`Entity.route`) decides at junctions; it holds until another one is ass
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from xosc.document.node import Node
 
 _REACHED = 1e-6
+_ALMOST = 0.1
+"""Way (m) that counts as none where the run stops before the end of a route, beside that of a step"""
 _SLOWEST = 0.1
 """Speed (m/s) below which a lane change takes as long as with it"""
 LANES_UID = "xosc.toolchain:xosc:1.0.0:routing.lanes_of_waypoints_are_reached"
@@ -224,12 +227,17 @@ class _Acquiring(Running):
         return self.route.reached
 
     def rest(self) -> Rest | None:
-        """The position and its lane; what is left is the width (m) of the lanes between. None with another route."""
+        """The position and its lane; what is left is the width (m) of the lanes between, or the way (m). None with another route."""
         there, asked = self._there, self.route.destination
         point = self.run.roads.road_point(self.actor)
-        if not self.route.reached or point is None:
+        if point is None or self.actor.controls.route is not self.route:
             return None
         goal = f"s = {there.s:.1f} m of road {there.road_id}"
+        if not self.route.reached:
+            gone = self.route.path.position(point, self.length)
+            left = math.inf if gone is None else max(self.length - gone, 0.0)
+            before = "no place of its route" if gone is None else f"{left:.1f} m before it"
+            return Rest(goal, before, left, _ALMOST + abs(self.actor.speed) * self.run.dt)
         if asked is None:
             return Rest(goal, goal, 0.0, _REACHED)
         left = 0.0 if point.lane_id == asked else abs(point.t - there.t)

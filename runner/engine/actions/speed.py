@@ -463,9 +463,13 @@ class _Profile(Running):
         return time >= self._times[-1]
 
     def rest(self) -> Rest:
-        """The last target and its time; where the speed is right, what is left is the time that it came late."""
+        """The last target and its time; where the speed is right, what is left is the time before it or that it came late."""
+        left = self._times[-1] - self._elapsed
         base = self._reference.speed if self._reference is not None else 0.0
         speed = _reached(self._actor, base + self._goal)
+        if left > _EPSILON:
+            before = f"{speed.reached} {left:.2f} s before its end"
+            return Rest(f"{speed.goal} at the end of its profile", before, left, _LATE)
         late = self._times[-1] - self._asked
         if speed.left > speed.tolerance or late <= _LATE:
             return speed

@@ -148,13 +148,15 @@ class _Synchronisation(Running):
         self._run = run
         self._master_target = master_target
         self._target = target
-        self._left = 0.0, 0.0
+        self._left = math.inf, math.inf
 
     def rest(self) -> Rest:
         """Both at their targets: what is left is the longer way (m) beyond a step of driving."""
         own, other = (max(left, 0.0) for left in self._left)
         reached = (
             f"{own:.2f} m before its target, with {other:.2f} m left to {self._action.master.name}"
+            if max(own, other) < math.inf
+            else "no place from which ways lead to both"
         )
         return Rest("both at their targets", reached, max(own, other), _STEP_TOLERANCE + self._way)
 

@@ -172,7 +172,7 @@ class Run(Instant, Protocol):
 
 
 class Rest(NamedTuple):
-    """Rest of an ended action: its goal, what is reached of it, and what is left.
+    """Rest of an action that ends, or is under way when the run stops: its goal, what is reached and what is left.
 
     Attributes:
         goal, reached: texts with units.
@@ -195,7 +195,7 @@ class Running(Protocol):
     __slots__ = ()
 
     def rest(self) -> Rest | None:
-        """Return how it has ended, by default nothing; called once, after the step that has led to its end."""
+        """Return what is left of its goal, by default nothing: after the step that has led to its end, or where the run stops."""
         return None
 
     def follows(self) -> Entity | None:

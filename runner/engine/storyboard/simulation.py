@@ -28,7 +28,7 @@ from schemas.common.remarks import Remarks
 
 if TYPE_CHECKING:
     from runner.engine.compile.compiler import Scenario
-    from runner.engine.compile.run import Running, Transition
+    from runner.engine.compile.run import Rest, Running, Transition
     from runner.engine.motion.placement import Placement
     from runner.engine.participants.entity import Entities, Entity
     from runner.engine.storyboard.driver import EgoDriver
@@ -103,7 +103,7 @@ class Simulation:
         self.put: list[Entity] = []
         """entities that actions have put somewhere since the last row was recorded"""
         self.rests: list[str] = []
-        """sentences on actions that have ended short of their goals"""
+        """sentences on actions that have ended, or are under way when the run stops, short of their goals"""
         self.log: list[LogEntry] = []
         self.displacement = Displacement(self)
         self.contacts = Contacts(self)
@@ -200,18 +200,27 @@ class Simulation:
     def _look_back(self) -> None:
         """Log how the actions of this step have ended; a rest above its tolerance is a remark, except where others drive."""
         for process in self.ended:
-            rest, actor, element = process.running.rest(), process.actor, process.element
-            if rest is None or actor is None:
-                continue
-            text = f"{actor.name}: {rest}"
-            self.log.append(LogEntry(self.time, "goal", element.path, text))
-            driven = actor.controls.driver is not None or actor.controls.world_driven
-            if rest.left > rest.tolerance and not driven:
-                where = f"{element.node.where}: " if element.node is not None else ""
-                self.rests.append(
-                    f"{where}the action {element.name!r} of {actor.name} ends at {self.time:.2f} s: {rest}"
-                )
+            rest, actor = process.running.rest(), process.actor
+            if rest is not None and actor is not None:
+                text = f"{actor.name}: {rest}"
+                self.log.append(LogEntry(self.time, "goal", process.element.path, text))
+                self._say(process, actor, rest, "ends")
         self.ended.clear()
+
+    def leave_off(self) -> None:
+        """Say what is left of the actions that are under way now, because the run stops."""
+        for process in self.processes:
+            rest, actor = process.running.rest(), process.actor
+            if rest is not None and actor is not None:
+                self._say(process, actor, rest, "is under way when the run stops")
+
+    def _say(self, process: Process, actor: Entity, rest: Rest, verb: str) -> None:
+        driven = actor.controls.driver is not None or actor.controls.world_driven
+        if rest.left > rest.tolerance and not driven:
+            element = process.element
+            where = f"{element.node.where}: " if element.node is not None else ""
+            subject = f"the action {element.name!r} of {actor.name}"
+            self.rests.append(f"{where}{subject} {verb} at {self.time:.2f} s: {rest}")
 
     def drive_ego(self, ego: Entity, driver: EgoDriver) -> None:
         """Let a driver have the ego from now on."""

@@ -27,6 +27,10 @@ class StoryboardRun(Run, Protocol):
         """The actions that end with the coming step, in which their entities still move."""
         ...
 
+    def leave_off(self) -> None:
+        """Say what is left of the actions that are under way now, because the run stops."""
+        ...
+
     def enter(self, entity: Entity) -> None:
         """Bring an entity that has got its first place into the world, its trailers with it."""
         ...

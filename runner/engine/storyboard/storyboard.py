@@ -351,6 +351,8 @@ class Storyboard:
         if run.time < self._until and run.changes == self._changes:
             return False
         if self.stop_trigger is not None and self._stop.due(run):
+            if not any(timed.condition.mishap for timed in self.stop_trigger.fired):
+                run.leave_off()  # after a mishap nobody expects the goals to be reached
             for story in self.stories:
                 story.stop(run, self.stop_trigger.reason)
             return True
@@ -368,9 +370,12 @@ class Storyboard:
         if not (self._arming or self._events.awake or self._acts.awake or self._stop.awake):
             self._changes = run.changes
             self._until = min(self._stop.quiet, self._acts.quiet, self._events.quiet)
-        return self.ends_with_stories and all(
+        ends = self.ends_with_stories and all(
             story.state is ElementState.COMPLETE for story in self.stories
         )
+        if ends:
+            run.leave_off()
+        return ends
 
 
 def ordered_init(

@@ -24,6 +24,7 @@ class Script:
     """A trigger that fires at given steps."""
 
     triggering = ()
+    fired = ()
     reason = "scripted"
 
     def __init__(self, *steps: int) -> None:
@@ -90,6 +91,9 @@ class Board:
     @property
     def time(self) -> float:
         return 0.1 * self.step
+
+    def leave_off(self) -> None:
+        self.log.append((self.step, "", "leaves off"))
 
     @property
     def step_index(self) -> int:
