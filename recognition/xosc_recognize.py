@@ -184,6 +184,12 @@ def replay(
             help="Participant that becomes the ego.  [default: the recording's, or the one there for longest]",
         ),
     ] = None,
+    raw: Annotated[
+        bool,
+        typer.Option(
+            "--raw", help="Replay the recorded places and headings, not the smoothed motion."
+        ),
+    ] = False,
     _verbose: Verbose = False,
     quiet: Quiet = False,
     _version: Version = False,
@@ -197,7 +203,7 @@ def replay(
 
     if out.suffix != ".xosc":
         raise UsageError("a scenario ends in .xosc", path=out)
-    made = write_replay(path, out, ego=ego, road=form.road, version=form.version)
+    made = write_replay(path, out, ego=ego, road=form.road, version=form.version, raw=raw)
     if not quiet:
         for remark in made.remarks:
             say(f"{NAME}: remark: {remark}", to=sys.stderr)

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from recognition.catalogue.recordings import opened
 from recognition.catalogue.writing import replay
 from recognition.catalogue.writing.write import AUTHOR, DATE
 from recognition.recordings import Source, cache_roads
+from recognition.recordings.motion.smoothing import RAW
 from recognition.scenes import map_of
-from recognition.scenes.cut import SceneCutter, Scope
+from recognition.scenes.cut import Excerpt, SceneCutter, Scope, Tolerance
 from runner.recording import Recording, Track
 from schemas.common.errors import InvalidFile, UsageError
 from schemas.common.policy import limited
@@ -39,8 +44,11 @@ def write_replay(
     ego: str | None = None,
     road: Path | None = None,
     version: Version = (1, 3),
+    raw: bool = False,
 ) -> Replay:
     """Write one scenario that replays a recording from the first to the last row of its ego, and its road beside it.
+
+    The smoothed motion is replayed; its distance from the recorded places is a remark.
 
     Args:
         path: the recording.
@@ -50,6 +58,7 @@ def write_replay(
         road: the OpenDRIVE file; by default what the recording has. A recording without one is
             replayed on a plane.
         version: of the standard.
+        raw: replay the recorded places and headings, row by row, noise included.
 
     Raises:
         InvalidFile, Unsupported: the recording can't be read, or has no participants.
@@ -65,7 +74,11 @@ def write_replay(
     ]
     track = _ego(recording, source, ego, remarks)
     file = _road(source, recording, remarks)
-    scene = SceneCutter(recording, Scope(reach=math.inf)).cut(track.name, -math.inf, math.inf)
+    if raw:
+        recording = _unsmoothed(recording)
+    scope = Scope(math.inf, _NONE if raw else Tolerance())
+    scene = SceneCutter(recording, scope).cut(track.name, -math.inf, math.inf)
+    remarks += _deviation(scene)
     absent = len(recording.tracks) - len(scene.parts)
     if absent:
         remarks.append(
@@ -78,13 +91,52 @@ def write_replay(
         DATE,
     )
     document = replay.whole(
-        out, header, scene, road=beside.name if beside is not None else None, version=version
+        out,
+        header,
+        scene,
+        road=beside.name if beside is not None else None,
+        version=version,
+        exact=raw,
     )
     with writing("the scenario", out):
         if file is not None and beside is not None:
             _put(beside, read_bytes(file))
         keep(to_bytes(document), out)
     return Replay([out] if beside is None else [out, beside], remarks)
+
+
+_NONE = Tolerance(0.0, 0.0, 0.0, 0.0)
+"""Tolerance that keeps every row"""
+
+
+def _unsmoothed(recording: Recording) -> Recording:
+    """The recording with the recorded values of what was smoothed in the place of the smoothed ones."""
+    tracks = [replace(track, read=partial(_recorded, track)) for track in recording.tracks.values()]
+    return Recording(tracks, recording.timestep, recording.network)
+
+
+def _recorded(track: Track) -> dict[str, np.ndarray]:
+    columns = track.columns
+    recorded = {name: columns[f"raw_{name}"] for name in RAW if f"raw_{name}" in columns}
+    return {name: values for name, values in columns.items() if name[4:] not in recorded} | recorded
+
+
+def _deviation(scene: Excerpt) -> list[str]:
+    """A sentence on the distance of smoothed places from the recorded ones, where a track has both."""
+    away = dict[str, float]()
+    for part in scene.parts:
+        columns, rows = part.track.columns, slice(part.rows[0], part.rows[-1] + 1)
+        if "raw_x" in columns:
+            dx, dy = (columns[f"raw_{axis}"][rows] - columns[axis][rows] for axis in "xy")
+            away[part.name] = float(np.hypot(dx, dy).max())
+    if not away:
+        return []
+    most = max(away, key=lambda name: away[name])
+    median = float(np.median(list(away.values())))
+    return [
+        f"smoothed motion is up to {median:.2f} m (median of the participants) and {away[most]:.2f} m"
+        f" ({most}) off the recorded places; --raw replays those"
+    ]
 
 
 def _only(sources: list[Source], path: Path) -> Source:

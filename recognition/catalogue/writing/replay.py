@@ -209,13 +209,13 @@ def _document(
     )
 
 
-def _acts(each: _Participant, path: Any) -> tuple[list[Any], list[Any]]:
+def _acts(each: _Participant, path: Any, mode: str = "follow") -> tuple[list[Any], list[Any]]:
     """The actions of a participant at the beginning, and its events; `path` is its trajectory, or a reference to it."""
     name, numbers = each.names["name"], each.numbers
     place = maneuvers.world_position(numbers["x"], numbers["y"], h=numbers["h"])
     speed = maneuvers.speed(numbers["speed"])
     begins, ends = (maneuvers.simulation_time(numbers[when]) for when in ("begins", "ends"))
-    follow = maneuvers.follow_trajectory(path, "follow", domain="absolute")
+    follow = maneuvers.follow_trajectory(path, mode, domain="absolute")
     events = [maneuvers.event("follow", [follow], begins, "parallel")]
     if each.appears:
         events.insert(
@@ -247,7 +247,13 @@ def _ceiling(values: np.ndarray) -> float:
 
 
 def whole(
-    path: Path, header: FileHeader, scene: Excerpt, *, road: str | None, version: Version
+    path: Path,
+    header: FileHeader,
+    scene: Excerpt,
+    *,
+    road: str | None,
+    version: Version,
+    exact: bool = False,
 ) -> Document:
     """The scenario that replays a scene without catalogues: everything is in one file, but the road.
 
@@ -256,11 +262,13 @@ def whole(
         header: what it says about itself.
         road: the OpenDRIVE file, relative to `path`; None for a plane.
         version: of the standard.
+        exact: have everyone at each vertex at its time, whatever speeds that takes.
     """
+    mode = "position" if exact else "follow"
     entities, init, acts = dict[str, Any](), dict[str, list[Any]](), list[tuple[str, Any]]()
     for part, followed in zip(scene.parts, trajectories(scene), strict=True):
         built = entry(part.track)
-        begins, events = _acts(_participant(part, scene, built), followed)
+        begins, events = _acts(_participant(part, scene, built), followed, mode)
         entities[part.name] = _capable(built, part.track)
         init |= {part.name: begins} if begins else {}
         acts.append((part.name, maneuvers.maneuver("replay", events)))

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 
 import xosc
 from recognition import recordings as datasets
+from recognition.catalogue.whole import write_replay
 from recognition.catalogue.writing import replay
 from recognition.catalogue.writing.replay import entry
 from recognition.scenes.cut import Excerpt, SceneCutter, Scope, needed
+from runner import run
 from runner.recording import Recording
 from schemas import check
 from studies.recognition.fidelity import replayed
@@ -133,6 +135,21 @@ def test_entries_of_one_name_have_one_content(recording: Recording) -> None:
     assert entries["5"].name == "truck_12.00x2.00x3.50_x3.60"
     box = entries["5"].built.boundingbox
     assert (box.boundingbox.length, box.boundingbox.width, box.center.x) == (12.0, 2.0, 3.6)
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_whole_recordings_are_replayed_smoothed_unless_raw(raw: bool, tmp_path: Path) -> None:
+    path = motorway.write_motorway(tmp_path)
+    made = write_replay(path, tmp_path / "whole.xosc", ego=motorway.STOPPING, raw=raw)
+    assert any("off the recorded places; --raw" in remark for remark in made.remarks) != raw
+    content = made.files[0].read_text(encoding="utf-8")
+    assert ('followingMode="position"' in content) == raw
+    assert ('followingMode="follow"' in content) != raw
+    (source,) = datasets.open(path).sources
+    recorded = source.load().tracks[motorway.STOPPING].columns
+    played = run(made.files[0], sut=None, world="kinematic", timestep=0.04).recording
+    x = np.interp(recorded["time"], *(played.tracks["Ego"].columns[name] for name in ("time", "x")))
+    assert x == pytest.approx(recorded["raw_x" if raw else "x"], abs=1.5e-3 if raw else 0.03)
 
 
 @given(st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=60))
