@@ -221,6 +221,10 @@ class GapController:
     u = √(2 B gap − (B / λ)²). A jerk limit j bounds the bandwidth, √k ≤ j / limit. Without any
     limit but that of speed, the gap is closed as fast as that allows.
 
+    Changes of speed have a planner of their own (`speed_plans`), because a speed is reached in a known
+    time while a gap's goal moves as its reference drives. Planned by that one, chasing the speed u,
+    the gap closes a quarter later or overshoots by metres (`test_a_plan_of_speeds_closes_gaps_worse`).
+
     Args:
         limits: infinite where there are none.
     """

@@ -12,12 +12,14 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from runner.engine.motion.dynamics import (
+    RESERVE,
     SHAPES,
     GapController,
     TransitionDynamics,
     read_constraints,
     tighter,
 )
+from runner.engine.motion.speed_plans import pursued
 from runner.engine.participants.declaration import Performance
 from schemas.common.errors import InvalidFile
 from xosc.document.node import Node
@@ -176,6 +178,58 @@ def test_jerk_stays_within_its_limit_and_the_gap_closes(
     rates = [(b - a) / DT for a, b in pairwise(speeds)]
     assert max(abs(b - a) / DT for a, b in pairwise([0.0, *rates])) <= jerk + 1e-4
     assert abs(gaps[-1]) < 0.2
+
+
+class Chasing:
+    """The alternative: the planner of speed changes chases the speed of a stop within the gap.
+
+    Args:
+        slope: u / gap near the goal, 1/s; None: the greatest speed from which a stop with the jerk
+            limit is possible.
+    """
+
+    def __init__(self, limits: Performance, slope: float | None) -> None:
+        self.limits, self.slope, self.acceleration = limits, slope, 0.0
+
+    def speed(self, gap: float, speed: float, goal_speed: float, dt: float) -> float:
+        brake = RESERVE * self.limits.max_deceleration
+        jerk, far = self.limits.max_deceleration_rate, abs(gap)
+        if self.slope is not None:
+            knee = brake / self.slope
+            bent = math.sqrt(max(2.0 * brake * far - knee * knee, 0.0))
+            closing = self.slope * far if self.slope * far <= knee else bent
+        else:
+            closing = (far * far * jerk) ** (1.0 / 3.0)
+            ramp = brake / jerk
+            if closing > brake * ramp:
+                closing = 0.5 * brake * (math.sqrt(ramp * ramp + 8.0 * far / brake) - ramp)
+        target = goal_speed + math.copysign(closing, gap)
+        planned, self.acceleration = pursued(speed, self.acceleration, target, self.limits, dt)
+        return planned
+
+
+def behind_a_steady_lead(
+    controller: GapController | Chasing, gap: float, dt: float = 0.05
+) -> tuple[float, float]:
+    """Greatest overshoot (m), and the time (s) from which on the gap is within 10 cm of its goal."""
+    speed, most, late = 20.0, 0.0, 0.0
+    for step in range(1200):
+        speed = controller.speed(gap, speed, 20.0, dt)
+        gap += (20.0 - speed) * dt
+        most = max(most, -gap)
+        late = step * dt if abs(gap) > 0.1 else late
+    return most, late
+
+
+def test_a_plan_of_speeds_closes_gaps_worse() -> None:
+    limits, gaps = Performance(60.0, 2.0, 4.0, 2.0, 2.0), (100.0, 30.0, 5.0)
+    slope = 0.5 * min(math.sqrt(0.4 * 4.0), 2.0 / 4.0)
+    now = [behind_a_steady_lead(GapController(limits), gap) for gap in gaps]
+    same_law = [behind_a_steady_lead(Chasing(limits, slope), gap) for gap in gaps]
+    fastest = [behind_a_steady_lead(Chasing(limits, None), gap) for gap in gaps]
+    assert max(over for over, _ in now) < 0.01
+    assert sum(late for _, late in same_law) > 1.25 * sum(late for _, late in now)
+    assert max(over for over, _ in fastest) > 1.0
 
 
 def test_without_limits_of_acceleration_the_gap_closes_as_fast_as_the_speed_allows() -> None:
