@@ -1,10 +1,11 @@
-"""Processor time of reading, checking and compiling a scenario against the number of each element that may repeat.
+"""Processor time of reading and compiling a file against the number of each element that may repeat.
 
     python -m benchmarks.growth [--most 16000] [--only NAME] [--seconds 20]
 
 Repeatable elements are those that the schema declares with a largest number above 1. Each is
-repeated in the smallest file of the conformance tests or the library that has one, with numbered
-names. The exponent b of time = a n^b is fitted to counts from `--most`/8 to `--most`, without the
+repeated in the smallest file of the tests or the library that has one, with numbered
+names: a scenario is compiled, of a variation file the first parameter sets are listed, a
+catalogue is checked. The exponent b of time = a n^b is fitted to counts from `--most`/8 to `--most`, without the
 time for the file as it is; a series ends early at a count that takes more than `--seconds`. Exit code
 1: an exponent is above `STEEPEST`.
 """
@@ -15,8 +16,10 @@ import argparse
 import copy
 import sys
 import tempfile
+from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from time import process_time
 from typing import NamedTuple
@@ -25,15 +28,23 @@ import numpy as np
 from lxml import etree
 
 from runner.judging.execution import prepare
+from schemas.checks.checker import check
 from schemas.common.errors import ToolchainError
 from schemas.versions.registry import OPENSCENARIO, schema_for
+from xosc.distributions.space import variations
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = (ROOT / "tests" / "conformance", ROOT / "xosc" / "library")
+FOLDERS = (
+    ROOT / "tests" / "conformance",
+    ROOT / "tests" / "oracles" / "repeated",
+    ROOT / "xosc" / "library",
+)
 STEEPEST = 1.4
 """Exponent above which growth is not linear; n log n has 1.15 at these counts"""
 _LEAST = 0.2
 """Processor time (s) of the largest count below which noise decides the exponent"""
+_SETS = 100
+"""Parameter sets that are listed: their number may be a power of that of the element"""
 _XSD = "{http://www.w3.org/2001/XMLSchema}"
 
 
@@ -84,8 +95,6 @@ def examples(wanted: list[Repeatable]) -> dict[Repeatable, Path]:
     for path in files:
         with suppress(etree.XMLSyntaxError):
             root = etree.parse(path).getroot()
-            if root.find("Storyboard") is None:
-                continue
             pairs = {
                 Repeatable(str(parent.tag), str(each.tag))
                 for each in root.iter(etree.Element)
@@ -121,11 +130,22 @@ def _is_in(element: etree._Element, tag: str) -> bool:
     return parent is not None and parent.tag == tag
 
 
-def seconds(path: Path) -> float:
-    """Processor time (s) of preparing a scenario, or of refusing it."""
-    start = process_time()
+def read(path: Path) -> None:
+    """Compile a scenario, list parameter sets of a variation file, check a catalogue; or refuse it."""
+    root = etree.parse(path).getroot()
     with suppress(ToolchainError):
-        prepare(path)
+        if root.find("Catalog") is not None:
+            check(path)
+        elif root.find("ParameterValueDistribution") is not None:
+            deque(islice(variations(path), _SETS), maxlen=0)
+        else:
+            prepare(path)
+
+
+def seconds(path: Path) -> float:
+    """Processor time (s) of reading a file."""
+    start = process_time()
+    read(path)
     return process_time() - start
 
 
