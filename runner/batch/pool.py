@@ -186,14 +186,19 @@ def executor(processes: int, *, anew: bool = False) -> ProcessPoolExecutor:
     """Processes that end quietly on Ctrl-C, and with the one that made them; each under the policy that is in force here.
 
     Started anew they are no copies of this process, whose libraries may have threads that copies
-    lack.
+    lack; processes of their own are started as those of this one are.
     """
     context = multiprocessing.get_context("spawn") if anew else None
-    return ProcessPoolExecutor(processes, context, initializer=_serve, initargs=(current(),))
+    start = multiprocessing.get_start_method()
+    return ProcessPoolExecutor(processes, context, initializer=_serve, initargs=(current(), start))
 
 
-def _serve(policy: CommandPolicy) -> None:
-    """Make a worker end quietly on Ctrl-C, which reaches all processes of a terminal, and when its parent has ended."""
+def _serve(policy: CommandPolicy, start: str) -> None:
+    """Make a worker end quietly on Ctrl-C, which reaches all processes of a terminal, and when its parent has ended.
+
+    Its own start method is not inherited: "spawn" leaves named semaphores where a worker is killed.
+    """
+    multiprocessing.set_start_method(start, force=True)
     for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
         signal.signal(number, signal.SIG_DFL)
     ExitStack().enter_context(in_force(policy))  # to the end of the process

@@ -157,6 +157,12 @@ _UNLIKE = 1.0
 
 _HARDEST = 2.0 * _GRAVITY
 """Change of speed (m/s²), beside `_UNLIKE`, that no vehicle exceeds between two poses"""
+_SLIDING = 3.0
+"""Speed (m/s) across the heading above which a pose slides: lane changes with wheels reach 2 m/s, along their headings"""
+_SLIP = math.tan(math.radians(10.0))
+"""Ratio of speeds across and along the heading below which tyres hold: their side forces are largest at about 10 degrees"""
+_SLIDING_TIME = 0.5
+"""Time (s) for which poses slide until no vehicle does so"""
 
 
 class WorldDriver(EgoDriver):
@@ -236,6 +242,7 @@ class SystemDriver(EgoDriver):
         self._cruise = cruise
         self._intervening = False
         self._returning = cruise is not None
+        self._sliding = 0.0
         self.implausible = ""
         """Sentence on the first pose that no vehicle reaches; empty where there is none"""
 
@@ -288,24 +295,30 @@ class SystemDriver(EgoDriver):
         self._begin(ego, pose.reason, run)
         dt, c, s = run.dt, math.cos(pose.h), math.sin(pose.h)
         dx, dy = pose.x - ego.x, pose.y - ego.y
-        speed = (dx * c + dy * s) / dt if pose.speed is None else pose.speed
+        along, aside = (dx * c + dy * s) / dt, (dy * c - dx * s) / dt
+        speed = along if pose.speed is None else pose.speed
+        slides = abs(aside) > max(_SLIDING, _SLIP * abs(along))
+        self._sliding = self._sliding + dt if slides else 0.0
         if not self.implausible:
-            off = math.hypot(dx - ego.vx * dt, dy - ego.vy * dt)
-            before, now = abs(ego.speed), abs(speed)
-            moved = math.hypot(dx, dy) / dt
-            if off > _OFF + _GRAVITY * dt * dt:
-                self.implausible = (
-                    f"{ego.name} is put {off:.2f} m from where it would be at {run.time + dt:.2f} s"
-                )
-            elif not min(before, now) - _UNLIKE <= moved <= max(before, now) + _UNLIKE:
-                told = f"is put {moved * dt:.2f} m further at {run.time + dt:.2f} s, at a speed of {speed:.2f} m/s"
-                self.implausible = f"{ego.name} {told}"
-            elif abs(speed - ego.speed) > _UNLIKE + _HARDEST * dt:
-                told = f"{ego.speed:.2f} to {speed:.2f} m/s within a step at {run.time + dt:.2f} s"
-                self.implausible = f"{ego.name} changes its speed from {told}"
+            self.implausible = self._implausibility(ego, dx, dy, speed, run)
             if self.implausible:
                 run.note("implausiblePose", ego.name, f"{self.implausible}: no vehicle moves so")
         return Decision(speed, pose=pose)
+
+    def _implausibility(self, ego: Entity, dx: float, dy: float, speed: float, run: Run) -> str:
+        """A sentence on a displacement (m) or speed (m/s) of a step that no vehicle reaches; empty for a plausible one."""
+        dt, then = run.dt, f"{run.time + run.dt:.2f} s"
+        off = math.hypot(dx - ego.vx * dt, dy - ego.vy * dt)
+        before, now, moved = abs(ego.speed), abs(speed), math.hypot(dx, dy) / dt
+        if off > _OFF + _GRAVITY * dt * dt:
+            return f"{ego.name} is put {off:.2f} m from where it would be at {then}"
+        if not min(before, now) - _UNLIKE <= moved <= max(before, now) + _UNLIKE:
+            return f"{ego.name} is put {moved * dt:.2f} m further at {then}, at a speed of {speed:.2f} m/s"
+        if abs(speed - ego.speed) > _UNLIKE + _HARDEST * dt:
+            return f"{ego.name} changes its speed from {ego.speed:.2f} to {speed:.2f} m/s within a step at {then}"
+        if self._sliding > _SLIDING_TIME - dt / 2:
+            return f"{ego.name} has moved sideways at more than {_SLIDING:g} m/s for {_SLIDING_TIME:g} s at {then}"
+        return ""
 
     def _intervene(self, ego: Entity, acceleration: float, reason: str, run: Run) -> float:
         """Speed after a step of the system's acceleration, m/s: a change of the direction of travel ends in standstill."""

@@ -438,6 +438,19 @@ def _ego_seconds(run: Observed) -> Count | None:
 
 
 @_row(
+    "ego_share",
+    "short",
+    "share",
+    0.1,
+    "share of the run with the ego in the world",
+    "the ego was there for a smaller share of the run",
+    within="ego_seconds",
+)
+def _ego_share(run: Observed) -> Count | None:
+    return Count(run.ego_seconds / run.sim.time) if run.ego and run.sim.time else None
+
+
+@_row(
     "road_seconds",
     "off-road",
     "s",
@@ -472,6 +485,22 @@ def _road_seconds(run: Observed) -> Count | None:
 )
 def _command_seconds(run: Observed) -> Count | None:
     return _commanded(run, "any")
+
+
+@_row(
+    "command_share",
+    "not-driven",
+    "share",
+    0.1,
+    "share of the ego's time with the system under test in command",
+    "it was in command for a smaller share of that time",
+    within="command_seconds",
+)
+def _command_share(run: Observed) -> Count | None:
+    seconds = _commanded(run, "any")
+    if seconds is None or not run.ego_seconds:
+        return None
+    return seconds._replace(value=min(seconds.value / run.ego_seconds, 1.0))
 
 
 @_row(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import multiprocessing
 import os
 import signal
 import threading
@@ -14,7 +15,7 @@ import pytest
 
 from runner.batch.batch import lost
 from runner.batch.jobs import Job, Outcome
-from runner.batch.pool import Pool
+from runner.batch.pool import Pool, dismiss, executor
 from schemas.common.errors import describe
 from schemas.common.policy import Ended, end_by, limited
 from tests.commands import Command
@@ -112,3 +113,13 @@ def test_a_signal_that_a_library_has_kept_ends_the_command_at_the_next_file() ->
         end_by(0)
     with limited():
         pass
+
+
+def start_method() -> str:
+    return multiprocessing.get_start_method()
+
+
+def test_a_process_started_anew_starts_its_own_as_this_one_does() -> None:
+    pool = executor(1, anew=True)  # by "spawn", which leaves semaphores where a process is killed
+    assert pool.submit(start_method).result() == multiprocessing.get_start_method()
+    dismiss(pool)

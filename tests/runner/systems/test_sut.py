@@ -203,6 +203,10 @@ def test_a_system_may_answer_with_poses(tmp_path: Path, world: str) -> None:
         (Gliding(1.0, jump=3.5), "Ego is put 3.50 m from where it would be at 0.55 s"),
         (Gliding(0.0, speed=20.0), "Ego is put 0.00 m further at 0.05 s, at a speed of 20.00 m/s"),
         (Gliding(2.1), "Ego is put 1.10 m from where it would be at 0.05 s"),
+        (
+            Gliding(1.0, aside=0.3),
+            "Ego has moved sideways at more than 3 m/s for 0.5 s at 0.50 s",
+        ),
     ],
 )
 def test_poses_that_no_vehicle_reaches_test_nothing(
