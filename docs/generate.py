@@ -184,7 +184,7 @@ def apps() -> Iterator[tuple[str, typer.Typer]]:
 
 def commands_page() -> str:
     """Arguments, options with their defaults, and exit codes of all commands."""
-    parts = [f"# Commands\n\n{_GENERATED} `COMMAND --help` prints the same.\n\n"]
+    parts = [f"# Commands\n\n{_GENERATED} `COMMAND --help-all` prints the same.\n\n"]
     for name, app in apps():
         command = typer.main.get_command(app)
         with command.make_context(name, [], resilient_parsing=True) as context:

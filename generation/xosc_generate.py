@@ -27,7 +27,7 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
-from schemas.common.terminal.files import named
+from schemas.common.terminal.files import complete_name, named
 from schemas.common.terminal.options import with_settings
 from schemas.common.terminal.text import many
 
@@ -44,7 +44,7 @@ _LISTED = 3
 _EXAMPLES = ("xosc-generate xosc/library/cut_in_highway.xosc --budget 60 --out edge_cases",)
 _EPILOG = exit_codes(
     "edge cases are written",
-    "there is none (with --against: 0 no failure is new, 1 one is; see --fail-if)",
+    "there is none (with --against: 0 no failure is new, 1 one is)",
     "no run tested what its file describes",
 )
 
@@ -70,6 +70,7 @@ def xosc_generate(
         Path,
         typer.Argument(
             metavar="SCENARIO_OR_CATALOGUE",
+            autocompletion=complete_name,
             help="A scenario, a variation file, a shipped one's name, or a catalogue's folder.",
         ),
     ],
@@ -85,7 +86,7 @@ def xosc_generate(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Replay the failures in the folder of a search of another version of the system.",
+            help="Search of another version of the system, whose failures are replayed.",
         ),
     ] = None,
     fail_if: FailIf = None,

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from typer.core import TyperGroup
 
 from recognition.trfe.training.command import train
 from schemas.common import packages
 from schemas.common.errors import UsageError, exit_codes
 from schemas.common.terminal.command_line import (
+    CommandGroup,
     Jobs,
     Quiet,
     Verbose,
@@ -450,7 +450,7 @@ _FORMATS = ", ".join(packages.described("recognition.recordings.formats", "TITLE
 _CATALOGUE = f"{cleandoc(catalogue.__doc__ or '')}\n\nFormats of recordings: {_FORMATS}."
 
 
-class _CatalogueByDefault(TyperGroup):
+class _CatalogueByDefault(CommandGroup):
     """Takes arguments that name no command for those of `catalogue`."""
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]

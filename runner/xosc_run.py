@@ -25,6 +25,7 @@ from schemas.common.terminal.command_line import (
     new_app,
     protected,
 )
+from schemas.common.terminal.files import complete_name
 from schemas.common.terminal.options import READ, with_settings
 
 if TYPE_CHECKING:
@@ -37,7 +38,6 @@ _EXAMPLES = (
     "xosc-run xosc/library/simple_cut_in.xosc",
     "xosc-run --sut adas xosc/library --jobs 4 --out results --replay",
     'xosc-run -p CutIn_Gap_m=8 --fail-if "min_ttc<1" xosc/library/simple_cut_in.xosc',
-    "xosc-run --sut adas --assess euro-ncap-2026 OSC-NCAP-scenarios/OpenSCENARIO --out assessed",
 )
 _EPILOG = exit_codes(
     "passed",
@@ -53,6 +53,7 @@ Files = Annotated[
     READ,
     typer.Argument(
         metavar="PATH...",
+        autocompletion=complete_name,
         help="Scenarios, and distributions: every parameter set is run; folders, globs, names of shipped ones.",
     ),
 ]

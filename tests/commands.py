@@ -8,7 +8,7 @@ from typing import NamedTuple
 from xosc_toolchain.start import MODULES as SCRIPTS
 from xosc_toolchain.start import load
 
-__all__ = ["SCRIPTS", "Answer", "Command", "main"]
+__all__ = ["SCRIPTS", "Answer", "Command", "load", "main"]
 
 
 class Answer(NamedTuple):

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 
 from schemas.common.errors import exit_codes
 from schemas.common.packages import version
 from schemas.common.storage import DRAFT
-from tests.commands import SCRIPTS, Command
+from tests.commands import SCRIPTS, Command, load
 from tests.runner.files import scenario
 from xosc.listing import LIBRARY
 
@@ -33,9 +35,35 @@ def test_every_command_tells_its_version(command: Command, name: list[str]) -> N
 def test_every_command_has_help_and_can_be_verbose(
     command: Command, name: list[str], verbose: str
 ) -> None:
-    answer = command(*name, verbose, "--help")
+    answer = command(*name, verbose, "--help-all")
     assert (answer.code, answer.err) == (0, "")
     assert all(option in answer.out for option in ("-v, --verbose", "--version", "--help"))
+
+
+def subcommands() -> list[list[str]]:
+    """All commands, with those of groups."""
+    groups = {name: typer.main.get_command(load(name).app) for name in SCRIPTS}
+    further = (
+        [name, each, *inner]
+        for name, group in groups.items()
+        for each, one in getattr(group, "commands", {}).items()
+        for inner in ([], *([key] for key in getattr(one, "commands", {})))
+    )
+    return [[name] for name in SCRIPTS] + list(further)
+
+
+HELP_LINES, HELP_COLUMNS = 60, 80
+
+
+@pytest.mark.parametrize("name", subcommands(), ids=" ".join)
+def test_help_is_short_and_names_every_option(command: Command, name: list[str]) -> None:
+    brief, full = (command(*name, option).out for option in ("--help", "--help-all"))
+    assert len(brief.splitlines()) <= HELP_LINES
+    prose = brief.partition("\n\n")[2].partition("  Examples:")[0].splitlines()
+    assert max(map(len, prose)) <= HELP_COLUMNS
+    options = r"(?<=[ /])--[a-z][\w-]+"
+    own = re.findall(r"^ +(?:-\w, )?(--[a-z][\w-]+)", full, re.MULTILINE)
+    assert set(own) <= set(re.findall(options, brief))
 
 
 @pytest.mark.parametrize("name", NAMES, ids=" ".join)

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from schemas.common.errors import UsageError, exit_codes, nearest
 from schemas.common.terminal.command_line import (
+    CommandGroup,
     Verbose,
     Version,
     guarded,
@@ -39,7 +39,7 @@ COMMANDS = {
 SHELLS = ("bash", "zsh", "fish", "powershell")
 
 
-class _Commands(TyperGroup):
+class _Commands(CommandGroup):
     """Loads a command when it is asked for."""
 
     def list_commands(self, ctx: Any) -> list[str]:

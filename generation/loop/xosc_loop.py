@@ -37,8 +37,8 @@ NAME = "xosc-loop"
 _EXAMPLES = ("xosc-loop results --out loop --budget 20 --rounds 1",)
 _EPILOG = exit_codes(
     "the page is written",
-    "it is, but a recording or scenario in the folder, or a file made, is not valid, a run ended with an error, or no run of a "
-    "search succeeded (with --against, also: a failure is new; see --fail-if)",
+    "it is, but a file in the folder or a file made is not valid, a run ended with an error, or no run of a search succeeded "
+    "(with --against, also: a failure is new)",
     "a run did not test what its file describes",
 )
 
@@ -53,12 +53,10 @@ def xosc_loop(
         Path,
         typer.Argument(
             metavar="FOLDER",
-            help="Recordings (highD, INTERACTION, CommonRoad, NGSIM, runs), .xosc scenarios.",
+            help="Folder of recordings and .xosc scenarios.",
         ),
     ],
-    out: Annotated[
-        Path, out_folder("Folder for all that comes of it; index.html in it is the page.")
-    ],
+    out: Annotated[Path, out_folder("Folder for all files, with the page index.html.")],
     settings: LoopSettings,
     labels: Annotated[
         Literal["model", "rules"], typer.Option(help="Who labels: a model, or the rules alone.")

@@ -183,7 +183,7 @@ class Ask:
     )
     free: Sequence[str] = option(
         (),
-        "Search a parameter besides the default ones, or a literal, as 87@value=10..40, between these limits (repeatable).",
+        "Search a parameter besides the default ones, or a literal, as 87@value=10..40 (repeatable).",
         "--free",
         metavar="NAME[=LOW..HIGH]",
     )
@@ -229,7 +229,7 @@ class LoopSettings:
     shown: int = option(12, "Recorded scenarios of each class with a replay.", min=1, metavar="N")
     sample: int = option(
         50,
-        "Most parameter sets of each variation file that are run, drawn by the seed.",
+        "Most parameter sets of each variation file, drawn by the seed.",
         min=1,
         metavar="N",
     )
@@ -239,7 +239,7 @@ class LoopSettings:
     ask: Ask = part(Ask)
     against: Path | None = option(
         None,
-        "Replay the failures in the output folder of a loop of another version of the system.",
+        "Loop of another version of the system, whose failures are replayed.",
         metavar="DIR",
     )
     overwrite: bool = option(

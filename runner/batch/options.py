@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from typer import Context
+
 from runner.judging.measures.measure import EVENTS, NEW_FAILURE, UNITS
 from runner.judging.settings import RunSettings
 from schemas.common.errors import ToolchainError, UsageError
 from schemas.common.policy import current
-from schemas.common.terminal.options import WRITTEN, option, option_of, writable_folder
+from schemas.common.terminal.options import WRITTEN, completed, option, option_of, writable_folder
 
 if TYPE_CHECKING:
     from xosc.distributions.space import Selection
@@ -23,6 +25,19 @@ def _assessments() -> tuple[str, list[tuple[str, str]]]:
     return "Protocols of --assess", list(profiles().items())
 
 
+def complete_parameter(context: Context, incomplete: str) -> list[str]:
+    """Parameters of the scenarios named before, as NAME=VALUE with their defaults, that begin as typed."""
+    from schemas.common.terminal.files import expand
+    from xosc.listing import listing
+
+    try:
+        listed = listing(map(str, expand(context.args))).scenarios if context.args else []
+    except ToolchainError:
+        return []
+    pairs = {f"{one.name}={one.value}": None for each in listed for one in each.parameters}
+    return [pair for pair in pairs if pair.startswith(incomplete)]
+
+
 @dataclass(frozen=True)
 class BatchOptions:
     """Options of a batch, besides the settings of its runs.
@@ -32,7 +47,12 @@ class BatchOptions:
     """
 
     param: Mapping[str, str] = option(
-        {}, "Value of a global parameter (repeatable).", "--param", "-p", metavar="NAME=VALUE"
+        {},
+        "Value of a global parameter (repeatable).",
+        "--param",
+        "-p",
+        metavar="NAME=VALUE",
+        autocompletion=complete_parameter,
     )
     only: str | None = option(
         None,
@@ -47,10 +67,11 @@ class BatchOptions:
     )
     fail_if: tuple[str, ...] = option(
         (),
-        f"Fail runs by a measure, as min_ttc<1 ({', '.join(UNITS)}), or by "
+        "Fail runs by a measure, as min_ttc<1 (see docs/reference/measures.md), or by "
         f"{', '.join((*EVENTS, NEW_FAILURE))} (repeatable).",
         "--fail-if",
         metavar="LIMIT",
+        autocompletion=completed(lambda: (*UNITS, *EVENTS, NEW_FAILURE)),
         shared=True,
     )
     out: Path | None = option(
@@ -68,12 +89,12 @@ class BatchOptions:
     plot: bool = option(False, "Add a picture of each run to --out.", "--plot")
     replay: bool = option(
         False,
-        "Write an HTML page that plays each run, to --out with a report, else to this folder.",
+        "Write an HTML page that plays each run, to --out with a report, else here.",
         "--replay",
     )
     against: Path | None = option(
         None,
-        "Folder of an earlier batch to compare with; --fail-if new-failure needs it.",
+        "Folder of an earlier batch to compare with, as new-failure needs it.",
         metavar="BATCH",
     )
     assess: str | None = option(
@@ -81,6 +102,7 @@ class BatchOptions:
         "Write the runs as the table of a test protocol to --out: assessment.html and .csv.",
         section=_assessments,
         metavar="PROTOCOL",
+        autocompletion=completed(lambda: [name for name, _ in _assessments()[1]]),
     )
     gui: bool = option(False, "Play each run in SUMO's own window.", "--gui")
     resume: bool = option(False, "Go on with the batch that --out holds.", "--resume")

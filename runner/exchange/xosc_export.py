@@ -26,7 +26,8 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
-from schemas.common.terminal.options import READ, parameters_of, with_settings
+from schemas.common.terminal.files import complete_name
+from schemas.common.terminal.options import READ, completed, parameters_of, with_settings
 from schemas.common.terminal.text import shown
 
 if TYPE_CHECKING:
@@ -59,10 +60,18 @@ def xosc_export(
         READ,
         typer.Argument(
             metavar="PATH...",
+            autocompletion=complete_name,
             help="Scenarios, distributions, catalogues; folders, globs, names of shipped ones.",
         ),
     ],
-    to: Annotated[str, typer.Option(metavar="TARGET", help=f"One of {', '.join(TARGETS)}.")],
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="TARGET",
+            autocompletion=completed(lambda: TARGETS),
+            help=f"One of {', '.join(TARGETS)}.",
+        ),
+    ],
     out: Annotated[Path, out_folder("Folder to write into.")],
     settings: RunSettings,
     param: Param = None,

@@ -15,6 +15,7 @@ from schemas.common.terminal.options import (
     READ,
     ROAD_PATH,
     FileUse,
+    completed,
     option,
     options_of,
 )
@@ -111,11 +112,12 @@ class RunSettings:
     timestep: float = option(0.05, "Time step.", metavar="SECONDS", shared=True)
     sut: str | System | None = option(
         DEFAULT_SYSTEM,
-        "System under test that drives the ego, with arguments of its class.",
+        "System under test that drives the ego; with arguments: NAME:PARAMETER=VALUE,...",
         type=str,
         section=_systems,
         files=FileUse.WITHIN,
-        metavar="NAME[:PARAMETER=VALUE,...]",
+        metavar="SYSTEM",
+        autocompletion=completed(lambda: [name for name, _ in _systems()[1] if name.islower()]),
         shared=True,
     )
     sut_timeout: float = option(

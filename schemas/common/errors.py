@@ -67,7 +67,7 @@ def exit_codes(passed: str, finding: str, inconclusive: str = "") -> str:
         "5 internal error" + " or a system under test that fails" * bool(inconclusive),
     ]
     found += [f"6 {inconclusive}"] if inconclusive else []
-    return f"Exit codes: {', '.join(found)}. With several files, the gravest of theirs."
+    return f"Exit codes: {', '.join(found)}. With several, the gravest."
 
 
 def gravest(codes: Iterable[int]) -> int:

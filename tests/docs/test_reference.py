@@ -89,7 +89,7 @@ def options() -> dict[str, set[str]]:
 
 
 def _options(command: Any) -> set[str]:
-    return {"--help"} | {
+    return {"--help", "--help-all"} | {
         option
         for parameter in command.params
         for option in (*parameter.opts, *parameter.secondary_opts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -87,20 +88,34 @@ def test_an_unknown_shell_is_refused(command: Command) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "words", "expected"),
+    ("words", "expected"),
     [
-        ("xosc-run", "xosc-run --su", ["--sut", "--sut-timeout", "--sut-in-process"]),
-        ("xosc", "xosc r", ["recognize", "replay", "road", "run"]),
+        ("xosc-run --su", ["--sut", "--sut-timeout", "--sut-in-process"]),
+        ("xosc r", ["recognize", "replay", "road", "run"]),
+        ("xosc-run simple_cut_in -p CutIn_G", ["CutIn_Gap_m=25"]),
+        ("xosc-run absent -p CutIn_G", []),
+        ("xosc-run simple_cut_in_v", ["simple_cut_in_variation"]),
+        ("xosc run --sut ad", ["adas"]),
+        ("xosc-run --fail-if min_t", ["min_ttc", "min_thw"]),
+        ("xosc-export --to o", ["openlabel", "osi"]),
+        ("xosc-list --class 'highway cut i", ["highway cut in"]),
     ],
 )
-def test_words_are_completed(name: str, words: str, expected: list[str]) -> None:
+def test_words_are_completed(words: str, expected: list[str]) -> None:
+    closed = words + "'" * (words.count("'") % 2)
+    name = words.partition(" ")[0]
     variable = f"_{name}_COMPLETE".replace("-", "_").upper()
-    environment = {**os.environ, "COMP_WORDS": words, "COMP_CWORD": "1", variable: "complete_bash"}
+    environment = {
+        **os.environ,
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(len(shlex.split(closed)) - 1),
+        variable: "complete_bash",
+    }
     code = f"import sys; sys.argv = [{name!r}]; from {SCRIPTS[name]} import main; main()"
     found = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True
     )
-    assert found.stdout.split() == expected
+    assert found.stdout.strip().splitlines() == expected
 
 
 # help ---------------------------------------------------------------------------------------
@@ -120,6 +135,8 @@ def test_help_has_groups_and_examples_that_parse(command: Command, name: str) ->
 
 @pytest.mark.parametrize("name", ["xosc-run", "xosc-export", "xosc-generate", "xosc-loop"])
 def test_help_lists_all_systems(command: Command, name: str) -> None:
-    text = command(name, "--help").out.partition("Systems under test:")[2]
+    brief = command(name, "--help").out.partition("Systems under test:")[2].partition("\n\n")[0]
+    assert set(xt.systems()) <= set(brief.replace(",", " ").split())
+    text = command(name, "--help-all").out.partition("Systems under test:")[2]
     assert all(f"\n  {system} " in text for system in xt.systems())
     assert {"adas", "cas", "none", "module:Class"} <= set(xt.systems())

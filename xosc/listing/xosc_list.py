@@ -19,7 +19,8 @@ from schemas.common.terminal.command_line import (
     protected,
     say,
 )
-from schemas.common.terminal.options import READ, WRITTEN
+from schemas.common.terminal.files import complete_name
+from schemas.common.terminal.options import READ, WRITTEN, completed
 
 if TYPE_CHECKING:
     from xosc.exports.draft import Folder
@@ -38,6 +39,13 @@ _EPILOG = exit_codes("listed", "")
 app = new_app()
 
 
+def _classes() -> list[str]:
+    """Classes of the shipped scenarios."""
+    from xosc.listing import LIBRARY, listing
+
+    return sorted({each.label for each in listing([str(LIBRARY)]).scenarios} - {""})
+
+
 @app.command(epilog=epilog(_EPILOG, *_EXAMPLES))
 @protected("max_runs")
 def xosc_list(
@@ -46,12 +54,19 @@ def xosc_list(
         READ,
         typer.Argument(
             metavar="[PATH...]",
+            autocompletion=complete_name,
             help="Files, folders, globs, names of shipped scenarios; results to ask."
             "  [default: the shipped library]",
         ),
     ] = None,
     label: Annotated[
-        str | None, typer.Option("--class", metavar="CLASS", help="Scenarios of this class only.")
+        str | None,
+        typer.Option(
+            "--class",
+            metavar="CLASS",
+            autocompletion=completed(_classes),
+            help="Scenarios of this class only.",
+        ),
     ] = None,
     tag: Annotated[
         list[str] | None,

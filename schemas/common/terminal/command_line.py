@@ -7,10 +7,12 @@ import io
 import os
 import signal
 import sys
+import textwrap
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
+from copy import copy
 from dataclasses import replace
 from functools import wraps
 from glob import has_magic
@@ -63,11 +65,21 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Files and roads": ("strict", "road", "road_path", "catalog_path"),
     "Output": (
         "out", "overwrite", "output", "format", "osi", "plot", "replay", "against", "assess", "gui", "junit",
-        "junit_inconclusive", "verbose", "quiet",
+        "junit_inconclusive", "verbose", "quiet", "help",
     ),
     "Processes and limits": ("jobs", "ray", "resume", "untrusted", "max_memory", "max_seconds", "max_runs"),
 }  # fmt: skip
 """Headings of options by the names of their parameters; all other options stand under `Options`, before them."""
+SELDOM = frozenset({
+    "sut_timeout", "sut_in_process", "least", "in_arrays", "timestep", "ego", "max_time", "world", "end_after_collision",
+    "allow_inconclusive", "enforce_constraints", "only", "repeat", "strict", "road", "catalog_path", "osi", "plot", "gui",
+    "junit_inconclusive", "assess", "ray", "road_path", "max_memory", "max_seconds", "max_runs",
+    "weight", "rss", "apart", "violations", "concrete", "minutes", "every", "map", "density", "kind", "recorded",
+    "labels", "model", "shown", "domain", "verbose", "_verbose", "_version", "overwrite", "method", "maps",
+    "encoders", "pretrain_on", "reviewed", "verdicts", "develop", "forest_samples", "samples", "by_changes", "per_recording",
+})  # fmt: skip
+"""Parameters of options that `--help` names in one line, and `--help-all` explains."""
+HELP, HELP_ALL = ("-h", "--help"), "--help-all"
 
 
 def epilog(codes: str, *examples: str) -> str:
@@ -75,14 +87,32 @@ def epilog(codes: str, *examples: str) -> str:
     return "\n".join(["\b", "Examples:", *(f"  {each}" for each in examples), "", codes])
 
 
-class GroupedCommand(TyperCommand):
+class _HelpInFull:
+    """Adds `--help-all` to a command or group of commands."""
+
+    def get_help_option_names(self, ctx: Any) -> list[str]:
+        """Names in the order of the context, which typer's set of them has not."""
+        return list(ctx.help_option_names)
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """The option of help, which says how to get the rest."""
+        option = super().get_help_option(ctx)  # type: ignore[misc]
+        option.help = "Show this help; all of it by --help-all."
+        return option
+
+
+class CommandGroup(_HelpInFull, TyperGroup):
+    """A group of commands."""
+
+
+class GroupedCommand(_HelpInFull, TyperCommand):
     """A command whose help has options under headings, and whose defaults are those of the settings file."""
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
     ) -> Any:
         """Read the settings file too, but for help, versions, completions and strangers' files."""
-        no_work = extra.get("resilient_parsing") or {"--help", "-h", "--version"} & set(args)
+        no_work = extra.get("resilient_parsing") or {*HELP, HELP_ALL, "--version"} & set(args)
         file = None if no_work else self._file("--untrusted" in args)
         use(file)
         if file is None:
@@ -126,28 +156,59 @@ class GroupedCommand(TyperCommand):
         others = (each for each in group.commands.values() if isinstance(each, GroupedCommand))
         return group.name.removeprefix("xosc-"), {key for each in others for key in each.settings()}
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Keep in the context whether help is asked for in full."""
+        ctx.meta[HELP_ALL] = HELP_ALL in args
+        return super().parse_args(ctx, args)
+
+    def format_help_text(self, ctx: Any, formatter: Any) -> None:
+        """The first paragraph of the description; all of it by `--help-all`."""
+        shown = copy(self)
+        if not ctx.meta.get(HELP_ALL):
+            shown.help = inspect.cleandoc(self.help or "").partition("\n\n")[0]
+        TyperCommand.format_help_text(shown, ctx, formatter)
+
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Arguments, options without a group, groups, sections."""
+        """Arguments, options without a group, groups, sections; in short what is seldom needed."""
         heading = {name: title for title, names in GROUPS.items() for name in names}
-        found: dict[str, list[tuple[str, str]]] = {
+        shown: dict[str, list[tuple[str, str]]] = {
             title: [] for title in ("Arguments", "Options", *GROUPS)
         }
-        names = []
+        full, names, further = ctx.meta.get(HELP_ALL), [], []
         for param in self.get_params(ctx):
-            record = param.get_help_record(ctx)
-            if record is not None:
-                name = param.name or ""
-                found[
-                    "Arguments"
-                    if param.param_type_name == "argument"
-                    else heading.get(name, "Options")
-                ].append(record)
-                names.append(name)
-        explained = (sections[name]() for name in names if name in sections)
-        for title, records in (*found.items(), *explained):
+            record, name = param.get_help_record(ctx), param.name or ""
+            if record is None:
+                continue
+            if name in SELDOM and not full:
+                further.append(param.opts[0])
+                continue
+            names.append(name)
+            if param.param_type_name == "argument":
+                shown["Arguments"].append(record)
+            else:
+                shown[heading.get(name, "Options")].append(record)
+        for title, records in shown.items():
             if records:
                 with formatter.section(title):
                     formatter.write_dl(records)
+        for title, records in (sections[name]() for name in names if name in sections):
+            with formatter.section(title):
+                if full:
+                    formatter.write_dl(records)
+                else:
+                    _write_names(formatter, [name for name, _ in records])
+        if further:
+            with formatter.section(f"Explained by {HELP_ALL}"):
+                _write_names(formatter, further)
+
+
+def _write_names(formatter: Any, names: Sequence[str]) -> None:
+    """Write names as one paragraph, none of them broken at a hyphen."""
+    text = textwrap.wrap(
+        ", ".join(names), formatter.width - formatter.current_indent, break_on_hyphens=False
+    )
+    for line in text:
+        formatter.write(" " * formatter.current_indent + line + "\n")
 
 
 def _setting_of(param: Any, settings: Mapping[str, Setting]) -> tuple[str | None, Sequence[str]]:
@@ -189,8 +250,8 @@ _LIMITS: dict[str, Any] = {
         bool,
         typer.Option(
             "--untrusted",
-            help="Files come from anyone: read nothing outside what is named here, load no plug-in, and keep to limits of memory "
-            f"({UNTRUSTED.max_memory:g} GiB), time ({UNTRUSTED.max_seconds:g} s) and runs ({UNTRUSTED.max_runs:,}).",
+            help="Files come from anyone: read nothing but what is named here, load no plug-in, keep to limits "
+            f"({UNTRUSTED.max_memory:g} GiB, {UNTRUSTED.max_seconds:g} s, {UNTRUSTED.max_runs:,} runs).",
         ),
     ],
     "max_memory": Annotated[
@@ -324,7 +385,7 @@ def _without_glob(name: str | Path) -> str | Path:
     return name if magic is None or os.path.exists(name) else Path(*parts[:magic], "")
 
 
-def new_app(name: str | None = None, group: type[TyperGroup] = TyperGroup) -> typer.Typer:
+def new_app(name: str | None = None, group: type[TyperGroup] = CommandGroup) -> typer.Typer:
     """An app that leaves errors to its caller, and prints plain text; with a name and a group where it has subcommands."""
     return App(
         name=name,
@@ -333,7 +394,7 @@ def new_app(name: str | None = None, group: type[TyperGroup] = TyperGroup) -> ty
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         no_args_is_help=False,
-        context_settings={"help_option_names": ["-h", "--help"]},
+        context_settings={"help_option_names": [*HELP, HELP_ALL]},
     )
 
 

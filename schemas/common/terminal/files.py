@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from functools import cache
-from glob import glob, has_magic
+from glob import escape, glob, has_magic
 from pathlib import Path
 
 from schemas.common.errors import InvalidFile, UsageError, nearest
@@ -59,6 +59,13 @@ def named(path: Path) -> Path:
 def shipped() -> tuple[str, ...]:
     """Return the names of the shipped scenarios and variations."""
     return tuple(sorted(path.stem for path in LIBRARY.glob("*.xosc")))
+
+
+def complete_name(incomplete: str) -> list[str]:
+    """Names of shipped scenarios that begin as typed; none where a file of the user's does, which the shell completes."""
+    if glob(f"{escape(incomplete)}*"):
+        return []
+    return [name for name in shipped() if name.startswith(incomplete)]
 
 
 def _relative(path: Path) -> Path:

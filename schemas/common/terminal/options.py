@@ -96,6 +96,15 @@ def _is_path(kind: Any) -> bool:
     return kind is Path or any(map(_is_path, get_args(kind)))
 
 
+def completed(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """Completion of an option's value in shells, for `autocompletion`: the names that begin as typed."""
+
+    def complete(incomplete: str) -> list[str]:
+        return [name for name in names() if name.startswith(incomplete)]
+
+    return complete
+
+
 Section = Callable[[], tuple[str, list[tuple[str, str]]]]
 """Gives a heading, and names with a line each; called when help is printed."""
 sections: dict[str, Section] = {}
