@@ -180,7 +180,11 @@ FIELDS: dict[str, Field] = {
     ),
     "roles": Field(
         {'vehicleCategory="car">': 'vehicleCategory="car" role="police">'},
-        values(".//Vehicle", "role"),
+        lambda root: [
+            each.get("role")
+            or next(iter(each.xpath("Properties/Property[@name='role']/@value")), None)
+            for each in root.iterfind(".//Vehicle")
+        ],
     ),
     "properties": Field(
         {"<Properties/>": _COLOUR}, values(".//Vehicle/Properties/Property", "name", "value")

@@ -313,6 +313,28 @@ def test_carla_gets_the_time_that_a_rate_takes(tmp_path: Path) -> None:
     assert rows[: len(expected)] == pytest.approx(expected[: len(rows)], abs=1e-6)
 
 
+def test_carla_ends_each_act_when_the_time_of_the_stop_trigger_has_come(tmp_path: Path) -> None:
+    path = scenario(tmp_path, stories=story("Ego", [(9.0, speed_action(5))]), stop=6.0)
+    (remark,) = [
+        remark
+        for remark in carla.export(path, "carla", Folder(tmp_path / "out"))
+        if "StopTrigger" in remark
+    ]
+    assert "its times end the acts" in remark
+    root = xosc.load(tmp_path / "out" / path.name).root
+    times = [
+        each.get("value") for each in root.iterfind(".//Act/StopTrigger//SimulationTimeCondition")
+    ]
+    assert times == ["5.999998"]
+    result = runner.run(tmp_path / "out" / path.name, sut=None, world="kinematic", max_time=8.0)
+    (stop,) = [
+        each.time
+        for each in result.events
+        if each.kind == "stopTransition" and each.subject.endswith("act")
+    ]
+    assert stop == pytest.approx(6.0, abs=0.06)
+
+
 def test_carla_gets_a_later_time_for_a_delay(tmp_path: Path) -> None:
     path = scenario(
         tmp_path, stories=story("Ego", [(0.5, speed_action(5))]).replace('delay="0"', 'delay="2"')
@@ -324,7 +346,7 @@ def test_carla_gets_a_later_time_for_a_delay(tmp_path: Path) -> None:
         float(each.get("value", ""))
         for each in xosc.load(tmp_path / "out" / path.name).root.iter("SimulationTimeCondition")
     )
-    assert times == pytest.approx([2.0, 2.5], abs=1e-5)
+    assert times == pytest.approx([2.0, 2.0, 2.5], abs=1e-5), "the first ends the act"
 
 
 @pytest.mark.parametrize(

@@ -200,6 +200,18 @@ def _role(element: etree._Element) -> None:
     element.set("role", "none")
 
 
+def _described(name: str) -> Callable[[etree._Element], None]:
+    """Makes a Property of an attribute."""
+
+    def change(element: etree._Element) -> None:
+        properties = element.find("Properties")
+        if properties is None:
+            properties = etree.SubElement(element, "Properties")
+        properties.append(etree.Element("Property", name=name, value=str(element.attrib.pop(name))))
+
+    return change
+
+
 def _cloud_state(weather: etree._Element) -> None:
     weather.set(
         "cloudState", _CLOUDS.get(str(weather.attrib.pop("fractionalCloudCover")), "cloudy")
@@ -350,7 +362,10 @@ OMISSIONS: tuple[Omission, ...] = (
         "this version switches all controllers of an entity, which are not executed here",
     ),
     # 1.2
-    Omission((1, 2), "//Vehicle/@role/.. | //Pedestrian/@role/..", _without("role"), _NOT_SHOWN),
+    Omission(
+        (1, 2), "//Vehicle/@role/.. | //Pedestrian/@role/..", _described("role"),
+        "before 1.2 it is a Property of that name, and no motion depends on it",
+    ),
     Omission(
         (1, 2), "//Weather[@fractionalCloudCover and not(starts-with(@fractionalCloudCover, '$'))]", _cloud_state,
         "the cloud cover is written as the cloudState that it makes",

@@ -31,7 +31,6 @@ TARGETS = {
     "1.4": "OpenSCENARIO XML 1.4",
 }
 _OLD = {
-    "roles": lost("no attribute before 1.2"),
     "variables": changed("parameters, which actions may set before 1.2"),
     "followingMode": lost("no attribute before 1.2; vehicles keep their Performance"),
     "lights of vehicles": lost("no element before 1.2"),
@@ -46,7 +45,9 @@ FATES = {
     "1.1": {**_ALL, **_OLD},
     "1.2": {
         **_ALL,
-        "lights of vehicles": lost("refused: 1.2's schema asks for both kinds of light at once"),
+        "lights of vehicles": lost(
+            "refused: 1.2's schema asks for both kinds of light and an animation at once"
+        ),
     },
     "1.3": _ALL,
     "1.4": _ALL,

@@ -54,7 +54,7 @@ def read_object(node: Node, name: str) -> Declaration:
                 "objects of an external library can't be loaded; describe the entity in the file"
             )
         raise node.invalid("a Vehicle, Pedestrian, MiscObject or CatalogReference is expected")
-    kind = _KINDS[described.tag]
+    kind, properties = _KINDS[described.tag], _read_properties(described)
     return Declaration(
         name=name,
         kind=kind,
@@ -67,8 +67,8 @@ def read_object(node: Node, name: str) -> Declaration:
         max_steering=_read_front_axle(described, "maxSteering"),
         model=described.get("model3d", "") or described.get("name", ""),
         mass=described.finite("mass", 0.0),
-        role=described.get("role", ""),
-        properties=_read_properties(described),
+        role=described.get("role", "") or properties.get("role", ""),
+        properties=properties,
         controllers={
             controller.get("name"): _read_properties(controller)
             for holder in node.children("ObjectController")

@@ -50,13 +50,13 @@ FATES = {
         "names and categories": changed("the ego is `hero`"),
         "bounding boxes": lost("scenario_runner does not read it: CARLA's models have their sizes"),
         **dict.fromkeys(("performance", "controllers", "priorities", "edges"), _UNREAD),
-        "roles": lost("no attribute before 1.2"),
+        "roles": lost("scenario_runner does not read it: a Property"),
         "properties": changed("with a `type` that tells egos from others"),
         "parameters": changed("values"),
         "expressions": changed("values"),
         "variables": changed("values"),
         "delays": changed("of time alone: the time itself"),
-        "end": lost("a run ends when all acts have"),
+        "end": changed("its times end the acts, and a run ends when all have"),
         "shapes of transitions": lost(
             "scenario_runner does not read it: speeds are its controller's"
         ),

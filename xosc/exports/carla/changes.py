@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from itertools import pairwise
 from pathlib import Path
 
@@ -337,7 +338,7 @@ def _speed(action: Node, state: State) -> str:
 
 
 def _stop(document: Document) -> str:
-    """scenario_runner looks for criteria in the storyboard's StopTrigger, and for nothing else."""
+    """End each act at the times at which the storyboard's StopTrigger ends the run; scenario_runner looks for criteria there only."""
     trigger = document.node.find("Storyboard", "StopTrigger")
     others = (
         [group for group in trigger.children() if not _criteria(group)]
@@ -346,9 +347,24 @@ def _stop(document: Document) -> str:
     )
     if trigger is None or not others:
         return ""
+    timed = [group for group in others if _of_time(group)]
+    for act in document.node.iter("Act"):
+        for group in timed:
+            stop = act.element.find("StopTrigger")
+            stop = etree.SubElement(act.element, "StopTrigger") if stop is None else stop
+            stop.append(deepcopy(group.element))
     for group in others:
         trigger.element.remove(group.element)
-    return f"{trigger.where}: StopTrigger: left out, a run ends when all acts have"
+    if len(timed) == len(others):
+        return (
+            f"{trigger.where}: StopTrigger: its times end the acts, a run ends when all acts have"
+        )
+    return f"{trigger.where}: StopTrigger: left out but for times, a run ends when all acts have"
+
+
+def _of_time(group: Node) -> bool:
+    conditions = group.children("Condition")
+    return len(conditions) == 1 and any(conditions[0].iter("SimulationTimeCondition"))
 
 
 def _criteria(group: Node) -> bool:
