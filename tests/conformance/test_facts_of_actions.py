@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import runner
+from tests.conformance.scenes import CHANGE, TELEPORT, lane_position, play, start, triggered
 from tests.conformance.support import at, events, track
-from tests.conformance.test_facts_of_places import CHANGE, TELEPORT, lane_position, play, start
-from tests.runner.files import at_time, car, place, scenario, speed_action, story
+from tests.runner.files import car, place, scenario, speed_action, story
 
 
 def trajectory(timing: str, mode: str = "position", times: tuple[float, ...] = (0, 2, 4)) -> str:
@@ -178,34 +178,6 @@ def test_an_added_entity_has_the_speed_that_was_set_while_it_was_away(tmp_path: 
     lead = track(result, "Lead")
     said = [remark for remark in result.remarks if "Lead" in remark]
     assert at(lead, 4.0, "x") == pytest.approx(420.0) or said, "its speed is lost in silence"
-
-
-def condition(name: str, body: str) -> str:
-    return f'<ConditionGroup><Condition name="{name}" delay="0" conditionEdge="none">{body}</Condition></ConditionGroup>'
-
-
-def by_entity(body: str) -> str:
-    return condition(
-        "c",
-        '<ByEntityCondition><TriggeringEntities triggeringEntitiesRule="any"><EntityRef entityRef="Ego"/>'
-        f"</TriggeringEntities><EntityCondition>{body}</EntityCondition></ByEntityCondition>",
-    )
-
-
-def triggered(
-    folder: Path, body: str, init: str, more: str = "", **options: object
-) -> float | None:
-    """The time (s) at which a condition of Ego is first true."""
-    text = story("Ego", [(99.0, speed_action(0))]).replace(at_time(99.0), by_entity(body))
-    result = play(folder, init, text + more, **options)
-    started = [
-        e.time
-        for e in result.events
-        if e.kind == "startTransition"
-        and e.subject.startswith("story::")
-        and e.subject.endswith("event0")
-    ]
-    return started[0] if started else None
 
 
 DISTANCE = (

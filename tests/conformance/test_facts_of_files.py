@@ -11,8 +11,8 @@ import pytest
 import runner
 from runner.recording import signal_states
 from schemas.common.errors import ToolchainError
+from tests.conformance.scenes import CHANGE, TELEPORT, lane_position, play, start
 from tests.conformance.support import at, track
-from tests.conformance.test_facts_of_places import CHANGE, TELEPORT, lane_position, play, start
 from tests.conformance.test_ways import route, waypoint
 from tests.runner.files import HEADER, ROADS, at_time, car, place, scenario, speed_action, story
 

@@ -10,22 +10,18 @@ import pytest
 
 import runner
 from runner.systems import Control, Observation, Participant
-from tests.conformance.support import at, track
-from tests.conformance.test_facts_of_actions import triggered
-from tests.conformance.test_facts_of_places import (
+from tests.conformance.scenes import (
     CHANGE,
     HELD_OFFSET,
     TELEPORT,
     lane_position,
+    other,
     play,
     start,
+    triggered,
 )
+from tests.conformance.support import at, track
 from tests.runner.files import ROADS, place, scenario, speed_action, story
-
-
-def other(text: str, name: str = "other") -> str:
-    return text.replace('"story"', f'"{name}"')
-
 
 CLEARANCE = (
     '<RelativeClearanceCondition freeSpace="false" oppositeLanes="false" distanceForward="50"'

@@ -10,59 +10,18 @@ from pathlib import Path
 
 import pytest
 
-import runner
+from tests.conformance.scenes import (
+    CHANGE,
+    HELD_OFFSET,
+    LATE,
+    TELEPORT,
+    lane_position,
+    placed_beside,
+    play,
+    start,
+)
 from tests.conformance.support import at, track
-from tests.runner.files import car, place, scenario, speed_action, story
-
-TELEPORT = "<PrivateAction><TeleportAction><Position>{}</Position></TeleportAction></PrivateAction>"
-HELD_OFFSET = (
-    '<PrivateAction><LateralAction><LaneOffsetAction continuous="false"><LaneOffsetActionDynamics'
-    ' maxLateralAcc="2" dynamicsShape="cubic"/><LaneOffsetTarget><AbsoluteTargetLaneOffset value="{}"/>'
-    "</LaneOffsetTarget></LaneOffsetAction></LateralAction></PrivateAction>"
-)
-CHANGE = (
-    '<PrivateAction><LateralAction><LaneChangeAction{}><LaneChangeActionDynamics dynamicsShape="cubic"'
-    ' value="2" dynamicsDimension="time"/><LaneChangeTarget>{}</LaneChangeTarget></LaneChangeAction>'
-    "</LateralAction></PrivateAction>"
-)
-LATE = 8.0
-"""Time (s) of the teleport, when all other actions have ended"""
-NAMES = ("Ego", "Lead")
-
-
-def lane_position(lane: int, s: float, offset: float = 0.0, road: str = "1", more: str = "") -> str:
-    return (
-        f'<LanePosition roadId="{road}" laneId="{lane}" s="{s}" offset="{offset}">{more}'
-        "</LanePosition>"
-    )
-
-
-def start(entity: str, position: str, speed: float) -> str:
-    return (
-        f'<Private entityRef="{entity}">{TELEPORT.format(position)}{speed_action(speed)}</Private>'
-    )
-
-
-def play(folder: Path, init: str, stories: str = "", **options: object) -> runner.RunResult:
-    """Play two cars for 10 s in steps of 0.05 s."""
-    road = str(options.pop("road", "straight"))
-    entities = [car(name) for name in NAMES]
-    path = scenario(folder, entities=entities, init=init, stories=stories, stop=10.0, road=road)
-    return runner.run(path, world="kinematic", sut=None, timestep=0.05, **options)
-
-
-def placed_beside(
-    folder: Path, position: str, action: str = "", lead: str = "", **options: object
-) -> tuple[dict, dict]:
-    """Let Lead do an action at 1 s, and put the standing Ego somewhere at 8 s; the tracks of both."""
-    init = start("Ego", lane_position(1, 500), 0) + start(
-        "Lead", lead or lane_position(-1, 100), 10
-    )
-    stories = story("Lead", [(1.0, action)]) if action else ""
-    stories += story("Ego", [(LATE, TELEPORT.format(position))]).replace('"story"', '"other"')
-    result = play(folder, init, stories, **options)
-    return track(result, "Ego"), track(result, "Lead")
-
+from tests.runner.files import place, story
 
 RELATIVE = {
     # the offset of a RelativeLanePosition is from the centre of its lane, and absent it is 0

@@ -21,6 +21,7 @@ from runner.engine.compile.registry import action
 from runner.engine.compile.run import Rest, Running
 from runner.engine.motion.placement import Placement
 from runner.engine.participants.entity import Entity
+from runner.engine.positions.lane import travel_s
 from xosc.document.node import Node
 
 if TYPE_CHECKING:
@@ -119,35 +120,85 @@ class SynchronizeAction(PrivateAction):
     def start(self, actor: Entity, run: Run) -> Running:
         """Begin; a target that is not on its entity's way yet is looked for again at every step."""
         need_places(self.node, actor, self.master)
-        targets = self.master_target.resolve(run, self.master), self.target.resolve(run, actor)
-        for entity, target in zip((self.master, actor), targets, strict=True):
-            if entity.controls.motion.distance_to(entity, target) is None:
+        ways = (
+            _WayAhead(self.master, self.master_target.resolve(run, self.master), run),
+            _WayAhead(actor, self.target.resolve(run, actor), run),
+        )
+        for way in ways:
+            if way.left is None:
                 run.note(
                     "synchronise",
-                    entity.name,
+                    way.entity.name,
                     "its target position is not on the way that it follows yet",
                 )
-        return _Synchronisation(self, actor, run, *targets)
+        return _Synchronisation(self, actor, run, *ways)
+
+
+class _WayAhead:
+    """Way (m) that is left to a target on the way that an entity is on.
+
+    Where that leads round, a target that is behind when the action starts lies ahead by the rest of
+    the lap, more than half of which hides it from distances by the shorter way.
+
+    Attributes:
+        left: m; negative once passed, None where there is no way.
+    """
+
+    __slots__ = ("_lap", "_target", "entity", "left")
+
+    def __init__(self, entity: Entity, target: Placement, run: Run) -> None:
+        self.entity, self._target = entity, target
+        self.left = entity.controls.motion.distance_to(entity, target)
+        self._lap = 0.0
+        if self.left is not None and self.left < -_STEP_TOLERANCE:
+            self._lap = _lap(entity, target, self.left, run)
+            self.left += self._lap
+
+    def update(self, dt: float) -> float | None:
+        """Measure anew, after a step (s)."""
+        left = self.entity.controls.motion.distance_to(self.entity, self._target)
+        if left is not None and self._lap and self.left is not None:
+            expected = self.left - abs(self.entity.speed) * dt
+            left += self._lap if expected - left > 0.5 * self._lap else 0.0
+        self.left = left
+        return left
+
+
+def _lap(entity: Entity, target: Placement, left: float, run: Run) -> float:
+    """Length (m) of the closed way that leads an entity to a target; 0 where its way does not lead round to that."""
+    network, here = run.roads.network, run.roads.road_point(entity)
+    if network is None or here is None or not entity.on_lane or entity.speed < 0.0:
+        return 0.0
+    there = target.point or network.locate(target.x, target.y, target.z)
+    path = network.route([here, there])
+    if path is None:
+        return 0.0
+    route = entity.controls.route
+    choose = route.foresee if route is not None else network.straightest
+    reached, _, rest = travel_s(network, here, entity.direction * path.length, choose)
+    apart = network.relative(reached, there)
+    leads = not rest and apart is not None and abs(apart.ds) < _STEP_TOLERANCE
+    return path.length - left if leads else 0.0
 
 
 class _Synchronisation(Running):
     """Under way to the target; while there is no way to one (an entity has left its road, say), the speed stays."""
 
-    __slots__ = ("_action", "_actor", "_left", "_master_target", "_run", "_target")
+    __slots__ = ("_action", "_actor", "_left", "_master_way", "_own_way", "_run")
 
     def __init__(
         self,
         action: SynchronizeAction,
         actor: Entity,
         run: Run,
-        master_target: Placement,
-        target: Placement,
+        master_way: _WayAhead,
+        way: _WayAhead,
     ) -> None:
         self._action = action
         self._actor = actor
         self._run = run
-        self._master_target = master_target
-        self._target = target
+        self._master_way = master_way
+        self._own_way = way
         self._left = math.inf, math.inf
 
     def rest(self) -> Rest:
@@ -172,8 +223,7 @@ class _Synchronisation(Running):
     def step(self, dt: float) -> bool:
         """Ask for the planned speed at the end of the step."""
         action, actor, master = self._action, self._actor, self._action.master
-        left = actor.controls.motion.distance_to(actor, self._target)
-        master_left = master.controls.motion.distance_to(master, self._master_target)
+        left, master_left = self._own_way.update(dt), self._master_way.update(dt)
         if left is None or master_left is None or not master.active:
             return False
         left, master_left = left - action.tolerance, master_left - action.master_tolerance

@@ -113,12 +113,16 @@ class _Expected:
     """`value rule expected` for values of any type: numbers with the tolerance, all else exactly.
 
     Order between texts is defined only where both are numbers; without it the comparison is false.
+
+    Args:
+        text: whether the value is declared as a text: it is equal to the same text alone.
     """
 
-    def __init__(self, rule: str, expected: Value) -> None:
+    def __init__(self, rule: str, expected: Value, text: bool = False) -> None:
         self.rule = rule
         self.expected = expected
-        self._number = _as_number(expected)
+        equality = text and rule in ("equalTo", "notEqualTo")
+        self._number = None if equality else _as_number(expected)
         self._comparison = Comparison(rule, self._number) if self._number is not None else None
         self._true: list[bool] = []
         """for each value that occurs in many runs"""
@@ -211,7 +215,7 @@ def _declared(
         compare(rule, expected, expected)  # complains where the rule has no meaning for the type
     except ValueError as error:
         raise node.invalid(f"value: {error}") from None
-    return name, _Expected(rule, expected)
+    return name, _Expected(rule, expected, kind == "string")
 
 
 @condition("ParameterCondition")
